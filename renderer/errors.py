@@ -1,0 +1,81 @@
+"""The errors a user can meet: one root, one child for each exit code, and the scene file's list of complaints.
+
+The low layer states the fact; the layer above adds the place (a file, a line). Only `hsplat_cli` prints them and exits.
+`assert` is for the program's own invariants and never for input.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+
+class HsplatError(Exception):
+    """Root of all errors that are shown to a user.
+
+    Parameters
+    ----------
+    what: one sentence, what is wrong.
+    where: a file, a place in it, or a part of the scene.
+    got, expected: what was found and what would have been right.
+    hint: what to do about it.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | None = None,
+        got: str | None = None,
+        expected: str | None = None,
+        hint: str | None = None,
+    ) -> None:
+        self.what, self.where, self.got, self.expected, self.hint = what, where, got, expected, hint
+        super().__init__(what)
+
+    def __str__(self) -> str:
+        return describe(self.what, where=self.where, got=self.got, expected=self.expected, hint=self.hint)
+
+
+class InputError(HsplatError):
+    """The scene, the volume or the command line is wrong (exit code 2)."""
+
+
+class RenderError(HsplatError):
+    """The input was right and the render failed: no GL, no disk, no encoder (exit code 1)."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One complaint about a scene; `path` is the dotted key, list items by number: `transfer_function.points.2.value`."""
+
+    path: str
+    what: str
+    got: str | None = None
+    expected: str | None = None
+    hint: str | None = None
+
+
+class SceneError(InputError):
+    """Everything that is wrong with a scene, all at once; `problems` is ordered as in the scene's schema."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__(
+            "\n".join(describe(p.what, where=p.path, got=p.got, expected=p.expected, hint=p.hint) for p in self.problems)
+        )
+
+
+def describe(
+    what: str, *, where: str | None = None, got: str | None = None, expected: str | None = None, hint: str | None = None
+) -> str:
+    """The text of a message: `where: what` and one indented line for each further part that there is."""
+    lines = [what if where is None else f"{where}: {what}"]
+    lines += [f"  {name}: {text}" for name, text in (("got", got), ("expected", expected), ("hint", hint)) if text]
+    return "\n".join(lines)
+
+
+def nearest(name: str, names: Iterable[str]) -> str | None:
+    """The one of `names` that `name` was probably meant to be, or None."""
+    return next(iter(difflib.get_close_matches(name, list(names), n=1, cutoff=0.6)), None)

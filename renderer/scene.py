@@ -1,0 +1,208 @@
+"""The frozen description of a job: what `scene.yaml` says, with every default filled in.
+
+Nothing here imports numpy or GL, so that `hsplat check` answers at once. `renderer.scene_schema.parse_scene` makes a
+Scene from plain Python data and holds every check of a single value or of several together. Lengths are in world
+units (those of the volume's spacing), angles in degrees, colours in [0, 1] as given (display-referred), shapes,
+points and sizes in (x, y, z) and (width, height) order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+Vector = tuple[float, float, float]
+Color = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack)."""
+
+    file: Path
+
+
+@dataclass(frozen=True)
+class RawSource:
+    """Headerless voxels, x fastest; `dtype` is a numpy name without byte order, `offset` the bytes to skip."""
+
+    file: Path
+    shape: tuple[int, int, int]
+    dtype: str
+    byte_order: Literal["little", "big"] = "little"
+    spacing: Vector = (1.0, 1.0, 1.0)
+    offset: int = 0
+
+
+@dataclass(frozen=True)
+class ProceduralSource:
+    """A volume made from a formula; `name` is one of `renderer.procedural`."""
+
+    name: str
+    shape: tuple[int, int, int]
+    seed: int = 1
+    spacing: Vector = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class VolumeSpec:
+    """Which voxels: `crop` holds half-open voxel ranges (first, one past the last) for x, y, z."""
+
+    source: FileSource | RawSource | ProceduralSource
+    time: int | None = None
+    component: int | None = None
+    crop: tuple[tuple[int, int], tuple[int, int], tuple[int, int]] | None = None
+    nonfinite: Literal["error", "lowest"] = "error"
+
+
+@dataclass(frozen=True)
+class ControlPoint:
+    """Colour and opacity (in [0, 1], per `TransferSpec.unit`) at a scalar value, in data units."""
+
+    value: float
+    color: Color
+    opacity: float
+
+
+@dataclass(frozen=True)
+class ColormapSpec:
+    """A named colormap stretched over `range`, with opacity points (value, opacity)."""
+
+    name: str
+    range: tuple[float, float]
+    opacity: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class TransferSpec:
+    """Scalar to colour and extinction: either control points, values not descending, or a colormap.
+
+    `unit` is the world length that opacities refer to; None means the volume's finest spacing.
+    """
+
+    mapping: tuple[ControlPoint, ...] | ColormapSpec
+    unit: float | None = None
+
+
+@dataclass(frozen=True)
+class ShadingSpec:
+    """View-independent Lambert shading; `light` points from the object to the light, in world axes."""
+
+    ambient: float = 0.3
+    diffuse: float = 0.7
+    light: Vector = (1.0, -1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class TurntablePath:
+    """Azimuth `start + 360 f / frames`, constant elevation."""
+
+    frames: int
+    start: float = 0.0
+    elevation: float = 0.0
+    axis: Vector = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class RockerPath:
+    """Azimuth `start + swing / 2 * sin(2 pi f / frames)`: `swing` is the whole angle swept."""
+
+    frames: int
+    swing: float = 40.0
+    start: float = 0.0
+    elevation: float = 0.0
+    axis: Vector = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """The camera at one frame; `zoom` magnifies the picture against the path's distance (perspective or not)."""
+
+    frame: int
+    azimuth: float
+    elevation: float
+    zoom: float = 1.0
+
+
+@dataclass(frozen=True)
+class KeyframePath:
+    """Keys in ascending frame order, eased between them, directions interpolated on the sphere."""
+
+    frames: int
+    keys: tuple[Keyframe, ...]
+    loop: bool = True
+    easing: Literal["smooth", "linear"] = "smooth"
+    axis: Vector = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class CameraSpec:
+    """`target` None is the centre of the volume, "visible" the centre of what is visible; `distance` None fits the
+    whole path in the frame. An orthographic camera shows `2 distance tan(field_of_view / 2)` world units of height, as
+    a perspective one does at the target. Nothing nearer than `near` to the eye plane is drawn."""
+
+    path: TurntablePath | RockerPath | KeyframePath
+    projection: Literal["perspective", "orthographic"] = "perspective"
+    field_of_view: float = 30.0
+    target: Vector | Literal["visible"] | None = None
+    distance: float | None = None
+    near: float = 0.0
+
+
+@dataclass(frozen=True)
+class ErrorSpec:
+    """The error schedule: `tolerance` holds (frame, tolerance) in ascending frame order, one entry being constant."""
+
+    tolerance: tuple[tuple[int, float], ...] = ((0, 0.1),)
+    measure: Literal["optical", "rms"] = "optical"
+    of: Literal["classified", "scalar"] = "classified"
+
+
+@dataclass(frozen=True)
+class PyramidSpec:
+    """What a node averages, and in which precision it is stored."""
+
+    average: Literal["extinction", "opacity"] = "extinction"
+    precision: Literal["half", "single"] = "half"
+
+
+@dataclass(frozen=True)
+class SplatSpec:
+    """`sigma` is the standard deviation of the footprint in cells; `angular`, `radial` and `profile` (pairs of radius
+    and weight, both in [0, 1], radius from 0 to 1) shape the `gouraud` footprint."""
+
+    footprint: Literal["gaussian", "gouraud"] = "gaussian"
+    sigma: float = 0.48
+    angular: int = 8
+    radial: int = 3
+    profile: tuple[tuple[float, float], ...] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))
+    opacity_correction: bool = True
+    order: Literal["depth", "boxes"] = "depth"
+
+
+@dataclass(frozen=True)
+class OutputSpec:
+    """`file` ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png`; `background` None
+    is transparent (PNG, straight alpha); `quality` is 0 (smallest) to 10 (best), for MP4."""
+
+    file: Path
+    size: tuple[int, int] = (512, 512)
+    frames_per_second: float = 30.0
+    background: Color | None = (0.0, 0.0, 0.0)
+    quality: float = 8.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One job, complete."""
+
+    volume: VolumeSpec
+    transfer_function: TransferSpec
+    camera: CameraSpec
+    output: OutputSpec
+    error: ErrorSpec = ErrorSpec()
+    splat: SplatSpec = SplatSpec()
+    pyramid: PyramidSpec = PyramidSpec()
+    shading: ShadingSpec | None = None
+    version: int = 1

@@ -1,0 +1,51 @@
+"""A scalar volume in its own dtype, and where it lies in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Volume:
+    """Voxels and their place.
+
+    values: [z, y, x], any integer or float dtype in native byte order, read-only, C-contiguous, finite.
+    world_from_index: float64 [4, 4], affine: (x, y, z) voxel index to world; voxel centres sit at integer indices and
+        the volume covers [-1/2, n - 1/2] per axis.
+    name: what to call it in messages.
+    fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes, whatever file they came from.
+    """
+
+    values: Array
+    world_from_index: Float64
+    name: str
+    fingerprint: str
+
+    @property
+    def shape_xyz(self) -> tuple[int, int, int]:
+        """Number of voxels along x, y, z."""
+        z, y, x = self.values.shape
+        return x, y, z
+
+    @property
+    def spacing(self) -> Float64:
+        """float64 [3]: world distance between neighbouring voxel centres along the index axes x, y, z."""
+        return np.linalg.norm(self.world_from_index[:3, :3], axis=0)
+
+    @property
+    def voxel_volume(self) -> float:
+        """World volume of one voxel."""
+        return abs(float(np.linalg.det(self.world_from_index[:3, :3])))
+
+    @property
+    def centre(self) -> Float64:
+        """float64 [3]: world centre of the volume."""
+        middle = (np.array(self.shape_xyz) - 1) / 2
+        return self.world_from_index[:3, :3] @ middle + self.world_from_index[:3, 3]
