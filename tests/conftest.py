@@ -1,0 +1,44 @@
+"""Shared by all layers: where the real volumes are, and an honest report when they are not there."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+DATA_VARIABLE = "HSPLAT_TEST_DATA"
+
+
+def _data_dir() -> Path | None:
+    folder = os.environ.get(DATA_VARIABLE)
+    return Path(folder).resolve() if folder else None
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out, by name and number, the tests that need real volumes when there are none."""
+    if _data_dir() is not None:
+        return
+    left_out = [item for item in items if item.get_closest_marker("real_data")]
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not item.get_closest_marker("real_data")]
+        config.stash[LEFT_OUT] = len(left_out)
+
+
+LEFT_OUT = pytest.StashKey[int]()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    left_out = config.stash.get(LEFT_OUT, 0)
+    if left_out:
+        terminalreporter.write_line(f"{left_out} tests on real volumes left out: {DATA_VARIABLE} is not set")
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """The folder of real volumes; a wrong HSPLAT_TEST_DATA is a failure, not a skip."""
+    folder = _data_dir()
+    assert folder is not None, f"{DATA_VARIABLE} is not set"
+    assert folder.is_dir(), f"{DATA_VARIABLE} names {folder}, which is not a folder"
+    return folder
