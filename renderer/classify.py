@@ -178,6 +178,16 @@ def classify_voxel(codes, rule, z, y, x):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def is_visible(codes, rule, z, y, x):  # type: ignore[no-untyped-def]
+    """Whether a voxel has any extinction."""
+    if rule.table.shape[0] > 0:
+        return rule.table[int(codes[z, y, x]), 3] > 0.0
+    segments, guide = rule.segments, rule.guide
+    weight = _evaluate(codes[z, y, x], segments, guide, rule.first, rule.last, rule.buckets_per_unit, rule.opacity)[3]
+    return np.float32(weight) > 0.0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def classify_rows(codes, rule, origin, extent, out):  # type: ignore[no-untyped-def]
     """Channels of the voxels `origin` + [0, extent) (z, y, x) into out[x % 2, z, y, channel, x // 2]; the rest is left alone.
 

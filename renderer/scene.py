@@ -173,7 +173,7 @@ class SplatSpec:
     and weight, both in [0, 1], radius from 0 to 1) shape the `gouraud` footprint."""
 
     footprint: Literal["gaussian", "gouraud"] = "gaussian"
-    sigma: float = 0.48
+    sigma: float = 0.425
     angular: int = 8
     radial: int = 3
     profile: tuple[tuple[float, float], ...] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))

@@ -1,0 +1,102 @@
+"""A view in model units, and which splats it sees in which order: what both rasterisers start from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from renderer.camera import View
+from renderer.octree import Cut
+from renderer.splats import SplatBatch
+from renderer.visibility import box_order, depth_order
+
+Float64 = npt.NDArray[np.float64]
+
+# Footprints are widened to this standard deviation: point-sampled Gaussians keep their energy within 3 % there
+# (the aliases of a lattice of samples are 4 exp(-2 pi^2 sigma^2) of the whole), and within 16 % at 0.4.
+NARROWEST_SIGMA_PX = 0.5
+
+# Slopes x / depth are held to this multiple of the image's corner's when a footprint is projected: the affine approximation
+# of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
+SLOPE_LIMIT = 1.3
+
+
+@dataclass(frozen=True)
+class ModelView:
+    """view_from_model: float64 [3, 4], rotation and translation, model units.
+    scale_px: focal length in pixels (perspective), pixels per model unit (orthographic).
+    near: model units.
+    slope_limit: float64 [2], bound on |x| / depth and |y| / depth where footprints are linearised.
+    """
+
+    view_from_model: Float64
+    perspective: bool
+    scale_px: float
+    size: tuple[int, int]
+    near: float
+    slope_limit: Float64
+
+
+def model_view(batch: SplatBatch, view: View) -> ModelView:
+    """The view as the batch's model units see it; differences are taken in float64."""
+    rotation = view.view_from_world[:3, :3]
+    translation = rotation @ (batch.origin - view.eye) / batch.length
+    perspective = view.projection == "perspective"
+    scale_px = view.scale_px if perspective else view.scale_px * batch.length
+    return ModelView(
+        np.column_stack([rotation, translation]),
+        perspective,
+        scale_px,
+        view.size,
+        view.near / batch.length,
+        SLOPE_LIMIT * np.array(view.size) / 2 / view.scale_px,
+    )
+
+
+def longest_sigma(batch: SplatBatch) -> Float64:
+    """float64 [num_shapes]: the largest standard deviation of each shape in any direction, model units."""
+    return np.linalg.norm(batch.axes, ord=2, axis=(1, 2))
+
+
+def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.NDArray[np.uint32]:
+    """uint32 [k]: the splats that can touch the image, back to front."""
+    camera = model_view(batch, view)
+    reach = batch.footprint.cutoff * longest_sigma(batch)
+    depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
+    half_width, half_height = (0.5 * n + batch.footprint.cutoff * NARROWEST_SIGMA_PX + 1 for n in camera.size)
+    _depths_and_culling(
+        batch.vertices, reach, camera.view_from_model, camera.perspective,
+        camera.scale_px, half_width, half_height, camera.near, depths, seen,
+    )  # fmt: skip
+    if order == "boxes":
+        back_to_front = box_order(cut, view)
+        return back_to_front[seen[back_to_front]].astype(np.uint32)
+    indices = np.flatnonzero(seen).astype(np.uint32)
+    return indices[depth_order(depths[indices])]
+
+
+@numba.njit(cache=True, nogil=True)
+def _depths_and_culling(  # type: ignore[no-untyped-def]
+    vertices, reach, view_from_model, perspective, scale, half_width, half_height, near, depths, seen
+):
+    """View depth of every centre, and whether a ball of its shape's reach meets the image's frustum (conservative)."""
+    r = view_from_model
+    side = np.sqrt(scale * scale + half_width * half_width)
+    top = np.sqrt(scale * scale + half_height * half_height)
+    for i in range(len(vertices)):
+        cx, cy, cz = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        x = abs(r[0, 0] * cx + r[0, 1] * cy + r[0, 2] * cz + r[0, 3])
+        y = abs(r[1, 0] * cx + r[1, 1] * cy + r[1, 2] * cz + r[1, 3])
+        depth = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz + r[2, 3])
+        radius = reach[int(vertices[i, 7])]
+        depths[i] = depth
+        if perspective:
+            inside = (x * scale - depth * half_width <= radius * side) and (
+                y * scale - depth * half_height <= radius * top
+            )
+        else:
+            inside = (x - radius) * scale <= half_width and (y - radius) * scale <= half_height
+        seen[i] = inside and depth + radius > near

@@ -1,0 +1,207 @@
+"""Rasterise splats with OpenGL: the only module that makes GL calls.
+
+A headless EGL context (any GPU's driver, or Mesa's llvmpipe) and a float32 RGBA target. Splats come sorted back to front
+and are streamed to the device in batches of bounded size, so that neither their number nor the driver's limits on
+buffers matter:
+
+    batch of splats -> vertex buffer -> points, quads (larger than the driver's points) or triangle fans
+                    -> fragment alpha -> blended "over", premultiplied, in float32 -> read back once a frame
+
+Rows are drawn upside down, so that what is read back has row 0 at the top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from renderer.camera import View
+from renderer.errors import RenderError
+from renderer.projection import NARROWEST_SIGMA_PX, ModelView, longest_sigma, model_view
+from renderer.shaders import load_shader
+from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
+
+Image = npt.NDArray[np.float32]
+
+# Splats on the device at a time: 9 MiB of vertices.
+BATCH_SIZE = 1 << 18
+
+# What the shader's uniform block holds, 48 bytes each; GL guarantees 16 KiB.
+MAX_SHAPES = 256
+
+# SplatBatch.vertices
+VERTEX_FORMAT, VERTEX_NAMES, VERTEX_BYTES = "3f 4f 1f", ("center", "areas", "shape"), 32
+
+PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
+
+
+class GLRasterizer:
+    """A GL context with the programs for splats; reusable for any number of frames, of any size.
+
+    Use as a context manager, or call `release`. Raises RenderError where no context can be made.
+    """
+
+    def __init__(self) -> None:
+        self._context = _create_context()
+        self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        self._splats = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
+        self._shapes = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
+        self._largest_point_px = float(self._context.info["GL_POINT_SIZE_RANGE"][1])
+        self._programs: dict[str, Any] = {}
+        self._target: Any = None
+
+    def __enter__(self) -> GLRasterizer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """Give back the context and all that lives in it."""
+        self._context.release()
+
+    @property
+    def renderer_name(self) -> str:
+        """Device and driver, as GL names them."""
+        return f"{self._context.info['GL_RENDERER']}, GL {self._context.info['GL_VERSION']}"
+
+    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+        """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
+        camera = model_view(batch, view)
+        target = self._resized_target(view.size)
+        target.use()
+        target.clear(0.0, 0.0, 0.0, 0.0)
+        self._shapes.write(_shape_block(batch, camera))
+        self._shapes.bind_to_uniform_block(0)
+        draw = self._gaussians if isinstance(batch.footprint, GaussianFootprint) else self._fans
+        for first in range(0, len(order), BATCH_SIZE):
+            draw(batch, order[first : first + BATCH_SIZE], camera)
+        image = np.empty((view.size[1], view.size[0], 4), np.float32)
+        target.read_into(image, components=4, dtype="f4")
+        return image
+
+    def _gaussians(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> None:
+        """Points, and in their place in the order quads where the driver's points are too small."""
+        assert isinstance(batch.footprint, GaussianFootprint)
+        program = self._program("gaussian", camera)
+        for name in ("cutoff", "decay", "coefficients"):
+            program[name] = getattr(batch.footprint, name)
+        vertices = batch.vertices.take(order, axis=0)
+        self._splats.orphan()
+        self._splats.write(vertices)
+        is_large = _size_bound_px(batch, vertices, camera) > self._largest_point_px
+        run_starts = np.concatenate([[0], np.flatnonzero(np.diff(is_large)) + 1])
+        run_ends = np.append(run_starts[1:], len(order))
+        points = self._vertex_array(program, self._splats)
+        large = np.repeat(vertices[is_large], 6, axis=0)
+        with self._temporary(large) as quad_buffer:
+            quads = self._vertex_array(program, quad_buffer)
+            num_quads = 0
+            for start, end in zip(run_starts, run_ends, strict=True):
+                num = int(end - start)
+                program["quads"] = bool(is_large[start])
+                if is_large[start]:
+                    quads.render(moderngl.TRIANGLES, vertices=6 * num, first=6 * num_quads)
+                    num_quads += num
+                else:
+                    points.render(moderngl.POINTS, vertices=num, first=int(start))
+            quads.release()
+        points.release()
+
+    def _fans(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> None:
+        """The paper's footprints: one instance of the mesh for each splat."""
+        footprint = batch.footprint
+        assert isinstance(footprint, GouraudFootprint)
+        program = self._program("gouraud", camera)
+        self._splats.orphan()
+        self._splats.write(batch.vertices.take(order, axis=0))
+        mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
+        with self._temporary(mesh) as mesh_buffer, self._temporary(footprint.triangles) as triangles:
+            content = [
+                (mesh_buffer, "2f 1f", "mesh_vertex", "mesh_weight"),
+                (self._splats, VERTEX_FORMAT + "/i", *VERTEX_NAMES),
+            ]
+            fans = self._context.vertex_array(program, content, index_buffer=triangles, index_element_size=4)
+            fans.render(moderngl.TRIANGLES, instances=len(order))
+            fans.release()
+
+    def _program(self, name: str, camera: ModelView) -> Any:
+        """The program of a footprint, compiled at its first use, with the camera's uniforms set."""
+        if name not in self._programs:
+            self._programs[name] = self._context.program(
+                vertex_shader=load_shader("project.glsl", "opacity.glsl", f"{name}_vertex.glsl"),
+                fragment_shader=load_shader("opacity.glsl", f"{name}_fragment.glsl"),
+            )
+        program = self._programs[name]
+        to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
+        program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL matrices are column by column
+        program["view_translation"] = tuple(to_depth[:, 3])
+        program["perspective"] = camera.perspective
+        program["scale_px"] = camera.scale_px
+        program["size_px"] = camera.size
+        program["near_depth"] = camera.near
+        program["slope_limit"] = tuple(camera.slope_limit)
+        program["narrowest_px"] = NARROWEST_SIGMA_PX
+        return program
+
+    def _vertex_array(self, program: Any, buffer: Any) -> Any:
+        return self._context.vertex_array(program, [(buffer, VERTEX_FORMAT, *VERTEX_NAMES)])
+
+    @contextmanager
+    def _temporary(self, data: npt.NDArray[Any]) -> Iterator[Any]:
+        """A buffer for one draw; GL has no empty buffers, so one of no data holds four bytes."""
+        buffer = self._context.buffer(data if data.size else bytes(4))
+        try:
+            yield buffer
+        finally:
+            buffer.release()
+
+    def _resized_target(self, size: tuple[int, int]) -> Any:
+        """A float32 RGBA framebuffer of (width, height), kept while the size stays."""
+        if self._target is None or self._target.size != size:
+            if self._target is not None:
+                self._target.color_attachments[0].release()
+                self._target.release()
+            self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
+        return self._target
+
+
+def _create_context() -> Any:
+    try:
+        return moderngl.create_context(require=330, standalone=True, backend="egl")
+    except Exception as error:  # the loader raises plain Exceptions, one for each step that can fail
+        raise RenderError(
+            "no OpenGL 3.3 context could be made",
+            got=str(error),
+            expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
+            hint=f"on Debian or Ubuntu: apt-get install {PACKAGES}",
+        ) from error
+
+
+def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:
+    """The uniform block of the shapes: right, up and depth rows of their axes, each padded to four floats."""
+    rows = np.zeros((MAX_SHAPES, 3, 4), np.float32)
+    rows[: len(batch.axes), :, :3] = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model[:, :3] @ batch.axes
+    return rows.tobytes()
+
+
+def _size_bound_px(batch: SplatBatch, vertices: npt.NDArray[np.float32], camera: ModelView) -> npt.NDArray[np.float64]:
+    """float64 [n]: no footprint's square is larger than this; infinite where the near plane may cut the splat."""
+    sigma = longest_sigma(batch)[vertices[:, 7].astype(np.int64)]
+    if not camera.perspective:
+        sigma_px = sigma * camera.scale_px
+    else:
+        depth = -(vertices[:, :3] @ camera.view_from_model[2, :3] + camera.view_from_model[2, 3])
+        steepest = np.sqrt(1 + np.sum(camera.slope_limit**2))
+        safe = depth - camera.near > 5 * sigma
+        sigma_px = np.divide(sigma * (camera.scale_px * steepest), depth, out=np.full(len(sigma), np.inf), where=safe)
+    return 2 * batch.footprint.cutoff * np.maximum(sigma_px, NARROWEST_SIGMA_PX) + 1

@@ -1,0 +1,39 @@
+// One point, or one quad of two triangles where the splat is larger than the driver's points, around each footprint.
+
+uniform bool quads;
+uniform float cutoff;            // standard deviations
+
+flat out vec2 splat_px;
+flat out vec3 splat_conic;       // inverse covariance: xx, xy, yy
+flat out vec4 splat_color_depth; // colour, optical depth at weight 1
+
+void main() {
+    Footprint footprint = project();
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+    gl_PointSize = 1.0;
+    splat_px = vec2(0.0);
+    splat_conic = vec3(0.0);
+    splat_color_depth = vec4(0.0);
+    if (!footprint.visible || areas.w <= 0.0) return;
+
+    vec3 covariance = footprint.covariance;
+    splat_px = footprint.center_px;
+    splat_conic = vec3(covariance.z, -covariance.y, covariance.x) / footprint.determinant;
+    splat_color_depth = vec4(areas.rgb / areas.w, areas.w * footprint.depth_scale);
+
+    vec2 reach_px = cutoff * sqrt(covariance.xz);
+    vec2 low = splat_px - reach_px, high = splat_px + reach_px;
+    if (any(lessThan(high, vec2(0.0))) || any(greaterThan(low, size_px))) return;
+    vec2 at_px;
+    if (quads) {
+        int corner = gl_VertexID % 6;
+        vec2 side = vec2(corner == 1 || corner == 2 || corner == 4, corner == 2 || corner == 4 || corner == 5);
+        at_px = clamp(mix(low, high, side), vec2(0.0), size_px);
+    } else {
+        // GL drops a point whose centre leaves the image: it is moved to the border, where its square still covers all
+        // of the footprint that is inside.
+        at_px = clamp(splat_px, vec2(0.0), size_px);
+        gl_PointSize = 2.0 * max(reach_px.x, reach_px.y) + 1.0;
+    }
+    gl_Position = vec4(2.0 * at_px / size_px - 1.0, 0.0, 1.0);
+}

@@ -1,0 +1,23 @@
+// A vertex of the paper's footprint: its opacity is computed here and interpolated over the triangles by the hardware.
+
+in vec2 mesh_vertex;             // standard deviations
+in float mesh_weight;
+
+out vec4 vertex_color;           // premultiplied
+
+void main() {
+    Footprint footprint = project();
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+    vertex_color = vec4(0.0);
+    if (!footprint.visible || areas.w <= 0.0) return;
+    // The Cholesky factor of the covariance takes the unit circle to the ellipse, continuously in the view.
+    vec3 covariance = footprint.covariance;
+    float side = sqrt(covariance.x);
+    vec2 offset_px = vec2(
+        side * mesh_vertex.x,
+        covariance.y / side * mesh_vertex.x + sqrt(footprint.determinant) / side * mesh_vertex.y
+    );
+    float alpha = opacity_of_depth(areas.w * footprint.depth_scale * mesh_weight);
+    vertex_color = vec4(areas.rgb / areas.w * alpha, alpha);
+    gl_Position = vec4(2.0 * (footprint.center_px + offset_px) / size_px - 1.0, 0.0, 1.0);
+}

@@ -1,0 +1,106 @@
+// A splat's Gaussian to its footprint on the image (Zwicker et al. 2001, "EWA Splatting": affine about the centre).
+// Lengths are model units, image coordinates are pixels with row 0 at the top. The depth axis points away from the eye.
+
+const int MAX_SHAPES = 256;
+layout(std140) uniform Shapes {
+    // Three vectors a shape: right, up and depth components of the standard deviations along the cell's three edges.
+    vec4 shape_rows[3 * MAX_SHAPES];
+};
+uniform mat3 view_rotation;      // model to (right, up, depth)
+uniform vec3 view_translation;
+uniform bool perspective;
+uniform float scale_px;          // focal length, or pixels per model unit
+uniform vec2 size_px;
+uniform float near_depth;
+uniform vec2 slope_limit;
+uniform float narrowest_px;      // smallest standard deviation of a footprint
+
+in vec3 center;
+in vec4 areas;
+in float shape;
+
+struct Footprint {
+    vec2 center_px;
+    vec3 covariance;     // xx, xy, yy, pixels squared, after widening
+    float determinant;   // of that covariance
+    float depth_scale;   // optical depth at the footprint's weight 1, by optical area
+    bool visible;
+};
+
+// exp(x^2) erfc(x) for x >= 0, relative error below 1.2e-7 (Press et al., "Numerical Recipes", 6.2, Chebyshev fit).
+float scaled_erfc(float x) {
+    float t = 1.0 / (1.0 + 0.5 * x);
+    float p = -0.82215223 + t * 0.17087277;
+    p = 1.48851587 + t * p;
+    p = -1.13520398 + t * p;
+    p = 0.27886807 + t * p;
+    p = -0.18628806 + t * p;
+    p = 0.09678418 + t * p;
+    p = 0.37409196 + t * p;
+    p = 1.00002368 + t * p;
+    return t * exp(-1.26551223 + t * p);
+}
+
+Footprint project() {
+    Footprint result;
+    result.visible = false;
+    int first = 3 * int(shape);
+    vec3 right = shape_rows[first].xyz, up = shape_rows[first + 1].xyz, away = shape_rows[first + 2].xyz;
+    vec3 position = view_rotation * center + view_translation;
+    float mass = 1.0;
+
+    // What lies before the near plane is cut off: the rest of the Gaussian has the moments of a truncated normal.
+    float sigma = length(away);
+    float a = (near_depth - position.z) / sigma;
+    if (a > 4.0) return result;
+    if (a > -5.0) {
+        // mass = erfc(a / sqrt 2) / 2; hazard = pdf(a) / mass, without cancellation on either side.
+        float scaled = scaled_erfc(abs(a) * 0.70710678);
+        float bell = exp(-0.5 * a * a);
+        mass = a > 0.0 ? 0.5 * bell * scaled : 1.0 - 0.5 * bell * scaled;
+        float hazard = a > 0.0 ? 0.79788456 / scaled : 0.39894228 * bell / mass;
+        float lost = clamp(hazard * (hazard - a), 0.0, 1.0);  // of the variance in depth
+        vec3 toward = away / sigma;
+        position += vec3(dot(right, toward), dot(up, toward), sigma) * hazard;
+        vec3 shrink = (1.0 - sqrt(1.0 - lost)) * toward;
+        right -= dot(right, toward) * shrink;
+        up -= dot(up, toward) * shrink;
+        away -= sigma * shrink;
+    }
+
+    float magnification = perspective ? scale_px / position.z : scale_px;
+    float stretch = 1.0;
+    vec3 row_x = right, row_y = -up;
+    if (perspective) {
+        vec2 slope = clamp(position.xy / position.z, -slope_limit, slope_limit);
+        row_x -= slope.x * away;
+        row_y += slope.y * away;
+        stretch = sqrt(1.0 + dot(slope, slope));
+    }
+    row_x *= magnification;
+    row_y *= magnification;
+    result.center_px = 0.5 * size_px + magnification * vec2(position.x, -position.y);
+
+    // Widened so that no standard deviation is under narrowest_px. The determinant is a Gram determinant: no cancellation.
+    float xx = dot(row_x, row_x), xy = dot(row_x, row_y), yy = dot(row_y, row_y);
+    vec3 normal = cross(row_x, row_y);
+    float middle = 0.5 * (xx + yy);
+    float large = middle + length(vec2(0.5 * (xx - yy), xy));
+    float small = dot(normal, normal) / large;
+    float narrowest = narrowest_px * narrowest_px;
+    if (large <= narrowest) {
+        xx = yy = large = small = narrowest;
+        xy = 0.0;
+    } else if (small < narrowest) {
+        float blend = (narrowest - small) / (large - small);
+        xx += blend * (large - xx);
+        yy += blend * (large - yy);
+        xy -= blend * xy;
+        small = narrowest;
+    }
+    result.covariance = vec3(xx, xy, yy);
+    result.determinant = large * small;
+    result.depth_scale = mass * magnification * magnification * stretch * inversesqrt(result.determinant);
+    result.visible = true;
+    return result;
+}
