@@ -1,11 +1,11 @@
 """The compiled half of `renderer.integrator`: one ray at a time through the cells of the continuous field.
 
-A *cell* is the box between eight voxel centres, or its outward extension over the outer half voxel, where the field takes
-the nearest value. Along a ray inside one cell the trilinear field is a cubic polynomial in the fraction t in [0, 1] of
-the ray's way through it. The cubic is split where it crosses a control value of the transfer function (and where the
-light grazes the surface), which leaves *pieces* on which colour and extinction are polynomials. The optical depth of a
-piece is then exact, and its radiance is a Gauss-Legendre quadrature of a smooth function. No thin shell can be missed,
-because no crossing is looked for by sampling.
+A *cell* is the box between eight voxel centres, or its outward extension over the outer half voxel, where the field
+takes the nearest value. Along a ray inside one cell the trilinear field is a cubic polynomial in the fraction t in
+[0, 1] of the ray's way through it. The cubic is split where it crosses a control value of the transfer function (and
+where the light grazes the surface), which leaves *pieces* on which colour and extinction are polynomials. The optical
+depth of a piece is then exact, and its radiance is a Gauss-Legendre quadrature of a smooth function. No thin shell can
+be missed, because no crossing is looked for by sampling.
 """
 
 from __future__ import annotations
@@ -46,13 +46,37 @@ class Intervals(NamedTuple):
 
 
 class Lighting(NamedTuple):
-    """Lambert's law on the world gradient; `world_from_index_gradient` float64 [3, 3], `light` a unit vector [3]."""
+    """Lambert's law on the world gradient.
+
+    enabled: without it every factor is 1 and the rest is not looked at.
+    light: float64 [3], unit vector to the light. world_from_index_gradient: float64 [3, 3].
+    """
 
     enabled: bool
     ambient: float
     diffuse: float
     light: Float64
     world_from_index_gradient: Float64
+
+
+class Room(NamedTuple):
+    """Arrays to work in, allocated once for many rays.
+
+    cell: int64 [3], the lower corner's index, -1 to n - 1 per axis (x, y, z). entry, extent: float64 [3], the ray's
+    way through the cell is entry + extent * t. corners: float64 [8], x fastest. splits: ascending t in (0, 1).
+    ray: float64 [4], the red, green, blue and optical depth gathered so far.
+    """
+
+    cell: Int64
+    entry: Float64
+    extent: Float64
+    crossing: Float64
+    corners: Float64
+    splits: Float64
+    ray: Float64
+
+
+Gradient = tuple[Cubic, Cubic, Cubic]
 
 
 @jit
@@ -163,13 +187,14 @@ def _add_crossings(cubic: Cubic, levels: Float64, splits: Float64, count: int) -
 
 
 @jit
-def _light_factor(gradients: tuple[Cubic, Cubic, Cubic], t: float, lighting: Lighting) -> float:
-    x, y, z = _at(gradients[0], t), _at(gradients[1], t), _at(gradients[2], t)
+def _light_factor(gradient: Gradient, t: float, lighting: Lighting) -> float:
+    x, y, z = _at(gradient[0], t), _at(gradient[1], t), _at(gradient[2], t)
     length = math.sqrt(x * x + y * y + z * z)
     if length == 0.0:
         return lighting.ambient
     light = lighting.light
-    return lighting.ambient + lighting.diffuse * max(0.0, -(x * light[0] + y * light[1] + z * light[2]) / length)
+    cosine = -float(x * light[0] + y * light[1] + z * light[2]) / length
+    return lighting.ambient + lighting.diffuse * max(0.0, cosine)
 
 
 @jit
@@ -177,18 +202,18 @@ def _lit_color(
     base: Float64,
     slope: Float64,
     offset: float,
-    gradients: tuple[Cubic, Cubic, Cubic],
+    gradient: Gradient,
     t: float,
     lighting: Lighting,
 ) -> tuple[float, float, float]:
-    lit = _light_factor(gradients, t, lighting) if lighting.enabled else 1.0
+    lit = _light_factor(gradient, t, lighting) if lighting.enabled else 1.0
     return (base[0] + slope[0] * offset) * lit, (base[1] + slope[1] * offset) * lit, (base[2] + slope[2] * offset) * lit
 
 
 @jit
 def _integrate_piece(
     cubic: Cubic,
-    gradients: tuple[Cubic, Cubic, Cubic],
+    gradient: Gradient,
     start: float,
     end: float,
     length: float,
@@ -223,7 +248,7 @@ def _integrate_piece(
         # The colour of the middle times the exact opacity, plus the quadrature of what differs from that colour: a
         # constant colour is exact at every opacity.
         x = (step + 0.5) * width
-        c0, c1, c2 = _lit_color(base, slope, _at(value, x) - origin, gradients, start + x * (end - start), lighting)
+        c0, c1, c2 = _lit_color(base, slope, _at(value, x) - origin, gradient, start + x * (end - start), lighting)
         opacity = -math.expm1(-depth)
         s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
         for node in range(_NODES.size):
@@ -231,7 +256,7 @@ def _integrate_piece(
             tau = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
             weight = _WEIGHTS[node] * tau * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
             x = (step + at) * width
-            r, g, b = _lit_color(base, slope, _at(value, x) - origin, gradients, start + x * (end - start), lighting)
+            r, g, b = _lit_color(base, slope, _at(value, x) - origin, gradient, start + x * (end - start), lighting)
             s0 += weight * (r - c0)
             s1 += weight * (g - c1)
             s2 += weight * (b - c2)
@@ -252,38 +277,24 @@ def _index_gradient(values: Any, x: int, y: int, z: int, axis: int) -> float:
     steps = (x1 - x0) + (y1 - y0) + (z1 - z0)
     if steps == 0:
         return 0.0
-    return (float(values[z1, y1, x1]) - float(values[z0, y0, x0])) / steps
+    return (float(values[z1, y1, x1]) - float(values[z0, y0, x0])) / float(steps)
 
 
 @jit
-def _world_gradients(
-    values: Any,
-    cell: Int64,
-    entry: Float64,
-    extent: Float64,
-    lighting: Lighting,
-    corners: Float64,
-) -> tuple[Cubic, Cubic, Cubic]:
-    """The world gradient's components along the ray inside a cell; `corners` is room to work in."""
+def _gradient_component(values: Any, axis: int, room: Room) -> Cubic:
+    """The index-space gradient along one axis; overwrites room.corners."""
     num_z, num_y, num_x = values.shape
-    index = [(0.0, 0.0, 0.0, 0.0)] * 3
-    for axis in range(3):
-        for corner in range(8):
-            x = min(max(cell[0] + (corner & 1), 0), num_x - 1)
-            y = min(max(cell[1] + (corner >> 1 & 1), 0), num_y - 1)
-            z = min(max(cell[2] + (corner >> 2), 0), num_z - 1)
-            corners[corner] = _index_gradient(values, x, y, z, axis)
-        index[axis] = _cubic_in_cell(corners, entry, extent)
-    m = lighting.world_from_index_gradient
-    return (
-        _combined(m[0], index[0], index[1], index[2]),
-        _combined(m[1], index[0], index[1], index[2]),
-        _combined(m[2], index[0], index[1], index[2]),
-    )
+    for corner in range(8):
+        x = min(max(room.cell[0] + (corner & 1), 0), num_x - 1)
+        y = min(max(room.cell[1] + (corner >> 1 & 1), 0), num_y - 1)
+        z = min(max(room.cell[2] + (corner >> 2), 0), num_z - 1)
+        room.corners[corner] = _index_gradient(values, x, y, z, axis)
+    return _cubic_in_cell(room.corners, room.entry, room.extent)
 
 
 @jit
-def _combined(weights: Float64, first: Cubic, second: Cubic, third: Cubic) -> Cubic:
+def _combined(weights: Float64, gradient: Gradient) -> Cubic:
+    first, second, third = gradient
     a, b, c = weights[0], weights[1], weights[2]
     return (
         a * first[0] + b * second[0] + c * third[0],
@@ -291,6 +302,18 @@ def _combined(weights: Float64, first: Cubic, second: Cubic, third: Cubic) -> Cu
         a * first[2] + b * second[2] + c * third[2],
         a * first[3] + b * second[3] + c * third[3],
     )
+
+
+@jit
+def _world_gradient(values: Any, lighting: Lighting, room: Room) -> Gradient:
+    """The gradient per world unit along the ray inside a cell; overwrites room.corners."""
+    in_index = (
+        _gradient_component(values, 0, room),
+        _gradient_component(values, 1, room),
+        _gradient_component(values, 2, room),
+    )
+    matrix = lighting.world_from_index_gradient
+    return _combined(matrix[0], in_index), _combined(matrix[1], in_index), _combined(matrix[2], in_index)
 
 
 @jit
@@ -319,42 +342,32 @@ def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
 
 @jit
 def _integrate_cell(
-    values: Any,
-    cell: Int64,
-    entry: Float64,
-    extent: Float64,
-    length: float,
-    step_voxels: float,
-    intervals: Intervals,
-    lighting: Lighting,
-    corners: Float64,
-    splits: Float64,
-    ray: Float64,
+    values: Any, length: float, step_voxels: float, intervals: Intervals, lighting: Lighting, room: Room
 ) -> None:
-    """Add one cell to `ray`; entry and extent are in cell coordinates, `length` in world units."""
-    _load_corners(values, cell, corners)
+    """Add one cell to room.ray; `length` is the world length of the ray's way through it."""
+    corners, extent, splits = room.corners, room.extent, room.splits
+    _load_corners(values, room.cell, corners)
     if not _is_visible(corners.min(), corners.max(), intervals):
         return
-    cubic = _cubic_in_cell(corners, entry, extent)
+    cubic = _cubic_in_cell(corners, room.entry, extent)
     count = _add_crossings(cubic, intervals.knots, splits, 0)
-    gradients = (cubic, cubic, cubic)  # not looked at without light
+    gradient = (cubic, cubic, cubic)  # not looked at without light
     if lighting.enabled:
-        gradients = _world_gradients(values, cell, entry, extent, lighting, corners)
-        toward_light = _combined(lighting.light, gradients[0], gradients[1], gradients[2])
-        count = _add_crossings(toward_light, np.zeros(1), splits, count)
+        gradient = _world_gradient(values, lighting, room)
+        count = _add_crossings(_combined(lighting.light, gradient), np.zeros(1), splits, count)
     length_voxels = math.sqrt(extent[0] ** 2 + extent[1] ** 2 + extent[2] ** 2)
     start = 0.0
     for piece in range(count + 1):
         end = splits[piece] if piece < count else 1.0
-        min_steps = max(1, math.ceil((end - start) * length_voxels / step_voxels))
         if end > start:
-            _integrate_piece(cubic, gradients, start, end, length, min_steps, intervals, lighting, ray)
+            min_steps = max(1, math.ceil((end - start) * length_voxels / step_voxels))
+            _integrate_piece(cubic, gradient, start, end, length, min_steps, intervals, lighting, room.ray)
         start = end
 
 
 @jit
 def _inside_volume(values: Any, origin: Float64, direction: Float64, start: float) -> tuple[float, float]:
-    """The part of the ray from `start` on that lies in [-1/2, n - 1/2] per axis; empty when the first is not smaller."""
+    """The part of the ray from `start` on in [-1/2, n - 1/2] per axis; empty when the first is not the smaller one."""
     end = math.inf
     for axis in range(3):
         low, high = -0.5 - origin[axis], values.shape[2 - axis] - 0.5 - origin[axis]
@@ -365,6 +378,42 @@ def _inside_volume(values: Any, origin: Float64, direction: Float64, start: floa
         one, two = low / direction[axis], high / direction[axis]
         start, end = max(start, min(one, two)), min(end, max(one, two))
     return start, end
+
+
+@jit
+def _integrate_ray(
+    values: Any,
+    origin: Float64,
+    direction: Float64,
+    start: float,
+    step_voxels: float,
+    intervals: Intervals,
+    lighting: Lighting,
+    room: Room,
+) -> None:
+    """Gather the colour and the optical depth of one ray in room.ray, from cell to cell."""
+    cell, crossing = room.cell, room.crossing
+    room.ray[:] = 0.0
+    s, end = _inside_volume(values, origin, direction, start)
+    if not s < end:
+        return
+    for axis in range(3):
+        last = values.shape[2 - axis] - 1
+        cell[axis] = min(max(math.floor(origin[axis] + s * direction[axis]), -1), last)
+    while s < end and room.ray[3] <= _LAST_DEPTH:
+        # Planes are found from the cell's number each time, so that no rounding accumulates along the ray.
+        for axis in range(3):
+            plane = cell[axis] + (1 if direction[axis] > 0.0 else 0)
+            crossing[axis] = (plane - origin[axis]) / direction[axis] if direction[axis] != 0.0 else math.inf
+        through = int(np.argmin(crossing))
+        leave = min(max(crossing[through], s), end)
+        if leave > s:
+            for axis in range(3):
+                room.entry[axis] = origin[axis] + s * direction[axis] - cell[axis]
+                room.extent[axis] = (leave - s) * direction[axis]
+            _integrate_cell(values, leave - s, step_voxels, intervals, lighting, room)
+        s = leave
+        cell[through] += 1 if direction[through] > 0.0 else -1
 
 
 @jit
@@ -383,33 +432,10 @@ def integrate_rays(
     values: [z, y, x]. origins, directions: float64 [n, 3] in index space, directions per world unit of length.
     starts: float64 [n], world length along the ray before which nothing counts.
     """
-    corners, cell = np.empty(8), np.empty(3, np.int64)
-    entry, extent, crossing = np.empty(3), np.empty(3), np.empty(3)
-    # A cubic passes a level at most three times, and so does the light's grazing.
-    splits, ray = np.empty(3 * intervals.knots.size + 3), np.empty(4)
+    # A cubic passes a level at most three times, and so it is with grazing light.
+    splits = np.empty(3 * intervals.knots.size + 3)
+    room = Room(np.empty(3, np.int64), np.empty(3), np.empty(3), np.empty(3), np.empty(8), splits, np.empty(4))
     for i in range(starts.size):
-        ray[:] = 0.0
-        origin, direction = origins[i], directions[i]
-        s, end = _inside_volume(values, origin, direction, starts[i])
-        for axis in range(3):
-            last = values.shape[2 - axis] - 1
-            cell[axis] = min(max(math.floor(origin[axis] + s * direction[axis]), -1), last) if s < end else 0
-        while s < end and ray[3] <= _LAST_DEPTH:
-            # Planes are found from the cell's number each time, so that no rounding accumulates along the ray.
-            for axis in range(3):
-                plane = cell[axis] + (1 if direction[axis] > 0.0 else 0)
-                crossing[axis] = (plane - origin[axis]) / direction[axis] if direction[axis] != 0.0 else math.inf
-            axis = np.argmin(crossing)
-            leave = min(max(crossing[axis], s), end)
-            if leave > s:
-                for k in range(3):
-                    entry[k] = origin[k] + s * direction[k] - cell[k]
-                    extent[k] = (leave - s) * direction[k]
-                _integrate_cell(
-                    values, cell, entry, extent, leave - s, step_voxels, intervals, lighting, corners, splits, ray
-                )
-            s = leave
-            cell[axis] += 1 if direction[axis] > 0.0 else -1
-        for channel in range(3):
-            radiance[i, channel] = ray[channel]
-        radiance[i, 3] = -math.expm1(-ray[3])
+        _integrate_ray(values, origins[i], directions[i], starts[i], step_voxels, intervals, lighting, room)
+        radiance[i, :3] = room.ray[:3]
+        radiance[i, 3] = -math.expm1(-room.ray[3])

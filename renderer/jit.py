@@ -1,4 +1,4 @@
-"""The one way in which this program compiles a loop: cached on disk, without the GIL, IEEE arithmetic kept as written."""
+"""The one way in which this program compiles a loop: cached on disk, without the GIL, arithmetic kept as written."""
 
 from __future__ import annotations
 
