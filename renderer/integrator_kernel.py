@@ -63,7 +63,8 @@ class Room(NamedTuple):
     """Arrays to work in, allocated once for many rays.
 
     cell: int64 [3], the lower corner's index, -1 to n - 1 per axis (x, y, z). entry, extent: float64 [3], the ray's
-    way through the cell is entry + extent * t. corners: float64 [8], x fastest. splits: ascending t in (0, 1).
+    way through the cell is entry + extent * t. crossing: float64 [3], where the ray meets the cell's next planes.
+    corners: float64 [8], the field, x fastest; slopes: [3, 8], its index-space gradient. splits: ascending t in (0, 1).
     ray: float64 [4], the red, green, blue and optical depth gathered so far.
     """
 
@@ -72,11 +73,25 @@ class Room(NamedTuple):
     extent: Float64
     crossing: Float64
     corners: Float64
+    slopes: Float64
     splits: Float64
     ray: Float64
 
 
 Gradient = tuple[Cubic, Cubic, Cubic]
+
+
+@jit
+def _interval_of(knots: Float64, value: float) -> int:
+    """The number of knots <= value. (numpy's own, compiled into this many places, doubles the time to compile.)"""
+    first, last = 0, knots.size
+    while first < last:
+        middle = (first + last) // 2
+        if knots[middle] <= value:
+            first = middle + 1
+        else:
+            last = middle
+    return first
 
 
 @jit
@@ -177,7 +192,7 @@ def _add_crossings(cubic: Cubic, levels: Float64, splits: Float64, count: int) -
             continue
         at_start, at_end = _at(cubic, start), _at(cubic, candidate)
         low, high = min(at_start, at_end), max(at_start, at_end)
-        k = np.searchsorted(levels, low, side="right")
+        k = _interval_of(levels, low)
         while k < levels.size and levels[k] < high:
             if k == 0 or levels[k] != levels[k - 1]:
                 count = _insert(splits, count, _crossing(cubic, levels[k], start, candidate))
@@ -226,7 +241,7 @@ def _integrate_piece(
 
     length: world length of the ray's way through the whole cell. min_steps: quadrature steps at least.
     """
-    k = np.searchsorted(intervals.knots, _at(cubic, 0.5 * (start + end)), side="right")
+    k = _interval_of(intervals.knots, _at(cubic, 0.5 * (start + end)))
     base, slope, origin = intervals.base[k], intervals.slope[k], intervals.origin[k]
     if base[3] == 0.0 and slope[3] == 0.0:
         return
@@ -281,18 +296,6 @@ def _index_gradient(values: Any, x: int, y: int, z: int, axis: int) -> float:
 
 
 @jit
-def _gradient_component(values: Any, axis: int, room: Room) -> Cubic:
-    """The index-space gradient along one axis; overwrites room.corners."""
-    num_z, num_y, num_x = values.shape
-    for corner in range(8):
-        x = min(max(room.cell[0] + (corner & 1), 0), num_x - 1)
-        y = min(max(room.cell[1] + (corner >> 1 & 1), 0), num_y - 1)
-        z = min(max(room.cell[2] + (corner >> 2), 0), num_z - 1)
-        room.corners[corner] = _index_gradient(values, x, y, z, axis)
-    return _cubic_in_cell(room.corners, room.entry, room.extent)
-
-
-@jit
 def _combined(weights: Float64, gradient: Gradient) -> Cubic:
     first, second, third = gradient
     a, b, c = weights[0], weights[1], weights[2]
@@ -306,33 +309,43 @@ def _combined(weights: Float64, gradient: Gradient) -> Cubic:
 
 @jit
 def _world_gradient(values: Any, lighting: Lighting, room: Room) -> Gradient:
-    """The gradient per world unit along the ray inside a cell; overwrites room.corners."""
+    """The gradient per world unit along the ray inside a cell; fills room.slopes."""
+    num_z, num_y, num_x = values.shape
+    for corner in range(8):
+        x = min(max(room.cell[0] + (corner & 1), 0), num_x - 1)
+        y = min(max(room.cell[1] + (corner >> 1 & 1), 0), num_y - 1)
+        z = min(max(room.cell[2] + (corner >> 2), 0), num_z - 1)
+        for axis in range(3):
+            room.slopes[axis, corner] = _index_gradient(values, x, y, z, axis)
     in_index = (
-        _gradient_component(values, 0, room),
-        _gradient_component(values, 1, room),
-        _gradient_component(values, 2, room),
+        _cubic_in_cell(room.slopes[0], room.entry, room.extent),
+        _cubic_in_cell(room.slopes[1], room.entry, room.extent),
+        _cubic_in_cell(room.slopes[2], room.entry, room.extent),
     )
     matrix = lighting.world_from_index_gradient
     return _combined(matrix[0], in_index), _combined(matrix[1], in_index), _combined(matrix[2], in_index)
 
 
 @jit
-def _load_corners(values: Any, cell: Int64, corners: Float64) -> None:
-    """The field at the eight corners of a cell, x fastest, the nearest value beyond the outermost voxel centres."""
+def _load_corners(values: Any, cell: Int64, corners: Float64) -> tuple[float, float]:
+    """Fill in the field at a cell's corners, the nearest value beyond the outermost voxel centres; its extremes."""
     num_z, num_y, num_x = values.shape
-    x0, y0, z0 = max(cell[0], 0), max(cell[1], 0), max(cell[2], 0)
-    x1, y1, z1 = min(cell[0] + 1, num_x - 1), min(cell[1] + 1, num_y - 1), min(cell[2] + 1, num_z - 1)
-    corners[0], corners[1] = values[z0, y0, x0], values[z0, y0, x1]
-    corners[2], corners[3] = values[z0, y1, x0], values[z0, y1, x1]
-    corners[4], corners[5] = values[z1, y0, x0], values[z1, y0, x1]
-    corners[6], corners[7] = values[z1, y1, x0], values[z1, y1, x1]
+    low, high = math.inf, -math.inf
+    for corner in range(8):
+        x = min(max(cell[0] + (corner & 1), 0), num_x - 1)
+        y = min(max(cell[1] + (corner >> 1 & 1), 0), num_y - 1)
+        z = min(max(cell[2] + (corner >> 2), 0), num_z - 1)
+        value = float(values[z, y, x])
+        corners[corner] = value
+        low, high = min(low, value), max(high, value)
+    return low, high
 
 
 @jit
 def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
     """Whether any value in [low, high] has extinction."""
-    first = np.searchsorted(intervals.knots, low, side="right")
-    last = np.searchsorted(intervals.knots, high, side="right")
+    first = _interval_of(intervals.knots, low)
+    last = _interval_of(intervals.knots, high)
     if intervals.num_opaque_below[last] > intervals.num_opaque_below[first]:
         return True
     at_low = intervals.base[first, 3] + intervals.slope[first, 3] * (low - intervals.origin[first])
@@ -346,8 +359,8 @@ def _integrate_cell(
 ) -> None:
     """Add one cell to room.ray; `length` is the world length of the ray's way through it."""
     corners, extent, splits = room.corners, room.extent, room.splits
-    _load_corners(values, room.cell, corners)
-    if not _is_visible(corners.min(), corners.max(), intervals):
+    low, high = _load_corners(values, room.cell, corners)
+    if not _is_visible(low, high, intervals):
         return
     cubic = _cubic_in_cell(corners, room.entry, extent)
     count = _add_crossings(cubic, intervals.knots, splits, 0)
@@ -434,8 +447,11 @@ def integrate_rays(
     """
     # A cubic passes a level at most three times, and so it is with grazing light.
     splits = np.empty(3 * intervals.knots.size + 3)
-    room = Room(np.empty(3, np.int64), np.empty(3), np.empty(3), np.empty(3), np.empty(8), splits, np.empty(4))
+    room = Room(
+        np.empty(3, np.int64), np.empty(3), np.empty(3), np.empty(3), np.empty(8), np.empty((3, 8)), splits, np.empty(4)
+    )
     for i in range(starts.size):
         _integrate_ray(values, origins[i], directions[i], starts[i], step_voxels, intervals, lighting, room)
-        radiance[i, :3] = room.ray[:3]
+        for channel in range(3):
+            radiance[i, channel] = room.ray[channel]
         radiance[i, 3] = -math.expm1(-room.ray[3])
