@@ -113,7 +113,7 @@ def _between_keys(path: KeyframePath, frame: int) -> tuple[float, float, float]:
     rows = [(key.azimuth, key.elevation, math.log(key.zoom)) for key in path.keys]
     if len(rows) == 1:
         return rows[0][0], rows[0][1], path.keys[0].zoom
-    if path.loop and frames[-1] - frames[0] < path.frames:  # a last key a whole loop after the first closes it itself
+    if path.loop:
         frames, rows = _closed(path, frames, rows)
     at = frame + path.frames if path.loop and frame < frames[0] else min(max(frame, frames[0]), frames[-1])
     azimuth, elevation, log_zoom = (

@@ -158,6 +158,9 @@ def _integrate_pixels(
     shading: ShadingSpec | None,
 ) -> Float64:
     """Float64 [n, 4] for the given pixels; the result does not depend on the number of threads."""
+    values = volume.values
+    if values.dtype == np.float16:  # numba has none
+        values = values.astype(np.float32)
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index), np.float64)
     intervals = _intervals(transfer)
     lighting = _lighting(shading, index_from_world)
@@ -167,7 +170,7 @@ def _integrate_pixels(
         part = slice(first, first + _RAYS_PER_TASK)
         origins, directions, starts = world_rays(view, pixels[part])
         integrate_rays(
-            volume.values,
+            values,
             origins @ index_from_world[:3, :3].T + index_from_world[:3, 3],
             directions @ index_from_world[:3, :3].T,
             starts,
@@ -183,7 +186,7 @@ def _integrate_pixels(
 
 
 def _intervals(transfer: PiecewiseLinear) -> Intervals:
-    knots = np.asarray(transfer.values, np.float64)
+    knots = np.array(transfer.values, np.float64)
     points = np.column_stack([transfer.colors, transfer.extinctions])
     rise, run = np.diff(points, axis=0), np.diff(knots)[:, None]
     slope = np.zeros((knots.size + 1, 4))

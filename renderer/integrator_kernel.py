@@ -24,7 +24,7 @@ Cubic = tuple[float, float, float, float]
 
 # A ray ends where less than 1e-12 of what lies behind it could still be seen.
 _LAST_DEPTH = -math.log(1e-12)
-# Four nodes on an optical depth of 1 leave a relative error below 1e-8 before any refinement of the step.
+# With four nodes, steps of a voxel and of an optical depth of 1 left errors of 6e-8 and less on two CT scans.
 _MAX_DEPTH_OF_STEP = 1.0
 _NODES = np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263])
 _WEIGHTS = np.array([0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692])
@@ -33,7 +33,8 @@ _WEIGHTS = np.array([0.17392742256872692, 0.32607257743127307, 0.326072577431273
 class Intervals(NamedTuple):
     """A transfer function of n control values as n + 1 intervals, the first and last of them unbounded.
 
-    knots: float64 [n], not descending. Interval k holds knots[k - 1] <= value < knots[k].
+    knots: float64 [n], not descending. Interval k holds knots[k - 1] <= value < knots[k]: the search is for the right
+        side, so that the value of a step belongs to its upper side.
     origin: float64 [n + 1]; base, slope: float64 [n + 1, 4]: (r, g, b, extinction) is base + slope * (value - origin).
     num_opaque_below: int64 [n + 1]: how many of the first k control points have extinction.
     """
@@ -59,7 +60,7 @@ class Lighting(NamedTuple):
     world_from_index_gradient: Float64
 
 
-class Room(NamedTuple):
+class Work(NamedTuple):
     """Arrays to work in, allocated once for many rays.
 
     cell: int64 [3], the lower corner's index, -1 to n - 1 per axis (x, y, z). entry, extent: float64 [3], the ray's
@@ -79,19 +80,6 @@ class Room(NamedTuple):
 
 
 Gradient = tuple[Cubic, Cubic, Cubic]
-
-
-@jit
-def _interval_of(knots: Float64, value: float) -> int:
-    """The number of knots <= value. (numpy's own, compiled into this many places, doubles the time to compile.)"""
-    first, last = 0, knots.size
-    while first < last:
-        middle = (first + last) // 2
-        if knots[middle] <= value:
-            first = middle + 1
-        else:
-            last = middle
-    return first
 
 
 @jit
@@ -192,7 +180,7 @@ def _add_crossings(cubic: Cubic, levels: Float64, splits: Float64, count: int) -
             continue
         at_start, at_end = _at(cubic, start), _at(cubic, candidate)
         low, high = min(at_start, at_end), max(at_start, at_end)
-        k = _interval_of(levels, low)
+        k = np.searchsorted(levels, low, side="right")
         while k < levels.size and levels[k] < high:
             if k == 0 or levels[k] != levels[k - 1]:
                 count = _insert(splits, count, _crossing(cubic, levels[k], start, candidate))
@@ -214,15 +202,16 @@ def _light_factor(gradient: Gradient, t: float, lighting: Lighting) -> float:
 
 @jit
 def _lit_color(
-    base: Float64,
-    slope: Float64,
-    offset: float,
-    gradient: Gradient,
-    t: float,
-    lighting: Lighting,
+    intervals: Intervals, k: int, value: float, gradient: Gradient, t: float, lighting: Lighting
 ) -> tuple[float, float, float]:
+    """The colour of a value in interval k, at t along the ray's way through the cell."""
     lit = _light_factor(gradient, t, lighting) if lighting.enabled else 1.0
-    return (base[0] + slope[0] * offset) * lit, (base[1] + slope[1] * offset) * lit, (base[2] + slope[2] * offset) * lit
+    base, slope, offset = intervals.base, intervals.slope, value - intervals.origin[k]
+    return (
+        (base[k, 0] + slope[k, 0] * offset) * lit,
+        (base[k, 1] + slope[k, 1] * offset) * lit,
+        (base[k, 2] + slope[k, 2] * offset) * lit,
+    )
 
 
 @jit
@@ -241,15 +230,15 @@ def _integrate_piece(
 
     length: world length of the ray's way through the whole cell. min_steps: quadrature steps at least.
     """
-    k = _interval_of(intervals.knots, _at(cubic, 0.5 * (start + end)))
-    base, slope, origin = intervals.base[k], intervals.slope[k], intervals.origin[k]
-    if base[3] == 0.0 and slope[3] == 0.0:
+    k = np.searchsorted(intervals.knots, _at(cubic, 0.5 * (start + end)), side="right")
+    base, slope, origin = intervals.base[k, 3], intervals.slope[k, 3], intervals.origin[k]
+    if base == 0.0 and slope == 0.0:
         return
     value = _part_of(cubic, start, end - start)
     scale = (end - start) * length
     # Optical depth per unit of x in [0, 1], a cubic; its largest Bernstein coefficient bounds it from above.
-    t0 = (base[3] + slope[3] * (value[0] - origin)) * scale
-    t1, t2, t3 = slope[3] * value[1] * scale, slope[3] * value[2] * scale, slope[3] * value[3] * scale
+    t0 = (base + slope * (value[0] - origin)) * scale
+    t1, t2, t3 = slope * value[1] * scale, slope * value[2] * scale, slope * value[3] * scale
     bound = max(t0, t0 + t1 / 3.0, t0 + (2.0 * t1 + t2) / 3.0, t0 + t1 + t2 + t3)
     num_steps = max(min_steps, math.ceil(bound / _MAX_DEPTH_OF_STEP))
     width = 1.0 / num_steps
@@ -263,7 +252,7 @@ def _integrate_piece(
         # The colour of the middle times the exact opacity, plus the quadrature of what differs from that colour: a
         # constant colour is exact at every opacity.
         x = (step + 0.5) * width
-        c0, c1, c2 = _lit_color(base, slope, _at(value, x) - origin, gradient, start + x * (end - start), lighting)
+        c0, c1, c2 = _lit_color(intervals, k, _at(value, x), gradient, start + x * (end - start), lighting)
         opacity = -math.expm1(-depth)
         s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
         for node in range(_NODES.size):
@@ -271,7 +260,7 @@ def _integrate_piece(
             tau = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
             weight = _WEIGHTS[node] * tau * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
             x = (step + at) * width
-            r, g, b = _lit_color(base, slope, _at(value, x) - origin, gradient, start + x * (end - start), lighting)
+            r, g, b = _lit_color(intervals, k, _at(value, x), gradient, start + x * (end - start), lighting)
             s0 += weight * (r - c0)
             s1 += weight * (g - c1)
             s2 += weight * (b - c2)
@@ -280,6 +269,17 @@ def _integrate_piece(
         ray[1] += seen * s1
         ray[2] += seen * s2
         ray[3] += depth
+
+
+@jit
+def _corner_index(values: Any, cell: Int64, corner: int) -> tuple[int, int, int]:
+    """The voxel (x, y, z) at corner 0 to 7 (x fastest) of a cell, or the nearest one beyond the outermost centres."""
+    num_z, num_y, num_x = values.shape
+    return (
+        min(max(cell[0] + (corner & 1), 0), num_x - 1),
+        min(max(cell[1] + (corner >> 1 & 1), 0), num_y - 1),
+        min(max(cell[2] + (corner >> 2), 0), num_z - 1),
+    )
 
 
 @jit
@@ -308,19 +308,16 @@ def _combined(weights: Float64, gradient: Gradient) -> Cubic:
 
 
 @jit
-def _world_gradient(values: Any, lighting: Lighting, room: Room) -> Gradient:
-    """The gradient per world unit along the ray inside a cell; fills room.slopes."""
-    num_z, num_y, num_x = values.shape
+def _world_gradient(values: Any, lighting: Lighting, work: Work) -> Gradient:
+    """The gradient per world unit along the ray inside a cell; fills work.slopes."""
     for corner in range(8):
-        x = min(max(room.cell[0] + (corner & 1), 0), num_x - 1)
-        y = min(max(room.cell[1] + (corner >> 1 & 1), 0), num_y - 1)
-        z = min(max(room.cell[2] + (corner >> 2), 0), num_z - 1)
+        x, y, z = _corner_index(values, work.cell, corner)
         for axis in range(3):
-            room.slopes[axis, corner] = _index_gradient(values, x, y, z, axis)
+            work.slopes[axis, corner] = _index_gradient(values, x, y, z, axis)
     in_index = (
-        _cubic_in_cell(room.slopes[0], room.entry, room.extent),
-        _cubic_in_cell(room.slopes[1], room.entry, room.extent),
-        _cubic_in_cell(room.slopes[2], room.entry, room.extent),
+        _cubic_in_cell(work.slopes[0], work.entry, work.extent),
+        _cubic_in_cell(work.slopes[1], work.entry, work.extent),
+        _cubic_in_cell(work.slopes[2], work.entry, work.extent),
     )
     matrix = lighting.world_from_index_gradient
     return _combined(matrix[0], in_index), _combined(matrix[1], in_index), _combined(matrix[2], in_index)
@@ -328,13 +325,10 @@ def _world_gradient(values: Any, lighting: Lighting, room: Room) -> Gradient:
 
 @jit
 def _load_corners(values: Any, cell: Int64, corners: Float64) -> tuple[float, float]:
-    """Fill in the field at a cell's corners, the nearest value beyond the outermost voxel centres; its extremes."""
-    num_z, num_y, num_x = values.shape
+    """Fill in the field at a cell's corners; return the smallest and the largest value."""
     low, high = math.inf, -math.inf
     for corner in range(8):
-        x = min(max(cell[0] + (corner & 1), 0), num_x - 1)
-        y = min(max(cell[1] + (corner >> 1 & 1), 0), num_y - 1)
-        z = min(max(cell[2] + (corner >> 2), 0), num_z - 1)
+        x, y, z = _corner_index(values, cell, corner)
         value = float(values[z, y, x])
         corners[corner] = value
         low, high = min(low, value), max(high, value)
@@ -344,8 +338,8 @@ def _load_corners(values: Any, cell: Int64, corners: Float64) -> tuple[float, fl
 @jit
 def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
     """Whether any value in [low, high] has extinction."""
-    first = _interval_of(intervals.knots, low)
-    last = _interval_of(intervals.knots, high)
+    first = np.searchsorted(intervals.knots, low, side="right")
+    last = np.searchsorted(intervals.knots, high, side="right")
     if intervals.num_opaque_below[last] > intervals.num_opaque_below[first]:
         return True
     at_low = intervals.base[first, 3] + intervals.slope[first, 3] * (low - intervals.origin[first])
@@ -355,18 +349,18 @@ def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
 
 @jit
 def _integrate_cell(
-    values: Any, length: float, step_voxels: float, intervals: Intervals, lighting: Lighting, room: Room
+    values: Any, length: float, step_voxels: float, intervals: Intervals, lighting: Lighting, work: Work
 ) -> None:
-    """Add one cell to room.ray; `length` is the world length of the ray's way through it."""
-    corners, extent, splits = room.corners, room.extent, room.splits
-    low, high = _load_corners(values, room.cell, corners)
+    """Add one cell to work.ray; `length` is the world length of the ray's way through it."""
+    corners, extent, splits = work.corners, work.extent, work.splits
+    low, high = _load_corners(values, work.cell, corners)
     if not _is_visible(low, high, intervals):
         return
-    cubic = _cubic_in_cell(corners, room.entry, extent)
+    cubic = _cubic_in_cell(corners, work.entry, extent)
     count = _add_crossings(cubic, intervals.knots, splits, 0)
     gradient = (cubic, cubic, cubic)  # not looked at without light
     if lighting.enabled:
-        gradient = _world_gradient(values, lighting, room)
+        gradient = _world_gradient(values, lighting, work)
         count = _add_crossings(_combined(lighting.light, gradient), np.zeros(1), splits, count)
     length_voxels = math.sqrt(extent[0] ** 2 + extent[1] ** 2 + extent[2] ** 2)
     start = 0.0
@@ -374,7 +368,7 @@ def _integrate_cell(
         end = splits[piece] if piece < count else 1.0
         if end > start:
             min_steps = max(1, math.ceil((end - start) * length_voxels / step_voxels))
-            _integrate_piece(cubic, gradient, start, end, length, min_steps, intervals, lighting, room.ray)
+            _integrate_piece(cubic, gradient, start, end, length, min_steps, intervals, lighting, work.ray)
         start = end
 
 
@@ -402,18 +396,18 @@ def _integrate_ray(
     step_voxels: float,
     intervals: Intervals,
     lighting: Lighting,
-    room: Room,
+    work: Work,
 ) -> None:
-    """Gather the colour and the optical depth of one ray in room.ray, from cell to cell."""
-    cell, crossing = room.cell, room.crossing
-    room.ray[:] = 0.0
+    """Gather the colour and the optical depth of one ray in work.ray, from cell to cell."""
+    cell, crossing = work.cell, work.crossing
+    work.ray[:] = 0.0
     s, end = _inside_volume(values, origin, direction, start)
     if not s < end:
         return
     for axis in range(3):
         last = values.shape[2 - axis] - 1
         cell[axis] = min(max(math.floor(origin[axis] + s * direction[axis]), -1), last)
-    while s < end and room.ray[3] <= _LAST_DEPTH:
+    while s < end and work.ray[3] <= _LAST_DEPTH:
         # Planes are found from the cell's number each time, so that no rounding accumulates along the ray.
         for axis in range(3):
             plane = cell[axis] + (1 if direction[axis] > 0.0 else 0)
@@ -422,9 +416,9 @@ def _integrate_ray(
         leave = min(max(crossing[through], s), end)
         if leave > s:
             for axis in range(3):
-                room.entry[axis] = origin[axis] + s * direction[axis] - cell[axis]
-                room.extent[axis] = (leave - s) * direction[axis]
-            _integrate_cell(values, leave - s, step_voxels, intervals, lighting, room)
+                work.entry[axis] = origin[axis] + s * direction[axis] - cell[axis]
+                work.extent[axis] = (leave - s) * direction[axis]
+            _integrate_cell(values, leave - s, step_voxels, intervals, lighting, work)
         s = leave
         cell[through] += 1 if direction[through] > 0.0 else -1
 
@@ -447,11 +441,11 @@ def integrate_rays(
     """
     # A cubic passes a level at most three times, and so it is with grazing light.
     splits = np.empty(3 * intervals.knots.size + 3)
-    room = Room(
+    work = Work(
         np.empty(3, np.int64), np.empty(3), np.empty(3), np.empty(3), np.empty(8), np.empty((3, 8)), splits, np.empty(4)
     )
     for i in range(starts.size):
-        _integrate_ray(values, origins[i], directions[i], starts[i], step_voxels, intervals, lighting, room)
+        _integrate_ray(values, origins[i], directions[i], starts[i], step_voxels, intervals, lighting, work)
         for channel in range(3):
-            radiance[i, channel] = room.ray[channel]
-        radiance[i, 3] = -math.expm1(-room.ray[3])
+            radiance[i, channel] = work.ray[channel]
+        radiance[i, 3] = -math.expm1(-work.ray[3])

@@ -33,7 +33,9 @@ def transfer(*points: tuple[float, tuple[float, float, float], float]) -> Transf
 
 
 def volume(values: npt.ArrayLike, world_from_index: Float64 | None = None) -> Volume:
-    return Volume(np.array(values, float), np.eye(4) if world_from_index is None else world_from_index, "test", "")
+    voxels = np.array(values, float)
+    voxels.flags.writeable = False  # as in every Volume; the kernels are compiled for that
+    return Volume(voxels, np.eye(4) if world_from_index is None else world_from_index, "test", "")
 
 
 def oblique() -> Float64:
@@ -253,6 +255,13 @@ def test_light_on_a_plane_is_lamberts_cosine() -> None:
         view = look((0.0, 0.0, 1.0), 100.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))
         image = integrate(column, white, view, step_voxels=1.0, shading=ShadingSpec(0.25, 0.5, light))
         assert image[0, 0, 0] == pytest.approx(factor * -np.expm1(-1.5), abs=EXACT)
+
+
+def test_half_precision_voxels_are_taken_as_they_are() -> None:
+    values = np.random.default_rng(10).uniform(-1, 2, (2, 2, 2)).astype(np.float16)
+    view = look((0.5, 0.5, 0.5), 9.0, (3, 3))
+    half = integrate(Volume(values, np.eye(4), "half", ""), COLORFUL, view, step_voxels=1.0)
+    np.testing.assert_allclose(half, integrate(volume(values), COLORFUL, view, step_voxels=1.0), atol=EXACT)
 
 
 def test_the_image_is_the_same_bytes_every_time(monkeypatch: pytest.MonkeyPatch) -> None:

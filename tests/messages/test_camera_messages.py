@@ -47,7 +47,9 @@ def test_no_extent_to_frame() -> None:
 
 
 def test_an_integral_that_does_not_settle() -> None:
-    volume = Volume(np.zeros((2, 2, 2)), np.eye(4), "cube.nrrd", "")
+    voxels = np.zeros((2, 2, 2))
+    voxels.flags.writeable = False
+    volume = Volume(voxels, np.eye(4), "cube.nrrd", "")
     empty = SimpleNamespace(values=np.zeros(1), colors=np.zeros((1, 3)), extinctions=np.zeros(1))
     with pytest.raises(RenderError) as caught:
         converged_image(volume, empty, make_view(CAMERA, 0, ORIGIN, 9.0, (2, 1)), tolerance=0.0)
