@@ -160,7 +160,8 @@ def _integrate_pixels(
     """Float64 [n, 4] for the given pixels; the result does not depend on the number of threads."""
     values = volume.values
     if values.dtype == np.float16:  # numba has none
-        values = values.astype(np.float32)
+        values = values.astype(np.float64)
+        values.flags.writeable = False  # as in every Volume; the kernels are compiled for that
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index), np.float64)
     intervals = _intervals(transfer)
     lighting = _lighting(shading, index_from_world)

@@ -230,7 +230,7 @@ def _integrate_piece(
 
     length: world length of the ray's way through the whole cell. min_steps: quadrature steps at least.
     """
-    k = np.searchsorted(intervals.knots, _at(cubic, 0.5 * (start + end)), side="right")
+    k = int(np.searchsorted(intervals.knots, _at(cubic, 0.5 * (start + end)), side="right"))
     base, slope, origin = intervals.base[k, 3], intervals.slope[k, 3], intervals.origin[k]
     if base == 0.0 and slope == 0.0:
         return

@@ -157,6 +157,21 @@ def test_step_lies_exactly_where_the_field_crosses_it() -> None:
     assert along_z([0, 1], step)[3] == pytest.approx(-np.expm1(-2 * 1.25), abs=EXACT)
 
 
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "axis"), [(0, 0, 1), (180, 0, 1), (90, 0, 2), (0, 90, 0), (0, -90, 0)]
+)
+def test_rays_along_rows_of_voxel_centres_see_their_sums(azimuth: float, elevation: float, axis: int) -> None:
+    """Extinction a tenth of the value: trapezoids and the two outer half voxels add up to the plain sum of a row."""
+    cube = volume(np.random.default_rng(12).integers(0, 9, (5, 5, 5)))
+    fov = 2 * np.degrees(np.arctan(2.5 / 50.0))  # one pixel per voxel
+    path = TurntablePath(1, azimuth, elevation)
+    view = look(tuple(cube.centre), 50.0, (5, 5), projection="orthographic", field_of_view=fov, path=path)
+    image = integrate(cube, transfer((0, (1, 1, 1), 0), (10, (1, 1, 1), 1)), view, step_voxels=1.0)
+    # Which row lands where is another test's matter.
+    expected = -np.expm1(-0.1 * cube.values.sum(axis=axis))
+    np.testing.assert_allclose(np.sort(image[..., 3], axis=None), np.sort(expected, axis=None), atol=1e-12)
+
+
 @pytest.mark.parametrize(("value", "alpha"), [(0.25, -np.expm1(-2.0)), (np.nextafter(0.25, 0), 0.0)])
 def test_at_a_step_the_value_belongs_to_the_upper_side(value: float, alpha: float) -> None:
     step = transfer((0.25, (1, 1, 1), 0.0), (0.25, (1, 1, 1), 2.0))
