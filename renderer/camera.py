@@ -34,7 +34,7 @@ class View:
     @property
     def eye(self) -> Float64:
         """float64 [3]: the eye in world coordinates (orthographic: a point on the eye plane)."""
-        return -self.view_from_world[:3, :3].T @ self.view_from_world[:3, 3]
+        return np.asarray(-self.view_from_world[:3, :3].T @ self.view_from_world[:3, 3])
 
     @property
     def forward(self) -> Float64:

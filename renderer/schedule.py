@@ -1,0 +1,23 @@
+"""The error schedule: which tolerance each frame is drawn at."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+from renderer.scene import ErrorSpec
+
+
+def tolerance_at(error: ErrorSpec, frame: int) -> float:
+    """The tolerance of a frame: linear in its logarithm between the scheduled frames, constant before and after them.
+
+    At a scheduled frame it is the scheduled number, bit for bit. Tolerances of more than one entry are > 0.
+    """
+    following = bisect_right([scheduled for scheduled, _ in error.tolerance], frame)
+    if following == 0:
+        return error.tolerance[0][1]
+    if following == len(error.tolerance):
+        return error.tolerance[-1][1]
+    (start, before), (end, after) = error.tolerance[following - 1 : following + 1]
+    fraction = (frame - start) / (end - start)
+    # A product of powers neither overflows nor, at fraction 0, rounds.
+    return float(before ** (1.0 - fraction) * after**fraction)

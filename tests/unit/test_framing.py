@@ -1,0 +1,86 @@
+"""Automatic framing: everything inside, nothing to spare, at every frame of every kind of path."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from renderer.camera_paths import CameraPath, make_view
+from renderer.framing import MARGIN, fit_distance, visible_centre
+from renderer.scene import CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath, Vector
+from renderer.volume import Float64
+
+PATHS: list[CameraPath] = [
+    TurntablePath(12, start=7.0, elevation=20.0),
+    RockerPath(9, swing=90.0, elevation=-70.0, axis=(1.0, 2.0, 0.5)),
+    KeyframePath(10, (Keyframe(0, 0.0, 80.0), Keyframe(4, 200.0, -10.0), Keyframe(7, 220.0, 90.0))),
+]
+
+
+def cloud(rng: np.random.Generator, shape: int) -> Float64:
+    """A flat, a long or a round cloud, some way from the target."""
+    scales = np.array([[1.0, 1.0, 0.01], [0.05, 0.05, 3.0], [1.0, 1.0, 1.0]])[shape]
+    return rng.normal(size=(200, 3)) * scales + rng.normal(size=3)
+
+
+def excess(camera: CameraSpec, points: Float64, target: Vector, distance: float, size: tuple[int, int]) -> float:
+    """How far the worst point lies outside its limit, as a share of it: side by side in the frame, or before `near`."""
+    width, height = size
+    margin = MARGIN * min(size) / 2
+    worst = -np.inf
+    for frame in range(camera.path.frames):
+        view = make_view(camera, frame, target, distance, size)
+        x, y, z = (points @ view.view_from_world[:3, :3].T + view.view_from_world[:3, 3]).T
+        w = -z if view.projection == "perspective" else np.ones_like(z)
+        sides = [
+            np.abs(x) * view.scale_px - (width / 2 - margin) * w,
+            np.abs(y) * view.scale_px - (height / 2 - margin) * w,
+        ]
+        worst = max(worst, *(float((side / (view.scale_px * distance)).max()) for side in sides))
+        worst = max(worst, float((camera.near + z).max()) / distance)
+    return worst
+
+
+@pytest.mark.parametrize("fov", [0.01, 1.0, 30.0, 120.0, 179.0])
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_all_points_are_inside_and_the_frame_is_full(projection: str, fov: float) -> None:
+    rng = np.random.default_rng(5)
+    cases = itertools.product(PATHS, range(3), [(64, 64), (1920, 200), (30, 500)], [0.0, 2.0])
+    for path, shape, size, near in cases:
+        points = cloud(rng, shape)
+        target = visible_centre(points) if shape else (0.1, 0.2, -0.3)
+        camera = CameraSpec(path, projection=projection, field_of_view=fov, near=near)  # type: ignore[arg-type]
+        distance = fit_distance(camera, points, target, size, range(path.frames))
+        # The sums behind one coordinate round to some 1e-16 of the distance, which a narrow view makes 1e4 clouds wide.
+        assert excess(camera, points, target, distance, size) < 1e-12
+        assert excess(camera, points, target, 0.999 * distance, size) > 0.0
+
+
+def test_only_the_frames_asked_for_are_framed() -> None:
+    points = np.array([[5.0, 0.0, 0.0], [-5.0, 0.0, 0.0]])
+    camera = CameraSpec(TurntablePath(4), projection="orthographic")
+    across, along = (fit_distance(camera, points, (0.0, 0.0, 0.0), (100, 100), [frame]) for frame in (0, 1))
+    assert across > 3 * along
+    assert fit_distance(camera, points, (0.0, 0.0, 0.0), (100, 100), range(4)) == across
+
+
+def test_zoom_magnifies_a_fitted_frame() -> None:
+    points = np.random.default_rng(1).normal(size=(50, 3))
+    plain, zoomed = (CameraSpec(KeyframePath(1, (Keyframe(0, 0.0, 0.0, zoom),))) for zoom in (1.0, 2.0))
+    arguments = (points, (0.0, 0.0, 0.0), (64, 64), [0])
+    assert fit_distance(plain, *arguments) == fit_distance(zoomed, *arguments)
+
+
+def test_a_large_cloud_is_framed_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(2).normal(size=(500, 3))
+    arguments = (CameraSpec(PATHS[0]), points, (0.0, 0.0, 0.0), (64, 48), range(12))
+    whole = fit_distance(*arguments)
+    monkeypatch.setattr("renderer.framing._MAX_PRODUCTS", 10)
+    assert fit_distance(*arguments) == pytest.approx(whole, rel=1e-15)
+
+
+def test_visible_centre_is_the_middle_of_the_bounding_box() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 8.0, -2.0], [4.0, 1.0, 1.0]])
+    assert visible_centre(points) == (2.0, 4.0, -0.5)
