@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
 import subprocess
 import threading
 from collections.abc import Iterator, Sequence
@@ -14,7 +16,8 @@ import imageio_ffmpeg
 import numpy as np
 import numpy.typing as npt
 
-from renderer.errors import RenderError
+from renderer.errors import HsplatError, RenderError
+from renderer.staging import write_error
 
 # ffmpeg converts RGB with the BT.601 matrix unless it is told, whatever the tags say. The chroma position is H.264's
 # default, left; `accurate_rnd` and `bitexact` make the result the same on every processor.
@@ -64,18 +67,18 @@ def gif_delay_cs(frames_per_second: float) -> int:
 
 @contextlib.contextmanager
 def open_encoder(
-    size: tuple[int, int], frames_per_second: Fraction, options: Sequence[str], file: Path, name: str
+    size: tuple[int, int], frames_per_second: Fraction, options: Sequence[str], file: Path, output: Path
 ) -> Iterator[Encoder]:
     """ffmpeg, writing the pictures it is given to `file`, which is complete after the block.
 
     size: (width, height) of the pictures.
-    name: what to call the output in messages.
+    output: its final name, for messages.
 
     Raises RenderError with ffmpeg's last words when it cannot start, stops early or fails. However the block ends,
     ffmpeg has ended too.
     """
-    command = [_ffmpeg(name), *_arguments(size, frames_per_second, options, file)]
-    encoder = Encoder(_start(command, name), name)
+    command = [_ffmpeg(output), *_arguments(size, frames_per_second, options, file)]
+    encoder = Encoder(_start(command, output), output)
     try:
         yield encoder
         encoder.finish()
@@ -86,10 +89,10 @@ def open_encoder(
 class Encoder:
     """A running ffmpeg; made by `open_encoder`."""
 
-    def __init__(self, process: subprocess.Popen[bytes], name: str) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], output: Path) -> None:
         assert process.stdin is not None
         assert process.stderr is not None
-        self._process, self._pictures, self._name = process, process.stdin, name
+        self._process, self._pictures, self._output = process, process.stdin, output
         self._last_words = _Tail(process.stderr)
 
     def write(self, image: npt.NDArray[np.uint8]) -> None:
@@ -118,12 +121,12 @@ class Encoder:
             self._pictures.close()
         self._last_words.read()
 
-    def _failure(self, what: str) -> RenderError:
+    def _failure(self, what: str) -> HsplatError:
         status = self._process.wait()
         words = self._last_words.read()
-        if "No space left on device" in words:
-            return RenderError("the disk is full", where=self._name, hint="free some space, or write to another disk")
-        return RenderError(what, where=self._name, got=words or f"exit status {status} and no message")
+        if os.strerror(errno.ENOSPC) in words:
+            return write_error(OSError(errno.ENOSPC, words), self._output)
+        return RenderError(what, where=str(self._output), got=words or f"exit status {status} and no message")
 
 
 class _Tail:
@@ -154,7 +157,7 @@ def _arguments(size: tuple[int, int], rate: Fraction, options: Sequence[str], fi
     return [*general, *source, "-i", "pipe:0", *options, f"file:{file}"]
 
 
-def _start(command: Sequence[str], name: str) -> subprocess.Popen[bytes]:
+def _start(command: Sequence[str], output: Path) -> subprocess.Popen[bytes]:
     try:
         # A session of its own: Ctrl-C in the terminal is for us, and we end ffmpeg when we are done with it.
         return subprocess.Popen(
@@ -165,15 +168,15 @@ def _start(command: Sequence[str], name: str) -> subprocess.Popen[bytes]:
             start_new_session=True,
         )
     except OSError as error:
-        raise RenderError("ffmpeg cannot be started", where=name, got=str(error)) from error
+        raise RenderError("ffmpeg cannot be started", where=str(output), got=str(error)) from error
 
 
-def _ffmpeg(name: str) -> str:
+def _ffmpeg(output: Path) -> str:
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:
         raise RenderError(
             "there is no ffmpeg",
-            where=name,
+            where=str(output),
             hint="install imageio-ffmpeg from a wheel, which contains it, or name one in IMAGEIO_FFMPEG_EXE",
         ) from error

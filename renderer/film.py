@@ -116,7 +116,7 @@ def _open_video(output: OutputSpec, frames: Sequence[int]) -> Iterator[FilmWrite
     rate, options, notes = _gif(output) if output.file.suffix.lower() == ".gif" else _mp4(output)
     with (
         staged(output.file) as temporary,
-        open_encoder(output.size, rate, options, temporary, str(output.file)) as encoder,
+        open_encoder(output.size, rate, options, temporary, output.file) as encoder,
     ):
         yield _VideoWriter(output, frames, notes, encoder)
 
