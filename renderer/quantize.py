@@ -39,9 +39,9 @@ def _straight(image: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     result = np.empty(image.shape, np.uint8)
     alpha = image[..., 3]
     result[..., 3] = _to_8_bits(alpha, _LARGEST)
-    visible = result[..., 3] > 0
     # No visible pixel has less alpha than half a step, so the bound changes none of them and saves the others from 0/0.
-    scale = np.where(visible, _LARGEST / np.maximum(alpha, np.float32(0.5 / _LARGEST)), 0).astype(np.float32)
+    scale = _LARGEST / np.maximum(alpha, np.float32(0.5 / _LARGEST))
+    scale *= result[..., 3] > 0
     for channel in range(3):
         result[..., channel] = _to_8_bits(image[..., channel], scale)
     return result

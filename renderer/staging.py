@@ -59,7 +59,8 @@ def write_error(error: OSError, path: Path) -> HsplatError:
     if isinstance(error, IsADirectoryError):
         return InputError("the output is a folder", where=where, expected="the name of a file")
     if isinstance(error, (NotADirectoryError, FileExistsError)):
-        return InputError("the folder of the output is a file", where=where, got=str(error.filename or path.parent))
+        file = next((parent for parent in path.parents if parent.is_file()), path.parent)
+        return InputError("the folder of the output is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RenderError("the disk is full", where=where, hint="free some space, or write to another disk")
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):

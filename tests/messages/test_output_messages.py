@@ -38,7 +38,7 @@ def test_the_file_that_stands_for_a_folder_is_named(tmp_path: Path) -> None:
     path = tmp_path / "file" / "deeper" / "film.mp4"
     with pytest.raises(HsplatError) as caught:
         require_writable(path)
-    assert str(caught.value) == f"{path}: the folder of the output is a file\n  got: {tmp_path / 'file' / 'deeper'}"
+    assert str(caught.value) == f"{path}: the folder of the output is a file\n  got: {tmp_path / 'file'}"
 
 
 def fail_with(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
