@@ -45,7 +45,7 @@ def main(arguments: "list[str]") -> int:
             return demo()
         install("[test]")
         return test()
-    except SetupError as error:
+    except (SetupError, OSError) as error:  # OSError: a full disk, a checkout that cannot be written
         print(f"hsplat: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -123,8 +123,9 @@ def find_system_problems() -> "list[tuple[str, tuple[str, ...]]]":
     # In a process of its own: libraries that have just been installed are found, and a driver may crash.
     result = subprocess.run([sys.executable, str(probe)], stderr=subprocess.PIPE, check=False)
     if result.returncode != 0:
-        reason = result.stderr.decode("utf-8", "replace").strip() or f"the driver ended with {result.returncode}"
-        problems.append((f"OpenGL without a screen: {reason}", GL_PACKAGES))
+        # Drivers may complain before the probe has its say.
+        words = result.stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit status {result.returncode}"]
+        problems.append((f"OpenGL without a screen: {words[-1]}", GL_PACKAGES))
     return problems
 
 

@@ -138,8 +138,8 @@ class _Tail:
         self._thread.start()
 
     def _drain(self) -> None:
-        for line in self._stream:
-            self._tail = (self._tail + line)[-_STDERR_TAIL_BYTES:]
+        while words := self._stream.read(_STDERR_TAIL_BYTES):
+            self._tail = (self._tail + words)[-_STDERR_TAIL_BYTES:]
 
     def read(self) -> str:
         """The text, once the stream has ended; lines after the first are indented to stand in a message."""
