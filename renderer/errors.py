@@ -63,9 +63,7 @@ class SceneError(InputError):
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
         super().__init__(
-            "\n".join(
-                describe(p.what, where=p.path, got=p.got, expected=p.expected, hint=p.hint) for p in self.problems
-            )
+            "\n".join(describe(p.what, where=p.path, got=p.got, expected=p.expected, hint=p.hint) for p in self.problems)
         )
 
 
