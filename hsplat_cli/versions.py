@@ -1,0 +1,24 @@
+"""Which versions of what made an output."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+
+# What the pixels or the files depend on.
+_PACKAGES = ("hsplat", "imageio-ffmpeg", "llvmlite", "moderngl", "nibabel", "numba", "numpy", "SimpleITK")
+
+
+def package_versions() -> dict[str, str]:
+    """Python's version and those of the packages that an output depends on, for its sidecar.
+
+    A package that runs without being installed, such as hsplat from its source tree, is `not installed`.
+    """
+    return {"python": platform.python_version()} | {name: _version(name) for name in _PACKAGES}
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"

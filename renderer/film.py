@@ -1,0 +1,140 @@
+"""Finished frames to files: an MP4, a GIF or numbered PNGs, each complete or not there at all."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.encode import Encoder, gif_delay_cs, gif_options, mp4_options, open_encoder
+from renderer.png import encode_png
+from renderer.scene import OutputSpec
+from renderer.staging import require_writable, staged, write_staged
+
+FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
+
+
+class FilmWriter(ABC):
+    """Takes the frames of one film in order; made by `open_film`.
+
+    notes: what the user should know about the files, such as a frame rate that differs from the one asked for.
+    """
+
+    def __init__(self, output: OutputSpec, frames: Sequence[int], notes: Sequence[str] = ()) -> None:
+        width, height = output.size
+        self._shape = (height, width, 4 if output.background is None else 3)
+        self._frames, self._num_written = tuple(frames), 0
+        self.notes = tuple(notes)
+
+    @property
+    @abstractmethod
+    def paths(self) -> tuple[Path, ...]:
+        """The files of the frames written so far, under their final names; a film is there after the block."""
+
+    def write(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
+        """Take the next frame: uint8 [h, w, 3], with a transparent background [h, w, 4] with straight alpha.
+
+        Raises RenderError when it cannot be written or the encoder fails.
+        """
+        assert not self.complete, f"frame {frame} is one too many"
+        assert frame == self._frames[self._num_written], f"frame {frame} came, not {self._frames[self._num_written]}"
+        assert image.dtype == np.uint8, image.dtype
+        assert image.shape == self._shape, f"{image.shape}, not {self._shape}"
+        self._put(frame, image)
+        self._num_written += 1
+
+    @property
+    def complete(self) -> bool:
+        """Whether all frames have come."""
+        return self._num_written == len(self._frames)
+
+    @abstractmethod
+    def _put(self, frame: int, image: npt.NDArray[np.uint8]) -> None: ...
+
+
+@contextlib.contextmanager
+def open_film(output: OutputSpec, frames: Sequence[int]) -> Iterator[FilmWriter]:
+    """A writer for `frames`, all of which must come, in this order.
+
+    The files have their final names when they are complete: an MP4 or GIF at the end of the block, a PNG at the end of
+    its `write`. If the block raises, KeyboardInterrupt included, nothing unfinished is left; PNGs that were finished
+    stay. That the output can be written is tried at once. Raises InputError when its name cannot be a file, RenderError
+    when it cannot be written.
+    """
+    is_png = output.file.suffix.lower() == ".png"
+    with contextlib.nullcontext(_PngWriter(output, frames)) if is_png else _open_video(output, frames) as writer:
+        yield writer
+        assert writer.complete, "frames are missing"
+
+
+def frame_path(template: Path, frame: int) -> Path:
+    """The name of one frame's file: `{frame}`, with a format such as `{frame:04}`, replaced by the number.
+
+    Other braces are part of the name.
+    """
+    return Path(FRAME_FIELD.sub(lambda field: field.group().format(frame=frame), str(template)))
+
+
+class _PngWriter(FilmWriter):
+    def __init__(self, output: OutputSpec, frames: Sequence[int]) -> None:
+        super().__init__(output, frames)
+        self._template = output.file
+        assert len({frame_path(self._template, frame) for frame in frames}) == len(frames), "frames share a file"
+        for frame in frames[:1]:
+            require_writable(frame_path(self._template, frame))
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        return tuple(frame_path(self._template, frame) for frame in self._frames[: self._num_written])
+
+    def _put(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
+        write_staged(frame_path(self._template, frame), encode_png(image))
+
+
+class _VideoWriter(FilmWriter):
+    def __init__(self, output: OutputSpec, frames: Sequence[int], notes: Sequence[str], encoder: Encoder) -> None:
+        super().__init__(output, frames, notes)
+        self._file, self._encoder = output.file, encoder
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        return (self._file,)
+
+    def _put(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
+        self._encoder.write(image)
+
+
+@contextlib.contextmanager
+def _open_video(output: OutputSpec, frames: Sequence[int]) -> Iterator[FilmWriter]:
+    assert output.background is not None, "only PNG can be transparent"
+    rate, options, notes = _gif(output) if output.file.suffix.lower() == ".gif" else _mp4(output)
+    with (
+        staged(output.file) as temporary,
+        open_encoder(output.size, rate, options, temporary, output.file) as encoder,
+    ):
+        yield _VideoWriter(output, frames, notes, encoder)
+
+
+def _mp4(output: OutputSpec) -> tuple[Fraction, list[str], list[str]]:
+    """Frame rate, ffmpeg's options and notes."""
+    assert output.file.suffix.lower() == ".mp4", output.file
+    assert all(length % 2 == 0 for length in output.size), f"{output.size}: yuv420p needs even sizes"
+    # Television's fractions of 1001 are found from a few decimals, and rates with two decimals are kept exactly.
+    return Fraction(output.frames_per_second).limit_denominator(1001), mp4_options(output.quality), []
+
+
+def _gif(output: OutputSpec) -> tuple[Fraction, list[str], list[str]]:
+    """Frame rate, ffmpeg's options and notes."""
+    rate = Fraction(100, gif_delay_cs(output.frames_per_second))
+    same = abs(rate - output.frames_per_second) < 0.005
+    note = (
+        f"a GIF shows each frame for whole hundredths of a second: {float(rate):.2f} frames per second, "
+        f"not {output.frames_per_second:g}"
+    )
+    return rate, gif_options(), [] if same else [note]

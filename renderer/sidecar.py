@@ -1,0 +1,43 @@
+"""The JSON file beside an output that says how it came to be."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.film import FRAME_FIELD
+from renderer.staging import write_staged
+
+
+def sidecar_path(output_file: Path) -> Path:
+    """`engine.mp4` has `engine.mp4.json`, and the template `frames/{frame:04}.png` has `frames/frames.json`.
+
+    In a template the field becomes the word `frames`, so that two templates in one folder keep apart.
+    """
+    name = str(output_file)
+    if FRAME_FIELD.search(name):
+        return Path(FRAME_FIELD.sub("frames", name)).with_suffix(".json")
+    return output_file.with_name(f"{output_file.name}.json")
+
+
+def write_sidecar(path: Path, data: Mapping[str, Any]) -> None:
+    """Write `data` as JSON, complete or not at all.
+
+    Keys keep their order and floats their value. Paths become strings, numpy's scalars and arrays numbers and lists.
+    Raises ValueError for numbers that JSON does not have (NaN, infinities), TypeError for other objects, InputError or
+    RenderError when the file cannot be written.
+    """
+    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=_plain)
+    write_staged(path, f"{text}\n".encode())
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} has no form in JSON")

@@ -1,0 +1,79 @@
+"""Files appear under their final name when they are complete, or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from renderer.errors import HsplatError, InputError, RenderError
+
+
+@contextlib.contextmanager
+def staged(path: Path) -> Iterator[Path]:
+    """A temporary file beside `path`, renamed to `path` at the end of the block.
+
+    Missing folders are made, and the temporary file is created at once: what cannot be written is told before the
+    work, not after it. When the block raises, KeyboardInterrupt included, the temporary file is removed and `path` is
+    left as it was. What the operating system refuses becomes InputError (the name cannot be a file) or RenderError (no
+    space, no permission); an OSError raised by the block itself passes unchanged, see `explained`.
+    """
+    temporary = _create_temporary(path)
+    try:
+        yield temporary
+        with explained(path):
+            os.replace(temporary, path)
+    finally:
+        # After the rename there is nothing left to remove; a failure to remove must not hide the error that led here.
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def write_staged(path: Path, content: bytes) -> None:
+    """Write a whole file so that it is there complete or not at all; errors as in `staged`."""
+    with staged(path) as temporary, explained(path):
+        temporary.write_bytes(content)
+
+
+def require_writable(path: Path) -> None:
+    """Make the folder of `path` and try to write there, leaving no file; errors as in `staged`."""
+    temporary = _create_temporary(path)
+    with explained(path):
+        temporary.unlink()
+
+
+@contextlib.contextmanager
+def explained(path: Path) -> Iterator[None]:
+    """Turn an OSError met while writing `path` into InputError or RenderError."""
+    try:
+        yield
+    except OSError as error:
+        raise write_error(error, path) from error
+
+
+def write_error(error: OSError, path: Path) -> HsplatError:
+    """What to tell about `error`, met while writing `path`."""
+    where = str(path)
+    if isinstance(error, IsADirectoryError):
+        return InputError("the output is a folder", where=where, expected="the name of a file")
+    if isinstance(error, (NotADirectoryError, FileExistsError)):
+        file = next((parent for parent in path.parents if parent.is_file()), path.parent)
+        return InputError("the folder of the output is a file", where=where, got=str(file))
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return RenderError("the disk is full", where=where, hint="free some space, or write to another disk")
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return RenderError("no permission to write here", where=where, hint="choose another folder for the output")
+    return RenderError("the output cannot be written", where=where, got=error.strerror or str(error))
+
+
+def _create_temporary(path: Path) -> Path:
+    # The process id keeps two programs that write the same output from sharing a temporary file.
+    temporary = path.with_name(f".{path.name}.partial-{os.getpid()}")
+    with explained(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        temporary.touch()
+    return temporary

@@ -1,0 +1,100 @@
+"""What a user reads when an output cannot be written."""
+
+import errno
+import os
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.encode import open_encoder
+from renderer.errors import HsplatError
+from renderer.film import open_film
+from renderer.quantize import quantize
+from renderer.scene import OutputSpec
+from renderer.staging import require_writable, write_error
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (errno.ENOSPC, "out/film.mp4: the disk is full\n  hint: free some space, or write to another disk"),
+        (
+            errno.EACCES,
+            "out/film.mp4: no permission to write here\n  hint: choose another folder for the output",
+        ),
+        (errno.EISDIR, "out/film.mp4: the output is a folder\n  expected: the name of a file"),
+        (errno.ENOTDIR, "out/film.mp4: the folder of the output is a file\n  got: out"),
+        (errno.EIO, "out/film.mp4: the output cannot be written\n  got: Input/output error"),
+    ],
+)
+def test_what_the_system_refuses(number: int, text: str) -> None:
+    assert str(write_error(OSError(number, os.strerror(number)), Path("out/film.mp4"))) == text
+
+
+def test_the_file_that_stands_for_a_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    path = tmp_path / "file" / "deeper" / "film.mp4"
+    with pytest.raises(HsplatError) as caught:
+        require_writable(path)
+    assert str(caught.value) == f"{path}: the folder of the output is a file\n  got: {tmp_path / 'file'}"
+
+
+def fail_with(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The message when `script` stands in for ffmpeg."""
+    program = tmp_path / "ffmpeg"
+    program.write_text(script)
+    program.chmod(0o755)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
+    with (
+        pytest.raises(HsplatError) as caught,
+        open_encoder((8, 8), Fraction(30), [], tmp_path / "temporary", Path("film.mp4")) as encoder,
+    ):
+        encoder.write(np.zeros((8, 8, 3), np.uint8))
+    return str(caught.value)
+
+
+def test_ffmpeg_fails_with_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = "#!/bin/sh\ncat > /dev/null\necho '[libx264] first' >&2\necho 'Conversion failed!' >&2\nexit 1\n"
+    assert fail_with(script, tmp_path, monkeypatch) == (
+        "film.mp4: ffmpeg could not complete the film\n  got: [libx264] first\n    Conversion failed!"
+    )
+
+
+def test_ffmpeg_fails_without_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert fail_with("#!/bin/sh\ncat > /dev/null\nexit 9\n", tmp_path, monkeypatch) == (
+        "film.mp4: ffmpeg could not complete the film\n  got: exit status 9 and no message"
+    )
+
+
+def test_ffmpeg_does_not_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert fail_with("#!/absent\n", tmp_path, monkeypatch) == (
+        f"film.mp4: ffmpeg cannot be started\n  got: [Errno 2] No such file or directory: '{tmp_path / 'ffmpeg'}'"
+    )
+
+
+def test_ffmpeg_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent() -> str:
+        raise RuntimeError("No ffmpeg exe could be found.")
+
+    monkeypatch.setattr("imageio_ffmpeg.get_ffmpeg_exe", absent)
+    path = tmp_path / "film.mp4"
+    with pytest.raises(HsplatError) as caught, open_film(OutputSpec(path), [0]):
+        pytest.fail("found out too late")
+    assert str(caught.value) == (
+        f"{path}: there is no ffmpeg\n"
+        "  hint: install imageio-ffmpeg from a wheel, which contains it, or name one in IMAGEIO_FFMPEG_EXE"
+    )
+
+
+def test_pixels_that_are_not_numbers() -> None:
+    image = np.zeros((4, 5, 4), np.float32)
+    image[2, 3:, 1] = np.nan
+    with pytest.raises(HsplatError) as caught:
+        quantize(image, None)
+    assert str(caught.value) == (
+        "the picture has pixels that are not numbers\n"
+        "  got: 2 of 20 pixels, the first at row 2, column 3: [0.0, nan, 0.0, 0.0]\n"
+        "  hint: this is a fault of hsplat or of the graphics driver; please report it with the scene file"
+    )

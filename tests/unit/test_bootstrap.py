@@ -1,0 +1,234 @@
+"""From a fresh checkout to an installed wheel, without touching this machine."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hsplat_cli import bootstrap, gl_probe
+
+GL_PROBLEM = ("OpenGL without a screen: libEGL.so.1 is not there", bootstrap.GL_PACKAGES)
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A small checkout, in the place of the real one."""
+    for package in ("hsplat_cli", "renderer"):
+        (tmp_path / package / "__pycache__").mkdir(parents=True)
+        (tmp_path / package / "__init__.py").write_text("")
+        (tmp_path / package / "__pycache__" / "cached.pyc").write_text("")
+    (tmp_path / "pyproject.toml").write_text("[project]")
+    for name, value in (("ROOT", tmp_path), ("VENV", tmp_path / ".venv"), ("MARK", tmp_path / ".venv" / "mark.json")):
+        monkeypatch.setattr(bootstrap, name, value)
+    return tmp_path
+
+
+class Runs:
+    """Stands in for `bootstrap.run`: remembers the commands, and has them end with `status`."""
+
+    def __init__(self) -> None:
+        self.commands: list[str] = []
+        self.status = 0
+
+    def __call__(self, *command: object, **variables: str) -> int:
+        self.commands.append(" ".join(str(word) for word in command))
+        return self.status
+
+    def num_with(self, words: str) -> int:
+        return sum(words in command for command in self.commands)
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
+    runs = Runs()
+    monkeypatch.setattr(bootstrap, "run", runs)
+    return runs
+
+
+@pytest.fixture
+def problems(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, tuple[str, ...]]]:
+    """What the machine lacks, as long as the test says so, and it has apt-get."""
+    problems = [GL_PROBLEM]
+    monkeypatch.setattr(bootstrap, "find_system_problems", lambda: list(problems))
+    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
+    return problems
+
+
+@pytest.mark.parametrize("module", [bootstrap, gl_probe])
+def test_an_old_python_can_read_it(module: object) -> None:
+    source = Path(module.__file__).read_text()  # type: ignore[attr-defined]
+    tree = ast.parse(source, feature_version=(3, 6))
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    names = {
+        name
+        for node in imports
+        for name in ([node.module] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names])
+    }
+    assert "__future__" not in names
+    assert {str(name).split(".")[0] for name in names} <= sys.stdlib_module_names
+    # Annotations of functions are evaluated: a newer form has to be a string.
+    for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+        arguments = [*function.args.args, function.args.vararg, function.args.kwarg]
+        for annotation in [function.returns, *(argument.annotation for argument in arguments if argument)]:
+            assert annotation is None or isinstance(annotation, ast.Name | ast.Constant), ast.dump(annotation)
+
+
+def test_an_old_python_is_told_so() -> None:
+    with pytest.raises(bootstrap.SetupError) as caught:
+        bootstrap.require_python((3, 8), "/usr/bin/python3")
+    assert str(caught.value) == (
+        "Python 3.10 or newer is needed, and /usr/bin/python3 is Python 3.8.\n"
+        "Run this command again with a newer one, for example `python3.12 -m hsplat_cli.bootstrap`."
+    )
+    bootstrap.require_python((3, 10), "/usr/bin/python3")
+
+
+@pytest.mark.parametrize("arguments", [[], ["help"], ["demo", "test"]])
+def test_other_commands_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert bootstrap.main(arguments) == 2
+    assert capsys.readouterr().err == "usage: python3 -m hsplat_cli.bootstrap demo|test\n"
+
+
+@pytest.mark.usefixtures("problems")
+def test_an_ordinary_user_gets_the_line(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    with pytest.raises(bootstrap.SetupError) as caught:
+        bootstrap.require_system_packages()
+    assert str(caught.value) == (
+        "some packages are missing. An administrator has to run this line once:\n\n"
+        "  apt-get update && apt-get install -y --no-install-recommends libegl1 libgl1 libgl1-mesa-dri\n\n"
+        "Then run this command again."
+    )
+    assert runs.commands == []
+
+
+def test_root_installs(
+    runs: Runs, problems: list[tuple[str, tuple[str, ...]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(*command: str, **variables: str) -> int:
+        assert variables == {"DEBIAN_FRONTEND": "noninteractive"}
+        if "install" in command:
+            problems.clear()
+        return runs(*command)
+
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(bootstrap, "run", run)
+    bootstrap.require_system_packages()
+    assert runs.commands == [
+        "apt-get update",
+        "apt-get install -y --no-install-recommends libegl1 libgl1 libgl1-mesa-dri",
+    ]
+    bootstrap.require_system_packages()
+    assert len(runs.commands) == 2
+
+
+@pytest.mark.usefixtures("problems")
+@pytest.mark.parametrize(("status", "message"), [(100, "failed; its reason is above"), (0, "installed, and still")])
+def test_packages_that_do_not_help(runs: Runs, monkeypatch: pytest.MonkeyPatch, status: int, message: str) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    runs.status = status
+    with pytest.raises(bootstrap.SetupError, match=message):
+        bootstrap.require_system_packages()
+
+
+@pytest.mark.usefixtures("problems")
+def test_a_machine_without_apt(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(bootstrap.SetupError) as caught:
+        bootstrap.require_system_packages()
+    assert str(caught.value) == (
+        "this machine lacks something that pip cannot install:\n"
+        "  OpenGL without a screen: libEGL.so.1 is not there\n"
+        "On Debian and Ubuntu the packages are libegl1 libgl1 libgl1-mesa-dri; install their like."
+    )
+
+
+def test_installs_once(checkout: Path, runs: Runs) -> None:
+    bootstrap.install("")
+    assert runs.num_with("-m venv") == 1
+    assert runs.num_with("pip install") == 1
+    bootstrap.install("")
+    assert runs.num_with("-m venv") == 1
+    assert runs.num_with("pip install") == 1
+
+
+def test_changed_sources_are_installed_again(checkout: Path, runs: Runs) -> None:
+    bootstrap.install("")
+    (checkout / "renderer" / "new.py").write_text("")
+    bootstrap.install("")
+    assert runs.num_with("-m venv") == 1
+    assert runs.num_with("pip install") == 2
+
+
+def test_the_libraries_of_the_tests_are_added_once(checkout: Path, runs: Runs) -> None:
+    for extra in ("", "[test]", "", "[test]"):
+        bootstrap.install(extra)
+    assert [command.endswith("[test]") for command in runs.commands if "pip install" in command] == [False, True]
+
+
+def test_another_python_gets_a_new_venv(checkout: Path, runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    bootstrap.install("")
+    (checkout / ".venv" / "old").touch()
+    monkeypatch.setattr(sys, "base_prefix", "/another")
+    bootstrap.install("")
+    assert runs.num_with("-m venv") == 2
+    assert not (checkout / ".venv" / "old").exists()
+
+
+def test_an_installation_that_failed_is_done_again(checkout: Path, runs: Runs) -> None:
+    bootstrap.install("")
+    (checkout / "renderer" / "__init__.py").write_text("changed")
+    runs.status = 1
+    with pytest.raises(bootstrap.SetupError):
+        bootstrap.install("")
+    runs.status = 0
+    (checkout / "renderer" / "__init__.py").write_text("")
+    bootstrap.install("")
+    assert runs.commands[-1].split()[1:4] == ["-m", "pip", "install"]
+
+
+def test_a_venv_of_somebody_else_is_left_alone(checkout: Path, runs: Runs) -> None:
+    (checkout / ".venv").mkdir()
+    (checkout / ".venv" / "theirs").touch()
+    with pytest.raises(bootstrap.SetupError, match="was not made by this command"):
+        bootstrap.install("")
+    assert (checkout / ".venv" / "theirs").exists()
+    assert runs.commands == []
+
+
+def test_a_mark_that_was_cut_off_is_no_obstacle(checkout: Path, runs: Runs) -> None:
+    (checkout / ".venv").mkdir()
+    (checkout / ".venv" / "mark.json").write_text('{"pyth')
+    bootstrap.install("")
+    assert runs.num_with("pip install") == 1
+
+
+def test_the_copy_has_the_sources_and_nothing_else(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    (checkout / "build" / "lib").mkdir(parents=True)
+    (checkout / "build" / "lib" / "stale.py").touch()
+    (checkout / "LICENSE").write_text("MIT")
+    target = tmp_path_factory.mktemp("copy")
+    bootstrap.copy_sources(target)
+    names = {str(path.relative_to(target)) for path in target.rglob("*") if path.is_file()}
+    assert names == {"pyproject.toml", "LICENSE", "hsplat_cli/__init__.py", "renderer/__init__.py"}
+
+
+def test_other_code_cannot_come_before_the_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", "/somewhere")
+    code = "import os; raise SystemExit(7 if 'PYTHONPATH' not in os.environ and os.environ['ADDED'] == '1' else 1)"
+    assert bootstrap.run(sys.executable, "-c", code, ADDED="1") == 7
+
+
+def test_a_program_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(bootstrap.SetupError, match="cannot be run: No such file or directory"):
+        bootstrap.run(tmp_path / "absent")
+
+
+def test_gl_works_where_the_tests_run() -> None:
+    # The rasteriser needs it; if this fails, so does everything that draws.
+    result = subprocess.run([sys.executable, gl_probe.__file__], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (0, "")

@@ -1,0 +1,195 @@
+"""When writing fails: a clear error, nothing under the final name, no temporary file, no ffmpeg left behind."""
+
+import errno
+import os
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.encode import gif_options, mp4_options, open_encoder
+from renderer.errors import HsplatError, InputError, RenderError
+from renderer.film import open_film
+from renderer.scene import OutputSpec
+from renderer.staging import staged, write_staged
+
+PICTURE = np.zeros((64, 64, 3), np.uint8)
+
+
+def write_film(path: Path, num_frames: int = 3, stop: BaseException | None = None) -> None:
+    with open_film(OutputSpec(path, size=(64, 64)), range(num_frames)) as film:
+        for frame in range(num_frames):
+            film.write(frame, PICTURE)
+            if stop:
+                raise stop
+
+
+def assert_no_child_process() -> None:
+    with pytest.raises(ChildProcessError):  # neither one that runs nor one that nobody has waited for
+        os.waitpid(-1, os.WNOHANG)
+
+
+@pytest.fixture
+def fake_ffmpeg(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Puts a shell script in the place of ffmpeg."""
+
+    def install(script: str) -> None:
+        program = tmp_path_factory.mktemp("bin") / "ffmpeg"
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
+
+    return install
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "gif"])
+@pytest.mark.parametrize("stop", [ValueError("stop"), KeyboardInterrupt()], ids=["error", "ctrl-c"])
+def test_leaving_the_block_leaves_nothing(tmp_path: Path, suffix: str, stop: BaseException) -> None:
+    with pytest.raises(type(stop)):
+        write_film(tmp_path / f"film.{suffix}", stop=stop)
+    assert not list(tmp_path.iterdir())
+    assert_no_child_process()
+
+
+def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
+    film = tmp_path / "film.mp4"
+    film.write_bytes(b"older")
+    with pytest.raises(KeyboardInterrupt):
+        write_film(film, stop=KeyboardInterrupt())
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"older"]
+    write_film(film)
+    assert film.stat().st_size > 500
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ("exit 0", "stopped before the film was complete"),
+        ("echo the reason >&2; exit 3", "the reason"),
+        ("head -c 20000 > /dev/null; echo the reason >&2; exit 3", "the reason"),
+        ("cat > /dev/null; echo the reason >&2; exit 3", "could not complete the film"),
+        ("cat > /dev/null; kill -9 $$", "exit status -9 and no message"),
+        ("yes 'a long complaint' | head -c 1000000 >&2; echo the reason >&2; exit 3", "the reason"),
+    ],
+)
+def test_an_encoder_that_fails_gives_its_reason(
+    tmp_path: Path, fake_ffmpeg: Callable[[str], None], script: str, message: str
+) -> None:
+    fake_ffmpeg(script)
+    with pytest.raises(RenderError, match=message) as caught:
+        write_film(tmp_path / "film.mp4", num_frames=30)
+    assert len(str(caught.value)) < 4000
+    assert not list(tmp_path.iterdir())
+    assert_no_child_process()
+
+
+def test_an_encoder_that_hangs_is_ended(tmp_path: Path, fake_ffmpeg: Callable[[str], None]) -> None:
+    fake_ffmpeg("exec sleep 1000")
+    with pytest.raises(KeyboardInterrupt):
+        write_film(tmp_path / "film.mp4", num_frames=1, stop=KeyboardInterrupt())
+    assert_no_child_process()
+
+
+@pytest.mark.parametrize("options", [mp4_options(8), gif_options()], ids=["mp4", "gif"])
+def test_a_full_disk_under_ffmpeg(options: list[str], tmp_path: Path) -> None:
+    def encode() -> None:
+        with open_encoder((64, 64), Fraction(30), options, Path("/dev/full"), tmp_path / "film") as encoder:
+            for _ in range(30):
+                encoder.write(PICTURE)
+
+    with pytest.raises(RenderError, match="the disk is full"):
+        encode()
+    assert_no_child_process()
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "{frame}.png"])
+@pytest.mark.parametrize(
+    ("number", "message"),
+    [
+        (errno.ENOSPC, "the disk is full"),
+        (errno.EDQUOT, "the disk is full"),
+        (errno.EACCES, "no permission"),
+        (errno.EROFS, "no permission"),
+        (errno.EIO, "Input/output error"),
+    ],
+)
+def test_a_rename_that_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: int, message: str
+) -> None:
+    def refuse(source: object, target: object) -> None:
+        raise OSError(number, os.strerror(number), str(source))
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(RenderError, match=message):
+        write_film(tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "{frame}.png"])
+@pytest.mark.parametrize(
+    ("error", "kind"),
+    [(PermissionError(errno.EACCES, "Permission denied"), RenderError), (OSError(36, "x"), RenderError)],
+)
+def test_a_folder_that_takes_no_files_is_told_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, error: OSError, kind: type[HsplatError]
+) -> None:
+    def refuse(path: Path) -> None:
+        raise error
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    with pytest.raises(kind), open_film(OutputSpec(tmp_path / name), range(3)):
+        pytest.fail("found out too late")
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "{frame}.png"])
+def test_a_file_in_the_place_of_a_folder_is_told_at_once(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "file" / name, tmp_path / "file" / "deeper" / name):
+        with pytest.raises(InputError, match="the folder of the output is a file"), open_film(OutputSpec(path), [0]):
+            pytest.fail("found out too late")
+
+
+def test_a_folder_in_the_place_of_the_film_is_told_at_once(tmp_path: Path) -> None:
+    (tmp_path / "film.mp4").mkdir()
+    with pytest.raises(InputError, match="is a folder"), open_film(OutputSpec(tmp_path / "film.mp4"), [0]):
+        pytest.fail("found out too late")
+    assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
+
+
+def test_a_name_that_is_too_long(tmp_path: Path) -> None:
+    with pytest.raises(RenderError, match="File name too long"), staged(tmp_path / ("x" * 300)):
+        pytest.fail("found out too late")
+
+
+def test_an_error_of_the_block_is_not_taken_for_one_of_the_output(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError), staged(tmp_path / "file"):
+        (tmp_path / "absent").read_bytes()
+
+
+def test_files_get_the_usual_permissions(tmp_path: Path) -> None:
+    (tmp_path / "plain").touch()
+    write_staged(tmp_path / "staged", b"content")
+    assert (tmp_path / "staged").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_odd_sizes_are_a_fault_of_the_program(tmp_path: Path) -> None:
+    with pytest.raises(AssertionError, match="even"), open_film(OutputSpec(tmp_path / "a.mp4", size=(63, 64)), [0]):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_odd_sizes_are_fine_in_a_gif(tmp_path: Path) -> None:
+    with open_film(OutputSpec(tmp_path / "a.gif", size=(63, 65)), [0]) as film:
+        film.write(0, np.zeros((65, 63, 3), np.uint8))
+    assert film.paths[0].is_file()
+
+
+def test_missing_frames_leave_no_film(tmp_path: Path) -> None:
+    with (
+        pytest.raises(AssertionError, match="missing"),
+        open_film(OutputSpec(tmp_path / "a.mp4", size=(64, 64)), range(2)) as film,
+    ):
+        film.write(0, PICTURE)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,19 @@
+"""The code under test is the one that was meant: the installed wheel, or this checkout."""
+
+import os
+import sysconfig
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("package", ["renderer", "hsplat_cli"])
+def test_where_the_code_comes_from(package: str) -> None:
+    installed = os.environ.get("HSPLAT_TEST_INSTALLED") == "1"
+    expected = Path(sysconfig.get_path("purelib")).resolve() if installed else CHECKOUT
+    file = import_module(package).__file__
+    assert file is not None
+    assert Path(file).resolve() == expected / package / "__init__.py"

@@ -1,0 +1,95 @@
+"""Progress: lines that neither flood a log nor stop, a bar on a terminal, silence on request."""
+
+import io
+import subprocess
+import sys
+
+import pytest
+
+from hsplat_cli.progress import Lines, duration, progress
+
+
+class Clock:
+    """Seconds that pass when told."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def lines_of(total: int, seconds_a_frame: float) -> list[str]:
+    clock, stream = Clock(), io.StringIO()
+    lines = Lines(total, "engine.mp4", stream, clock)
+    for _ in range(total):
+        clock.now += seconds_a_frame
+        lines.advance()
+    return stream.getvalue().splitlines()
+
+
+def test_a_line_for_each_tenth() -> None:
+    lines = lines_of(total=120, seconds_a_frame=0.25)
+    assert len(lines) == 10
+    assert lines[0] == "engine.mp4: 12/120 frames, 4.00 frames/s, 0:27 left"
+    assert lines[-1] == "engine.mp4: 120/120 frames, 4.00 frames/s"
+
+
+def test_never_more_than_one_in_two_seconds() -> None:
+    assert len(lines_of(total=120, seconds_a_frame=0.05)) == 3
+    assert len(lines_of(total=120, seconds_a_frame=0.0001)) == 1
+
+
+def test_a_slow_film_shows_life_every_minute() -> None:
+    lines = lines_of(total=1000, seconds_a_frame=20)
+    assert lines[0] == "engine.mp4: 3/1000 frames, 0.05 frames/s, 5:32:20 left"
+    assert len(lines) == 334
+
+
+def test_the_note_stands_at_the_end() -> None:
+    stream = io.StringIO()
+    Lines(1, "film", stream, Clock()).advance("147 k splats")
+    assert stream.getvalue().endswith(", 147 k splats\n")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0, "0:00"), (7.4, "0:07"), (59.6, "1:00"), (754, "12:34"), (3723, "1:02:03"), (90000, "25:00:00")],
+)
+def test_durations(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_quiet_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress(2, label="film", quiet=True) as bar:
+        bar.advance("a note")
+        bar.advance()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_lines_go_to_the_error_stream(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress(1, label="film", quiet=False) as bar:
+        bar.advance()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("film: 1/1 frames, ")
+
+
+def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with progress(2, label="film", quiet=False) as bar:
+        bar.advance("a note")
+        bar.advance()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "film: 100%" in err
+    assert "frames/s" in err
+
+
+def test_tqdm_is_not_imported_without_a_terminal() -> None:
+    code = (
+        "import sys; from hsplat_cli.progress import progress\n"
+        "with progress(1, label='film', quiet=False) as bar: bar.advance()\n"
+        "assert 'tqdm' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, stderr=subprocess.PIPE)
