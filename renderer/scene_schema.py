@@ -222,6 +222,8 @@ def _plain_dataclass(value: Any) -> dict[str, Any]:
         return (_plain_colormap(mapping) if isinstance(value.mapping, ColormapSpec) else {"points": mapping}) | plain
     if isinstance(value, ErrorSpec):
         return plain | {"tolerance": _plain_tolerance(value.tolerance)}
+    if isinstance(value, SplatSpec) and value.footprint == "gaussian":
+        return {key: item for key, item in plain.items() if key not in _GOURAUD_KEYS}
     if isinstance(value, OutputSpec):
         return plain | {"background": plain.get("background", "transparent")}
     return {"type": _PATH_TYPES[type(value)]} | plain if type(value) in _PATH_TYPES else plain

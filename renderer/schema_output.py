@@ -25,13 +25,11 @@ def _parse_file(node: Node) -> Path:
     if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
         return _FILE.refuse(node, "not a file name", got=show(node.value))
     name = PurePath(node.value).name
-    suffix = PurePath(name).suffix
-    if suffix not in (".mp4", ".gif", ".png") or node.value.endswith(("/", "\\")):
-        hint = f"write {suffix.lower()}" if suffix.lower() in (".mp4", ".gif", ".png") else None
-        return _FILE.refuse(node, "unknown output format", got=show(node.value), hint=hint)
-    num_fields = len(FRAME_FIELD.findall(name))
-    rest = FRAME_FIELD.sub("", node.value) if num_fields else node.value
-    if "{" in rest or "}" in rest or num_fields > 1 or len(FRAME_FIELD.findall(node.value)) > num_fields:
+    suffix = PurePath(name).suffix.lower()
+    if suffix not in _SUFFIXES or node.value.endswith(("/", "\\")):
+        return _FILE.refuse(node, "unknown output format", got=show(node.value))
+    rest, num_fields = FRAME_FIELD.subn("", node.value)
+    if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(name)):
         expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
         return _FILE.refuse(node, "not a legal template", got=show(node.value), expected=expected)
     if suffix == ".png" and not num_fields:
@@ -42,6 +40,7 @@ def _parse_file(node: Node) -> Path:
     return Path(node.value)
 
 
+_SUFFIXES = (".mp4", ".gif", ".png")
 _FILE: Kind[Path] = Kind(_FILE_WORDS, _parse_file)
 _SIZE = sequence(integer(least=1, most=MAX_SIDE), f"[width, height]: two whole numbers from 1 to {MAX_SIDE}", count=2)
 _BACKGROUND: Kind[Any] = Kind(
@@ -61,7 +60,7 @@ _FIELDS: Table = {
 
 def _build_output(node: Node, given: dict[str, Any]) -> OutputSpec:
     file, size = given["file"], given.get("size", OutputSpec.size)
-    suffix = file.suffix if isinstance(file, Path) else None
+    suffix = file.suffix.lower() if isinstance(file, Path) else None
     if suffix in (".mp4", ".gif") and given.get("background", INVALID) is None:
         node.child("background").complain(
             f"a transparent background in {suffix}",

@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import nearest
-from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.scene import PROCEDURAL_NAMES, FileSource, ProceduralSource, RawSource, VolumeSpec
 from renderer.schema import Kind, Node, Table, choice, integer, known, number, section, sequence, show
-
-# Names without numpy: `renderer.procedural` makes them.
-PROCEDURAL_NAMES = ("engine_block", "constant_block", "single_voxel", "marschner_lobb")
 
 ITEM_SIZES = {
     "uint8": 1,
