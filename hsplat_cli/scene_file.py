@@ -5,6 +5,7 @@ Every complaint names its place: `scene.yaml:14:13`, or the option that brought 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -218,7 +219,7 @@ class _Editor:
         if isinstance(parent, dict):
             return next((key for key in parent if join("", key) == part), part)
         if isinstance(parent, list):
-            if part.isascii() and part.isdecimal() and int(part[:9]) < len(parent):
+            if re.fullmatch("[0-9]{1,9}", part) and int(part) < len(parent):
                 return int(part)
             expected = f"a number from 0 to {len(parent) - 1}" if parent else None
             self._complain(option, Problem(path, "no such item in this list", got=part, expected=expected))

@@ -71,15 +71,17 @@ class Node:
 
 @dataclass(frozen=True)
 class Kind(Generic[T]):
-    """What is expected, in words that follow "expected:", how it is read, and a hint for whoever got it wrong."""
+    """What is expected, in words that follow "expected:", and how it is read; `if_empty` is a hint for no value."""
 
     expected: str
     parse: Callable[[Node], T]
-    hint: str | None = None
+    if_empty: str | None = None
 
     def read(self, node: Node) -> T:
         """The checked value, or INVALID."""
-        return self.refuse(node, "no value") if node.value is None else self.parse(node)
+        if node.value is None:
+            return self.refuse(node, "no value", hint=self.if_empty)
+        return self.parse(node)
 
     def refuse(
         self,
@@ -91,7 +93,7 @@ class Kind(Generic[T]):
         hint: str | None = None,
     ) -> T:
         """Note that the value is not of this kind; returns INVALID, whatever the type says."""
-        node.complain(what, got=got, expected=expected or self.expected, hint=hint or self.hint)
+        node.complain(what, got=got, expected=expected or self.expected, hint=hint)
         stand_in: T = INVALID
         return stand_in
 
@@ -163,7 +165,7 @@ def number(
     return kind
 
 
-def integer(*, least: int, most: int | None = None) -> Kind[int]:
+def integer(*, least: int, most: int) -> Kind[int]:
     """A whole number from `least` to `most`; `1e3` and `120.0` are whole, and so is text that spells one."""
 
     def parse(node: Node) -> int:
@@ -228,7 +230,7 @@ def choice(*names: str, instead: Mapping[str, str] | None = None) -> Kind[Any]:
     def parse(node: Node) -> str:
         if isinstance(node.value, str) and node.value in names:
             return node.value
-        meant = (instead or {}).get(str(node.value))
+        meant = (instead or {}).get(node.value) if isinstance(node.value, str) else None
         hint = f"did you mean {meant}?" if meant else did_you_mean(node.value, names)
         return kind.refuse(node, "unknown value", got=show(node.value), hint=hint)
 
@@ -239,7 +241,7 @@ def choice(*names: str, instead: Mapping[str, str] | None = None) -> Kind[Any]:
 # Lists and mappings
 
 
-def sequence(item: Kind[T], expected: str, *, count: int | None = None, hint: str | None = None) -> Kind[tuple[T, ...]]:
+def sequence(item: Kind[T], expected: str, *, count: int | None = None) -> Kind[tuple[T, ...]]:
     """A list of `count` items, or of one or more; items that are wrong are INVALID."""
 
     def parse(node: Node) -> tuple[T, ...]:
@@ -249,7 +251,7 @@ def sequence(item: Kind[T], expected: str, *, count: int | None = None, hint: st
             return kind.refuse(node, "wrong number of items", got=show(node.value))
         return tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
 
-    kind: Kind[tuple[T, ...]] = Kind(expected, parse, hint)
+    kind: Kind[tuple[T, ...]] = Kind(expected, parse)
     return kind
 
 
@@ -258,12 +260,13 @@ def section(
     build: Callable[[Node, dict[str, Any]], T],
     *,
     required: Collection[str] = (),
-    hint: str | None = None,
 ) -> Kind[T]:
     """A mapping with the keys of `table`; `build` makes the value from those that are given, checking them together."""
-    return Kind(
-        f"a mapping with {listed(table)}", lambda node: build(node, fields(node, table, required=required)), hint
-    )
+    return Kind(_mapping_with(table, required), lambda node: build(node, fields(node, table, required=required)))
+
+
+def _mapping_with(table: Table, required: Collection[str]) -> str:
+    return f"a mapping with {listed(required, 'and') if required else listed(table)}"
 
 
 def fields(
@@ -279,17 +282,18 @@ def fields(
     `elsewhere` gives hints for keys that would be right in another place.
     """
     if not isinstance(node.value, Mapping):
-        node.complain("not a mapping", got=show(node.value), expected=f"a mapping with {listed(table)}")
+        node.complain("not a mapping", got=show(node.value), expected=_mapping_with(table, required))
         return dict.fromkeys(table, INVALID)
     given: dict[str, Any] = {}
     for key, value in node.value.items():
         if key in table:
             given[key] = table[key].read(node.child(key, value))
             continue
-        close = nearest(key, (name for name in table if name not in node.value)) if isinstance(key, str) else None
-        hint = (elsewhere or {}).get(str(key)) or (f"did you mean {close}?" if close else None)
+        close = nearest(key, table) if isinstance(key, str) else None
+        other_place = (elsewhere or {}).get(key) if isinstance(key, str) else None
+        hint = other_place or (f"did you mean {close}?" if close else None)
         node.key(key).complain("unknown key", expected=listed(table), hint=hint)
-        if close:  # so that a misspelt key is not reported as missing, too
+        if close and close not in node.value:  # a misspelt key is not missing, too
             given[close] = INVALID
     for key in required:
         if key not in given:

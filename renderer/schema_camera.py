@@ -65,7 +65,7 @@ _ANGLE = number()
 _ELEVATION = number(least=-90, most=90)
 
 _KEY_FIELDS: Table = {
-    "frame": integer(least=0),
+    "frame": integer(least=0, most=MAX_FRAMES - 1),
     "azimuth": _ANGLE,
     "elevation": _ELEVATION,
     "zoom": number(above=0),

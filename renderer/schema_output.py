@@ -46,7 +46,7 @@ _SIZE = sequence(integer(least=1, most=MAX_SIDE), f"[width, height]: two whole n
 _BACKGROUND: Kind[Any] = Kind(
     COLOR.expected + ", or transparent",
     lambda node: None if node.value == "transparent" else COLOR.read(node),
-    COLOR.hint,
+    COLOR.if_empty,
 )
 
 _FIELDS: Table = {
@@ -67,7 +67,7 @@ def _build_output(node: Node, given: dict[str, Any]) -> OutputSpec:
             expected="a color",
             hint="only PNG frames can be transparent: file: frames/{frame:04}.png",
         )
-    if suffix == ".mp4" and all(isinstance(side, int) for side in size) and any(side % 2 for side in size):
+    if suffix == ".mp4" and size is not INVALID and INVALID not in size and any(side % 2 for side in size):
         legal = [side + side % 2 for side in size]
         node.child("size").complain(
             "odd sizes cannot be encoded as MP4",

@@ -50,8 +50,9 @@ def _triple(item: Kind[Any], words: str) -> Kind[Any]:
 
 _SHAPE = _triple(integer(least=1, most=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
 _SPACING = _triple(number(above=0), "three numbers greater than 0")
+_NUMBER_OF = integer(least=0, most=10**6)  # a time step or a component, counted from 0
 _CROP = sequence(
-    sequence(integer(least=0), "[first, end]: whole numbers with first less than end", count=2),
+    sequence(integer(least=0, most=MAX_AXIS), "[first, end]: whole numbers with first less than end", count=2),
     "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last",
     count=3,
 )
@@ -77,8 +78,8 @@ def volume_kind(base: Path) -> Kind[VolumeSpec]:
         "file": _file_kind(base, folder=True),
         "raw": section(raw, _build_raw, required=("file", "shape", "dtype")),
         "procedural": section(procedural, _build_procedural, required=("name", "shape")),
-        "time": integer(least=0),
-        "component": integer(least=0),
+        "time": _NUMBER_OF,
+        "component": _NUMBER_OF,
         "crop": _CROP,
         "nonfinite": choice("error", "lowest"),
     }
@@ -159,27 +160,29 @@ def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
             return kind.refuse(node, "not a file name", got=show(node.value))
         path = base / node.value
+        got = str(path) if str(path).isprintable() else repr(str(path))
         try:
             is_file, is_folder = path.is_file(), path.is_dir()
-        except (OSError, ValueError):  # a name that the system refuses, such as a very long one
+        except OSError:  # a name that the system refuses, such as a very long one
             is_file = is_folder = False
         if folder and is_file and path.suffix.lower() in _HEADERLESS:
             hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
-            return kind.refuse(node, "a file without a header", got=str(path), hint=hint)
-        if not folder and is_folder:
-            return kind.refuse(node, "a folder", got=str(path))
+            return kind.refuse(node, "a file without a header", got=got, hint=hint)
+        if is_folder and not folder:
+            return kind.refuse(node, "a folder", got=got)
         if not (is_file or is_folder):
-            return kind.refuse(node, "no such file", got=str(path), hint=_nearest_file(path))
+            return kind.refuse(node, "no such file", got=got, hint=_where_else(path))
         return path
 
     kind: Kind[Path] = Kind("a file or a folder" if folder else "a file", parse)
     return kind
 
 
-def _nearest_file(path: Path) -> str | None:
+def _where_else(path: Path) -> str:
+    """A hint for a file that is not there."""
     try:
-        names = [entry.name for entry in path.parent.iterdir()]
+        others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
     except (OSError, ValueError):
-        return "~ is not expanded: write the whole path" if str(path).count("~") else None
-    close = nearest(path.name, sorted(names))
-    return f"did you mean {close}?" if close else None
+        others = []
+    close = nearest(path.name, others)
+    return f"did you mean {close}?" if close else "a name is relative to the folder of the scene; ~ is not expanded"
