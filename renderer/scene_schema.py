@@ -123,7 +123,7 @@ def _parse_tolerance(node: Node) -> tuple[tuple[int, float], ...]:
             node.key(key).complain("the same frame twice", got=show(key))
         if value == 0 and value is not False:
             hint = "it is interpolated in the logarithm; only a constant tolerance can be 0 and draw every voxel"
-            _AT_FRAME.refuse(place, "0 in a tolerance by frame", hint=hint)
+            _AT_FRAME.refuse(place, "0 in a tolerance by frame", got=show(value), hint=hint)
         else:
             by_frame[frame] = _AT_FRAME.read(place)
     return tuple(sorted((frame, at) for frame, at in by_frame.items() if isinstance(frame, int)))
@@ -138,7 +138,7 @@ def _build_error(node: Node, given: dict[str, Any]) -> ErrorSpec:
     if given.get("of") == "scalar" and given.get("measure", ErrorSpec.measure) == "optical":
         node.child("of").complain(
             "contradicts measure: optical",
-            got="scalar",
+            got=show("scalar"),
             expected="classified",
             hint="the error of the scalar needs measure: rms",
         )

@@ -122,6 +122,8 @@ def _scalar(value: object) -> str:
         return "true" if value else "false"
     if isinstance(value, int) and value.bit_length() > 4 * _MAX_SHOWN:  # Python refuses to spell very large ones
         return "a huge number"
+    if isinstance(value, float):
+        return repr(value).removesuffix(".0") if math.isfinite(value) else f".{value}"
     return repr(value[:_MAX_SHOWN] if isinstance(value, str) else value)
 
 

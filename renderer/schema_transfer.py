@@ -117,7 +117,7 @@ def _build_transfer(node: Node, given: dict[str, Any]) -> TransferSpec:
         _check_points(node.child("points"), points)
         return TransferSpec(points, unit)
     if not of_colormap:
-        node.complain("empty", expected="points, or colormap with range and opacity")
+        node.complain("no colors and opacities", expected="points, or colormap with range and opacity")
         return TransferSpec((), unit)
     for key in _COLORMAP_KEYS:
         if key not in given:
@@ -153,7 +153,7 @@ def _check_order(node: Node, values: list[Any], key: object) -> None:
         place = node.child(index).child(key)
         if value < before:
             place.complain(
-                "points out of order", got=show(value), expected=f"at least {before}, as in the point before"
+                "points out of order", got=show(value), expected=f"at least {show(before)}, as in the point before"
             )
         elif value == before and index > 1 and values[index - 2] == value:
             place.complain("a third point at the same value", got=show(value), hint="two points make a step")

@@ -174,8 +174,11 @@ def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
             return kind.refuse(node, "no such file", got=got, hint=_where_else(path))
         return path
 
-    kind: Kind[Path] = Kind("a file or a folder" if folder else "a file", parse)
+    kind: Kind[Path] = Kind(_SELF_DESCRIBING if folder else "a file of voxels without a header", parse)
     return kind
+
+
+_SELF_DESCRIBING = "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices"
 
 
 def _where_else(path: Path) -> str:
