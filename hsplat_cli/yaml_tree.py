@@ -74,8 +74,8 @@ def read_tree(text: str) -> Tree:
         raise NotYamlError(what, Mark(len(lines), len(lines[-1]) + 1)) from error
     except yaml.MarkedYAMLError as error:
         raise _explain(error) from error
-    except (ValueError, OverflowError) as error:  # PyYAML, on an escape for a character that does not exist
-        raise NotYamlError(f"not valid YAML: {error}") from error
+    except (ValueError, OverflowError) as error:  # PyYAML lets that of chr() through
+        raise NotYamlError("not valid YAML: an escape for a character that does not exist") from error
     return tree
 
 
@@ -124,6 +124,8 @@ class _Builder:
         at_key = _mark((key or node).start_mark)
         is_block = isinstance(node, yaml.CollectionNode) and not node.flow_style
         self.tree.places[path] = Place(at_key, at_key if is_block else _mark(node.start_mark))
+        if isinstance(node, yaml.CollectionNode) and node.tag not in (f"{_TAG}map", f"{_TAG}seq"):
+            self._refuse_tag(node, path)
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path, depth)
         if isinstance(node, yaml.SequenceNode):
@@ -161,9 +163,12 @@ class _Builder:
         except (KeyError, ValueError):  # an explicit tag on something else
             kind = "?"
         if kind != "str":
-            problem = Problem(path, "tags are not used here", got=show(node.tag), hint="remove the !tag")
-            self._note(_mark(node.start_mark), problem)
+            self._refuse_tag(node, path)
         return text
+
+    def _refuse_tag(self, node: yaml.Node, path: str) -> None:
+        problem = Problem(path, "tags are not used here", got=show(node.tag), hint="remove what begins with !")
+        self._note(_mark(node.start_mark), problem)
 
     def _note(self, mark: Mark, problem: Problem) -> None:
         self.tree.problems.append((mark, problem))
@@ -184,22 +189,30 @@ def _too_much(problem: str, mark: yaml.Mark) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
 
 
+# What PyYAML says (a beginning of it), the same for somebody who has not read its source, and what to do.
+_WORDS = (
+    ("found character '\\t'", "a tab", "indent with spaces"),
+    ("expected <block end>", "this does not belong to what is above it", "compare its indentation with line {begin}"),
+    (
+        "mapping values are not allowed",
+        "a colon that cannot be there",
+        "put text with a colon in quotes; check the indentation",
+    ),
+    ("could not find expected ':'", "a key without a colon", "write `key: value`, with a blank after the colon"),
+    ("found unexpected end of stream", "a quote that is not closed", "it is opened in line {begin}"),
+    ("expected the node content", "a value that is missing or not finished", None),
+    ("but found another document", "a second document", "one scene a file: remove everything from this --- on"),
+    ("found undefined alias", "an alias without an anchor", "put text that begins with * in quotes"),
+    ("second occurrence", "an anchor whose name is taken", "the other one is in line {begin}"),
+)
+
+
 def _explain(error: yaml.MarkedYAMLError) -> NotYamlError:
-    """PyYAML's complaint in the words of somebody who has not read its source."""
     problem = error.problem or error.context or "unreadable"
     mark = _mark(error.problem_mark) if error.problem_mark else None
     begin = error.context_mark.line + 1 if error.context_mark else None
-    hint = f"it belongs to what begins in line {begin}" if begin and mark and begin != mark.line else None
-    if "'\\t'" in problem:
-        problem, hint = "a tab", "indent with spaces"
-    elif problem.startswith("expected <block end>"):
-        problem, hint = "this does not belong to what is above it", f"compare its indentation with that of line {begin}"
-    elif problem == "mapping values are not allowed here":
-        problem, hint = "a colon that cannot be there", "put text that holds a colon in quotes; check the indentation"
-    elif problem == "could not find expected ':'":
-        problem, hint = "a key without a colon", "write `key: value`, with a blank after the colon"
-    elif problem == "but found another document":
-        problem, hint = "a second document", "one scene a file: remove everything from this --- on"
-    elif problem == "second occurrence":
-        problem = "an anchor with a name that is taken"
-    return NotYamlError(f"not valid YAML: {problem}", mark, hint)
+    hint = "it belongs to what begins in line {begin}" if begin and mark and begin != mark.line else None
+    for beginning, words, advice in _WORDS:
+        if problem.startswith(beginning):
+            problem, hint = words, advice
+    return NotYamlError(f"not valid YAML: {problem}", mark, hint.format(begin=begin) if hint else None)

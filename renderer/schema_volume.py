@@ -6,9 +6,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-from renderer.errors import nearest
 from renderer.scene import PROCEDURAL_NAMES, FileSource, ProceduralSource, RawSource, VolumeSpec
-from renderer.schema import Kind, Node, Table, choice, integer, known, number, section, sequence, show
+from renderer.schema import Kind, Node, Table, choice, did_you_mean, integer, known, number, section, sequence, show
 
 ITEM_SIZES = {
     "uint8": 1,
@@ -181,11 +180,10 @@ def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
 _SELF_DESCRIBING = "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices"
 
 
-def _where_else(path: Path) -> str:
+def _where_else(path: Path) -> str | None:
     """A hint for a file that is not there."""
     try:
         others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
     except (OSError, ValueError):
-        others = []
-    close = nearest(path.name, others)
-    return f"did you mean {close}?" if close else "a name is relative to the folder of the scene; ~ is not expanded"
+        return "~ is not expanded: write the whole path" if "~" in path.parts else "its folder is not there, either"
+    return did_you_mean(path.name, others)
