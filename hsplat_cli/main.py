@@ -9,6 +9,7 @@ import contextlib
 import importlib
 import io
 import os
+import select
 import sys
 import traceback
 from collections.abc import Sequence
@@ -126,9 +127,12 @@ def _complain(text: str) -> None:
 
 def _reader_is_gone() -> bool:
     """Whether nobody reads the standard output any more, as in `hsplat ... | head`; if so, let Python exit in peace."""
+    poll = select.poll()
     try:
-        sys.stdout.flush()
-    except BrokenPipeError:
+        poll.register(sys.stdout.fileno(), 0)
+    except OSError:  # not a file at all
+        return False
+    is_gone = any(event & select.POLLERR for _, event in poll.poll(0))
+    if is_gone:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return True
-    return False
+    return is_gone

@@ -118,7 +118,7 @@ class _Builder:
     def build(self, node: yaml.Node, path: str, *, key: yaml.Node | None, depth: int) -> Any:
         self.num_nodes += 1
         if self.num_nodes > MAX_NODES:
-            raise _too_much(f"more than {MAX_NODES} values", node.start_mark)
+            raise _too_much(f"more than {MAX_NODES} values", None)
         if depth > MAX_DEPTH:  # an anchor that contains itself
             raise _too_much(f"more than {MAX_DEPTH} levels", node.start_mark)
         at_key = _mark((key or node).start_mark)
@@ -145,7 +145,8 @@ class _Builder:
             key = self._scalar(key_node, path)
             place = join(path, key)
             if key in lines:
-                self._note(mark, Problem(place, "the same key twice", hint=f"it is in line {lines[key]}, too"))
+                hint = f"it is in line {lines[key]}, too" if lines[key] != mark.line else None
+                self._note(mark, Problem(place, "the same key twice", hint=hint))
                 continue
             lines[key] = mark.line
             data[key] = self.build(value_node, place, key=key_node, depth=depth + 1)
@@ -185,14 +186,18 @@ def _mark(mark: yaml.Mark) -> Mark:
     return Mark(mark.line + 1, mark.column + 1)
 
 
-def _too_much(problem: str, mark: yaml.Mark) -> yaml.MarkedYAMLError:
+def _too_much(problem: str, mark: yaml.Mark | None) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
 
 
 # What PyYAML says (a beginning of it), the same for somebody who has not read its source, and what to do.
 _WORDS = (
     ("found character '\\t'", "a tab", "indent with spaces"),
-    ("expected <block end>", "this does not belong to what is above it", "compare its indentation with line {begin}"),
+    (
+        "expected <block end>",
+        "this does not belong to what is above it",
+        "compare its indentation with that of line {begin}",
+    ),
     (
         "mapping values are not allowed",
         "a colon that cannot be there",
