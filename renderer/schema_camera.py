@@ -88,6 +88,11 @@ _PATH_FIELDS: dict[str, dict[str, Kind[Any]]] = {
         "easing": choice("smooth", "linear"),
     },
 }
+# What to say about a key of another type of path.
+_OWNERS = {
+    key: f"{key} belongs to type: {listed(name for name, table in _PATH_FIELDS.items() if key in table)}"
+    for key in set().union(*_PATH_FIELDS.values())
+}
 
 
 def _parse_path(node: Node) -> Any:
@@ -98,15 +103,8 @@ def _parse_path(node: Node) -> Any:
     name = _COMMON["type"].read(node.child("type", node.value["type"]))
     if name is INVALID:  # which keys are legal depends on it
         return INVALID
-    table = _PATH_FIELDS[name]
-    owners = {
-        key: [path for path, keys in _PATH_FIELDS.items() if key in keys]
-        for keys in _PATH_FIELDS.values()
-        for key in keys
-    }
-    elsewhere = {key: f"{key} belongs to type: {listed(paths)}" for key, paths in owners.items() if key not in table}
     required = ("frames", "keys") if name == "keyframes" else ("frames",)
-    given = fields(node, table, required=required, elsewhere=elsewhere)
+    given = fields(node, _PATH_FIELDS[name], required=required, elsewhere=_OWNERS)
     if name == "keyframes":
         _check_keys(node.child("keys"), given["keys"], given["frames"])
     return _PATHS[name](**{key: value for key, value in given.items() if key != "type"})

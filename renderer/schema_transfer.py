@@ -7,9 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 from renderer.colormaps import is_colormap, nearest_colormap
-from renderer.errors import nearest
 from renderer.scene import Color, ColormapSpec, ControlPoint, TransferSpec
-from renderer.schema import INVALID, Kind, Node, Table, known, number, section, sequence, show
+from renderer.schema import INVALID, Kind, Node, Table, did_you_mean, known, number, section, sequence, show
 
 COLOR_NAMES = {
     "black": "#000000",
@@ -45,8 +44,7 @@ def _parse_color(node: Node) -> Color:
         return COLOR.refuse(node, "not a color", got=show(node.value))
     text = COLOR_NAMES.get(node.value.lower(), node.value)
     if not _HEX.fullmatch(text):
-        close = nearest(text.lower(), COLOR_NAMES)
-        return COLOR.refuse(node, "not a color", got=show(node.value), hint=f"did you mean {close}?" if close else None)
+        return COLOR.refuse(node, "not a color", got=show(node.value), hint=did_you_mean(text.lower(), COLOR_NAMES))
     digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
     red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
     return red, green, blue

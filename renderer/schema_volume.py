@@ -162,8 +162,8 @@ def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
         got = str(path) if str(path).isprintable() else repr(str(path))
         try:
             is_file, is_folder = path.is_file(), path.is_dir()
-        except OSError:  # a name that the system refuses, such as a very long one
-            is_file = is_folder = False
+        except OSError as error:  # a folder without permission, a name that is too long
+            return kind.refuse(node, f"cannot be read: {error.strerror}", got=show(str(path)))
         if folder and is_file and path.suffix.lower() in _HEADERLESS:
             hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
             return kind.refuse(node, "a file without a header", got=got, hint=hint)

@@ -179,7 +179,7 @@ def scenes(draw: st.DrawFn) -> Scene:
     )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(scene=scenes())
 def test_plain_data_make_the_same_scene_again(scene: Scene) -> None:
     plain = scene_to_dict(scene)
