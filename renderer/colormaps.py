@@ -1,3 +1,73 @@
-def colormap_points(name, count):
-    import cmap
-    return cmap.Colormap(name).lut(count)[:, :3]
+"""Named colormaps, from the catalogue of the package `cmap`.
+
+Names are checked without importing that package, because it imports numpy: its catalogue is a `record.json` in each of
+its data folders, and those are read here.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from renderer.errors import RenderError, nearest
+
+
+def colormap_names() -> tuple[str, ...]:
+    """Every name, short (`viridis`) and with its collection (`bids:viridis`), sorted; `_r` after one reverses it."""
+    return tuple(sorted(set(_names())))
+
+
+def is_colormap(name: str) -> bool:
+    """Whether `colormap_points` knows this name; case does not matter, and blank, dash and underscore are the same."""
+    return any(_normal(known) == _base(name) for known in _names())
+
+
+def nearest_colormap(name: str) -> str | None:
+    """The colormap that was probably meant, or None; `_r` is kept."""
+    base = _base(name)
+    short = ":" not in base
+    found = nearest(base, (known for known in colormap_names() if (":" not in known) == short))
+    return f"{found}_r" if found and base != _normal(name) else found
+
+
+def colormap_points(name: str, count: int) -> list[tuple[float, float, float]]:
+    """`count` >= 2 colours, evenly spaced from the colormap's first to its last; each (r, g, b) in [0, 1].
+
+    `name` must be one that `is_colormap` accepts. Imports cmap, and with it numpy.
+    """
+    import cmap  # noqa: PLC0415  (heavy, and not needed to check a scene)
+
+    base = _base(name)
+    # The full name: a short one that several collections share is reported on stderr.
+    full = cmap.Colormap.catalog().resolve(base)
+    colors = cmap.Colormap(full if base == _normal(name) else f"{full}_r").lut(count)
+    return [(float(r), float(g), float(b)) for r, g, b, _ in colors]
+
+
+def _normal(name: str) -> str:
+    return name.lower().replace(" ", "_").replace("-", "_")
+
+
+def _base(name: str) -> str:
+    return _normal(name).removesuffix("_r")
+
+
+def _names() -> Iterator[str]:
+    """Legal names, as the catalogue spells them; lazily, since a common one is in the first few files."""
+    for record in _records():
+        content = json.loads(record.read_text(encoding="utf-8"))
+        collection = content["namespace"]
+        for name, entry in content["colormaps"].items():
+            yield name
+            for alias in itertools.chain([name], entry.get("aliases", [])):
+                yield f"{collection}:{alias}"
+
+
+def _records() -> list[Path]:
+    spec = importlib.util.find_spec("cmap")
+    if spec is None or not spec.submodule_search_locations:
+        raise RenderError("the package cmap is not installed", hint="pip install cmap")
+    return sorted(Path(spec.submodule_search_locations[0], "data").glob("*/record.json"))

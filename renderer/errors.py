@@ -48,23 +48,36 @@ class RenderError(HsplatError):
 
 @dataclass(frozen=True)
 class Problem:
-    """One complaint about a scene; `path` is the dotted key, list items by number: `transfer_function.points.2.value`."""
+    """One complaint about a scene.
+
+    Parameters
+    ----------
+    path: the dotted key, list items by number: `transfer_function.points.2.value`; empty for the scene as a whole.
+    what, got, expected, hint: as in HsplatError.
+    at_key: the mistake is that the key is there at all, not its value.
+    place: where that is written (`scene.yaml:14:13`); known only to the layer that read the file.
+    """
 
     path: str
     what: str
     got: str | None = None
     expected: str | None = None
     hint: str | None = None
+    at_key: bool = False
+    place: str | None = None
+
+    def __str__(self) -> str:
+        where = ": ".join(part for part in (self.place, self.path) if part)
+        return describe(self.what, where=where or None, got=self.got, expected=self.expected, hint=self.hint)
 
 
 class SceneError(InputError):
-    """Everything that is wrong with a scene, all at once; `problems` is ordered as in the scene's schema."""
+    """Everything that is wrong with a scene, all at once; `problems` is ordered as in the scene's schema, or by place
+    once the places are known."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
-        super().__init__(
-            "\n".join(describe(p.what, where=p.path, got=p.got, expected=p.expected, hint=p.hint) for p in self.problems)
-        )
+        super().__init__("\n".join(map(str, self.problems)))
 
 
 def describe(

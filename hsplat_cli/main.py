@@ -1,0 +1,138 @@
+"""The command `hsplat`: finds the subcommand, and is the one place where errors become messages and exit codes.
+
+0: done. 1: the render failed, or the program did. 2: the input was wrong. 130: interrupted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import select
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib import metadata
+
+import click
+
+from renderer.errors import HsplatError, InputError, nearest
+
+# Module and summary of each command; a command is the function of its own name in its module, which is imported only
+# when the command is called. Help would be slow if it had to ask the modules.
+COMMANDS = {
+    "render": ("hsplat_cli.render", "Render a scene to a film or to frames."),
+    "check": ("hsplat_cli.check", "Check a scene file and list everything that is wrong with it."),
+    "info": ("hsplat_cli.info", "Describe a volume: shape, spacing, range, histogram."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command = getattr(importlib.import_module(COMMANDS[cmd_name][0]), cmd_name)
+        assert isinstance(command, click.Command), cmd_name
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] not in COMMANDS:
+            close = nearest(args[0], COMMANDS)
+            raise InputError(
+                f"hsplat has no command {args[0]!r}",
+                expected=", ".join(COMMANDS),
+                hint=f"did you mean {close}?" if close else None,
+            )
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+
+
+def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if not wanted or context.resilient_parsing:
+        return
+    try:
+        version = metadata.version("hsplat")
+    except metadata.PackageNotFoundError:
+        version = "(not installed)"
+    click.echo(f"hsplat {version}")
+    context.exit()
+
+
+@click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--version", is_flag=True, is_eager=True, expose_value=False, help="Show the version.", callback=_version)
+def hsplat() -> None:
+    """Film loops from scalar volumes by hierarchical splatting."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line, by default that of the process, and exit."""
+    for stream in (sys.stdout, sys.stderr):  # a file name may hold what the terminal's encoding does not
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a command line and return the exit code; every error has become a message on the standard error stream."""
+    try:
+        return _invoke(arguments)
+    except HsplatError as error:
+        _complain(str(error))
+        return 2 if isinstance(error, InputError) else 1
+    except (KeyboardInterrupt, click.Abort):
+        _complain("hsplat: interrupted")
+        return 130
+    except MemoryError:
+        _complain("hsplat: out of memory")
+        return 1
+    except Exception as error:  # the last resort: whatever it was, no traceback reaches a user
+        if not (isinstance(error, BrokenPipeError) and _reader_is_gone()):
+            what = " ".join(f"{type(error).__name__}: {error}".split())
+            _complain(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
+        return 1
+
+
+def _invoke(arguments: Sequence[str]) -> int:
+    # Not click's own main(), which would take an EOFError for an interrupt and any broken pipe for that of stdout.
+    code = 0
+    try:
+        with hsplat.make_context("hsplat", list(arguments)) as context:
+            hsplat.invoke(context)
+    except click.exceptions.Exit as done:
+        code = done.exit_code
+    except click.ClickException as error:
+        error.show()
+        code = error.exit_code
+    sys.stdout.flush()
+    return code
+
+
+def _complain(text: str) -> None:
+    with contextlib.suppress(BrokenPipeError):
+        print(text, file=sys.stderr)
+        if os.environ.get("HSPLAT_DEBUG") == "1":
+            traceback.print_exc()
+
+
+def _reader_is_gone() -> bool:
+    """Whether nobody reads the standard output any more, as in `hsplat ... | head`; if so, let Python exit in peace."""
+    poll = select.poll()
+    try:
+        poll.register(sys.stdout.fileno(), 0)
+    except OSError:  # not a file at all
+        return False
+    is_gone = any(event & select.POLLERR for _, event in poll.poll(0))
+    if is_gone:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return is_gone

@@ -1,0 +1,251 @@
+"""Plain data to a checked Scene, and back.
+
+The tree is what a YAML or JSON reader gives: nested mappings, lists and scalars. The large sections of a scene have a
+module each (`schema_volume`, `schema_transfer`, `schema_camera`, `schema_output`), the others are here. Defaults are
+those of the dataclasses in `renderer.scene`. Nothing here imports numpy or GL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields as dataclass_fields
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import Problem, SceneError
+from renderer.scene import (
+    ColormapSpec,
+    ErrorSpec,
+    FileSource,
+    KeyframePath,
+    OutputSpec,
+    PyramidSpec,
+    RawSource,
+    RockerPath,
+    Scene,
+    ShadingSpec,
+    SplatSpec,
+    TransferSpec,
+    TurntablePath,
+    VolumeSpec,
+)
+from renderer.schema import BOOLEAN, INVALID, Kind, Node, Table, choice, integer, known, number, section, sequence, show
+from renderer.schema_camera import CAMERA, MAX_FRAMES, direction
+from renderer.schema_output import OUTPUT
+from renderer.schema_transfer import TRANSFER_FUNCTION
+from renderer.schema_volume import volume_kind
+
+VERSION = 1
+
+
+def parse_scene(tree: object, *, base: Path) -> Scene:
+    """The scene that `tree` describes.
+
+    Volume files are looked for relative to `base` and kept as `base / file`; the output file is kept as given.
+    Raises SceneError with every problem that there is.
+    """
+    problems: list[Problem] = []
+    scene = _scene_kind(base).read(Node(tree, "", problems))
+    if problems:
+        raise SceneError(problems)
+    return scene
+
+
+def _scene_kind(base: Path) -> Kind[Scene]:
+    table: Table = {
+        "version": _VERSION,
+        "volume": volume_kind(base),
+        "transfer_function": TRANSFER_FUNCTION,
+        "shading": _SHADING,
+        "camera": CAMERA,
+        "error": _ERROR,
+        "pyramid": _PYRAMID,
+        "splat": _SPLAT,
+        "output": OUTPUT,
+    }
+    return section(table, _build_scene, required=("volume", "transfer_function", "camera", "output"))
+
+
+def _parse_version(node: Node) -> int:
+    if node.value == VERSION and not isinstance(node.value, bool):
+        return VERSION
+    return _VERSION.refuse(node, "unknown version of the scene format", got=show(node.value))
+
+
+_VERSION: Kind[int] = Kind(str(VERSION), _parse_version)
+
+
+def _build_scene(node: Node, given: dict[str, Any]) -> Scene:
+    num_frames = getattr(getattr(given["camera"], "path", None), "frames", None)
+    tolerance = getattr(given.get("error"), "tolerance", None)
+    if isinstance(num_frames, int) and isinstance(tolerance, tuple):
+        for frame, _ in tolerance:
+            if isinstance(frame, int) and frame >= num_frames:
+                node.child("error").child("tolerance").key(frame).complain(
+                    "after the last frame", got=show(frame), expected=f"a frame from 0 to {num_frames - 1}"
+                )
+    return Scene(**given)
+
+
+_SHADING = section(
+    {
+        "ambient": number(least=0, most=1),
+        "diffuse": number(least=0, most=1),
+        "light": direction("[x, y, z], not all 0: from the object to the light"),
+    },
+    lambda node, given: ShadingSpec(**given),
+)
+
+_PYRAMID = section(
+    {"average": choice("extinction", "opacity"), "precision": choice("half", "single")},
+    lambda node, given: PyramidSpec(**given),
+)
+
+
+# error
+
+_CONSTANT = number(least=0)
+_FRAME = integer(least=0, most=MAX_FRAMES - 1)
+_AT_FRAME = number(above=0)
+
+
+def _parse_tolerance(node: Node) -> tuple[tuple[int, float], ...]:
+    if not isinstance(node.value, Mapping):
+        return ((0, _CONSTANT.read(node)),)
+    if not node.value:
+        return _TOLERANCE.refuse(node, "empty")
+    by_frame: dict[int, float] = {}
+    for key, value in node.value.items():
+        place = node.child(key, value)
+        frame = _FRAME.read(node.key(key))  # text, too: JSON has no other keys
+        if frame in by_frame:
+            node.key(key).complain("the same frame twice", got=show(key))
+        if value == 0 and value is not False:
+            hint = "it is interpolated in the logarithm; only a constant tolerance can be 0 and draw every voxel"
+            _AT_FRAME.refuse(place, "0 in a tolerance by frame", got=show(value), hint=hint)
+        else:
+            by_frame[frame] = _AT_FRAME.read(place)
+    return tuple(sorted((frame, at) for frame, at in by_frame.items() if isinstance(frame, int)))
+
+
+_TOLERANCE: Kind[tuple[tuple[int, float], ...]] = Kind(
+    "a number of at least 0, or numbers greater than 0 by frame, such as {0: 0.5, 60: 0.02}", _parse_tolerance
+)
+
+
+def _build_error(node: Node, given: dict[str, Any]) -> ErrorSpec:
+    if given.get("of") == "scalar" and given.get("measure", ErrorSpec.measure) == "optical":
+        node.child("of").complain(
+            "contradicts measure: optical",
+            got=show("scalar"),
+            expected="classified",
+            hint="the error of the scalar needs measure: rms",
+        )
+    return ErrorSpec(**given)
+
+
+_ERROR = section(
+    {"measure": choice("optical", "rms"), "of": choice("classified", "scalar"), "tolerance": _TOLERANCE}, _build_error
+)
+
+
+# splat
+
+_GOURAUD_KEYS = ("angular", "radial", "profile")
+_WEIGHT = number(least=0, most=1)
+_PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
+_PROFILE = sequence(sequence(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS)
+
+
+def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
+    if given.get("footprint", SplatSpec.footprint) == "gaussian":
+        for key in known(given, *_GOURAUD_KEYS):
+            node.key(key).complain("contradicts footprint: gaussian", hint="only footprint: gouraud has it")
+    profile = given.get("profile", INVALID)
+    if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
+        _check_profile(node.child("profile"), profile)
+    return SplatSpec(**given)
+
+
+def _check_profile(node: Node, profile: tuple[tuple[float, float], ...]) -> None:
+    radii = [radius for radius, _ in profile]
+    if radii[0] != 0 or radii[-1] != 1 or radii != sorted(set(radii)):
+        node.complain("radius does not ascend from 0 to 1", got=show(radii), expected=_PROFILE_WORDS)
+    if all(weight == 0 for _, weight in profile):
+        node.complain("every weight is 0", expected="a weight greater than 0")
+
+
+_SPLAT = section(
+    {
+        "footprint": choice("gaussian", "gouraud"),
+        "sigma": number(above=0, most=2),
+        "angular": integer(least=3, most=64),
+        "radial": integer(least=1, most=32),
+        "profile": _PROFILE,
+        "opacity_correction": BOOLEAN,
+        "order": choice("depth", "boxes"),
+    },
+    _build_splat,
+)
+
+
+# Back to plain data
+
+_PATH_TYPES = {TurntablePath: "turntable", RockerPath: "rocker", KeyframePath: "keyframes"}
+
+
+def scene_to_dict(scene: Scene) -> dict[str, Any]:
+    """The scene as plain data with every default written out; JSON and YAML can hold it.
+
+    `parse_scene` makes the same scene from it, with any `base` if the volume's file is an absolute path and with the
+    current folder otherwise.
+    """
+    tree: dict[str, Any] = _plain(scene)
+    return {key: tree[key] for key in ("version", *tree) if key in tree}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
+    return _plain_dataclass(value) if is_dataclass(value) else value
+
+
+def _plain_dataclass(value: Any) -> dict[str, Any]:
+    plain = _plain_fields(value)
+    if isinstance(value, VolumeSpec):
+        return _plain_source(plain.pop("source"), value) | plain
+    if isinstance(value, TransferSpec):
+        mapping = plain.pop("mapping")
+        return (_plain_colormap(mapping) if isinstance(value.mapping, ColormapSpec) else {"points": mapping}) | plain
+    if isinstance(value, ErrorSpec):
+        return plain | {"tolerance": _plain_tolerance(value.tolerance)}
+    if isinstance(value, SplatSpec) and value.footprint == "gaussian":
+        return {key: item for key, item in plain.items() if key not in _GOURAUD_KEYS}
+    if isinstance(value, OutputSpec):
+        return plain | {"background": plain.get("background", "transparent")}
+    return {"type": _PATH_TYPES[type(value)]} | plain if type(value) in _PATH_TYPES else plain
+
+
+def _plain_fields(value: Any) -> dict[str, Any]:
+    """Fields that are None are left out: None stands for a key that is not given."""
+    pairs = ((field.name, getattr(value, field.name)) for field in dataclass_fields(value))
+    return {name: _plain(item) for name, item in pairs if item is not None}
+
+
+def _plain_source(plain: dict[str, Any], volume: VolumeSpec) -> dict[str, Any]:
+    if isinstance(volume.source, FileSource):
+        return plain
+    return {"raw" if isinstance(volume.source, RawSource) else "procedural": plain}
+
+
+def _plain_colormap(plain: dict[str, Any]) -> dict[str, Any]:
+    return {"colormap": plain.pop("name")} | plain
+
+
+def _plain_tolerance(tolerance: tuple[tuple[int, float], ...]) -> float | dict[int, float]:
+    """A mapping with whole numbers for keys, or one number; `parse_scene` takes the keys as text, too."""
+    (frame, first), *more = tolerance
+    return first if frame == 0 and not more else dict(tolerance)

@@ -1,0 +1,87 @@
+"""The scene's `output`: which file, how large, and what goes with which format."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path, PurePath
+from typing import Any
+
+from renderer.scene import OutputSpec
+from renderer.schema import INVALID, Kind, Node, Table, integer, known, number, section, sequence, show
+from renderer.schema_transfer import COLOR
+
+MAX_SIDE = 16384
+
+# A GIF's delay is a whole number of centiseconds, and browsers take a delay of 1 for 10.
+MAX_GIF_RATE = 50
+
+# The number is padded with zeros, so that names sort in the order of frames.
+FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
+
+_FILE_WORDS = "a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png"
+
+
+def _parse_file(node: Node) -> Path:
+    if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
+        return _FILE.refuse(node, "not a file name", got=show(node.value))
+    name = PurePath(node.value).name
+    suffix = PurePath(name).suffix.lower()
+    if suffix not in _SUFFIXES or node.value.endswith(("/", "\\")):
+        return _FILE.refuse(node, "unknown output format", got=show(node.value))
+    rest, num_fields = FRAME_FIELD.subn("", node.value)
+    if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(name)):
+        expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
+        return _FILE.refuse(node, "not a legal template", got=show(node.value), expected=expected)
+    if suffix == ".png" and not num_fields:
+        hint = f"write {PurePath(name).stem}-{{frame:04}}.png"
+        return _FILE.refuse(node, "frames need a number in their names", got=show(node.value), hint=hint)
+    if suffix != ".png" and num_fields:
+        return _FILE.refuse(node, f"a film and frames at once: {suffix} with a frame number", got=show(node.value))
+    return Path(node.value)
+
+
+_SUFFIXES = (".mp4", ".gif", ".png")
+_FILE: Kind[Path] = Kind(_FILE_WORDS, _parse_file)
+_SIZE = sequence(integer(least=1, most=MAX_SIDE), f"[width, height]: two whole numbers from 1 to {MAX_SIDE}", count=2)
+_BACKGROUND: Kind[Any] = Kind(
+    COLOR.expected + ", or transparent",
+    lambda node: None if node.value == "transparent" else COLOR.read(node),
+    COLOR.if_empty,
+)
+
+_FIELDS: Table = {
+    "file": _FILE,
+    "size": _SIZE,
+    "frames_per_second": number(least=0.01, most=1000),
+    "background": _BACKGROUND,
+    "quality": number(least=0, most=10),
+}
+
+
+def _build_output(node: Node, given: dict[str, Any]) -> OutputSpec:
+    file, size = given["file"], given.get("size", OutputSpec.size)
+    suffix = file.suffix.lower() if isinstance(file, Path) else None
+    if suffix in (".mp4", ".gif") and given.get("background", INVALID) is None:
+        node.child("background").complain(
+            f"a transparent background in {suffix}",
+            expected="a color",
+            hint="only PNG frames can be transparent: file: frames/{frame:04}.png",
+        )
+    if suffix == ".mp4" and size is not INVALID and INVALID not in size and any(side % 2 for side in size):
+        legal = [side + side % 2 for side in size]
+        node.child("size").complain(
+            "odd sizes cannot be encoded as MP4",
+            got=show(size),
+            expected="even numbers",
+            hint=f"the nearest is {legal}",
+        )
+    if suffix == ".gif" and known(given, "frames_per_second") and given["frames_per_second"] > MAX_GIF_RATE:
+        node.child("frames_per_second").complain(
+            "too fast for a GIF",
+            got=show(given["frames_per_second"]),
+            expected=f"at most {MAX_GIF_RATE}: viewers slow down faster ones",
+        )
+    return OutputSpec(**given)
+
+
+OUTPUT = section(_FIELDS, _build_output, required=("file",))

@@ -1,0 +1,375 @@
+"""Whole messages about the volume, the transfer function, splats and the output."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+POINTS = """\
+  points:
+    - {value: 0, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.01}
+    - {value: 255, color: white, opacity: 0.5}
+"""
+
+# What is replaced in the scene, by what, and what is said about it.
+CASES = {
+    "odd_size": (
+        "size: [512, 512]",
+        "size: [511, 512]",
+        """\
+scene.yaml:21:9: output.size: odd sizes cannot be encoded as MP4
+    | size: [511, 512]
+    |       ^
+  got: [511, 512]
+  expected: even numbers
+  hint: the nearest is [512, 512]
+""",
+    ),
+    "color_name": (
+        "color: white",
+        "color: withe",
+        """\
+scene.yaml:9:27: transfer_function.points.2.color: not a color
+    | - {value: 255, color: withe, opacity: 0.5}
+    |                       ^
+  got: 'withe'
+  expected: a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white
+  hint: did you mean white?
+""",
+    ),
+    "color_0_to_255": (
+        "color: white",
+        "color: [255, 128, 0]",
+        """\
+scene.yaml:9:27: transfer_function.points.2.color: not a color
+    | - {value: 255, color: [255, 128, 0], opacity: 0.5}
+    |                       ^
+  got: [255, 128, 0]
+  expected: a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white
+  hint: write it as "#ff8000"
+""",
+    ),
+    "points_out_of_order": (
+        "value: 90",
+        "value: -90",
+        """\
+scene.yaml:8:15: transfer_function.points.1.value: points out of order
+    | - {value: -90, color: "#6680e6", opacity: 0.01}
+    |           ^
+  got: -90
+  expected: at least 0, as in the point before
+""",
+    ),
+    "nothing_visible": (
+        POINTS,
+        """\
+  points:
+    - {value: 0, color: "#000000", opacity: 0.0}
+""",
+        """\
+scene.yaml:6:3: transfer_function.points: nothing is visible: every opacity is 0
+    | points:
+    | ^
+  expected: an opacity greater than 0
+""",
+    ),
+    "no_points": (
+        POINTS,
+        """\
+  points: []
+""",
+        """\
+scene.yaml:6:11: transfer_function.points: wrong number of items
+    | points: []
+    |         ^
+  got: []
+  expected: a list of {value: ..., color: ..., opacity: ...}, one or more
+""",
+    ),
+    "points_and_colormap": (
+        "  unit: 1.0",
+        "  colormap: viridis",
+        """\
+scene.yaml:5:3: transfer_function.colormap: contradicts transfer_function.points
+    | colormap: viridis
+    | ^
+  expected: either points, or colormap with range and opacity
+""",
+    ),
+    "unknown_colormap": (
+        """\
+  unit: 1.0
+  points:
+    - {value: 0, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.01}
+    - {value: 255, color: white, opacity: 0.5}
+""",
+        """\
+  colormap: virides_r
+  opacity: [[0, 0], [255, 1]]
+""",
+        """\
+scene.yaml:4:1: transfer_function.range: missing
+    | transfer_function:
+    | ^
+  expected: [low, high]: two numbers, low less than high
+  hint: `hsplat info` shows the values of a volume
+scene.yaml:5:13: transfer_function.colormap: unknown colormap
+    | colormap: virides_r
+    |           ^
+  got: 'virides_r'
+  expected: a name such as viridis, gray, cividis_r or crameri:batlow
+  hint: did you mean viridis_r?
+""",
+    ),
+    "reversed_range": (
+        """\
+  unit: 1.0
+  points:
+    - {value: 0, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.01}
+    - {value: 255, color: white, opacity: 0.5}
+""",
+        """\
+  colormap: viridis
+  range: [255, 0]
+  opacity: [[0, 0], [255, 1]]
+""",
+        """\
+scene.yaml:6:10: transfer_function.range: not ascending
+    | range: [255, 0]
+    |        ^
+  got: [255, 0]
+  expected: [low, high]: two numbers, low less than high
+  hint: append _r to the name to reverse a colormap
+""",
+    ),
+    "no_transfer_function": (
+        POINTS,
+        "",
+        """\
+scene.yaml:4:1: transfer_function: no colors and opacities
+    | transfer_function:
+    | ^
+  expected: points, or colormap with range and opacity
+""",
+    ),
+    "two_sources": (
+        "  procedural:",
+        """\
+  raw: {file: walnut.raw, shape: [2, 2, 2], dtype: uint16}
+  procedural:\
+""",
+        """\
+scene.yaml:4:3: volume.procedural: contradicts volume.raw
+    | procedural: {name: engine_block, shape: [64, 64, 32]}
+    | ^
+  expected: one source of voxels
+""",
+    ),
+    "no_source": (
+        "  procedural: {name: engine_block, shape: [64, 64, 32]}",
+        "  nonfinite: lowest",
+        """\
+scene.yaml:2:1: volume: no voxels
+    | volume:
+    | ^
+  expected: one of file, raw and procedural
+""",
+    ),
+    "missing_file": (
+        "procedural: {name: engine_block, shape: [64, 64, 32]}",
+        "file: scan.nrd",
+        """\
+scene.yaml:3:9: volume.file: no such file
+    | file: scan.nrd
+    |       ^
+  got: /scans/scan.nrd
+  expected: an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices
+  hint: did you mean scan.nrrd?
+""",
+    ),
+    "raw_size": (
+        "procedural: {name: engine_block, shape: [64, 64, 32]}",
+        "raw: {file: scan.nrrd, shape: [2, 2, 2], dtype: uint16}",
+        """\
+scene.yaml:3:15: volume.raw.file: wrong size
+    | raw: {file: scan.nrrd, shape: [2, 2, 2], dtype: uint16}
+    |             ^
+  got: 30 bytes
+  expected: 16 bytes: 2 x 2 x 2 voxels of uint16
+  hint: if the file begins with a header, set offset: 14
+""",
+    ),
+    "headerless": (
+        "procedural: {name: engine_block, shape: [64, 64, 32]}",
+        "file: walnut.raw",
+        """\
+scene.yaml:3:9: volume.file: a file without a header
+    | file: walnut.raw
+    |       ^
+  got: /scans/walnut.raw
+  expected: an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices
+  hint: give volume.raw: {file: ..., shape: [...], dtype: ...} instead
+""",
+    ),
+    "dtype": (
+        "procedural: {name: engine_block, shape: [64, 64, 32]}",
+        "raw: {file: walnut.raw, shape: [2, 2, 2], dtype: ushort}",
+        """\
+scene.yaml:3:52: volume.raw.dtype: unknown value
+    | raw: {file: walnut.raw, shape: [2, 2, 2], dtype: ushort}
+    |                                                  ^
+  got: 'ushort'
+  expected: uint8, int8, uint16, int16, uint32, int32, uint64, int64, float16, float32 or float64
+  hint: did you mean uint16?
+""",
+    ),
+    "crop_outside": (
+        "  procedural",
+        """\
+  crop: [[0, 65], [8, 8], [0, 32]]
+  procedural\
+""",
+        """\
+scene.yaml:3:10: volume.crop.0: outside the volume
+    | crop: [[0, 65], [8, 8], [0, 32]]
+    |        ^
+  got: [0, 65]
+  expected: an end of at most 64
+scene.yaml:3:19: volume.crop.1: an empty range
+    | crop: [[0, 65], [8, 8], [0, 32]]
+    |                 ^
+  got: [8, 8]
+  expected: [first, end] with first less than end
+""",
+    ),
+    "time_of_procedural": (
+        "  procedural",
+        """\
+  time: 0
+  procedural\
+""",
+        """\
+scene.yaml:3:3: volume.time: a procedural volume has neither time steps nor components
+    | time: 0
+    | ^
+  hint: remove the key
+""",
+    ),
+    "too_many_voxels": (
+        "[64, 64, 32]",
+        "[65536, 65536, 65536]",
+        """\
+scene.yaml:3:43: volume.procedural.shape: too many voxels
+    | procedural: {name: engine_block, shape: [65536, 65536, 65536]}
+    |                                         ^
+  got: 281474976710656
+  expected: at most 68719476736 (4096 x 4096 x 4096)
+""",
+    ),
+    "gouraud_setting": (
+        "footprint: gaussian",
+        """\
+footprint: gaussian
+  angular: 8\
+""",
+        """\
+scene.yaml:19:3: splat.angular: contradicts footprint: gaussian
+    | angular: 8
+    | ^
+  hint: only footprint: gouraud has it
+""",
+    ),
+    "profile": (
+        "footprint: gaussian",
+        """\
+footprint: gouraud
+  profile: [[0, 1], [0.5, 0]]\
+""",
+        """\
+scene.yaml:19:12: splat.profile: radius does not ascend from 0 to 1
+    | profile: [[0, 1], [0.5, 0]]
+    |          ^
+  got: [0, 0.5]
+  expected: a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1
+""",
+    ),
+    "transparent_film": (
+        'background: "#000000"',
+        "background: transparent",
+        """\
+scene.yaml:22:15: output.background: a transparent background in .mp4
+    | background: transparent
+    |             ^
+  expected: a color
+  hint: only PNG frames can be transparent: file: frames/{frame:04}.png
+""",
+    ),
+    "film_and_frames": (
+        "file: engine.mp4",
+        "file: engine-{frame:04}.mp4",
+        """\
+scene.yaml:20:9: output.file: a film and frames at once: .mp4 with a frame number
+    | file: engine-{frame:04}.mp4
+    |       ^
+  got: 'engine-{frame:04}.mp4'
+  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png
+""",
+    ),
+    "frames_without_number": (
+        "file: engine.mp4",
+        "file: engine.png",
+        """\
+scene.yaml:20:9: output.file: frames need a number in their names
+    | file: engine.png
+    |       ^
+  got: 'engine.png'
+  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png
+  hint: write engine-{frame:04}.png
+""",
+    ),
+    "two_fields": (
+        "file: engine.mp4",
+        'file: "{frame}-{frame:04}.png"',
+        """\
+scene.yaml:20:9: output.file: not a legal template
+    | file: "{frame}-{frame:04}.png"
+    |       ^
+  got: '{frame}-{frame:04}.png'
+  expected: one {frame} or {frame:04}, in the name of the file, and no other braces
+""",
+    ),
+    "unknown_format": (
+        "file: engine.mp4",
+        "file: engine.avi",
+        """\
+scene.yaml:20:9: output.file: unknown output format
+    | file: engine.avi
+    |       ^
+  got: 'engine.avi'
+  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png
+""",
+    ),
+    "gif_rate": (
+        "file: engine.mp4",
+        """\
+file: engine.gif
+  frames_per_second: 60\
+""",
+        """\
+scene.yaml:21:22: output.frames_per_second: too fast for a GIF
+    | frames_per_second: 60
+    |                    ^
+  got: 60
+  expected: at most 50: viewers slow down faster ones
+""",
+    ),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "message"), CASES.values(), ids=CASES)
+def test_message(complaint: Callable[[str, str], str], old: str, new: str, message: str) -> None:
+    assert complaint(old, new) + "\n" == message

@@ -1,0 +1,172 @@
+"""The command hsplat: exit codes, what goes where, no tracebacks, and that it starts without the heavy packages."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pytest
+
+from hsplat_cli import check, main
+from renderer.errors import InputError, RenderError
+
+ROOT = Path(__file__).resolve().parents[2]
+DEMO = ROOT / "configs" / "demo.yaml"
+
+HEAVY = ("numpy", "moderngl", "numba", "SimpleITK", "nibabel", "imageio", "cmap", "tqdm")
+
+
+def python(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | environment,
+    )
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["check", str(DEMO)], ["check", "--help"]])
+def test_no_heavy_package_is_imported(arguments: list[str]) -> None:
+    program = (
+        "import sys; from hsplat_cli.main import run; code = run(sys.argv[1:]);"
+        f"print([name for name in {HEAVY} if name in sys.modules], code)"
+    )
+    assert python("-c", program, *arguments).stdout.splitlines()[-1] == "[] 0"
+
+
+def test_module_and_help() -> None:
+    done = python("-m", "hsplat_cli", "--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    for name, (_, summary) in main.COMMANDS.items():
+        assert f"  {name}" in done.stdout
+        assert summary in done.stdout
+
+
+def test_summaries_are_those_of_the_commands() -> None:
+    assert check.check.get_short_help_str(limit=200) == main.COMMANDS["check"][1]
+
+
+def test_check_says_what_the_scene_makes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["check", str(DEMO), "--set", "error.tolerance={0: 0.5, 47: 0.1}"]) == 0
+    assert capsys.readouterr() == (
+        f"""\
+{DEMO}: ok
+  volume   engine_block, 128 x 128 x 64
+  camera   turntable, 48 frames
+  error    optical, tolerance 0.5 to 0.1
+  output   demo.mp4, 384 x 384, 2 s at 24 frames per second
+""",
+        "",
+    )
+
+
+def test_wrong_input_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["check", str(DEMO), "--set", "camera.distance=-3"]) == 2
+    assert capsys.readouterr() == (
+        "",
+        "--set camera.distance=-3: camera.distance: out of range\n  got: -3\n  expected: a number greater than 0\n",
+    )
+
+
+def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["chekc", "x"]) == 2
+    assert capsys.readouterr() == (
+        "",
+        "hsplat has no command 'chekc'\n  expected: render, check, info\n  hint: did you mean check?\n",
+    )
+
+
+def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["check"]) == 2
+    assert "Missing argument 'SCENE'" in capsys.readouterr().err
+    assert main.run(["--colour"]) == 2
+    assert "No such option" in capsys.readouterr().err
+
+
+Fail = Callable[[BaseException], int]
+
+
+@pytest.fixture
+def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
+    """Runs `hsplat check` with a command that raises the exception; returns the exit code."""
+
+    def run(error: BaseException) -> int:
+        @click.command()
+        def failing() -> None:
+            raise error
+
+        monkeypatch.setattr(check, "check", failing)
+        return main.run(["check"])
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (InputError("no voxels", where="a.nrrd"), 2, "a.nrrd: no voxels\n"),
+        (RenderError("the disk is full", hint="make room"), 1, "the disk is full\n  hint: make room\n"),
+        (KeyboardInterrupt(), 130, "hsplat: interrupted\n"),
+        (MemoryError(), 1, "hsplat: out of memory\n"),
+        (click.exceptions.Exit(1), 1, ""),
+        (
+            KeyError("a\nb"),
+            1,
+            r"hsplat: unexpected KeyError: 'a\nb' (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)" + "\n",
+        ),
+        (
+            EOFError("two\nlines"),
+            1,
+            "hsplat: unexpected EOFError: two lines (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n",
+        ),
+        (
+            BrokenPipeError(32, "Broken pipe"),  # not that of the standard output, which is fine
+            1,
+            "hsplat: unexpected BrokenPipeError: [Errno 32] Broken pipe"
+            " (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n",
+        ),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
+)
+def test_every_error_is_a_message_and_a_code(
+    fail: Fail, capsys: pytest.CaptureFixture[str], error: BaseException, code: int, message: str
+) -> None:
+    assert fail(error) == code
+    assert capsys.readouterr() == ("", message)
+
+
+def test_the_traceback_is_there_for_whoever_asks(
+    fail: Fail, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HSPLAT_DEBUG", "1")
+    assert fail(KeyError("a")) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    with os.fdopen(write_end, "wb") as pipe:
+        done = subprocess.run(
+            [sys.executable, "-m", "hsplat_cli", "check", str(DEMO)],
+            cwd=ROOT,
+            stdout=pipe,
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+    assert done.stderr == b""
+    assert done.returncode == 1
+
+
+def test_text_that_the_terminal_cannot_show_is_escaped(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(DEMO.read_text(encoding="utf-8").replace("demo.mp4", "d\u0436mo.mp4"), encoding="utf-8")
+    done = python("-m", "hsplat_cli", "check", str(scene), PYTHONIOENCODING="latin-1")
+    assert done.returncode == 0
+    assert r"d\u0436mo.mp4" in done.stdout

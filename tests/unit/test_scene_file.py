@@ -1,0 +1,264 @@
+"""Scene files: YAML's data and places, what options change, the examples, and that nothing but InputError comes out."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hsplat_cli.scene_file import load_scene
+from hsplat_cli.yaml_tree import Mark, NotYamlError, Place, read_tree
+from renderer.errors import InputError
+from renderer.scene import FileSource, Scene
+from renderer.scene_schema import scene_to_dict
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
+DEMO = ROOT / "configs" / "demo.yaml"
+
+
+def load(path: Path, *overrides: str, **options: Any) -> Scene:
+    return load_scene(path, overrides=overrides, **options)
+
+
+# YAML
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-3", 0.001),
+        ("1E3", 1000.0),
+        (".5", 0.5),
+        ("-3.", -3.0),
+        ("010", 10),
+        ("+7", 7),
+        ("-.inf", -math.inf),
+        ("1:30", "1:30"),
+        ("0x10", "0x10"),
+        ("1_000", "1_000"),
+        ("yes", "yes"),
+        ("off", "off"),
+        ("True", True),
+        ("~", None),
+        ("null", None),
+        ("'1'", "1"),
+        ("2024-01-01", "2024-01-01"),
+        ("e3", "e3"),
+        (".", "."),
+        ("-", [None]),
+        ("9" * 5000, math.inf),
+    ],
+)
+def test_scalars_are_those_of_yaml_1_2(text: str, value: object) -> None:
+    data = read_tree(text).data
+    assert data == value
+    assert type(data) is type(value)
+
+
+def test_places() -> None:
+    tree = read_tree("a: 1\nb:\n  c: [2,\n      3]\n  d:\n  - x\n  - {e: y}\n")
+    assert tree.data == {"a": 1, "b": {"c": [2, 3], "d": ["x", {"e": "y"}]}}
+    assert tree.places == {
+        "": Place(Mark(1, 1), Mark(1, 1)),
+        "a": Place(Mark(1, 1), Mark(1, 4)),
+        "b": Place(Mark(2, 1), Mark(2, 1)),
+        "b.c": Place(Mark(3, 3), Mark(3, 6)),
+        "b.c.0": Place(Mark(3, 7), Mark(3, 7)),
+        "b.c.1": Place(Mark(4, 7), Mark(4, 7)),
+        "b.d": Place(Mark(5, 3), Mark(5, 3)),
+        "b.d.0": Place(Mark(6, 5), Mark(6, 5)),
+        "b.d.1": Place(Mark(7, 5), Mark(7, 5)),
+        "b.d.1.e": Place(Mark(7, 6), Mark(7, 9)),
+    }
+
+
+def test_an_anchor_is_its_value_each_time() -> None:
+    tree = read_tree("a: &x [1, 2]\nb: *x\n")
+    assert tree.data == {"a": [1, 2], "b": [1, 2]}
+    assert tree.data["a"] is not tree.data["b"]
+
+
+TREES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(10**9), 10**9) | st.floats(allow_nan=False) | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(data=TREES, flow=st.booleans())
+def test_what_pyyaml_writes_is_read_again(data: object, flow: bool) -> None:
+    tree = read_tree(yaml.safe_dump(data, allow_unicode=True, default_flow_style=flow))
+    assert tree.data == data
+    assert tree.problems == []
+
+
+# Examples
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.name)
+def test_examples_are_right(path: Path) -> None:
+    scene = load(path) if path == DEMO else load(path, volume=Path(__file__))
+    assert scene.output.file.stem in (path.stem, "{frame:04}")
+
+
+def test_there_are_examples() -> None:
+    assert {"demo.yaml", "engine.yaml"} <= {path.name for path in CONFIGS}
+
+
+def test_a_resolved_scene_is_a_scene_file(tmp_path: Path) -> None:
+    scene = load(ROOT / "configs" / "ct_head.yaml", volume=Path(__file__))
+    (tmp_path / "resolved.yaml").write_text(yaml.safe_dump(scene_to_dict(scene)), encoding="utf-8")
+    assert load(tmp_path / "resolved.yaml") == scene
+
+
+# Options
+
+
+def test_overrides_apply_in_their_order() -> None:
+    scene = load(
+        DEMO,
+        "camera.path.frames=3",
+        "camera.path.frames=10",
+        "error.tolerance={}",
+        "error.tolerance.0=1",
+        "error.tolerance.5=1e-1",
+        "shading.ambient=0.5",
+        "output.background=#ff0000",
+        "transfer_function.points.1.value=61",
+        "output.frames_per_second=null",
+        "output.file=a=b.mp4",
+    )
+    assert scene.camera.path.frames == 10
+    assert scene.error.tolerance == ((0, 1.0), (5, 0.1))
+    assert scene.shading is not None
+    assert scene.shading.ambient == 0.5
+    assert scene.output.background == (1.0, 0.0, 0.0)
+    assert isinstance(scene.transfer_function.mapping, tuple)
+    assert scene.transfer_function.mapping[1].value == 61
+    assert scene.output.frames_per_second == 30
+    assert scene.output.file == Path("a=b.mp4")
+
+
+def test_overrides_reach_keys_that_are_numbers() -> None:
+    scene = load(DEMO, "error.tolerance={0: 0.5, 40: 0.1}", "error.tolerance.40=0.2")
+    assert scene.error.tolerance == ((0, 0.5), (40, 0.2))
+
+
+def test_the_volume_option_keeps_the_rest_of_the_section(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "scan.nrrd").touch()
+    text = DEMO.read_text(encoding="utf-8").replace(
+        "volume:", "volume:\n  crop: [[0, 2], [0, 2], [0, 2]]\n  nonfinite: lowest"
+    )
+    (tmp_path / "scenes" / "scene.yaml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    scene = load(Path("scenes/scene.yaml"), volume=Path("scan.nrrd"), output=Path("frames/{frame}.png"))
+    assert scene.volume.source == FileSource(tmp_path / "scan.nrrd")
+    assert scene.volume.crop == ((0, 2), (0, 2), (0, 2))
+    assert scene.volume.nonfinite == "lowest"
+    assert scene.output.file == Path("frames/{frame}.png")
+
+
+def test_the_volume_option_takes_the_place_of_any_volume(tmp_path: Path) -> None:
+    text = DEMO.read_text(encoding="utf-8")
+    first, last = text.index("volume:"), text.index("# What a value")
+    for volume in ("", "volume: {raw: {file: gone.raw}}\n", "volume: gone.nrrd\n", "volume:\n"):
+        (tmp_path / "scene.yaml").write_text(text[:first] + volume + text[last:], encoding="utf-8")
+        assert load(tmp_path / "scene.yaml", volume=Path(__file__)).volume.source == FileSource(
+            Path(__file__).absolute()
+        )
+
+
+def test_files_are_relative_to_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "scenes" / "scan.nrrd").touch()
+    text = (ROOT / "configs" / "engine.yaml").read_text(encoding="utf-8").replace("engine.nhdr  ", "scan.nrrd  ")
+    (tmp_path / "scenes" / "scene.yaml").write_text(text, encoding="utf-8-sig")
+    monkeypatch.chdir(tmp_path)
+    assert load(Path("scenes/scene.yaml")).volume.source == FileSource(tmp_path / "scenes" / "scan.nrrd")
+
+
+# Anything at all
+
+SNIPPETS = [
+    ":",
+    " ",
+    "\n",
+    "\n  ",
+    "- ",
+    "{",
+    "}",
+    "[",
+    "]",
+    ",",
+    "&a ",
+    "*a",
+    "!!int ",
+    "!x ",
+    "'",
+    '"',
+    "#",
+    "|\n",
+    ">\n",
+]
+SNIPPETS += [
+    "\t",
+    "\\",
+    '"\\UFFFFFFFF"',
+    "%YAML 1.1\n",
+    "---\n",
+    "...\n",
+    "? ",
+    "~",
+    "<<: ",
+    "\ufeff",
+    "\x07",
+    "\u2028",
+    "é",
+]
+SNIPPETS += ["version: 2\n", "camera:\n", "path:", "1e999", "nan", ".inf", "9" * 5000, "\x00"]
+
+
+def test_spoilt_files_give_complaints_and_nothing_else(tmp_path: Path) -> None:
+    text = DEMO.read_text(encoding="utf-8")
+    choose, path = random.Random(2), tmp_path / "scene.yaml"
+    num_complaints = 0
+    for _ in range(100):
+        spoilt = text
+        for _ in range(choose.randint(1, 3)):
+            begin = choose.randrange(len(spoilt))
+            spoilt = spoilt[:begin] + choose.choice(SNIPPETS) + spoilt[begin + choose.choice([0, 0, 1, 9]) :]
+        path.write_text(spoilt, encoding="utf-8")
+        num_complaints += complains(path)
+    assert num_complaints > 50
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(text=st.lists(st.sampled_from(SNIPPETS) | st.text(max_size=3), max_size=12).map("".join))
+def test_any_text_is_read_or_refused(text: str) -> None:
+    try:
+        read_tree(text)
+    except NotYamlError as error:
+        assert str(error)  # noqa: PT017  (both ways out are right)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(text=st.lists(st.sampled_from([*SNIPPETS, "camera", "output", "=", ".", "0"]), max_size=8).map("".join))
+def test_any_override_is_applied_or_refused(text: str) -> None:
+    complains(DEMO, text)
+
+
+def complains(path: Path, *overrides: str) -> bool:
+    try:
+        load(path, *overrides)
+    except InputError as error:
+        return bool(str(error))
+    return False

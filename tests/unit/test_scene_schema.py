@@ -1,0 +1,186 @@
+"""Plain data to a Scene: defaults, accepted spellings, and what is refused."""
+
+from __future__ import annotations
+
+import copy
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene import (
+    CameraSpec,
+    ControlPoint,
+    FileSource,
+    OutputSpec,
+    ProceduralSource,
+    Scene,
+    TransferSpec,
+    TurntablePath,
+    VolumeSpec,
+)
+from renderer.scene_schema import parse_scene
+from renderer.schema_volume import MAX_VOXELS
+
+HERE = Path(__file__).resolve()
+
+SMALL: dict[str, Any] = {
+    "volume": {"procedural": {"name": "constant", "shape": [4, 5, 6]}},
+    "transfer_function": {"points": [{"value": 1, "color": "white", "opacity": 0.5}]},
+    "camera": {"path": {"type": "turntable", "frames": 10}},
+    "output": {"file": "a.mp4"},
+}
+
+
+def changed(**sections: Any) -> dict[str, Any]:
+    """SMALL with whole sections replaced."""
+    return copy.deepcopy(SMALL) | sections
+
+
+def parse(tree: object) -> Scene:
+    return parse_scene(tree, base=HERE.parent)
+
+
+def complaints(tree: object) -> list[tuple[str, str]]:
+    with pytest.raises(SceneError) as caught:
+        parse(tree)
+    return [(problem.path, problem.what) for problem in caught.value.problems]
+
+
+def test_defaults_are_those_of_the_dataclasses() -> None:
+    assert parse(SMALL) == Scene(
+        volume=VolumeSpec(ProceduralSource("constant", (4, 5, 6))),
+        transfer_function=TransferSpec((ControlPoint(1.0, (1.0, 1.0, 1.0), 0.5),)),
+        camera=CameraSpec(TurntablePath(10)),
+        output=OutputSpec(Path("a.mp4")),
+    )
+
+
+@pytest.mark.parametrize(
+    ("written", "color"),
+    [
+        ("#ff0080", (1.0, 0.0, 128 / 255)),
+        ("#F08", (1.0, 0.0, 136 / 255)),
+        ("Black", (0.0, 0.0, 0.0)),
+        ([0.25, "1e-3", 1], (0.25, 0.001, 1.0)),
+    ],
+)
+def test_colors(written: object, color: tuple[float, float, float]) -> None:
+    assert parse(changed(output={"file": "a.gif", "background": written})).output.background == color
+
+
+@pytest.mark.parametrize(
+    ("written", "axis"), [("y", (0.0, 1.0, 0.0)), ("-z", (0.0, 0.0, -1.0)), ([0, 3, 4], (0.0, 3.0, 4.0))]
+)
+def test_axes(written: object, axis: tuple[float, float, float]) -> None:
+    scene = parse(changed(camera={"path": {"type": "rocker", "frames": 2, "axis": written}}))
+    assert scene.camera.path.axis == axis
+
+
+@pytest.mark.parametrize(("written", "frames"), [(7, 7), (1e3, 1000), ("120", 120), (60.0, 60)])
+def test_whole_numbers(written: object, frames: int) -> None:
+    scene = parse(changed(camera={"path": {"type": "turntable", "frames": written}}))
+    assert scene.camera.path.frames == frames
+    assert isinstance(scene.camera.path.frames, int)
+
+
+@pytest.mark.parametrize(
+    "wrong", [True, "", "x", "1_000", "0x10", "1e", "nan", math.nan, math.inf, "1e999", 10**400, [], {}]
+)
+def test_what_is_no_number(wrong: object) -> None:
+    ((path, _),) = complaints(changed(camera={"path": {"type": "turntable", "frames": 10}, "distance": wrong}))
+    assert path == "camera.distance"
+
+
+@pytest.mark.parametrize(
+    ("written", "tolerance"),
+    [
+        (0, ((0, 0.0),)),
+        ("1e-3", ((0, 0.001),)),
+        ({0: 0.5, 9: 0.02}, ((0, 0.5), (9, 0.02))),
+        ({9: 0.02, 0: 0.5}, ((0, 0.5), (9, 0.02))),
+        ({"0": 0.5, "3": 0.1}, ((0, 0.5), (3, 0.1))),
+    ],
+)
+def test_tolerances(written: object, tolerance: object) -> None:
+    assert parse(changed(error={"tolerance": written})).error.tolerance == tolerance
+
+
+def test_a_step_is_two_points_at_one_value() -> None:
+    points = [{"value": value, "color": "white", "opacity": 0.5} for value in (1, 2, 2, 3)]
+    scene = parse(changed(transfer_function={"points": points}))
+    assert isinstance(scene.transfer_function.mapping, tuple)
+    assert [point.value for point in scene.transfer_function.mapping] == [1, 2, 2, 3]
+    points.insert(2, points[2])
+    assert complaints(changed(transfer_function={"points": points})) == [
+        ("transfer_function.points.3.value", "a third point at the same value")
+    ]
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.GIF", "{frame}.png", "a b/{frame:06}.png", "x{frame:04d}y.png"])
+def test_output_files(name: str) -> None:
+    assert parse(changed(output={"file": name})).output.file == Path(name)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "a",
+        ".mp4",
+        "a.png",
+        "a.mp4/",
+        "{frame}.mp4",
+        "{frame}/a.png",
+        "{frame}{frame}.png",
+        "{frame:4}.png",
+        "{.png",
+        "{x}{frame}.png",
+        "{frame:04x}.png",
+        "{frame!r}.png",
+        "{{frame}}.png",
+        "",
+        "\0.mp4",
+        3,
+    ],
+)
+def test_what_is_no_output_file(name: object) -> None:
+    ((path, _),) = complaints(changed(output={"file": name}))
+    assert path == "output.file"
+
+
+def test_total_size_is_limited() -> None:
+    side = 2**16
+    volume = {"procedural": {"name": "constant", "shape": [side, side, side]}}
+    assert complaints(changed(volume=volume)) == [("volume.procedural.shape", "too many voxels")]
+    volume["procedural"]["shape"] = [side, side, MAX_VOXELS // side**2]
+    parse(changed(volume=volume))
+
+
+def test_a_folder_is_a_volume_and_no_raw_file() -> None:
+    assert parse(changed(volume={"file": "."})).volume.source == FileSource(HERE.parent)
+    raw = {"file": ".", "shape": [1, 1, 1], "dtype": "uint8"}
+    assert complaints(changed(volume={"raw": raw})) == [("volume.raw.file", "a folder")]
+
+
+def test_a_misspelt_key_is_one_mistake() -> None:
+    assert complaints(changed(output={"fiel": "a.mp4"})) == [("output.fiel", "unknown key")]
+    assert complaints(changed(volume={"procedual": {"name": "constant"}})) == [("volume.procedual", "unknown key")]
+
+
+def test_mistakes_in_all_sections_come_together() -> None:
+    tree = {
+        "volume": {"file": "nowhere.nrrd"},
+        "transfer_function": {"points": []},
+        "camera": {"path": {"type": "spiral"}},
+        "output": {"file": "a.avi"},
+        "splat": 3,
+    }
+    assert {path for path, _ in complaints(tree)} == {
+        "volume.file",
+        "transfer_function.points",
+        "camera.path.type",
+        "output.file",
+        "splat",
+    }
