@@ -15,6 +15,9 @@ from typing import Literal
 Vector = tuple[float, float, float]
 Color = tuple[float, float, float]
 
+# What `renderer.procedural` can make; here because the schema checks names without importing numpy.
+PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb")
+
 
 @dataclass(frozen=True)
 class FileSource:
@@ -37,7 +40,7 @@ class RawSource:
 
 @dataclass(frozen=True)
 class ProceduralSource:
-    """A volume made from a formula; `name` is one of `renderer.procedural`."""
+    """A volume made from a formula; `name` is one of PROCEDURAL_NAMES."""
 
     name: str
     shape: tuple[int, int, int]
