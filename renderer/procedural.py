@@ -1,8 +1,8 @@
 """Volumes made from a formula: they need no file and carry the demo and the tests.
 
 All are uint8 with the origin at the centre of voxel (0, 0, 0), like a file without a place. They are the same bytes on
-every machine: only correctly rounded operations and integer random numbers go into `engine_block`, and the one formula with
-sines, `marschner_lobb`, is rounded to 8 bits.
+every machine: only correctly rounded operations and integer random numbers go into `engine_block`, and the one formula
+with sines, `marschner_lobb`, is rounded to 8 bits.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _marschner_lobb(source: ProceduralSource) -> Array:
 class _Part:
     """A box or a round bar of one material, in model units: the whole phantom lies within [-1, 1]^2 x [-1/2, 1/2].
 
-    low, high: corners of the bounding box. A bar lies along `axis` and fills the box's inscribed cylinder; None is a box.
+    low, high: corners of the bounding box. A bar lies along `axis` and is the cylinder inscribed in it; None is a box.
     Parts are painted in order, so that air takes away what is there.
     """
 
@@ -114,7 +114,7 @@ def _bar(material: int, axis: int, centre: tuple[float, float], radius: float, e
 
 
 def _engine_parts() -> Iterator[_Part]:
-    """Two cylinders in a finned light-metal block, with what runs in them; pipe, filter and pulley tell the sides apart."""
+    """Two cylinders in a finned light-metal block and what runs in them; pipe, filter and pulley tell sides apart."""
     yield from _casing()
     for x, piston_z in ((-0.4, 0.1), (0.4, -0.1)):
         yield from _cylinder(x, piston_z)
@@ -181,7 +181,9 @@ def _engine_block(source: ProceduralSource) -> Array:
     """The phantom, as large as fits, centred, round in world units, with blurred edges and noise from the seed."""
     shape, spacing = np.array(source.shape), np.array(source.spacing)
     unit = float(np.min(shape * spacing / [2.0, 2.0, 1.0])) * 0.98  # world units in a model unit
-    x, y, z = (((np.arange(n) - (n - 1) / 2) * step / unit).astype(np.float32) for n, step in zip(shape, spacing, strict=True))
+    x, y, z = (
+        ((np.arange(n) - (n - 1) / 2) * step / unit).astype(np.float32) for n, step in zip(shape, spacing, strict=True)
+    )
     blur = np.float32(_BLUR_VOXELS * float(spacing.min()) / unit)
     rng = np.random.Generator(np.random.PCG64(source.seed))
     values = np.empty(source.shape[::-1], np.uint8)
@@ -192,15 +194,15 @@ def _engine_block(source: ProceduralSource) -> Array:
         field = np.full(slab.shape, _AIR, np.float32)
         for part in parts:
             _paint(field, part, (x, y, z[begin : begin + thickness]), blur)
-        # The sum of three uniform bytes is close to normal, and the same on every machine; its variance is 3 (256^2 - 1) / 12.
+        # Three uniform bytes add up to something close to normal, the same on every machine, variance (256^2 - 1) / 4.
         noise = rng.integers(0, 256, (3, *slab.shape), np.uint8).sum(axis=0, dtype=np.float32) - np.float32(382.5)
-        field += noise * np.float32(_NOISE / np.sqrt(3 * (256**2 - 1) / 12))
+        field += noise * np.float32(_NOISE / np.sqrt((256**2 - 1) / 4))
         slab[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)
     return values
 
 
 def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np.float32) -> None:
-    """Lay a part over a slab, float32 [z, y, x], in place; coverage falls from 1 to 0 across its surface within `blur`."""
+    """Lay a part over a slab, float32 [z, y, x], in place; coverage falls from 1 to 0 over `blur` across its surface."""
     window, near = [], []
     for coordinates, low, high in zip(axes, part.low, part.high, strict=True):
         begin, end = np.searchsorted(coordinates, [low - blur, high + blur])

@@ -65,6 +65,6 @@ def make_volume(values: Array, world_from_index: Float64, name: str) -> Volume:
     placed = np.array(world_from_index, np.float64) + 0.0  # -0.0 becomes 0.0: equal affines have equal bytes
     placed.flags.writeable = False
     digest = hashlib.blake2b(f"{values.dtype.name} {values.shape}".encode(), digest_size=16)
-    digest.update(placed)
-    digest.update(values.reshape(-1).view(np.uint8))
+    digest.update(placed.data.cast("B"))
+    digest.update(values.data.cast("B"))
     return Volume(values, placed, name, digest.hexdigest())

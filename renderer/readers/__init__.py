@@ -53,7 +53,7 @@ def _load(spec: VolumeSpec, name: str) -> Image:
     return Image(procedural_values(source), procedural_affine(source))
 
 
-def _load_file(path: Path, time: int | None, component: int | None) -> Image:  # noqa: PLR0911
+def _load_file(path: Path, time: int | None, component: int | None) -> Image:
     """Dispatch by name; SimpleITK recognises the rest by content."""
     name = path.name.lower()
     if path.is_dir():
@@ -113,8 +113,8 @@ def _settled(values: Array) -> Array:
     if is_mapped or is_part or not values.flags.c_contiguous:
         return np.array(values, values.dtype.newbyteorder("="), order="C")
     if not values.dtype.isnative:
-        native = values if values.flags.writeable else values.copy()
-        return native.byteswap(inplace=True).view(values.dtype.newbyteorder("="))
+        swapped: Array = (values if values.flags.writeable else values.copy()).byteswap(inplace=True)
+        return swapped.view(values.dtype.newbyteorder("="))
     return values
 
 

@@ -18,7 +18,8 @@ def read_npy(path: Path, time: int | None, component: int | None) -> Image:
     """A `.npy` array [z, y, x] (or [y, x]), spacing 1, origin 0.
 
     A fourth axis is the first with `time: k` ([t, z, y, x]) and the last with `component: k` ([z, y, x, c]); five axes
-    are [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for foreign, truncated and non-numeric files.
+    are [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for foreign, truncated and other
+    than numeric files.
     """
     where = str(path)
     values = _map_npy(path)
@@ -61,9 +62,7 @@ def _map_npy(path: Path) -> Array:
                 (2, 0): np.lib.format.read_array_header_2_0,
             }
             if version not in read_header:
-                raise InputError(
-                    "this version of .npy is not supported", where=where, got=f"{version[0]}.{version[1]}"
-                )
+                raise InputError("this version of .npy is not supported", where=where, got=f"{version[0]}.{version[1]}")
             shape, is_fortran, dtype = read_header[version](file)
             offset = file.tell()
     except (ValueError, EOFError, OSError) as error:
@@ -112,7 +111,7 @@ def read_raw(source: RawSource) -> Image:
 
 
 def _what_would_fit(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
-    """The declarations that differ in one thing, the length of an axis, the type's size or the offset, and would fit."""
+    """Declarations that would fit and differ in one thing: the length of an axis, the type's size or the offset."""
     fits = []
     for axis in range(3):
         other = dtype.itemsize * math.prod(source.shape[:axis] + source.shape[axis + 1 :])

@@ -113,8 +113,9 @@ def check_stored(num_bytes: int, stored_bytes: int, compressed: bool, shape: tup
         raise InputError(
             "the file is shorter than its header says",
             where=where,
-            got=f"{stored_bytes} bytes{' of compressed data' if compressed else ''}",
-            expected=f"{num_bytes} bytes{' after decompression' if compressed else ''} ({describe_shape(shape)} voxels)",
+            got=f"{stored_bytes} bytes" + (" of compressed data" if compressed else ""),
+            expected=f"{num_bytes} bytes ({describe_shape(shape)} voxels)"
+            + (" after decompression" if compressed else ""),
             hint="the file is truncated or its header is wrong",
         )
 

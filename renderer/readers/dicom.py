@@ -1,8 +1,8 @@
 """A folder with one DICOM series, a slice per file, placed by the positions that the slices state.
 
 The series is found by SimpleITK's GDCM, each slice read on its own, so that a message can name its file. The third axis
-of the volume is the step from slice to slice, not the normal of the slices: a tilted gantry gives a sheared volume, drawn
-where it is.
+of the volume is the step from slice to slice, not the normal of the slices: a tilted gantry gives a sheared volume,
+drawn where it is.
 """
 
 from __future__ import annotations

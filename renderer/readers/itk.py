@@ -25,8 +25,9 @@ KNOWN_FORMATS = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.
 @contextmanager
 def quiet_simpleitk() -> Iterator[Any]:
     """The SimpleITK module, imported on first use, its warnings kept off the terminal within the block."""
-    import SimpleITK as sitk  # noqa: N813, PLC0415  (0.1 s and 270 MB that other formats do not need)
+    import SimpleITK  # noqa: PLC0415  (0.1 s and 270 MB that other formats do not need)
 
+    sitk: Any = SimpleITK  # it has no types
     shown = sitk.ProcessObject.GetGlobalWarningDisplay()
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     try:

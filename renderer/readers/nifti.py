@@ -102,13 +102,16 @@ def _open(path: Path) -> Any:
 
 def _stored_values(proxy: Any, data_file: Path, last: tuple[int, int]) -> Array:
     """[z, y, x] of one time step and component as they are stored, nothing else being read from the file."""
-    import nibabel as nib  # noqa: PLC0415
+    import nibabel  # noqa: PLC0415
 
-    unscaled = nib.arrayproxy.ArrayProxy(str(data_file), (proxy.shape, proxy.dtype, proxy.offset), mmap=False)
+    nib: Any = nibabel
+
+    unscaled: Any = nib.arrayproxy.ArrayProxy(str(data_file), (proxy.shape, proxy.dtype, proxy.offset), mmap=False)
     num_spatial = min(len(proxy.shape), 3)
     rest = tuple(slice(k, k + 1) for k in (*last, *([0] * len(proxy.shape)))[: len(proxy.shape) - num_spatial])
     values = np.asarray(unscaled[(slice(None),) * num_spatial + rest])
-    return values.reshape((*values.shape[:num_spatial], *([1] * (3 - num_spatial))), order="F").T
+    spatial: Array = values.reshape((*values.shape[:num_spatial], *([1] * (3 - num_spatial))), order="F")
+    return spatial.T
 
 
 def _scaled(values: Array, slope: float, intercept: float) -> Array:

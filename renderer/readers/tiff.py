@@ -2,8 +2,9 @@
 
 SimpleITK decodes the pixels. It is not asked about anything else: it reads a truncated file as a shorter stack and
 16-bit floats as integers, refuses 64-bit samples, and knows no spacing along z. The directories of the file say all of
-that (TIFF revision 6.0; BigTIFF), as do the descriptions that ImageJ and OME writers put into the first page. Spacing along z is taken
-from there, and is otherwise that along x: resolutions are often a screen's, and slices as thick as pixels keep their shape.
+that (TIFF revision 6.0; BigTIFF), as do the descriptions that ImageJ and OME writers put into the first page. Spacing
+along z is taken from there, and is otherwise that along x: a resolution is often just a screen's, and slices as thick as
+pixels keep the shape of things.
 """
 
 from __future__ import annotations
@@ -103,8 +104,8 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None) -> 
             raise InputError(
                 "the slices of this folder differ",
                 where=str(file),
-                got=f"{len(pages)} page{'s' if len(pages) > 1 else ''} of {describe_shape(page.size)} {page.dtype.name}",
-                expected=f"1 page of {describe_shape(first.size)} {first.dtype.name} as in {files[0].name}",
+                got=f"{describe_shape(page.size)} {page.dtype.name}, pages: {len(pages)}",
+                expected=f"{describe_shape(first.size)} {first.dtype.name}, pages: 1, as in {files[0].name}",
             )
         num_samples = page.number(_SAMPLES, 1)
         channel = choose("component", component, num_samples, str(file))
@@ -146,7 +147,7 @@ def _decoded(path: Path, order: str, pages: list[_Page], where: str) -> Array:
             for offset, num_bytes in page.chunks:
                 file.seek(offset)
                 plane += file.read(num_bytes)
-            target[...] = np.frombuffer(plane, first.dtype.newbyteorder(order), target.size).reshape(target.shape)
+            target[...] = np.frombuffer(plane, np.dtype(order + first.dtype.str[1:]), target.size).reshape(target.shape)
     return values
 
 
@@ -154,7 +155,7 @@ def _undecodable(where: str, page: _Page) -> InputError:
     return InputError(
         "this kind of TIFF cannot be decoded",
         where=where,
-        got=f"{page.dtype.name}, compression {page.number(_COMPRESSION, 1)}, {page.number(_SAMPLES, 1)} samples a pixel",
+        got=f"{page.dtype.name}, compression {page.number(_COMPRESSION, 1)}, samples: {page.number(_SAMPLES, 1)}",
         expected="grey values of up to 32 bits, or uncompressed strips of 64-bit or float16 values",
         hint="save it as NRRD or .npy",
     )
@@ -265,7 +266,7 @@ def _ome(description: str, attribute: str) -> float | None:
 
 
 def _world_from_index(first: _Page) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Spacing in mm where the file gives its resolution per inch or cm, in its own unit in ImageJ and OME files, else 1."""
+    """Spacing in mm where the resolution is per inch or cm, in the file's unit for ImageJ and OME, else 1."""
     description = _text(first)
     spacing: list[float | None] = [None, None, None]
     mm = _MM_PER_UNIT.get(first.number(_RESOLUTION_UNIT, 2))
