@@ -165,7 +165,7 @@ def _transfer_function(ranges: tuple[ValueRange, ...], unit: float) -> dict[str,
     short = [(_short(value), color, opacity) for value, color, opacity in points]
     ascending = [point for k, point in enumerate(short) if k == 0 or point[0] > short[k - 1][0]]
     return {
-        "unit": _short(unit),
+        "unit": float(f"{unit:.7g}"),
         "points": [{"value": value, "color": color, "opacity": opacity} for value, color, opacity in ascending],
     }
 

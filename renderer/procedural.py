@@ -202,7 +202,7 @@ def _engine_block(source: ProceduralSource) -> Array:
 
 
 def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np.float32) -> None:
-    """Lay a part over a slab, float32 [z, y, x], in place; coverage falls from 1 to 0 over `blur` across its surface."""
+    """Lay a part over a slab, float32 [z, y, x]; coverage falls from 1 to 0 over `blur` across its surface."""
     window, near = [], []
     for coordinates, low, high in zip(axes, part.low, part.high, strict=True):
         begin, end = np.searchsorted(coordinates, [low - blur, high + blur])

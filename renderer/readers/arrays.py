@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def _map_npy(path: Path) -> Array:
                 raise InputError("this version of .npy is not supported", where=where, got=f"{version[0]}.{version[1]}")
             shape, is_fortran, dtype = read_header[version](file)
             offset = file.tell()
-    except (ValueError, EOFError, OSError) as error:
+    except (ValueError, TypeError, SyntaxError, TokenError, EOFError, OSError) as error:  # of numpy's header parser
         raise unreadable(path, error) from error
     check_dtype(dtype, where)
     num_bytes = check_size(shape[::-1], dtype, where)

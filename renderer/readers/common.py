@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,9 +16,8 @@ from renderer.volume import Array, Float64
 # No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
 MAX_VOLUME_BYTES = 2**40
 
-# Deflate stores at best 258 bytes in two bits (RFC 1951), so no gzip or zlib stream holds more than this many times its
-# own size. Bzip2 can do better; its streams are left to their reader.
-DEFLATE_MAX_RATIO = 1032
+# Compressed files are looked through in pieces of this many bytes.
+_PIECE = 2**20
 
 LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
@@ -36,8 +36,9 @@ class Image:
 
 
 def describe_shape(shape_xyz: tuple[int, ...]) -> str:
-    """`256 x 256 x 128`."""
-    return " x ".join(str(n) for n in shape_xyz)
+    """`256 x 256 x 128`; axes of one after the third are left out."""
+    num = max(3, *(k + 1 for k, n in enumerate(shape_xyz) if n != 1), 0)
+    return " x ".join(str(n) for n in shape_xyz[:num])
 
 
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
@@ -85,7 +86,7 @@ def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:
         where=where,
         got=kind.name if kind.names is None else f"records with the fields {', '.join(kind.names)}",
         expected="int8 to int64, uint8 to uint64, float16, float32 or float64",
-        hint=hints.get(kind.kind),
+        hint=hints.get(kind.kind) if kind.kind != "V" or kind.names else None,
     )
 
 
@@ -107,17 +108,64 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
     return num_bytes
 
 
-def check_stored(num_bytes: int, stored_bytes: int, compressed: bool, shape: tuple[int, ...], where: str) -> None:
-    """Raise InputError when a file of `stored_bytes` cannot hold `num_bytes` of voxels, before memory is taken."""
-    if num_bytes > stored_bytes * (DEFLATE_MAX_RATIO if compressed else 1):
+@dataclass(frozen=True)
+class StoredVoxels:
+    """Where a file keeps its voxels: from byte `offset` on, as they are or compressed by deflate (gzip or zlib)."""
+
+    file: Path
+    offset: int
+    compressed: bool
+
+
+def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
+    """Raise InputError unless `num_bytes` of voxels are there and sound, before memory is taken for them.
+
+    A compressed stream is decompressed once for this and its checksum compared: SimpleITK and nibabel hand out the
+    voxels of a damaged stream without a word.
+    """
+    if not stored.compressed:
+        found_bytes = stored.file.stat().st_size - stored.offset
+    else:
+        try:
+            found_bytes = _inflated_size(stored, num_bytes)
+        except (zlib.error, EOFError) as error:
+            raise InputError(
+                "the compressed voxels are damaged",
+                where=str(stored.file),
+                got=str(error),
+                hint="copy or download the file again",
+            ) from error
+    if found_bytes < num_bytes:
         raise InputError(
             "the file is shorter than its header says",
-            where=where,
-            got=f"{stored_bytes} bytes" + (" of compressed data" if compressed else ""),
-            expected=f"{num_bytes} bytes ({describe_shape(shape)} voxels)"
-            + (" after decompression" if compressed else ""),
+            where=str(stored.file),
+            got=f"{found_bytes} bytes" + (" after decompression" if stored.compressed else ""),
+            expected=f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)",
             hint="the file is truncated or its header is wrong",
         )
+
+
+def _inflated_size(stored: StoredVoxels, enough: int) -> int:
+    """The bytes in the gzip members or the zlib stream at `offset`, as many members as are needed for `enough`.
+
+    Raises zlib.error for damage and a wrong checksum, EOFError when the stream breaks off.
+    """
+    total = 0
+    with stored.file.open("rb") as file:
+        file.seek(stored.offset)
+        data = file.read(_PIECE)
+        while data and total < enough:
+            stream = zlib.decompressobj(zlib.MAX_WBITS | 32)  # recognises gzip and zlib
+            while not stream.eof:
+                num_out = len(stream.decompress(data, _PIECE))
+                total += num_out
+                data = stream.unconsumed_tail
+                if not data and not stream.eof and num_out < _PIECE:  # a full piece may leave more inside the stream
+                    data = file.read(_PIECE)
+                    if not data:
+                        raise EOFError(f"the compressed data break off after {total} bytes of voxels")
+            data = stream.unused_data or file.read(_PIECE)
+    return total
 
 
 def choose(key: str, wanted: int | None, count: int, where: str) -> int:
@@ -148,6 +196,8 @@ def existing(path: Path) -> Path:
     if path.exists():
         if not os.access(path, os.R_OK):
             raise InputError("no permission to read this", where=str(path))
+        if not (path.is_file() or path.is_dir()):
+            raise InputError("this is neither a file nor a folder", where=str(path))
         return path
     try:
         meant = nearest(path.name, sorted(entry.name for entry in path.parent.iterdir()))

@@ -8,23 +8,13 @@ NRRD: http://teem.sourceforge.net/nrrd/format.html. MetaImage: https://itk.org/W
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.readers.common import existing
+from renderer.readers.common import StoredVoxels, existing
 
 # No header comes near this; a file without the end-of-header mark is not read whole in search of it.
 _MAX_HEADER_BYTES = 2**20
-
-
-@dataclass(frozen=True)
-class StoredVoxels:
-    """`num_bytes` of voxel data in `file`, compressed by deflate or not."""
-
-    file: Path
-    num_bytes: int
-    compressed: bool
 
 
 def nrrd_voxels(path: Path) -> StoredVoxels | None:
@@ -32,13 +22,13 @@ def nrrd_voxels(path: Path) -> StoredVoxels | None:
 
     Raises InputError for a data file that is not there.
     """
-    header, separator, _ = _head(path).replace(b"\r\n", b"\n").partition(b"\n\n")
+    header, offset = _split(_head(path))
     fields = _fields(header, ":")
     encoding = fields.get("encoding", "raw").lower()
     name = fields.get("data file") or fields.get("datafile")
     lines_skipped = fields.get("line skip") or fields.get("lineskip") or "0"
     if name is None:
-        stored = StoredVoxels(path, path.stat().st_size - len(header) - len(separator), encoding != "raw")
+        stored = StoredVoxels(path, offset, encoding != "raw")
     elif name.split()[0] == "LIST" or "%" in name:
         return None
     else:
@@ -49,34 +39,38 @@ def nrrd_voxels(path: Path) -> StoredVoxels | None:
 def metaimage_voxels(path: Path) -> StoredVoxels | None:
     """The data of a MetaImage file; None when it is text or spread over several files, which its reader checks.
 
-    Raises InputError for a data file that is not there, and for a compressed one that is shorter than the header says.
+    Raises InputError for a damaged header and for a data file that is not there.
     """
     head = _head(path)
     start = head.find(b"\n", head.find(b"ElementDataFile")) + 1
-    fields = _fields(head[:start], "=")
-    name = fields.get("elementdatafile", "LOCAL")
+    fields = _fields(head[:start] if start else head, "=")
+    missing = [key for key in ("NDims", "DimSize", "ElementType", "ElementDataFile") if key.lower() not in fields]
+    if missing:
+        raise InputError(
+            "this is not a MetaImage header, or it is damaged",
+            where=str(path),
+            got="an empty file" if not head else None,
+            expected=" and ".join(f"a line `{key} = ...`" for key in missing),
+        )
+    name = fields["elementdatafile"]
     compressed = fields.get("compresseddata", "False").lower() in ("true", "1")
     if name.split()[0] == "LIST" or "%" in name:
         return None
-    if name.upper() == "LOCAL":
-        stored = StoredVoxels(path, path.stat().st_size - start, compressed)
-    else:
-        stored = _detached(path, name, compressed)
-    declared = fields.get("compresseddatasize", "")
-    if compressed and declared.isdigit() and stored.num_bytes < int(declared):
-        raise InputError(
-            "the file is shorter than its header says",
-            where=str(stored.file),
-            got=f"{stored.num_bytes} bytes of compressed data",
-            expected=f"{declared} bytes",
-            hint="the file is truncated or its header is wrong",
-        )
-    return stored if fields.get("binarydata", "True").lower() in ("true", "1") else None
+    stored = StoredVoxels(path, start, compressed) if name.upper() == "LOCAL" else _detached(path, name, compressed)
+    is_plain = fields.get("binarydata", "True").lower() in ("true", "1") and "headersize" not in fields
+    return stored if is_plain else None
 
 
 def _head(path: Path) -> bytes:
     with path.open("rb") as file:
         return file.read(_MAX_HEADER_BYTES)
+
+
+def _split(head: bytes) -> tuple[bytes, int]:
+    """The header, which ends at the first empty line, and where the data begin."""
+    ends = [(at, at + len(mark)) for mark in (b"\n\n", b"\r\n\r\n") if (at := head.find(mark)) >= 0]
+    end, begin = min(ends, default=(len(head), len(head)))
+    return head[:end], begin
 
 
 def _fields(header: bytes, mark: str) -> dict[str, str]:
@@ -99,4 +93,4 @@ def _detached(header: Path, name: str, compressed: bool) -> StoredVoxels:
             expected=f"a file {file}",
             hint="the two belong together: move or copy both",
         )
-    return StoredVoxels(existing(file), file.stat().st_size, compressed)
+    return StoredVoxels(existing(file), 0, compressed)

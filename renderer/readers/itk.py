@@ -48,7 +48,7 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
         size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
         num_bytes = check_size((*size, num_components), pixel_dtype(sitk, reader, path), str(path))
         if voxels is not None:
-            check_stored(num_bytes, voxels.num_bytes, voxels.compressed, size, str(voxels.file))
+            check_stored(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
         step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
@@ -118,10 +118,10 @@ def view_of(sitk: Any, image: Any) -> Array:
 def distill(message: str) -> str:
     """The last statement of one of SimpleITK's messages, which open with source files, addresses and call chains.
 
-    The innermost cause is the last line; `[nrrd] function:` and `ITK ERROR: class(address):` in front of it say nothing
-    to a user.
+    The innermost cause is the last line, apart from the system's last error, which is often another's;
+    `[nrrd] function:` and `ITK ERROR: class(address):` in front of it say nothing to a user.
     """
-    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    lines = [line.strip() for line in message.splitlines() if line.strip() and not line.startswith("Reason:")]
     last = lines[-1] if lines else "no reason given"
     return re.sub(r"^(\[\w+\] \w+: |(itk|ITK|sitk)(::| )ERROR: (\w+\(0x[0-9a-f]+\): )?)", "", last)
 

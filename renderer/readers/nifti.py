@@ -9,7 +9,10 @@ x and y. Axes after z are time (the fourth) and component (the fifth), as the st
 
 from __future__ import annotations
 
+import logging
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ from renderer.errors import InputError
 from renderer.readers.common import (
     LPS_FROM_RAS,
     Image,
+    StoredVoxels,
     check_dtype,
     check_size,
     check_stored,
@@ -49,10 +53,10 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         raise InputError(
             "the data file that belongs to this header is not there", where=where, expected=f"a file {data_file}"
         )
-    compressed = data_file.suffix.lower() == ".gz"
-    stored_bytes = data_file.stat().st_size - (0 if compressed else proxy.offset)
-    if data_file.suffix.lower() != ".bz2":
-        check_stored(num_bytes, stored_bytes, compressed, shape[:3], str(data_file))
+    if data_file.suffix.lower() == ".gz":
+        check_stored(StoredVoxels(data_file, 0, True), proxy.offset + num_bytes, shape)
+    else:
+        check_stored(StoredVoxels(data_file, proxy.offset, False), num_bytes, shape)
     if shape[5:].count(1) != len(shape[5:]):
         raise InputError(
             "the volume has too many axes",
@@ -73,14 +77,29 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         ) from error
     if fields is not None:
         values = values[fields[channel]]
-    return Image(_scaled(values, float(proxy.slope), float(proxy.inter)), LPS_FROM_RAS @ _ras_from_index(image))
+    try:
+        ras_from_index = _ras_from_index(image.header)
+    except ValueError as error:  # a quaternion that is no rotation
+        raise unreadable(path, error) from error
+    return Image(_scaled(values, float(proxy.slope), float(proxy.inter)), LPS_FROM_RAS @ ras_from_index)
+
+
+@contextmanager
+def _quiet(logger: logging.Logger) -> Iterator[None]:
+    """Keep what nibabel says about a header, and repairs, off the terminal within the block."""
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _open(path: Path) -> Any:
     import nibabel as nib  # noqa: PLC0415  (0.2 s that other formats do not need)
 
     try:
-        with nib.imageglobals.LoggingOutputSuppressor():
+        with _quiet(nib.imageglobals.logger):
             image = nib.load(path)
     except (nib.filebasedimages.ImageFileError, nib.spatialimages.HeaderDataError) as error:
         raise InputError(
@@ -111,7 +130,7 @@ def _stored_values(proxy: Any, data_file: Path, last: tuple[int, int]) -> Array:
     rest = tuple(slice(k, k + 1) for k in (*last, *([0] * len(proxy.shape)))[: len(proxy.shape) - num_spatial])
     values = np.asarray(unscaled[(slice(None),) * num_spatial + rest])
     spatial: Array = values.reshape((*values.shape[:num_spatial], *([1] * (3 - num_spatial))), order="F")
-    return spatial.T
+    return np.transpose(spatial)
 
 
 def _scaled(values: Array, slope: float, intercept: float) -> Array:
@@ -124,14 +143,9 @@ def _scaled(values: Array, slope: float, intercept: float) -> Array:
     return scaled
 
 
-def _ras_from_index(image: Any) -> Float64:
-    header = image.header
-    candidates = (
-        header.get_sform() if header["sform_code"] > 0 else None,
-        header.get_qform() if header["qform_code"] > 0 else None,
-        header.get_base_affine(),
-    )
-    for candidate in candidates:
-        if candidate is not None and has_volume(candidate):
-            return np.array(candidate, np.float64)
-    return np.array(image.affine, np.float64)
+def _ras_from_index(header: Any) -> Float64:
+    if header["sform_code"] > 0 and has_volume(header.get_sform()):
+        return np.array(header.get_sform(), np.float64)
+    if header["qform_code"] > 0 and has_volume(header.get_qform()):
+        return np.array(header.get_qform(), np.float64)
+    return np.array(header.get_base_affine(), np.float64)

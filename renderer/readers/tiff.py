@@ -3,8 +3,8 @@
 SimpleITK decodes the pixels. It is not asked about anything else: it reads a truncated file as a shorter stack and
 16-bit floats as integers, refuses 64-bit samples, and knows no spacing along z. The directories of the file say all of
 that (TIFF revision 6.0; BigTIFF), as do the descriptions that ImageJ and OME writers put into the first page. Spacing
-along z is taken from there, and is otherwise that along x: a resolution is often just a screen's, and slices as thick as
-pixels keep the shape of things.
+along z is taken from there, and is otherwise that along x: a resolution is often just a screen's, and slices as thick
+as pixels keep the shape of things.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from renderer.volume import Array
 SUFFIXES = (".tif", ".tiff")
 
 _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _DESCRIPTION, _STRIPS, _SAMPLES = 256, 257, 258, 259, 270, 273, 277
-_STRIP_BYTES, _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 279, 282, 283, 296
+_STRIP_BYTES, _X_RESOLUTION, _Y_RESOLUTION, _PLANAR, _RESOLUTION_UNIT = 279, 282, 283, 284, 296
 _TILES, _TILE_BYTES, _SAMPLE_FORMAT = 324, 325, 339
 
 # TIFF field types: BYTE, ASCII, SHORT, LONG, RATIONAL, and BigTIFF's LONG8. Others carry nothing needed here.
 _FIELD_TYPES = {1: "B", 2: "s", 3: "H", 4: "I", 5: "II", 16: "Q"}
-_KINDS = {1: "u", 2: "i", 3: "f"}
+_KINDS = {1: "u", 2: "i", 3: "f", 4: "u"}  # by sample format; 4 is "undefined", which readers take for unsigned
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
 
 
@@ -49,9 +49,9 @@ class _Page:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Of one sample; bits that fill no bytes count as unsigned, the way they are decoded."""
-        bits = max(8, self.number(_BITS, 1))
-        return np.dtype(f"{_KINDS.get(self.number(_SAMPLE_FORMAT, 1), 'V')}{bits // 8}")
+        """Of one sample, decoded; samples that are no number of 8, 16, 32 or 64 bits are opaque bytes (kind V)."""
+        bits, kind = max(8, self.number(_BITS, 1)), _KINDS.get(self.number(_SAMPLE_FORMAT, 1), "V")
+        return np.dtype(f"{kind if bits in (8, 16, 32, 64) else 'V'}{-(-bits // 8)}")
 
     @property
     def chunks(self) -> list[tuple[int, int]]:
@@ -181,7 +181,7 @@ def _pages(path: Path) -> tuple[str, list[_Page]]:
             while offset and offset not in seen:
                 seen.add(offset)
                 file.seek(offset)
-                page, offset = _directory(file, order, is_big)
+                page, offset = _directory(file, order, is_big, num_file_bytes)
                 pages.append(page)
     except OSError as error:
         raise unreadable(path, error) from error
@@ -192,6 +192,12 @@ def _pages(path: Path) -> tuple[str, list[_Page]]:
             got=f"{num_file_bytes} bytes, {len(pages)} complete pages",
             hint="the file is truncated",
         ) from error
+    _check_complete(path, pages, num_file_bytes)
+    return order, pages
+
+
+def _check_complete(path: Path, pages: list[_Page], num_file_bytes: int) -> None:
+    """Raise InputError unless every page has pixels, all within the file."""
     if not pages or not all(page.chunks and min(page.size) > 0 for page in pages):
         raise InputError("this TIFF file holds no image", where=str(path), hint="the file is truncated or damaged")
     end = max(offset + num_bytes for page in pages for offset, num_bytes in page.chunks)
@@ -203,11 +209,25 @@ def _pages(path: Path) -> tuple[str, list[_Page]]:
             expected=f"{end} bytes",
             hint="the file is truncated",
         )
-    return order, pages
+    for number, page in enumerate(pages):
+        num_samples, bits = page.number(_SAMPLES, 1), page.number(_BITS, 1)
+        needed = page.size[0] * page.size[1] * num_samples * bits // 8
+        found = sum(num_bytes for _, num_bytes in page.chunks)
+        if page.number(_COMPRESSION, 1) == 1 and page.number(_PLANAR, 1) == 1 and found < needed:
+            raise InputError(
+                f"page {number + 1} has fewer pixels than its size says",
+                where=str(path),
+                got=f"{found} bytes",
+                expected=f"{needed} bytes ({describe_shape(page.size)} pixels)",
+                hint="the file is damaged",
+            )
 
 
-def _directory(file: BinaryIO, order: str, is_big: bool) -> tuple[_Page, int]:
-    """The image file directory at the file's position, and the offset of the next one (0: none)."""
+def _directory(file: BinaryIO, order: str, is_big: bool, num_file_bytes: int) -> tuple[_Page, int]:
+    """The image file directory at the file's position, and the offset of the next one (0: none).
+
+    Raises struct.error where the file ends too early.
+    """
     count = _unpack(file, order + ("Q" if is_big else "H"))[0]
     entries = [_unpack(file, order + ("HHQ8s" if is_big else "HHI4s")) for _ in range(min(count, 65535))]
     following = _unpack(file, order + ("Q" if is_big else "I"))[0]
@@ -215,8 +235,10 @@ def _directory(file: BinaryIO, order: str, is_big: bool) -> tuple[_Page, int]:
     for tag, kind, length, inline in entries:
         if kind not in _FIELD_TYPES:
             continue
-        code = order + (f"{length}s" if kind == 2 else _FIELD_TYPES[kind] * min(length, 2**24))
-        num_bytes = struct.calcsize(code)
+        num_bytes = struct.calcsize(order + _FIELD_TYPES[kind]) * length
+        if num_bytes > num_file_bytes:
+            raise struct.error("the field is longer than the file")
+        code = order + (f"{length}s" if kind == 2 else _FIELD_TYPES[kind] * length)
         if num_bytes <= len(inline):
             fields[tag] = struct.unpack(code, inline[:num_bytes])
         else:
