@@ -24,6 +24,9 @@ _UNEVEN = 0.05
 
 _DESCRIPTION = "0008|103e"
 
+# The tag of the pixels, (7fe0,0010), as little-endian files have it.
+_PIXEL_DATA = b"\xe0\x7f\x10\x00"
+
 
 @dataclass(frozen=True)
 class _Slice:
@@ -83,7 +86,24 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
             got="; ".join(_name_series(sitk, uid, files[uid]) for uid in sorted(series)),
             hint="put each series into a folder of its own",
         )
+    _check_none_left_out(folder, {Path(name).name for name in files[series[0]]})
     return [Path(name) for name in files[series[0]]]
+
+
+def _check_none_left_out(folder: Path, names: set[str]) -> None:
+    """Raise InputError for a DICOM image that the search for series passed over: it is damaged.
+
+    At either end of the stack nothing else would tell. Reports and plans are DICOM files too, without pixels.
+    """
+    for path in sorted(folder.iterdir()):
+        if path.name in names or not path.is_file():
+            continue
+        with path.open("rb") as file:
+            is_dicom = file.read(132)[128:] == b"DICM"  # after a preamble of 128 bytes
+            if is_dicom and _PIXEL_DATA in file.read():
+                raise InputError(
+                    "this DICOM slice cannot be read", where=str(path), hint="the file is truncated or damaged"
+                )
 
 
 def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:

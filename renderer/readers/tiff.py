@@ -128,17 +128,17 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
 def _decoded(path: Path, order: str, pages: list[_Page], where: str) -> Array:
     """[page, y, x] or [page, y, x, sample]."""
     first = pages[0]
+    num_samples = first.number(_SAMPLES, 1)
     shape = (len(pages), first.size[1], first.size[0])
+    if any(_TILES in page.fields for page in pages):  # SimpleITK would turn them into 8-bit colours
+        raise _undecodable(where, first)
     if first.dtype.itemsize < 8 and first.dtype != np.float16:
         with quiet_simpleitk() as sitk:
             values = view_of(sitk, executed(open_itk(sitk, path), path))
-        values = values.reshape(*shape, -1) if first.number(_SAMPLES, 1) > 1 else values.reshape(shape)
-        if values.dtype != first.dtype:
+        if values.dtype != first.dtype or values.size != np.prod(shape) * num_samples:
             raise _undecodable(where, first)
-        return values
-    if any(page.number(_COMPRESSION, 1) != 1 or _STRIPS not in page.fields for page in pages):
-        raise _undecodable(where, first)
-    if first.number(_SAMPLES, 1) > 1:
+        return values.reshape(*shape, num_samples) if num_samples > 1 else values.reshape(shape)
+    if num_samples > 1 or any(page.number(_COMPRESSION, 1) != 1 for page in pages):
         raise _undecodable(where, first)
     values = np.empty(shape, first.dtype)
     with path.open("rb") as file:
@@ -155,8 +155,9 @@ def _undecodable(where: str, page: _Page) -> InputError:
     return InputError(
         "this kind of TIFF cannot be decoded",
         where=where,
-        got=f"{page.dtype.name}, compression {page.number(_COMPRESSION, 1)}, samples: {page.number(_SAMPLES, 1)}",
-        expected="grey values of up to 32 bits, or uncompressed strips of 64-bit or float16 values",
+        got=f"{page.dtype.name}, {'tiles' if _TILES in page.fields else 'strips'}, "
+        f"compression {page.number(_COMPRESSION, 1)}, {page.number(_SAMPLES, 1)} samples a pixel",
+        expected="strips of 8 to 32 bits, or uncompressed strips of one float16, float64 or 64-bit integer a pixel",
         hint="save it as NRRD or .npy",
     )
 
