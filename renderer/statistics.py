@@ -92,13 +92,16 @@ def _chunks(values: Array) -> Iterator[Array]:
         yield flat[begin : begin + _CHUNK]
 
 
+def _per_part(statistics: Statistics, num_bins: int) -> int:
+    return -(-len(statistics.counts) // num_bins)
+
+
 def rebin(statistics: Statistics, num_bins: int) -> tuple[npt.NDArray[np.int64], Float64]:
     """(counts, edges): int64 [m] and float64 [m + 1], m <= num_bins equal parts of the range.
 
     Every part holds the same number of the original bins, except the last, which may hold fewer.
     """
-    num = len(statistics.counts)
-    per_part = -(-num // num_bins)
+    num, per_part = len(statistics.counts), _per_part(statistics, num_bins)
     num_parts = -(-num // per_part)
     padded = np.zeros(num_parts * per_part, np.int64)
     padded[:num] = statistics.counts
@@ -108,14 +111,14 @@ def rebin(statistics: Statistics, num_bins: int) -> tuple[npt.NDArray[np.int64],
 
 
 def suggest_ranges(statistics: Statistics) -> tuple[ValueRange, ...]:
-    """One to three ranges, ascending, that meet without gaps: `background`, `material 1`, `material 2`.
+    """One to three ranges, ascending, no value between them: `background`, `material 1`, `material 2`.
 
     N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Trans. SMC 9(1), 1979: the threshold with
     the largest variance between the two sides. It is applied to all values, then to those above, because a small dense
     part hardly moves the thresholds of a joint optimum; each threshold is moved to the least populated value between
     the medians of its two sides.
     """
-    counts, edges = rebin(statistics, _NUM_COARSE)
+    counts, _ = rebin(statistics, _NUM_COARSE)
     cuts: list[int] = []
     begin = 0
     for _ in range(2):
@@ -132,9 +135,9 @@ def suggest_ranges(statistics: Statistics) -> tuple[ValueRange, ...]:
         names = ["material 1"]
     elif len(shares) == 3 and shares[1] > _DOMINANT:
         names = ["material 1", "background", "material 2"]
-    ranges = []
+    ranges, per_part = [], _per_part(statistics, _NUM_COARSE)
     for name, (a, b), share in zip(names, pairwise(bounds), shares, strict=True):
-        inside = (statistics.bins > edges[a]) & (statistics.bins < edges[b])
+        inside = slice(a * per_part, b * per_part)
         occupied = statistics.bins[inside][statistics.counts[inside] > 0]
         low = float(statistics.minimum if a == 0 else occupied[0])
         high = float(statistics.maximum if b == len(counts) else occupied[-1])

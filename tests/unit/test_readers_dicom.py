@@ -77,7 +77,7 @@ def test_tilted_gantry_is_sheared(tmp_path):
 def test_rescale_slope_may_differ_from_slice_to_slice(tmp_path):
     for k in range(3):
         write_slice(tmp_path / f"{k}.dcm", np.full((6, 5), 10.0), k * NORMAL)
-    slope_element = b"\x28\x00\x53\x10DS\x02\x00"
+    slope_element = b"\x28\x00\x53\x10\x02\x00\x00\x00"
     data = (tmp_path / "1.dcm").read_bytes()
     assert data.count(slope_element + b"1 ") == 1
     (tmp_path / "1.dcm").write_bytes(data.replace(slope_element + b"1 ", slope_element + b".5"))
