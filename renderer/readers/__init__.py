@@ -1,0 +1,153 @@
+"""From a VolumeSpec to a Volume: one reader per family of formats, and what they have in common afterwards."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import Image, check_affine, check_dtype, choose, existing, unreadable
+from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.volume import Array, Volume, make_volume
+
+Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+
+
+def read_volume(spec: VolumeSpec) -> Volume:
+    """The volume that `spec` describes, cropped, checked and read-only.
+
+    A crop moves the affine along, so that voxels stay where they are in the world. Raises InputError for everything
+    that can be wrong with a file or with what is asked of it, a lack of memory included.
+    """
+    source = spec.source
+    name = f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
+    try:
+        image = _load(spec, name)
+        check_dtype(image.values.dtype, name)
+        check_affine(image.world_from_index, name)
+        if spec.crop is not None:
+            image = crop_image(image, spec.crop, name)
+        first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
+        values = _finite(_settled(image.values), spec.nonfinite == "lowest", first, name)
+        return make_volume(values, image.world_from_index, name)
+    except OSError as error:
+        raise unreadable(Path(name), error) from error
+    except MemoryError as error:
+        raise InputError(
+            "there is not enough memory for this volume", where=name, hint="`crop` it, or render on a larger machine"
+        ) from error
+
+
+def _load(spec: VolumeSpec, name: str) -> Image:
+    """Hand the source to its reader, imported only then."""
+    source = spec.source
+    if isinstance(source, FileSource):
+        return _load_file(existing(source.file), spec.time, spec.component)
+    choose("time", spec.time, 1, name)
+    choose("component", spec.component, 1, name)
+    if isinstance(source, RawSource):
+        from renderer.readers.arrays import read_raw  # noqa: PLC0415
+
+        return read_raw(source)
+    from renderer.procedural import procedural_affine, procedural_values  # noqa: PLC0415
+
+    return Image(procedural_values(source), procedural_affine(source))
+
+
+def _load_file(path: Path, time: int | None, component: int | None) -> Image:
+    """Dispatch by name; SimpleITK recognises the rest by content."""
+    name = path.name.lower()
+    if path.is_dir():
+        return _load_folder(path, time, component)
+    if name.endswith((".nii", ".nii.gz", ".hdr", ".img")):
+        from renderer.readers.nifti import read_nifti  # noqa: PLC0415
+
+        return read_nifti(path, time, component)
+    if name.endswith(".npy"):
+        from renderer.readers.arrays import read_npy  # noqa: PLC0415
+
+        return read_npy(path, time, component)
+    if name.endswith((".tif", ".tiff")):
+        from renderer.readers.tiff import read_tiff  # noqa: PLC0415
+
+        return read_tiff(path, time, component)
+    from renderer.readers.itk import read_itk  # noqa: PLC0415
+
+    return read_itk(path, time, component)
+
+
+def _load_folder(folder: Path, time: int | None, component: int | None) -> Image:
+    from renderer.readers.tiff import SUFFIXES, read_tiff_folder  # noqa: PLC0415
+
+    tiffs = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES]
+    if tiffs:
+        choose("time", time, 1, str(folder))
+        return read_tiff_folder(folder, tiffs, component)
+    from renderer.readers.dicom import read_dicom  # noqa: PLC0415
+
+    return read_dicom(folder, time, component)
+
+
+def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
+    """The voxels in half-open `ranges` for x, y, z, at the same place in the world; the values are a view.
+
+    Raises InputError for ranges that are empty or reach outside the volume.
+    """
+    for axis, (begin, end), n in zip("xyz", ranges, image.values.shape[::-1], strict=True):
+        if not 0 <= begin < end <= n:
+            raise InputError(
+                f"the crop does not fit the volume along {axis}",
+                where=where,
+                got=f"[{begin}, {end}]",
+                expected=f"[first, end] with 0 <= first < end <= {n}",
+            )
+    (x0, x1), (y0, y1), (z0, z1) = ranges
+    world_from_index = image.world_from_index.copy()
+    world_from_index[:3, 3] += image.world_from_index[:3, :3] @ np.array([x0, y0, z0], np.float64)
+    return Image(image.values[z0:z1, y0:y1, x0:x1], world_from_index)
+
+
+def _settled(values: Array) -> Array:
+    """The values in native byte order and C order, in memory of their own size: no mapped file, no part of an array."""
+    is_mapped = isinstance(values, np.memmap)
+    is_part = values.base is not None and getattr(values.base, "nbytes", values.nbytes) > values.nbytes
+    if is_mapped or is_part or not values.flags.c_contiguous:
+        return np.array(values, values.dtype.newbyteorder("="), order="C")
+    if not values.dtype.isnative:
+        swapped: Array = (values if values.flags.writeable else values.copy()).byteswap(inplace=True)
+        return swapped.view(values.dtype.newbyteorder("="))
+    return values
+
+
+def _finite(values: Array, replace: bool, first_xyz: tuple[int, ...], where: str) -> Array:
+    """The values, NaN and infinities replaced by the lowest finite value or refused; looked at a slice at a time."""
+    if values.dtype.kind != "f":
+        return values
+    num_bad, first_bad, lowest = 0, None, np.inf
+    for z, plane in enumerate(values):
+        finite = np.isfinite(plane)
+        num_good = int(np.count_nonzero(finite))
+        if num_good < plane.size:
+            num_bad += plane.size - num_good
+            if first_bad is None:
+                y, x = np.argwhere(~finite)[0]
+                first_bad = (int(x) + first_xyz[0], int(y) + first_xyz[1], z + first_xyz[2])
+        if replace and num_good:
+            lowest = min(lowest, float(plane.min(where=finite, initial=np.inf)))
+    if not num_bad:
+        return values
+    if num_bad == values.size:
+        raise InputError("no voxel is finite: all are NaN or infinite", where=where)
+    if not replace:
+        raise InputError(
+            f"{num_bad} of {values.size} voxels are NaN or infinite",
+            where=where,
+            got=f"the first at voxel x, y, z = {', '.join(map(str, first_bad or ()))}",
+            expected="finite values",
+            hint="`nonfinite: lowest` replaces them with the lowest finite value",
+        )
+    values = values if values.flags.writeable else values.copy()
+    for plane in values:
+        plane[~np.isfinite(plane)] = lowest
+    return values

@@ -1,0 +1,214 @@
+"""What every reader needs: the product they share and the checks that hold for all formats."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import InputError, nearest
+from renderer.volume import Array, Float64
+
+# No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
+MAX_VOLUME_BYTES = 2**40
+
+# Compressed files are looked through in pieces of this many bytes.
+_PIECE = 2**20
+
+LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Image:
+    """What a reader returns: voxels as they came and where they are.
+
+    values: [z, y, x] of one time step and one component, an integer or float dtype in any byte order and memory layout,
+        possibly mapped from a file.
+    world_from_index: float64 [4, 4], (x, y, z) voxel index to world.
+    """
+
+    values: Array
+    world_from_index: Float64
+
+
+def describe_shape(shape_xyz: tuple[int, ...]) -> str:
+    """`256 x 256 x 128`; axes of one after the third are left out."""
+    num = max(3, *(k + 1 for k, n in enumerate(shape_xyz) if n != 1), 0)
+    return " x ".join(str(n) for n in shape_xyz[:num])
+
+
+def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
+    """float64 [4, 4]: `direction @ diag(spacing)` and the origin; the columns of `direction` are the index axes."""
+    world_from_index = np.eye(4)
+    world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
+    world_from_index[:3, 3] = origin
+    return world_from_index
+
+
+def has_volume(world_from_index: Float64) -> bool:
+    """Whether the affine is finite and its index axes span space, judged without regard to their lengths."""
+    axes = world_from_index[:3, :3]
+    lengths = np.linalg.norm(axes, axis=0)
+    if not np.isfinite(world_from_index).all() or not lengths.all():
+        return False
+    return abs(float(np.linalg.det(axes / lengths))) > 1e-6
+
+
+def check_affine(world_from_index: Float64, where: str) -> None:
+    """Raise InputError unless every voxel has a place and a volume."""
+    if not has_volume(world_from_index):
+        rows = ", ".join("[" + " ".join(f"{value:g}" for value in row) + "]" for row in world_from_index[:3])
+        raise InputError(
+            "the spacing, origin and direction give the voxels no volume",
+            where=where,
+            got=f"{rows} (world from voxel index)",
+            expected="finite numbers, positive spacings and three independent axes",
+        )
+
+
+def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:
+    """Raise InputError unless the dtype is an integer of up to 64 bits or a float of 16, 32 or 64."""
+    kind = np.dtype(dtype)
+    if kind.kind in "iu" or (kind.kind == "f" and kind.itemsize <= 8):
+        return
+    hints = {
+        "b": "save it as uint8",
+        "c": "save its magnitude or its real part",
+        "V": "save one of its fields as an array of its own",
+        "O": "save it as an array of numbers; Python objects are never loaded",
+    }
+    raise InputError(
+        "voxels of this type cannot be rendered",
+        where=where,
+        got=kind.name if kind.names is None else f"records with the fields {', '.join(kind.names)}",
+        expected="int8 to int64, uint8 to uint64, float16, float32 or float64",
+        hint=hints.get(kind.kind) if kind.kind != "V" or kind.names else None,
+    )
+
+
+def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> int:
+    """The bytes that the voxels take; raises InputError when there are none or more than MAX_VOLUME_BYTES."""
+    num_bytes = np.dtype(dtype).itemsize
+    for n in shape_xyz:
+        num_bytes *= int(n)
+    if num_bytes <= 0:
+        raise InputError("the volume has no voxels", where=where, got=describe_shape(shape_xyz))
+    if num_bytes > MAX_VOLUME_BYTES:
+        raise InputError(
+            "the volume is too large",
+            where=where,
+            got=f"{describe_shape(shape_xyz)} voxels of {np.dtype(dtype).name}, {num_bytes / 2**30:.1f} GiB",
+            expected=f"at most {MAX_VOLUME_BYTES / 2**30:.0f} GiB",
+            hint="if the file is smaller than that, its header is wrong",
+        )
+    return num_bytes
+
+
+@dataclass(frozen=True)
+class StoredVoxels:
+    """Where a file keeps its voxels: from byte `offset` on, as they are or compressed by deflate (gzip or zlib)."""
+
+    file: Path
+    offset: int
+    compressed: bool
+
+
+def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
+    """Raise InputError unless `num_bytes` of voxels are there and sound, before memory is taken for them.
+
+    A compressed stream is decompressed once for this and its checksum compared: SimpleITK and nibabel hand out the
+    voxels of a damaged stream without a word.
+    """
+    if not stored.compressed:
+        found_bytes = stored.file.stat().st_size - stored.offset
+    else:
+        try:
+            found_bytes = _inflated_size(stored, num_bytes)
+        except (zlib.error, EOFError) as error:
+            raise InputError(
+                "the compressed voxels are damaged",
+                where=str(stored.file),
+                got=str(error),
+                hint="copy or download the file again",
+            ) from error
+    if found_bytes < num_bytes:
+        raise InputError(
+            "the file is shorter than its header says",
+            where=str(stored.file),
+            got=f"{found_bytes} bytes" + (" after decompression" if stored.compressed else ""),
+            expected=f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)",
+            hint="the file is truncated or its header is wrong",
+        )
+
+
+def _inflated_size(stored: StoredVoxels, enough: int) -> int:
+    """The bytes in the gzip members or the zlib stream at `offset`, as many members as are needed for `enough`.
+
+    Raises zlib.error for damage and a wrong checksum, EOFError when the stream breaks off.
+    """
+    total = 0
+    with stored.file.open("rb") as file:
+        file.seek(stored.offset)
+        data = file.read(_PIECE)
+        while data and total < enough:
+            stream = zlib.decompressobj(zlib.MAX_WBITS | 32)  # recognises gzip and zlib
+            while not stream.eof:
+                num_out = len(stream.decompress(data, _PIECE))
+                total += num_out
+                data = stream.unconsumed_tail
+                if not data and not stream.eof and num_out < _PIECE:  # a full piece may leave more inside the stream
+                    data = file.read(_PIECE)
+                    if not data:
+                        raise EOFError(f"the compressed data break off after {total} bytes of voxels")
+            data = stream.unused_data or file.read(_PIECE)
+    return total
+
+
+def choose(key: str, wanted: int | None, count: int, where: str) -> int:
+    """Which of `count` time steps or components to read; `key` is the scene's word for it.
+
+    Raises InputError when there are several and none was asked for, or the one asked for is not there.
+    """
+    plural = {"time": "time steps", "component": "components"}[key]
+    if wanted is None and count > 1:
+        raise InputError(
+            f"the volume has {count} {plural}, and one is rendered",
+            where=where,
+            expected=f"`{key}: k` with k from 0 to {count - 1}",
+        )
+    if wanted is not None and not 0 <= wanted < count:
+        several = f"0 to {count - 1}"
+        raise InputError(
+            f"there is no such {plural[:-1]}",
+            where=where,
+            got=f"{key}: {wanted}",
+            expected=several if count > 1 else f"0 or no `{key}` at all: the volume has one",
+        )
+    return wanted or 0
+
+
+def existing(path: Path) -> Path:
+    """The path itself; raises InputError when nothing is there or it may not be read."""
+    if path.exists():
+        if not os.access(path, os.R_OK):
+            raise InputError("no permission to read this", where=str(path))
+        if not (path.is_file() or path.is_dir()):
+            raise InputError("this is neither a file nor a folder", where=str(path))
+        return path
+    try:
+        meant = nearest(path.name, sorted(entry.name for entry in path.parent.iterdir()))
+    except OSError:
+        meant = None
+    raise InputError(
+        "no such file or folder", where=str(path), hint=f"did you mean {path.parent / meant}?" if meant else None
+    )
+
+
+def unreadable(path: Path, error: Exception) -> InputError:
+    """An operating system's or a library's complaint as an InputError, in one line."""
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return InputError("cannot read this file", where=str(path), got=" ".join(text.split()) or type(error).__name__)

@@ -1,0 +1,214 @@
+"""A folder with one DICOM series, a slice per file, placed by the positions that the slices state.
+
+The series is found by SimpleITK's GDCM, each slice read on its own, so that a message can name its file. The third axis
+of the volume is the step from slice to slice, not the normal of the slices: a tilted gantry gives a sheared volume,
+drawn where it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import Image, affine, check_size, choose, describe_shape
+from renderer.readers.itk import executed, open_itk, pixel_dtype, quiet_simpleitk, read_itk, view_of
+from renderer.volume import Array, Float64
+
+# Slices may lie this part of the spacing away from even steps. Positions are written with few digits and gantries are
+# not perfect; a missing slice is off by a whole step.
+_UNEVEN = 0.05
+
+_DESCRIPTION = "0008|103e"
+
+# The tag of the pixels, (7fe0,0010), as little-endian files have it.
+_PIXEL_DATA = b"\xe0\x7f\x10\x00"
+
+
+@dataclass(frozen=True)
+class _Slice:
+    """The header of one file: position float64 [3] of its first voxel, direction float64 [3, 3]."""
+
+    file: Path
+    reader: Any
+    dtype: np.dtype[Any]
+    size: tuple[int, int]
+    spacing: tuple[float, float]
+    position: Float64
+    direction: Float64
+
+
+def read_dicom(folder: Path, time: int | None, component: int | None) -> Image:
+    """The one series in `folder`, slices in ascending order along their normal.
+
+    Values are those after the rescale slope and intercept of each slice. Raises InputError when there is no series or
+    several, when slices differ in size or orientation, and when they are missing, doubled or unevenly spaced.
+    """
+    with quiet_simpleitk() as sitk:
+        files = _series_files(sitk, folder)
+        if len(files) == 1:  # one slice, or all of them in one enhanced file
+            return read_itk(files[0], time, component)
+        choose("time", time, 1, str(folder))
+        slices = [_header(sitk, file) for file in files]
+        slices.sort(key=lambda part: float(part.position @ part.direction[:, 2]))
+        _check_alike(slices, folder)
+        step = _even_step(slices, folder)
+        first = slices[0]
+        num_components = first.reader.GetNumberOfComponents()
+        channel = choose("component", component, num_components, str(folder))
+        dtype = np.result_type(*(part.dtype for part in slices))  # the rescale slope may differ from slice to slice
+        check_size((*first.size, len(slices)), dtype, str(folder))
+        values: Array = np.empty((len(slices), first.size[1], first.size[0]), dtype)
+        for part, target in zip(slices, values, strict=True):
+            plane = view_of(sitk, executed(part.reader, part.file)).reshape(*target.shape, num_components)
+            target[...] = plane[..., channel]
+    axes = np.column_stack([first.direction[:, 0] * first.spacing[0], first.direction[:, 1] * first.spacing[1], step])
+    return Image(values, affine(np.ones(3), first.position, axes))
+
+
+def _series_files(sitk: Any, folder: Path) -> list[Path]:
+    series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
+    if not series:
+        raise InputError(
+            "this folder holds neither a DICOM series nor TIFF slices",
+            where=str(folder),
+            got="an empty folder" if not any(folder.iterdir()) else None,
+            expected="the files of one DICOM series, or .tif files, directly in the folder",
+        )
+    files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), uid) for uid in series}
+    if len(series) > 1:
+        raise InputError(
+            f"this folder holds {len(series)} DICOM series, and one is rendered",
+            where=str(folder),
+            got="; ".join(_name_series(sitk, uid, files[uid]) for uid in sorted(series)),
+            hint="put each series into a folder of its own",
+        )
+    _check_none_left_out(folder, {Path(name).name for name in files[series[0]]})
+    return [Path(name) for name in files[series[0]]]
+
+
+def _check_none_left_out(folder: Path, names: set[str]) -> None:
+    """Raise InputError for a DICOM image that the search for series passed over: it is damaged.
+
+    At either end of the stack nothing else would tell. Reports and plans are DICOM files too, without pixels.
+    """
+    for path in sorted(folder.iterdir()):
+        if path.name in names or not path.is_file():
+            continue
+        with path.open("rb") as file:
+            is_dicom = file.read(132)[128:] == b"DICM"  # after a preamble of 128 bytes
+            if is_dicom and _PIXEL_DATA in file.read():
+                raise InputError(
+                    "this DICOM slice cannot be read", where=str(path), hint="the file is truncated or damaged"
+                )
+
+
+def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:
+    """`"T1 sagittal", 40 files from N2D_0171.dcm`."""
+    reader = open_itk(sitk, Path(files[0]))
+    description = reader.GetMetaData(_DESCRIPTION).strip() if reader.HasMetaDataKey(_DESCRIPTION) else ""
+    return f'"{description or uid}", {len(files)} file{"s" if len(files) > 1 else ""} from {Path(files[0]).name}'
+
+
+def _header(sitk: Any, file: Path) -> _Slice:
+    reader = open_itk(sitk, file)
+    size = reader.GetSize()
+    if len(size) == 3 and size[2] > 1:
+        raise InputError(
+            "several files of this series hold several slices each",
+            where=str(file),
+            got=f"{size[2]} slices",
+            expected="one slice per file, or all of them in one file",
+        )
+    width, height, *_ = size
+    across, down, *_ = reader.GetSpacing()
+    return _Slice(
+        file,
+        reader,
+        pixel_dtype(sitk, reader, file),
+        (width, height),
+        (across, down),
+        np.array(reader.GetOrigin()),
+        np.reshape(reader.GetDirection(), (3, 3)),
+    )
+
+
+def _check_alike(slices: list[_Slice], folder: Path) -> None:
+    first = slices[0]
+    for part in slices[1:]:
+        for what, got, expected, alike in (
+            ("size", describe_shape(part.size), describe_shape(first.size), part.size == first.size),
+            (
+                "pixel spacing",
+                str(part.spacing),
+                str(first.spacing),
+                np.allclose(part.spacing, first.spacing, rtol=1e-3, atol=0),
+            ),
+            (
+                "orientation",
+                _numbers(part.direction),
+                _numbers(first.direction),
+                np.allclose(part.direction, first.direction, rtol=0, atol=1e-3),
+            ),
+            (
+                "number of components",
+                str(part.reader.GetNumberOfComponents()),
+                str(first.reader.GetNumberOfComponents()),
+                part.reader.GetNumberOfComponents() == first.reader.GetNumberOfComponents(),
+            ),
+        ):
+            if not alike:
+                raise InputError(
+                    f"the slices of this series differ in their {what}",
+                    where=str(folder),
+                    got=f"{got} in {part.file.name}",
+                    expected=f"{expected} as in {first.file.name}",
+                    hint="a localiser or a second scan among them? put it into a folder of its own",
+                )
+
+
+def _numbers(values: Float64) -> str:
+    return "[" + " ".join(f"{value:.4g}" for value in values[:, :2].T.flat) + "]"
+
+
+def _even_step(slices: list[_Slice], folder: Path) -> Float64:
+    """float64 [3]: from slice to slice; raises InputError when that is not the same everywhere."""
+    positions = np.array([part.position for part in slices])
+    gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    usual = float(np.median(gaps))
+    doubled = np.flatnonzero(gaps <= _UNEVEN * usual)
+    if doubled.size:
+        i = int(doubled[0])
+        raise InputError(
+            "two slices of this series are at the same position",
+            where=str(folder),
+            got=f"{slices[i].file.name} and {slices[i + 1].file.name}",
+            expected="one slice at each position",
+            hint="a time series or several echoes? put each volume into a folder of its own",
+        )
+    wide = np.flatnonzero(gaps >= (2 - _UNEVEN) * usual)
+    if wide.size:
+        i = int(wide[0])
+        num_missing = int(np.sum(np.rint(gaps[wide] / usual) - 1))
+        raise InputError(
+            "slices of this series are missing",
+            where=str(folder),
+            got=f"about {num_missing} missing; the first gap, {gaps[i]:.4g}, is between {slices[i].file.name} and "
+            f"{slices[i + 1].file.name}",
+            expected=f"a slice every {usual:.4g}",
+        )
+    step = (positions[-1] - positions[0]) / (len(slices) - 1)
+    off = np.linalg.norm(positions - (positions[0] + np.arange(len(slices))[:, np.newaxis] * step), axis=1)
+    worst = int(np.argmax(off))
+    if off[worst] > _UNEVEN * np.linalg.norm(step):
+        raise InputError(
+            "the slices of this series are not evenly spaced",
+            where=str(folder),
+            got=f"gaps from {gaps.min():.4g} to {gaps.max():.4g}; {slices[worst].file.name} is off by {off[worst]:.4g}",
+            expected=f"a slice every {np.linalg.norm(step):.4g}, within {_UNEVEN:.0%} of that",
+            hint="resample the series to even spacing first",
+        )
+    return np.asarray(step, np.float64)

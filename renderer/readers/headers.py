@@ -1,0 +1,96 @@
+"""Where the voxels of a NRRD or MetaImage file are: the few header fields that say so.
+
+SimpleITK reads both formats; it reports a missing data file as an unreadable header and takes the memory that a header
+asks for before it looks at the file. These functions find the data first.
+
+NRRD: http://teem.sourceforge.net/nrrd/format.html. MetaImage: https://itk.org/Wiki/ITK/MetaIO/Documentation.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from renderer.errors import InputError
+from renderer.readers.common import StoredVoxels, existing
+
+# No header comes near this; a file without the end-of-header mark is not read whole in search of it.
+_MAX_HEADER_BYTES = 2**20
+
+
+def nrrd_voxels(path: Path) -> StoredVoxels | None:
+    """The data of a NRRD file; None when it is text, bzip2 or spread over several files, which its reader checks.
+
+    Raises InputError for a data file that is not there.
+    """
+    header, offset = _split(_head(path))
+    fields = _fields(header, ":")
+    encoding = fields.get("encoding", "raw").lower()
+    name = fields.get("data file") or fields.get("datafile")
+    lines_skipped = fields.get("line skip") or fields.get("lineskip") or "0"
+    if name is None:
+        stored = StoredVoxels(path, offset, encoding != "raw")
+    elif name.split()[0] == "LIST" or "%" in name:
+        return None
+    else:
+        stored = _detached(path, name, encoding != "raw")
+    return stored if encoding in ("raw", "gzip", "gz") and lines_skipped == "0" else None
+
+
+def metaimage_voxels(path: Path) -> StoredVoxels | None:
+    """The data of a MetaImage file; None when it is text or spread over several files, which its reader checks.
+
+    Raises InputError for a damaged header and for a data file that is not there.
+    """
+    head = _head(path)
+    start = head.find(b"\n", head.find(b"ElementDataFile")) + 1
+    fields = _fields(head[:start] if start else head, "=")
+    missing = [key for key in ("NDims", "DimSize", "ElementType", "ElementDataFile") if key.lower() not in fields]
+    if missing:
+        raise InputError(
+            "this is not a MetaImage header, or it is damaged",
+            where=str(path),
+            got="an empty file" if not head else None,
+            expected=" and ".join(f"a line `{key} = ...`" for key in missing),
+        )
+    name = fields["elementdatafile"]
+    compressed = fields.get("compresseddata", "False").lower() in ("true", "1")
+    if name.split()[0] == "LIST" or "%" in name:
+        return None
+    stored = StoredVoxels(path, start, compressed) if name.upper() == "LOCAL" else _detached(path, name, compressed)
+    is_plain = fields.get("binarydata", "True").lower() in ("true", "1") and "headersize" not in fields
+    return stored if is_plain else None
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_MAX_HEADER_BYTES)
+
+
+def _split(head: bytes) -> tuple[bytes, int]:
+    """The header, which ends at the first empty line, and where the data begin."""
+    ends = [(at, at + len(mark)) for mark in (b"\n\n", b"\r\n\r\n") if (at := head.find(mark)) >= 0]
+    end, begin = min(ends, default=(len(head), len(head)))
+    return head[:end], begin
+
+
+def _fields(header: bytes, mark: str) -> dict[str, str]:
+    """`key: value` or `key = value` lines, keys in lower case."""
+    fields = {}
+    for line in header.decode("latin-1").splitlines():
+        key, found, value = line.partition(mark)
+        if found and value.strip() and not line.startswith("#"):
+            fields[key.strip().lower()] = value.strip()
+    return fields
+
+
+def _detached(header: Path, name: str, compressed: bool) -> StoredVoxels:
+    file = header.parent / name
+    if not file.is_file():
+        raise InputError(
+            "the data file that this header names is not there",
+            where=str(header),
+            got=name,
+            expected=f"a file {file}",
+            hint="the two belong together: move or copy both",
+        )
+    return StoredVoxels(existing(file), 0, compressed)

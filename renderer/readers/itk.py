@@ -1,0 +1,137 @@
+"""NRRD, MetaImage and whatever else SimpleITK recognises, with spacing, origin and direction in LPS.
+
+SimpleITK brings every format to LPS, including NRRD's other spaces. The voxels stay in its buffer: the array that comes
+back is a view of it and keeps it alive.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import Image, affine, check_size, check_stored, choose
+from renderer.readers.headers import metaimage_voxels, nrrd_voxels
+from renderer.volume import Array
+
+KNOWN_FORMATS = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
+
+
+@contextmanager
+def quiet_simpleitk() -> Iterator[Any]:
+    """The SimpleITK module, imported on first use, its warnings kept off the terminal within the block."""
+    import SimpleITK  # noqa: PLC0415  (0.1 s and 270 MB that other formats do not need)
+
+    sitk: Any = SimpleITK  # it has no types
+    shown = sitk.ProcessObject.GetGlobalWarningDisplay()
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    try:
+        yield sitk
+    finally:
+        sitk.ProcessObject.SetGlobalWarningDisplay(shown)
+
+
+def read_itk(path: Path, time: int | None, component: int | None) -> Image:
+    """The volume in one file.
+
+    Raises InputError for unknown, truncated and broken files, and when `time` or `component` do not fit.
+    """
+    stored = {".nrrd": nrrd_voxels, ".nhdr": nrrd_voxels, ".mha": metaimage_voxels, ".mhd": metaimage_voxels}
+    voxels = stored[path.suffix.lower()](path) if path.suffix.lower() in stored else None
+    with quiet_simpleitk() as sitk:
+        reader = open_itk(sitk, path)
+        size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
+        num_bytes = check_size((*size, num_components), pixel_dtype(sitk, reader, path), str(path))
+        if voxels is not None:
+            check_stored(voxels, num_bytes, size)
+        if len(size) > 4:
+            raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
+        step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
+        channel = choose("component", component, num_components, str(path))
+        if len(size) == 4:
+            reader.SetExtractSize([*size[:3], 0])
+            reader.SetExtractIndex([0, 0, 0, step])
+        values = view_of(sitk, executed(reader, path))
+        if num_components > 1:
+            values = values[..., channel]
+    return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(reader))
+
+
+def open_itk(sitk: Any, path: Path) -> Any:
+    """A SimpleITK reader that has read the header of `path`; raises InputError when it is of no known format."""
+    if not sitk.ImageFileReader.GetImageIOFromFileName(str(path)):
+        raise InputError(
+            "this is not a volume in a known format, or it is damaged",
+            where=str(path),
+            got="an empty file" if path.stat().st_size == 0 else None,
+            expected=KNOWN_FORMATS,
+            hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
+        )
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(str(path))
+    try:
+        reader.ReadImageInformation()
+    except RuntimeError as error:
+        raise InputError("cannot read the header", where=str(path), got=distill(str(error))) from error
+    return reader
+
+
+def executed(reader: Any, path: Path) -> Any:
+    """The SimpleITK image; raises InputError when its voxels cannot be read."""
+    try:
+        return reader.Execute()
+    except RuntimeError as error:
+        raise InputError(
+            "cannot read the voxels", where=str(path), got=distill(str(error)), hint="the file is truncated or damaged"
+        ) from error
+
+
+def pixel_dtype(sitk: Any, reader: Any, path: Path) -> np.dtype[Any]:
+    """The numpy dtype of one component; raises InputError for complex, label and other types."""
+    name = sitk.GetPixelIDValueAsString(reader.GetPixelID())
+    match = re.fullmatch(r"(?:vector of )?(\d+)-bit (unsigned integer|signed integer|float)", name)
+    if match is None:
+        raise InputError(
+            "voxels of this type cannot be rendered", where=str(path), got=name, expected="integers or real numbers"
+        )
+    return np.dtype({"u": "uint", "s": "int", "f": "float"}[match[2][0]] + match[1])
+
+
+class _Kept:
+    """A numpy view of a SimpleITK image, and the image, which owns the memory."""
+
+    def __init__(self, view: Array, image: Any) -> None:
+        self.__array_interface__ = view.__array_interface__
+        self.image = image
+
+
+def view_of(sitk: Any, image: Any) -> Array:
+    """The voxels of a SimpleITK image as [z, y, x] or [y, x] (several components last), without a copy."""
+    return np.asarray(_Kept(sitk.GetArrayViewFromImage(image), image))
+
+
+def distill(message: str) -> str:
+    """The last statement of one of SimpleITK's messages, which open with source files, addresses and call chains.
+
+    The innermost cause is the last line, apart from the system's last error, which is often another's;
+    `[nrrd] function:` and `ITK ERROR: class(address):` in front of it say nothing to a user.
+    """
+    lines = [line.strip() for line in message.splitlines() if line.strip() and not line.startswith("Reason:")]
+    last = lines[-1] if lines else "no reason given"
+    return re.sub(r"^(\[\w+\] \w+: |(itk|ITK|sitk)(::| )ERROR: (\w+\(0x[0-9a-f]+\): )?)", "", last)
+
+
+def _world_from_index(reader: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """[4, 4] from a header of 2 to 4 dimensions: a plane lies at z = 0, a time axis is left out."""
+    n = reader.GetDimension()
+    spatial = min(n, 3)
+    spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)
+    spacing[:spatial] = reader.GetSpacing()[:spatial]
+    origin[:spatial] = reader.GetOrigin()[:spatial]
+    direction[:spatial, :spatial] = np.reshape(reader.GetDirection(), (n, n))[:spatial, :spatial]
+    return affine(spacing, origin, direction)

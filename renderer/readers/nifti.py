@@ -1,0 +1,151 @@
+"""NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), through nibabel.
+
+SimpleITK is not asked: it refuses sheared affines, may prefer the qform to a sheared sform, and fills a truncated file
+with zeros without a word. nibabel gives the affine of the header as it is.
+
+The affine is the sform when it is set and invertible, else the qform, else the voxel sizes; RAS becomes LPS by negating
+x and y. Axes after z are time (the fourth) and component (the fifth), as the standard has them.
+"""
+
+from __future__ import annotations
+
+import logging
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import (
+    LPS_FROM_RAS,
+    Image,
+    StoredVoxels,
+    check_dtype,
+    check_size,
+    check_stored,
+    choose,
+    describe_shape,
+    has_volume,
+    unreadable,
+)
+from renderer.volume import Array, Float64
+
+
+def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
+    """The volume in a NIfTI file, scaled by the header's slope and intercept where it has them.
+
+    Scaled values are float32 when the stored ones have at most 16 bits or are float32, else float64. Raises InputError
+    for truncated and foreign files, and when `time` or `component` do not fit.
+    """
+    image = _open(path)
+    proxy, where = image.dataobj, str(path)
+    shape = tuple(int(n) for n in proxy.shape)
+    shape += (1,) * (5 - len(shape))
+    fields = proxy.dtype.names  # RGB24 and RGBA32 are records of bytes
+    if fields is None:
+        check_dtype(proxy.dtype, where)
+    num_bytes = check_size(shape, proxy.dtype, where)
+    data_file = Path(image.file_map["image"].filename)
+    if not data_file.is_file():
+        raise InputError(
+            "the data file that belongs to this header is not there", where=where, expected=f"a file {data_file}"
+        )
+    if data_file.suffix.lower() == ".gz":
+        check_stored(StoredVoxels(data_file, 0, True), proxy.offset + num_bytes, shape)
+    else:
+        check_stored(StoredVoxels(data_file, proxy.offset, False), num_bytes, shape)
+    if shape[5:].count(1) != len(shape[5:]):
+        raise InputError(
+            "the volume has too many axes",
+            where=where,
+            got=describe_shape(shape),
+            expected="x, y, z, then time and component",
+        )
+    step = choose("time", time, shape[3], where)
+    channel = choose("component", component, shape[4] if fields is None else len(fields), where)
+    try:
+        values = _stored_values(proxy, data_file, (step, channel if fields is None else 0))
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        raise InputError(
+            "cannot read the voxels",
+            where=str(data_file),
+            got=" ".join(str(error).split()),
+            hint="the file is truncated or damaged",
+        ) from error
+    if fields is not None:
+        values = values[fields[channel]]
+    try:
+        ras_from_index = _ras_from_index(image.header)
+    except ValueError as error:  # a quaternion that is no rotation
+        raise unreadable(path, error) from error
+    return Image(_scaled(values, float(proxy.slope), float(proxy.inter)), LPS_FROM_RAS @ ras_from_index)
+
+
+@contextmanager
+def _quiet(logger: logging.Logger) -> Iterator[None]:
+    """Keep what nibabel says about a header, and repairs, off the terminal within the block."""
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+def _open(path: Path) -> Any:
+    import nibabel as nib  # noqa: PLC0415  (0.2 s that other formats do not need)
+
+    try:
+        with _quiet(nib.imageglobals.logger):
+            image = nib.load(path)
+    except (nib.filebasedimages.ImageFileError, nib.spatialimages.HeaderDataError) as error:
+        raise InputError(
+            "this is not a NIfTI file, or it is damaged",
+            where=str(path),
+            got="an empty file" if path.stat().st_size == 0 else None,
+        ) from error
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        raise unreadable(path, error) from error
+    if not isinstance(image, nib.Nifti1Pair):
+        raise InputError(
+            "this is not a NIfTI file",
+            where=str(path),
+            got=type(image).__name__,
+            expected="NIfTI-1 or NIfTI-2, which say where the voxels are",
+        )
+    return image
+
+
+def _stored_values(proxy: Any, data_file: Path, last: tuple[int, int]) -> Array:
+    """[z, y, x] of one time step and component as they are stored, nothing else being read from the file."""
+    import nibabel  # noqa: PLC0415
+
+    nib: Any = nibabel
+
+    unscaled: Any = nib.arrayproxy.ArrayProxy(str(data_file), (proxy.shape, proxy.dtype, proxy.offset), mmap=False)
+    num_spatial = min(len(proxy.shape), 3)
+    rest = tuple(slice(k, k + 1) for k in (*last, *([0] * len(proxy.shape)))[: len(proxy.shape) - num_spatial])
+    values = np.asarray(unscaled[(slice(None),) * num_spatial + rest])
+    spatial: Array = values.reshape((*values.shape[:num_spatial], *([1] * (3 - num_spatial))), order="F")
+    return np.transpose(spatial)
+
+
+def _scaled(values: Array, slope: float, intercept: float) -> Array:
+    if slope == 1.0 and intercept == 0.0:
+        return values
+    exact_in_single = values.dtype.itemsize <= 2 or values.dtype.newbyteorder("=") == np.float32
+    scaled = np.empty(values.shape, np.float32 if exact_in_single else np.float64)
+    for plane, target in zip(values, scaled, strict=True):  # plane by plane: the float64 product needs no second volume
+        target[...] = plane.astype(np.float64) * slope + intercept
+    return scaled
+
+
+def _ras_from_index(header: Any) -> Float64:
+    if header["sform_code"] > 0 and has_volume(header.get_sform()):
+        return np.array(header.get_sform(), np.float64)
+    if header["qform_code"] > 0 and has_volume(header.get_qform()):
+        return np.array(header.get_qform(), np.float64)
+    return np.array(header.get_base_affine(), np.float64)

@@ -1,0 +1,167 @@
+"""What a volume's values are: range, percentiles, histogram, and the ranges that look like materials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.volume import Array, Float64
+
+# Every value of 16-bit data has a bin of its own, and wider types are resolved as finely.
+MAX_BINS = 2**16
+
+PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
+
+# Materials are looked for at the resolution of 8-bit data: finer bins hold too few voxels to show valleys.
+_NUM_COARSE = 256
+
+# Values are looked at in runs of this many, so that no float64 copy of the volume is ever made.
+_CHUNK = 2**20
+
+# A middle class this dominant is what the two outer ones stand out from: a signed field around zero.
+_DOMINANT = 0.9
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Of all voxels.
+
+    minimum, maximum: exact, int for integer volumes and float otherwise.
+    mean: in float64.
+    counts: int64 [n], voxels by bin.
+    bins: float64 [n], the middle of each bin; integers whose range fits 16 bits have a bin for every value.
+    bin_width: in data units.
+    """
+
+    minimum: int | float
+    maximum: int | float
+    mean: float
+    counts: npt.NDArray[np.int64]
+    bins: Float64
+    bin_width: float
+
+    def percentile(self, percent: float) -> float:
+        """The least value that at least `percent` of the voxels do not exceed, exact to half a bin."""
+        needed = percent / 100 * float(self.counts.sum())
+        return float(self.bins[np.searchsorted(np.cumsum(self.counts), needed)])
+
+
+@dataclass(frozen=True)
+class ValueRange:
+    """Values from `low` to `high`, both included; `typical` is their median, `share` their part of all voxels."""
+
+    name: str
+    low: float
+    high: float
+    typical: float
+    share: float
+
+
+def measure(values: Array) -> Statistics:
+    """Statistics of finite integer or float values of any shape, C-contiguous, in memory bounded by a chunk."""
+    minimum, maximum = values.min().item(), values.max().item()
+    total = sum(float(chunk.sum(dtype=np.float64)) for chunk in _chunks(values))
+    width = (
+        1.0 if values.dtype.kind in "iu" and maximum - minimum < MAX_BINS else maximum / MAX_BINS - minimum / MAX_BINS
+    )
+    if width == 1.0:
+        bins = np.arange(minimum, maximum + 1, dtype=np.float64)
+    elif width == 0.0:
+        bins = np.array([minimum], np.float64)
+    else:
+        bins = minimum + (np.arange(MAX_BINS) + 0.5) * width
+    counts = np.zeros(len(bins), np.int64)
+    for chunk in _chunks(values):
+        if width == 1.0 and values.dtype.kind in "iu":  # wraps around to the right unsigned number, whatever the type
+            index = (chunk - values.dtype.type(minimum)).view(f"u{values.dtype.itemsize}").astype(np.int64)
+        elif width == 0.0:
+            index = np.zeros(chunk.shape, np.int64)
+        else:
+            index = (chunk.astype(np.float64) / width - minimum / width).astype(np.int64)
+        counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
+    return Statistics(minimum, maximum, total / values.size, counts, bins, width)
+
+
+def _chunks(values: Array) -> Iterator[Array]:
+    flat = values.reshape(-1)
+    for begin in range(0, flat.size, _CHUNK):
+        yield flat[begin : begin + _CHUNK]
+
+
+def _per_part(statistics: Statistics, num_bins: int) -> int:
+    return -(-len(statistics.counts) // num_bins)
+
+
+def rebin(statistics: Statistics, num_bins: int) -> tuple[npt.NDArray[np.int64], Float64]:
+    """(counts, edges): int64 [m] and float64 [m + 1], m <= num_bins equal parts of the range.
+
+    Every part holds the same number of the original bins, except the last, which may hold fewer.
+    """
+    num, per_part = len(statistics.counts), _per_part(statistics, num_bins)
+    num_parts = -(-num // per_part)
+    padded = np.zeros(num_parts * per_part, np.int64)
+    padded[:num] = statistics.counts
+    first = statistics.bins[0] - statistics.bin_width / 2
+    edges = first + np.arange(num_parts + 1) * per_part * statistics.bin_width
+    return padded.reshape(num_parts, per_part).sum(axis=1), edges
+
+
+def suggest_ranges(statistics: Statistics) -> tuple[ValueRange, ...]:
+    """One to three ranges, ascending, no value between them: `background`, `material 1`, `material 2`.
+
+    N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Trans. SMC 9(1), 1979: the threshold with
+    the largest variance between the two sides. It is applied to all values, then to those above, because a small dense
+    part hardly moves the thresholds of a joint optimum; each threshold is moved to the least populated value between
+    the medians of its two sides.
+    """
+    counts, _ = rebin(statistics, _NUM_COARSE)
+    cuts: list[int] = []
+    begin = 0
+    for _ in range(2):
+        cut = _split(counts[begin:])
+        if cut is None:
+            break
+        begin += cut
+        cuts.append(begin)
+    bounds = [0, *cuts, len(counts)]
+    total = float(counts.sum())
+    shares = [float(counts[a:b].sum()) / total for a, b in pairwise(bounds)]
+    names = ["background", "material 1", "material 2"][: len(shares)]
+    if len(shares) == 1:
+        names = ["material 1"]
+    elif len(shares) == 3 and shares[1] > _DOMINANT:
+        names = ["material 1", "background", "material 2"]
+    ranges, per_part = [], _per_part(statistics, _NUM_COARSE)
+    for name, (a, b), share in zip(names, pairwise(bounds), shares, strict=True):
+        inside = slice(a * per_part, b * per_part)
+        occupied = statistics.bins[inside][statistics.counts[inside] > 0]
+        low = float(statistics.minimum if a == 0 else occupied[0])
+        high = float(statistics.maximum if b == len(counts) else occupied[-1])
+        cumulative = np.cumsum(statistics.counts[inside])
+        typical = float(statistics.bins[inside][np.searchsorted(cumulative, cumulative[-1] / 2)])
+        ranges.append(ValueRange(name, low, high, min(max(typical, low), high), share))
+    return tuple(ranges)
+
+
+def _split(counts: npt.NDArray[np.int64]) -> int | None:
+    """The first bin of the upper of two classes, or None where there are no two."""
+    if np.count_nonzero(counts) < 2:
+        return None
+    weight = counts.astype(np.float64)
+    place = np.arange(len(counts))
+    below, above = np.cumsum(weight)[:-1], weight.sum() - np.cumsum(weight)[:-1]
+    moment = np.cumsum(weight * place)[:-1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        between = (moment * above - (float(weight @ place) - moment) * below) ** 2 / (below * above)
+    best = int(np.nanargmax(between)) + 1
+    low = int(np.searchsorted(np.cumsum(weight[:best]), weight[:best].sum() / 2))
+    high = best + int(np.searchsorted(np.cumsum(weight[best:]), weight[best:].sum() / 2))
+    # A box of five bins keeps single empty bins of stretched data from passing for a valley.
+    smooth = np.convolve(np.pad(weight, 2, mode="edge"), np.full(5, 0.2), mode="valid")
+    valley = smooth[low + 1 : high + 1]
+    lowest = np.flatnonzero(valley == valley.min())
+    return low + 1 + int(lowest[len(lowest) // 2])

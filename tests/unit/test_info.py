@@ -1,0 +1,157 @@
+"""`hsplat info`: what it prints for a small volume, on any terminal, as JSON, and the YAML at its end."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from hsplat_cli.info import describe_direction, info
+from renderer.errors import InputError
+
+RAMP = np.arange(60).reshape(3, 4, 5)
+
+
+def run(*arguments: str, charset: str = "utf-8") -> str:
+    result = CliRunner(charset=charset).invoke(info, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def suggestion(output: str) -> dict:
+    return yaml.safe_load(output[output.index("transfer_function:") :])["transfer_function"]
+
+
+def test_whole_output(tmp_path):
+    values = np.zeros((4, 4, 4), np.uint8)
+    values[1, 1] = 100
+    values[2, 2, :2] = 200
+    np.save(tmp_path / "a.npy", values)
+    output = run(str(tmp_path / "a.npy"))
+    assert output == EXPECTED.format(path=tmp_path / "a.npy")
+
+
+EXPECTED = """{path}
+  shape        4 x 4 x 4 voxels (x, y, z)
+  type         uint8, 64 bytes in memory
+  spacing      1 x 1 x 1
+  world size   4 x 4 x 4
+  origin       0, 0, 0 (centre of the first voxel)
+  direction    axis-aligned
+  values       0 to 200, mean 12.5
+  percentiles  1%: 0   5%: 0   25%: 0   50%: 0   75%: 0   95%: 100   99%: 200
+  fingerprint  5cbf838e29bb625bd47f88655bcde3f3
+
+  voxels by value, logarithmic
+    58 █
+       █
+       █
+       █
+       █                        ▂
+       █                        █                        ▂
+       █                        █                        █
+     1 █                        █                        █
+       0                       100                     200
+
+  suggested ranges
+    background             0 to 0             90.62% of the voxels, median 0
+    material 1           100 to 100            6.25% of the voxels, median 100
+    material 2           200 to 200            3.12% of the voxels, median 200
+
+transfer_function:
+  unit: 1.0
+  points:
+    - {{value: 0, color: "#000000", opacity: 0.0}}
+    - {{value: 100, color: "#6680e6", opacity: 0.01}}
+    - {{value: 200, color: "#ffe6b3", opacity: 0.5}}
+"""
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "int64", "float16", "float32", "float64"])
+@pytest.mark.parametrize("factor", [1, 0])
+def test_every_kind_of_data_gets_a_suggestion_that_parses(tmp_path, dtype, factor):
+    np.save(tmp_path / "a.npy", (RAMP * factor).astype(dtype))
+    points = suggestion(run(str(tmp_path / "a.npy")))["points"]
+    values = [point["value"] for point in points]
+    assert values == sorted(set(values))
+    assert points[-1]["opacity"] > 0
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-5, 1e20])
+def test_numbers_with_exponents_are_numbers_in_yaml(tmp_path, scale):
+    np.save(tmp_path / "a.npy", RAMP * scale)
+    points = suggestion(run(str(tmp_path / "a.npy")))["points"]
+    assert all(isinstance(point["value"], int | float) for point in points)
+    assert points[-1]["value"] == pytest.approx(50 * scale, rel=0.3)
+
+
+def test_ascii_terminal(tmp_path):
+    np.save(tmp_path / "a.npy", RAMP)
+    assert "#" in run(str(tmp_path / "a.npy"), charset="ascii")
+    assert "█" in run(str(tmp_path / "a.npy"), charset="utf-8")
+
+
+def test_json_says_the_same(tmp_path):
+    np.save(tmp_path / "a.npy", RAMP.astype(np.int16))
+    facts = json.loads(run(str(tmp_path / "a.npy"), "--json"))
+    assert facts["shape"] == [5, 4, 3]
+    assert facts["dtype"] == "int16"
+    assert facts["bytes"] == 120
+    assert facts["world_size"] == [5.0, 4.0, 3.0]
+    assert (facts["minimum"], facts["maximum"], facts["mean"]) == (0, 59, 29.5)
+    assert facts["percentiles"]["50"] == 29.0
+    assert sum(facts["histogram"]["counts"]) == 60
+    assert facts["transfer_function"] == suggestion(run(str(tmp_path / "a.npy")))
+
+
+def test_headerless_file(tmp_path):
+    RAMP.astype(">i4").tofile(tmp_path / "a.raw")
+    arguments = ("--shape", "5,4,3", "--dtype", "int32", "--byte-order", "big", "--spacing", "1,2,0.5", "--json")
+    facts = json.loads(run(str(tmp_path / "a.raw"), *arguments))
+    assert (facts["minimum"], facts["maximum"], facts["spacing"]) == (0, 59, [1.0, 2.0, 0.5])
+    with pytest.raises(InputError, match="a headerless file needs both --shape and --dtype"):
+        run(str(tmp_path / "a.raw"), "--shape", "5,4,3")
+
+
+@pytest.mark.parametrize("text", ["5,4", "5,4,x", "5,4,0", "5,4,-1"])
+def test_wrong_shape_is_a_usage_error(text):
+    result = CliRunner().invoke(info, ["a.raw", "--dtype", "uint8", "--shape", text])
+    assert result.exit_code == 2
+    assert f"'{text}' is not three positive numbers with commas between, such as 128,96,114." in " ".join(
+        result.output.split()
+    ).replace("│ ", "")
+
+
+def test_time_component_and_nonfinite(tmp_path):
+    steps = np.stack([RAMP, RAMP + 100.0])
+    steps[0, 0, 0, 0] = np.nan
+    np.save(tmp_path / "a.npy", steps)
+    assert json.loads(run(str(tmp_path / "a.npy"), "--time", "1", "--json"))["minimum"] == 100.0
+    with pytest.raises(InputError, match="1 of 60 voxels are NaN or infinite"):
+        run(str(tmp_path / "a.npy"), "--time", "0")
+    assert json.loads(run(str(tmp_path / "a.npy"), "--time", "0", "--nonfinite", "lowest", "--json"))["minimum"] == 1.0
+
+
+TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        (np.diag([1.0, 2.0, 3.0]), "axis-aligned"),
+        (np.diag([1.0, -2.0, -3.0]), "axis-aligned, y z flipped"),
+        (np.diag([1.0, 2.0, -3.0]), "axis-aligned, z flipped, mirrored"),
+        (
+            np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+            "axis-aligned, x y z of the voxels lie along y z x of the world",
+        ),
+        (TURN * [1.0, 2.0, 3.0], "oblique"),
+        (TURN * [1.0, 2.0, -3.0], "oblique, mirrored"),
+        (np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "sheared"),
+    ],
+)
+def test_directions_in_words(axes, words):
+    assert describe_direction(axes) == words

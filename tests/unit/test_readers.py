@@ -1,0 +1,297 @@
+"""Reading back what numpy and SimpleITK wrote: every dtype, both byte orders, geometry, crops, non-finite values."""
+
+from __future__ import annotations
+
+import dataclasses
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk  # noqa: N813
+from hypothesis import given
+from hypothesis import strategies as st
+
+from renderer.errors import InputError
+from renderer.readers import crop_image, read_volume
+from renderer.readers.common import Image
+from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.volume import Volume, make_volume
+
+INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
+FLOATS = ("float16", "float32", "float64")
+SHAPE_ZYX = (3, 4, 5)
+
+
+def ramp(dtype: str, shape: tuple[int, ...] = SHAPE_ZYX) -> np.ndarray:
+    """Different values at all voxels, with both ends of an integer type's range among them."""
+    values = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+    if np.dtype(dtype).kind in "iu":
+        values.flat[0], values.flat[-1] = np.iinfo(dtype).min, np.iinfo(dtype).max
+    return values
+
+
+def read(path: Path, **choice) -> Volume:
+    return read_volume(VolumeSpec(FileSource(path), **choice))
+
+
+def rotation() -> np.ndarray:
+    """A rotation about no axis of the frame."""
+    (cx, sx), (cz, sz) = ((np.cos(a), np.sin(a)) for a in (0.3, 0.7))
+    return np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]) @ np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+
+
+def assert_usable(volume: Volume) -> None:
+    """What the rest of the program relies on."""
+    assert volume.values.flags.c_contiguous
+    assert not volume.values.flags.writeable
+    assert volume.values.dtype.isnative
+    assert not isinstance(volume.values, np.memmap)
+    assert volume.world_from_index.dtype == np.float64
+    assert not volume.world_from_index.flags.writeable
+
+
+@pytest.mark.parametrize("dtype", INTEGERS + FLOATS)
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("fortran", [False, True])
+def test_npy_keeps_every_dtype(tmp_path, dtype, order, fortran):
+    values = ramp(dtype)
+    stored = values.astype(values.dtype.newbyteorder(order))
+    np.save(tmp_path / "a.npy", np.asfortranarray(stored) if fortran else stored)
+    volume = read(tmp_path / "a.npy")
+    assert_usable(volume)
+    assert volume.values.dtype == np.dtype(dtype)
+    np.testing.assert_array_equal(volume.values, values)
+    np.testing.assert_array_equal(volume.world_from_index, np.eye(4))
+
+
+@pytest.mark.parametrize("dtype", INTEGERS + FLOATS)
+@pytest.mark.parametrize("byte_order", ["little", "big"])
+def test_raw_keeps_every_dtype(tmp_path, dtype, byte_order):
+    values = ramp(dtype)
+    stored = values.astype(values.dtype.newbyteorder("<" if byte_order == "little" else ">"))
+    (tmp_path / "a.raw").write_bytes(b"12345" + stored.tobytes())
+    source = RawSource(tmp_path / "a.raw", (5, 4, 3), dtype, byte_order, (0.5, 2.0, 3.0), offset=5)
+    volume = read_volume(VolumeSpec(source))
+    assert_usable(volume)
+    np.testing.assert_array_equal(volume.values, values)
+    np.testing.assert_array_equal(volume.world_from_index, np.diag([0.5, 2.0, 3.0, 1.0]))
+
+
+@pytest.mark.parametrize("dtype", [name for name in INTEGERS + FLOATS if name != "float16"])
+@pytest.mark.parametrize("name", ["a.nrrd", "a.nhdr", "a.mha", "a.mhd"])
+@pytest.mark.parametrize("compressed", [False, True])
+def test_simpleitk_formats_keep_dtype_and_geometry(tmp_path, dtype, name, compressed):
+    values = ramp(dtype)
+    image = sitk.GetImageFromArray(values)
+    image.SetSpacing((0.5, 2.0, 3.0))
+    image.SetOrigin((-10.0, 20.0, 30.0))
+    image.SetDirection(rotation().ravel())
+    sitk.WriteImage(image, str(tmp_path / name), compressed)
+    volume = read(tmp_path / name)
+    assert_usable(volume)
+    assert volume.values.dtype == np.dtype(dtype)
+    np.testing.assert_array_equal(volume.values, values)
+    for index in ((0, 0, 0), (4, 0, 0), (0, 3, 2), (4, 3, 2)):
+        here = volume.world_from_index @ [*index, 1]
+        # Headers are text of about 15 digits; coordinates are some tens.
+        np.testing.assert_allclose(here[:3], image.TransformIndexToPhysicalPoint(index), atol=1e-12)
+
+
+@pytest.mark.parametrize("endian", ["little", "big"])
+@pytest.mark.parametrize("encoding", ["raw", "gzip"])
+def test_nrrd_byte_orders(tmp_path, endian, encoding):
+    values = ramp("int16")
+    data = values.astype("<i2" if endian == "little" else ">i2").tobytes()
+    header = f"NRRD0004\ntype: short\ndimension: 3\nsizes: 5 4 3\nendian: {endian}\nencoding: {encoding}\n\n"
+    (tmp_path / "a.nrrd").write_bytes(header.encode() + (gzip.compress(data) if encoding == "gzip" else data))
+    np.testing.assert_array_equal(read(tmp_path / "a.nrrd").values, values)
+
+
+def test_nrrd_in_ras_becomes_lps(tmp_path):
+    header = (
+        "NRRD0004\ntype: uint8\ndimension: 3\nspace: right-anterior-superior\nsizes: 5 4 3\n"
+        "space directions: (2,0,0) (0,3,0) (0,0,4)\nspace origin: (10,20,30)\nencoding: raw\n\n"
+    )
+    (tmp_path / "a.nrrd").write_bytes(header.encode() + bytes(60))
+    expected = [[-2, 0, 0, -10], [0, -3, 0, -20], [0, 0, 4, 30], [0, 0, 0, 1]]
+    np.testing.assert_array_equal(read(tmp_path / "a.nrrd").world_from_index, expected)
+
+
+def test_sheared_nrrd_is_read_where_it_is(tmp_path):
+    header = (
+        "NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: 5 4 3\n"
+        "space directions: (2,0,0) (0,3,0) (0,1,4)\nspace origin: (0,0,0)\nencoding: raw\n\n"
+    )
+    (tmp_path / "a.nrrd").write_bytes(header.encode() + bytes(60))
+    expected = [[2, 0, 0, 0], [0, 3, 1, 0], [0, 0, 4, 0], [0, 0, 0, 1]]
+    np.testing.assert_allclose(read(tmp_path / "a.nrrd").world_from_index, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["a.nrrd", "a.mha"])
+def test_time_steps_and_components(tmp_path, name):
+    steps = ramp("uint16", (2, 3, 4, 5))
+    image = sitk.GetImageFromArray(steps, isVector=False)
+    image.SetSpacing((1.0, 2.0, 3.0, 50.0))
+    sitk.WriteImage(image, str(tmp_path / name))
+    for k in range(2):
+        volume = read(tmp_path / name, time=k)
+        np.testing.assert_array_equal(volume.values, steps[k])
+        np.testing.assert_array_equal(volume.spacing, [1.0, 2.0, 3.0])
+    sitk.WriteImage(sitk.GetImageFromArray(np.moveaxis(steps, 0, -1), isVector=True), str(tmp_path / name))
+    for k in range(2):
+        volume = read(tmp_path / name, component=k)
+        assert_usable(volume)
+        np.testing.assert_array_equal(volume.values, steps[k])
+
+
+def test_npy_axes(tmp_path):
+    values = ramp("int32", (2, 3, 4, 5, 6))
+    np.save(tmp_path / "5.npy", values)
+    np.save(tmp_path / "4.npy", values[0])
+    np.save(tmp_path / "2.npy", values[0, 0, 0])
+    np.testing.assert_array_equal(read(tmp_path / "5.npy", time=1, component=2).values, values[1, ..., 2])
+    np.testing.assert_array_equal(read(tmp_path / "4.npy", time=1).values, values[0, 1])
+    np.testing.assert_array_equal(read(tmp_path / "4.npy", component=1).values, values[0, ..., 1])
+    np.testing.assert_array_equal(read(tmp_path / "2.npy", time=0, component=0).values, values[0, 0, :1])
+
+
+def test_plane_is_one_slice(tmp_path):
+    image = sitk.GetImageFromArray(ramp("uint8")[0])
+    image.SetSpacing((0.5, 2.0))
+    image.SetOrigin((7.0, 8.0))
+    sitk.WriteImage(image, str(tmp_path / "a.mha"))
+    volume = read(tmp_path / "a.mha")
+    assert volume.shape_xyz == (5, 4, 1)
+    np.testing.assert_array_equal(volume.world_from_index, [[0.5, 0, 0, 7], [0, 2, 0, 8], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+
+def test_voxels_of_simpleitk_outlive_its_image(tmp_path):
+    """The array is a view of the image's buffer; it must keep that alive."""
+    values = np.random.default_rng(0).integers(0, 256, (64, 64, 64), np.uint8)
+    sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / "a.nrrd"))
+    volume = read(tmp_path / "a.nrrd")
+    others = [read(tmp_path / "a.nrrd") for _ in range(3)]
+    del others
+    np.testing.assert_array_equal(volume.values, values)
+
+
+def test_fingerprint_is_of_the_content_not_of_the_file(tmp_path):
+    values = ramp("uint16")
+    np.save(tmp_path / "a.npy", values.astype(">u2"))
+    sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / "a.nrrd"), True)
+    same = {read(tmp_path / name).fingerprint for name in ("a.npy", "a.nrrd")}
+    assert same == {make_volume(values.copy(), np.eye(4), "here").fingerprint}
+    changed = values.copy()
+    changed[1, 2, 3] += 1
+    moved = np.eye(4)
+    moved[0, 3] = 1e-9
+    others = {
+        make_volume(changed, np.eye(4), "").fingerprint,
+        make_volume(values.copy(), moved, "").fingerprint,
+        make_volume(values.astype(np.int16), np.eye(4), "").fingerprint,
+        make_volume(values.reshape(4, 3, 5).copy(), np.eye(4), "").fingerprint,
+    }
+    assert len(same | others) == 5
+
+
+def test_negative_zero_in_the_affine_does_not_change_the_fingerprint():
+    prints = []
+    for zero in (0.0, -0.0):
+        world_from_index = np.eye(4)
+        world_from_index[0, 1] = zero
+        prints.append(make_volume(np.zeros((1, 1, 1), np.uint8), world_from_index, "").fingerprint)
+    assert prints[0] == prints[1]
+
+
+ranges = st.tuples(st.integers(0, 8), st.integers(1, 9)).map(lambda pair: (min(pair), max(pair[1], min(pair) + 1)))
+
+
+@given(ranges, ranges, ranges, st.lists(st.floats(-100, 100), min_size=12, max_size=12))
+def test_crop_leaves_voxels_where_they_are(x, y, z, numbers):
+    values = np.arange(9**3).reshape(9, 9, 9)
+    world_from_index = np.vstack([np.reshape(numbers, (3, 4)), [0, 0, 0, 1]])
+    cropped = crop_image(Image(values, world_from_index), (x, y, z), "here")
+    assert cropped.values.shape == (z[1] - z[0], y[1] - y[0], x[1] - x[0])
+    for corner in np.ndindex(2, 2, 2):
+        index = [c * (n - 1) for c, n in zip(corner, cropped.values.shape[::-1], strict=True)]
+        whole = [i + begin for i, (begin, _) in zip(index, (x, y, z), strict=True)]
+        assert cropped.values[tuple(index[::-1])] == values[tuple(whole[::-1])]
+        # Sums of four products of up to 900 in another order: some units in the last place of 3600.
+        np.testing.assert_allclose(
+            cropped.world_from_index @ [*index, 1], world_from_index @ [*whole, 1], rtol=0, atol=1e-11
+        )
+
+
+@pytest.mark.parametrize("crop", [((0, 5), (0, 4), (1, 2)), ((1, 3), (0, 4), (0, 3)), ((0, 5), (0, 4), (0, 3))])
+@pytest.mark.parametrize("name", ["a.npy", "a.nrrd", "a.mha"])
+def test_cropped_volume_owns_just_its_voxels(tmp_path, crop, name):
+    values = ramp("uint16")
+    if name == "a.npy":
+        np.save(tmp_path / name, values)
+    else:
+        sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / name))
+    volume = read(tmp_path / name, crop=crop)
+    assert_usable(volume)
+    (x0, x1), (y0, y1), (z0, z1) = crop
+    np.testing.assert_array_equal(volume.values, values[z0:z1, y0:y1, x0:x1])
+    np.testing.assert_array_equal(volume.world_from_index[:3, 3], [x0, y0, z0])
+    base = volume.values.base
+    assert base is None or getattr(base, "nbytes", volume.values.nbytes) == volume.values.nbytes
+
+
+@pytest.mark.parametrize("crop", [((0, 6), (0, 4), (0, 3)), ((2, 2), (0, 4), (0, 3)), ((-1, 5), (0, 4), (0, 3))])
+def test_crop_outside_is_refused(tmp_path, crop):
+    np.save(tmp_path / "a.npy", ramp("uint8"))
+    with pytest.raises(InputError, match="the crop does not fit the volume along x"):
+        read(tmp_path / "a.npy", crop=crop)
+
+
+@pytest.mark.parametrize("dtype", FLOATS)
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_nonfinite_voxels(tmp_path, dtype, bad):
+    values = ramp(dtype) - 7
+    values[1, 2, 3] = values[2, 0, 0] = bad
+    np.save(tmp_path / "a.npy", values)
+    with pytest.raises(InputError, match="2 of 60 voxels are NaN or infinite") as error:
+        read(tmp_path / "a.npy")
+    assert error.value.got == "the first at voxel x, y, z = 3, 2, 1"
+    with pytest.raises(InputError) as error:  # located in the whole volume, not in the crop
+        read(tmp_path / "a.npy", crop=((1, 5), (1, 4), (1, 2)))
+    assert error.value.got == "the first at voxel x, y, z = 3, 2, 1"
+    replaced = read(tmp_path / "a.npy", nonfinite="lowest").values
+    np.testing.assert_array_equal(replaced, np.where(np.isfinite(values), values, values.dtype.type(-7)))
+    assert not replaced.flags.writeable
+
+
+def test_nonfinite_voxels_in_memory_of_simpleitk(tmp_path):
+    values = ramp("float32")
+    values[0, 0, 0] = np.nan
+    sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / "a.nrrd"))
+    assert read(tmp_path / "a.nrrd", nonfinite="lowest").values[0, 0, 0] == 1.0
+
+
+def test_all_nonfinite_is_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.full((2, 2, 2), np.nan))
+    with pytest.raises(InputError, match="no voxel is finite"):
+        read(tmp_path / "a.npy", nonfinite="lowest")
+
+
+def test_procedural_volumes_are_cropped_and_have_one_time_step():
+    spec = VolumeSpec(ProceduralSource("single_voxel", (6, 6, 6)), time=0, crop=((3, 4), (3, 4), (3, 4)))
+    volume = read_volume(spec)
+    assert volume.values.tolist() == [[[255]]]
+    np.testing.assert_array_equal(volume.world_from_index[:3, 3], [3, 3, 3])
+    with pytest.raises(InputError, match="there is no such time step"):
+        read_volume(dataclasses.replace(spec, time=1))
+
+
+def test_out_of_memory_is_an_input_error(monkeypatch, tmp_path):
+    np.save(tmp_path / "a.npy", ramp("uint8"))
+
+    def fail(*_args):
+        raise MemoryError
+
+    monkeypatch.setattr("renderer.readers._load", fail)
+    with pytest.raises(InputError, match="there is not enough memory for this volume"):
+        read(tmp_path / "a.npy")

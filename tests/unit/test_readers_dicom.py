@@ -1,0 +1,143 @@
+"""DICOM series that SimpleITK writes: order, tilted gantries, rescaling per slice, and series that are no volume."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk  # noqa: N813
+
+from renderer.errors import InputError
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+
+ROW = np.array([0.0, 0.8, 0.6])
+COLUMN = np.array([1.0, 0.0, 0.0])
+NORMAL = np.cross(ROW, COLUMN)
+
+
+def write_slice(
+    path: Path,
+    values: np.ndarray,
+    position: np.ndarray,
+    *,
+    uid: str = "1.2.3.4",
+    shape_name: str = "scan",
+) -> None:
+    """One CT slice of uint16 `values` [y, x], pixels 0.5 wide and 0.25 high."""
+    image = sitk.GetImageFromArray(values.astype(np.int16))
+    image.SetSpacing((0.5, 0.25))
+    for key, text in {
+        "0008|0008": "ORIGINAL\\PRIMARY\\AXIAL",
+        "0008|0060": "CT",
+        "0008|103e": shape_name,
+        "0020|000d": "1.2.3",
+        "0020|000e": uid,
+        "0020|0032": "\\".join(f"{value:.10g}" for value in position),
+        "0020|0037": "\\".join(f"{value:.10g}" for value in (*ROW, *COLUMN)),
+        "0028|1052": "-1000",
+        "0028|1053": "1",
+    }.items():
+        image.SetMetaData(key, text)
+    writer = sitk.ImageFileWriter()
+    writer.KeepOriginalImageUIDOn()
+    writer.SetFileName(str(path))
+    writer.Execute(image)
+
+
+def write_series(folder: Path, positions: list[np.ndarray], **options) -> np.ndarray:
+    """Slice k holds k at its first pixel; file names run backwards, so that they say nothing about the order."""
+    planes = np.zeros((len(positions), 6, 5))
+    planes[:, 0, 0] = np.arange(len(positions))
+    planes[:, 1, 2] = 100
+    for k, (plane, position) in enumerate(zip(planes, positions, strict=True)):
+        write_slice(folder / f"{99 - k}.dcm", plane, position, **options)
+    return planes
+
+
+def read(folder: Path, **choice):
+    return read_volume(VolumeSpec(FileSource(folder), **choice))
+
+
+def test_slices_lie_where_they_say(tmp_path):
+    planes = write_series(tmp_path, [np.array([1.0, 2.0, 3.0]) + 1.5 * k * NORMAL for k in range(4)])
+    volume = read(tmp_path)
+    np.testing.assert_array_equal(volume.values, planes)
+    expected = np.column_stack([0.5 * ROW, 0.25 * COLUMN, 1.5 * NORMAL, [1, 2, 3]])
+    np.testing.assert_allclose(volume.world_from_index[:3], expected, atol=1e-9)  # ten digits in the file
+
+
+def test_tilted_gantry_is_sheared(tmp_path):
+    step = 2.0 * NORMAL + 0.7 * COLUMN
+    write_series(tmp_path, [k * step for k in range(4)])
+    np.testing.assert_allclose(read(tmp_path).world_from_index[:3, 2], step, atol=1e-9)
+
+
+def test_rescale_slope_may_differ_from_slice_to_slice(tmp_path):
+    for k in range(3):
+        write_slice(tmp_path / f"{k}.dcm", np.full((6, 5), 10.0), k * NORMAL)
+    slope_element = b"\x28\x00\x53\x10\x02\x00\x00\x00"
+    data = (tmp_path / "1.dcm").read_bytes()
+    assert data.count(slope_element + b"1 ") == 1
+    (tmp_path / "1.dcm").write_bytes(data.replace(slope_element + b"1 ", slope_element + b".5"))
+    # Stored is 10 - intercept = 1010, and the intercept is -1000.
+    assert read(tmp_path).values[:, 0, 0].tolist() == [10.0, 0.5 * 1010 - 1000, 10.0]
+
+
+def test_single_slice(tmp_path):
+    write_series(tmp_path, [np.array([1.0, 2.0, 3.0])])
+    volume = read(tmp_path)
+    assert volume.shape_xyz == (5, 6, 1)
+    np.testing.assert_allclose(volume.world_from_index[:3, 3], [1, 2, 3])
+
+
+def test_small_unevenness_is_allowed(tmp_path):
+    write_series(tmp_path, [k * NORMAL + 0.01 * (k % 2) * NORMAL for k in range(5)])
+    np.testing.assert_allclose(read(tmp_path).spacing[2], 1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        ((0, 1, 2, 4, 5), "slices of this series are missing"),
+        ((0, 1, 1, 2, 3), "two slices of this series are at the same position"),
+        ((0, 1, 2, 3.4, 4.8), "the slices of this series are not evenly spaced"),
+    ],
+)
+def test_uneven_series_are_refused(tmp_path, places, message):
+    write_series(tmp_path, [place * NORMAL for place in places])
+    with pytest.raises(InputError, match=message):
+        read(tmp_path)
+
+
+def test_slices_of_another_size_are_refused(tmp_path):
+    write_series(tmp_path, [k * NORMAL for k in range(3)])
+    write_slice(tmp_path / "other.dcm", np.zeros((7, 5)), 3 * NORMAL)
+    with pytest.raises(InputError, match="the slices of this series differ in their size") as error:
+        read(tmp_path)
+    assert error.value.got == "5 x 7 in other.dcm"
+
+
+def test_several_series_are_listed(tmp_path):
+    write_series(tmp_path, [k * NORMAL for k in range(3)])
+    write_slice(tmp_path / "scout.dcm", np.zeros((6, 5)), NORMAL, uid="1.2.3.5", shape_name="scout")
+    with pytest.raises(InputError, match="this folder holds 2 DICOM series, and one is rendered") as error:
+        read(tmp_path)
+    assert error.value.got == '"scan", 3 files from 99.dcm; "scout", 1 file from scout.dcm'
+
+
+@pytest.mark.parametrize("name", ["97.dcm", "98.dcm", "99.dcm"])
+def test_truncated_slice_is_named(tmp_path, name):
+    """The search for series passes over it; at an end of the stack no gap would tell."""
+    write_series(tmp_path, [k * NORMAL for k in range(3)])
+    (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-20])
+    with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
+        read(tmp_path)
+    assert error.value.where == str(tmp_path / name)
+
+
+def test_folder_without_a_series(tmp_path):
+    (tmp_path / "notes.txt").write_text("no volume here")
+    with pytest.raises(InputError, match="this folder holds neither a DICOM series nor TIFF slices"):
+        read(tmp_path)

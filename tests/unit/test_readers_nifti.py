@@ -1,0 +1,106 @@
+"""NIfTI that nibabel wrote: affines that SimpleITK refuses or replaces, scaling, time and components, pairs."""
+
+from __future__ import annotations
+
+import nibabel as nib
+import numpy as np
+import pytest
+
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+
+# Sheared, anisotropic and moved, in RAS.
+AFFINE = np.array([[2.0, 0.5, 0.0, -7.0], [0.0, 1.5, 0.25, 5.0], [0.0, 0.0, 3.0, 11.0], [0.0, 0.0, 0.0, 1.0]])
+LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
+DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
+
+
+def ramp(dtype: str, shape: tuple[int, ...] = (5, 4, 3)) -> np.ndarray:
+    return np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+
+
+def read(path, **choice):
+    return read_volume(VolumeSpec(FileSource(path), **choice))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz", "a.hdr"])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_dtypes_byte_orders_and_sheared_affine(tmp_path, dtype, name, order):
+    values = ramp(dtype)
+    kind = nib.Nifti1Pair if name == "a.hdr" else nib.Nifti1Image
+    image = kind(values, AFFINE, kind.header_class(endianness=order), dtype=dtype)
+    image.to_filename(tmp_path / name)
+    volume = read(tmp_path / name)
+    assert volume.values.dtype == np.dtype(dtype)
+    assert volume.values.dtype.isnative
+    assert volume.values.flags.c_contiguous
+    np.testing.assert_array_equal(volume.values, values.T)
+    np.testing.assert_array_equal(volume.world_from_index, LPS @ AFFINE)  # exact in the header's float32
+
+
+def test_nifti_2(tmp_path):
+    nib.Nifti2Image(ramp("int16"), AFFINE).to_filename(tmp_path / "a.nii")
+    np.testing.assert_array_equal(read(tmp_path / "a.nii").values, ramp("int16").T)
+
+
+def test_qform_is_used_without_sform(tmp_path):
+    image = nib.Nifti1Image(ramp("uint8"), np.eye(4))
+    turned = np.array([[0.0, -2.0, 0.0, 1.0], [2.0, 0.0, 0.0, 2.0], [0.0, 0.0, 3.0, 3.0], [0.0, 0.0, 0.0, 1.0]])
+    image.set_sform(None, 0)
+    image.set_qform(turned, 1)
+    image.to_filename(tmp_path / "a.nii")
+    # The header holds the rotation as a float32 quaternion.
+    np.testing.assert_allclose(read(tmp_path / "a.nii").world_from_index, LPS @ turned, atol=1e-6)
+
+
+def test_singular_sform_gives_way_to_the_qform(tmp_path):
+    image = nib.Nifti1Image(ramp("uint8"), np.eye(4))
+    image.set_qform(np.diag([2.0, 3.0, 4.0, 1.0]), 1)
+    image.header.set_sform(np.diag([0.0, 0.0, 0.0, 1.0]), 1)
+    nib.Nifti1Image(ramp("uint8"), None, image.header).to_filename(tmp_path / "a.nii")
+    np.testing.assert_allclose(read(tmp_path / "a.nii").spacing, [2.0, 3.0, 4.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(("dtype", "expected"), [("int16", "float32"), ("int32", "float64")])
+def test_slope_and_intercept_are_applied(tmp_path, dtype, expected):
+    values = ramp(dtype)
+    image = nib.Nifti1Image(values, AFFINE)
+    image.header.set_slope_inter(0.5, -10.0)
+    image.to_filename(tmp_path / "a.nii")
+    volume = read(tmp_path / "a.nii")
+    assert volume.values.dtype == np.dtype(expected)
+    np.testing.assert_array_equal(volume.values, 0.5 * values.T - 10.0)
+
+
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
+def test_time_and_component(tmp_path, name):
+    values = ramp("int16", (5, 4, 3, 2, 3))
+    nib.Nifti1Image(values, AFFINE).to_filename(tmp_path / name)
+    for time in range(2):
+        for component in range(3):
+            volume = read(tmp_path / name, time=time, component=component)
+            np.testing.assert_array_equal(volume.values, values[:, :, :, time, component].T)
+
+
+def test_colours_are_components(tmp_path):
+    values = np.zeros((5, 4, 3), [("R", "u1"), ("G", "u1"), ("B", "u1")])
+    values["G"] = ramp("uint8")
+    nib.Nifti1Image(values, AFFINE).to_filename(tmp_path / "a.nii")
+    np.testing.assert_array_equal(read(tmp_path / "a.nii", component=1).values, ramp("uint8").T)
+
+
+def test_plane_and_line_become_volumes(tmp_path):
+    nib.Nifti1Image(ramp("uint8", (5, 4)), AFFINE).to_filename(tmp_path / "a.nii")
+    assert read(tmp_path / "a.nii").shape_xyz == (5, 4, 1)
+    nib.Nifti1Image(ramp("uint8", (5,)), AFFINE).to_filename(tmp_path / "a.nii")
+    assert read(tmp_path / "a.nii").shape_xyz == (5, 1, 1)
+
+
+def test_repairs_of_a_header_are_not_printed(tmp_path, capfd):
+    nib.Nifti1Image(ramp("uint8"), AFFINE).to_filename(tmp_path / "a.nii")
+    data = bytearray((tmp_path / "a.nii").read_bytes())
+    data[76:80] = np.float32(5).tobytes()  # pixdim[0], which may only be 1 or -1
+    (tmp_path / "a.nii").write_bytes(data)
+    np.testing.assert_array_equal(read(tmp_path / "a.nii").values, ramp("uint8").T)
+    assert capfd.readouterr() == ("", "")

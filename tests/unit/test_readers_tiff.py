@@ -1,0 +1,164 @@
+"""TIFF: files built byte by byte for what SimpleITK does not write, stacks in folders, hyperstacks, spacing."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk  # noqa: N813
+
+from renderer.errors import InputError
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+
+DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
+FORMATS = {"u": 1, "i": 2, "f": 3}
+SHORT, LONG, RATIONAL, ASCII = 3, 4, 5, 2
+
+
+def tiff_bytes(pages: np.ndarray, order: str = "<", description: str = "", resolution: tuple = (), big: bool = False):
+    """An uncompressed TIFF of [page, y, x], one strip a page; `resolution` is (unit, pixels per unit in x, in y)."""
+    pages = pages.astype(pages.dtype.newbyteorder(order))
+    pointer = "Q" if big else "I"
+    out = bytearray(b"II" if order == "<" else b"MM")
+    out += struct.pack(order + "HHHQ", 43, 8, 0, 16) if big else struct.pack(order + "HI", 42, 8)
+    for number, page in enumerate(pages):
+        height, width = page.shape
+        text = description.encode() + b"\0" if description and number == 0 else b""
+        entries = [
+            (256, SHORT, 1, [width]),
+            (257, SHORT, 1, [height]),
+            (258, SHORT, 1, [8 * pages.dtype.itemsize]),
+            (259, SHORT, 1, [1]),
+            (262, SHORT, 1, [1]),
+            *([(270, ASCII, len(text), text)] if text else []),
+            (273, LONG, 1, ["data"]),
+            (277, SHORT, 1, [1]),
+            (278, SHORT, 1, [height]),
+            (279, LONG, 1, [page.nbytes]),
+            *([(282, RATIONAL, 1, resolution[1]), (283, RATIONAL, 1, resolution[2])] if resolution else []),
+            *([(296, SHORT, 1, [resolution[0]])] if resolution else []),
+            (339, SHORT, 1, [FORMATS[pages.dtype.kind]]),
+        ]
+        inline_size = 8 if big else 4
+        size = (8 + 20 * len(entries) + 8) if big else (2 + 12 * len(entries) + 4)
+        extra = bytearray()
+        after = len(out) + size
+
+        def body(value, kind, after=after, extra=extra, inline_size=inline_size):
+            if kind == ASCII:
+                packed = value
+            elif kind == RATIONAL:
+                packed = struct.pack(order + "II", *value)
+            else:
+                packed = struct.pack(order + ("H" if kind == SHORT else "I"), *value)
+            if len(packed) <= inline_size:
+                return packed.ljust(inline_size, b"\0")
+            place = struct.pack(order + pointer, after + len(extra))
+            extra.extend(packed + b"\0" * (len(packed) % 2))
+            return place
+
+        num_extra = sum(
+            len(v) + len(v) % 2 if kind == ASCII and len(v) > inline_size else 8 if kind == RATIONAL and not big else 0
+            for _, kind, _, v in entries
+        )
+        data_at = after + num_extra
+        out += struct.pack(order + ("Q" if big else "H"), len(entries))
+        for tag, kind, count, value in entries:
+            packed = body([data_at] if value == ["data"] else value, kind)
+            out += struct.pack(order + ("HHQ" if big else "HHI"), tag, kind, count) + packed
+        following = data_at + page.nbytes + page.nbytes % 2
+        out += struct.pack(order + pointer, following if number < len(pages) - 1 else 0) + extra
+        assert len(out) == data_at
+        out += page.tobytes() + b"\0" * (page.nbytes % 2)
+    return bytes(out)
+
+
+def ramp(dtype: str, shape: tuple[int, ...] = (3, 4, 5)) -> np.ndarray:
+    return np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+
+
+def read(path: Path, **choice):
+    return read_volume(VolumeSpec(FileSource(path), **choice))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("big", [False, True])
+def test_every_dtype(tmp_path, dtype, order, big):
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(ramp(dtype), order, big=big))
+    volume = read(tmp_path / "a.tif")
+    assert volume.values.dtype == np.dtype(dtype)
+    np.testing.assert_array_equal(volume.values, ramp(dtype))
+    np.testing.assert_array_equal(volume.world_from_index, np.eye(4))
+
+
+def test_compressed_by_simpleitk(tmp_path):
+    sitk.WriteImage(sitk.GetImageFromArray(ramp("uint16")), str(tmp_path / "a.tiff"), True)
+    np.testing.assert_array_equal(read(tmp_path / "a.tiff").values, ramp("uint16"))
+
+
+def test_folder_in_natural_order(tmp_path):
+    for k in (0, 1, 2, 9, 10, 11, 100):
+        (tmp_path / f"slice {k}.tif").write_bytes(tiff_bytes(np.full((1, 4, 5), k, np.uint16)))
+    (tmp_path / "notes.txt").write_text("not a slice")
+    volume = read(tmp_path)
+    assert volume.values[:, 0, 0].tolist() == [0, 1, 2, 9, 10, 11, 100]
+    assert volume.shape_xyz == (5, 4, 7)
+
+
+def test_folder_of_colours_needs_a_component(tmp_path):
+    for k in range(3):
+        colours = np.zeros((4, 5, 3), np.uint8)
+        colours[..., 1] = 10 + k
+        sitk.WriteImage(sitk.GetImageFromArray(colours, isVector=True), str(tmp_path / f"{k}.tif"))
+    assert read(tmp_path, component=1).values[:, 0, 0].tolist() == [10, 11, 12]
+    with pytest.raises(InputError, match="the volume has 3 components"):
+        read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("unit", "description", "expected"),
+    [
+        (2, "", (2.54, 5.08, 2.54)),  # 10 and 5 pixels per inch, in mm
+        (3, "", (1.0, 2.0, 1.0)),  # the same per cm
+        (1, "", (1.0, 1.0, 1.0)),  # no unit: a shape of pixels, not a size
+        (1, "ImageJ=1.53\nimages=3\nslices=3\nunit=micron\nspacing=0.7\n", (0.1, 0.2, 0.7)),
+        (3, "ImageJ=1.53\nimages=3\nslices=3\nunit=cm\nspacing=0.7\n", (1.0, 2.0, 7.0)),
+        (
+            2,
+            '<OME><Pixels DimensionOrder="XYZCT" SizeX="5" SizeY="4" SizeZ="3" SizeC="1" SizeT="1" '
+            'PhysicalSizeX="0.3" PhysicalSizeY="0.4" PhysicalSizeZ="1.5"/></OME>',
+            (0.3, 0.4, 1.5),
+        ),
+    ],
+)
+def test_spacing(tmp_path, unit, description, expected):
+    data = tiff_bytes(ramp("uint16"), description=description, resolution=(unit, (10, 1), (5, 1)))
+    (tmp_path / "a.tif").write_bytes(data)
+    np.testing.assert_allclose(read(tmp_path / "a.tif").spacing, expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("order", "description"),
+    [
+        ("TZC", "ImageJ=1.53\nimages=24\nchannels=2\nslices=4\nframes=3\nhyperstack=true\n"),
+        ("TCZ", '<OME><Pixels DimensionOrder="XYZCT" SizeX="5" SizeY="4" SizeZ="4" SizeC="2" SizeT="3"/></OME>'),
+        ("CTZ", '<OME><Pixels DimensionOrder="XYZTC" SizeX="5" SizeY="4" SizeZ="4" SizeC="2" SizeT="3"/></OME>'),
+        ("ZCT", '<OME><Pixels DimensionOrder="XYTCZ" SizeX="5" SizeY="4" SizeZ="4" SizeC="2" SizeT="3"/></OME>'),
+    ],
+)
+def test_hyperstacks(tmp_path, order, description):
+    stack = ramp("uint16", (3, 4, 2, 4, 5))  # t, z, c, y, x
+    pages = np.moveaxis(stack, [0, 1, 2], [order.index(axis) for axis in "TZC"]).reshape(24, 4, 5)
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(pages, description=description))
+    for time in range(3):
+        for component in range(2):
+            volume = read(tmp_path / "a.tif", time=time, component=component)
+            np.testing.assert_array_equal(volume.values, stack[time, :, component])
+    with pytest.raises(InputError, match="the volume has 3 time steps"):
+        read(tmp_path / "a.tif", component=0)
+    with pytest.raises(InputError, match="the volume has 2 components"):
+        read(tmp_path / "a.tif", time=0)

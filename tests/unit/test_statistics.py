@@ -1,0 +1,121 @@
+"""Histograms, percentiles and suggested ranges, against numpy on whole arrays and on made-up mixtures."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from renderer.statistics import measure, rebin, suggest_ranges
+
+DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
+
+
+def mixture(*parts: tuple[float, float, int], seed: int = 0) -> np.ndarray:
+    """Normal parts of (mean, deviation, number)."""
+    rng = np.random.default_rng(seed)
+    return np.concatenate([rng.normal(mean, deviation, number) for mean, deviation, number in parts])
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_against_numpy(dtype):
+    rng = np.random.default_rng(3)
+    kind = np.dtype(dtype)
+    if kind.kind in "iu":
+        values = rng.integers(np.iinfo(kind).min, np.iinfo(kind).max, (20, 30, 40), kind, endpoint=True)
+    else:
+        values = rng.normal(5, 100, (20, 30, 40)).astype(kind)
+    statistics = measure(values)
+    assert statistics.minimum == values.min()
+    assert statistics.maximum == values.max()
+    assert statistics.mean == pytest.approx(
+        values.astype(np.float64).mean(), rel=1e-9, abs=1e-9 * float(np.ptp(values.astype(float)))
+    )
+    assert statistics.counts.sum() == values.size
+    for percent in (1, 50, 99):
+        expected = float(np.percentile(values.astype(np.float64), percent, method="inverted_cdf"))
+        off = 0 if kind.itemsize <= 2 and kind.kind in "iu" else statistics.bin_width / 2 * (1 + 1e-6)
+        assert abs(statistics.percentile(percent) - expected) <= off
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("value", [0, 7])
+def test_constant(dtype, value):
+    statistics = measure(np.full((3, 4, 5), value, dtype))
+    assert statistics.minimum == statistics.maximum == statistics.mean == statistics.percentile(50) == value
+    (only,) = suggest_ranges(statistics)
+    assert (only.name, only.low, only.high, only.typical, only.share) == ("material 1", value, value, value, 1.0)
+
+
+@pytest.mark.parametrize("offset", [-(2**63), 2**63 - 1000])
+def test_extreme_integers_do_not_wrap(offset):
+    dtype = np.int64 if offset < 0 else np.uint64
+    values = (np.arange(600, dtype=dtype) + dtype(offset)).reshape(5, 10, 12)
+    statistics = measure(values)
+    np.testing.assert_array_equal(statistics.counts, np.ones(600))
+
+
+def test_floats_far_from_zero_and_of_tiny_range():
+    values = np.array([1e9, 1e9 + 1, 1e9 + 2]).reshape(1, 1, 3)
+    assert measure(values).percentile(50) == pytest.approx(1e9 + 1, abs=2 / 2**16)
+    assert measure(np.array([0.0, 5e-324]).reshape(1, 1, 2)).counts.sum() == 2
+
+
+@given(st.lists(st.integers(-300, 300), min_size=1, max_size=60), st.integers(1, 70))
+def test_rebin_keeps_every_voxel_in_its_place(numbers, num_bins):
+    values = np.array(numbers, np.int16)
+    counts, edges = rebin(measure(values), num_bins)
+    assert len(counts) <= num_bins
+    assert len(edges) == len(counts) + 1
+    np.testing.assert_array_equal(counts, np.histogram(values, edges)[0])
+
+
+def test_three_materials_are_found():
+    values = mixture((10, 3, 80_000), (95, 6, 15_000), (220, 5, 1_500)).clip(0, 255).astype(np.uint8)
+    background, first, second = suggest_ranges(measure(values))
+    assert [part.name for part in (background, first, second)] == ["background", "material 1", "material 2"]
+    assert background.high < 30 < 65 < first.low
+    assert first.high < 125 < 190 < second.low
+    # Truncation to integers lowers the medians by half a unit.
+    assert (background.typical, first.typical, second.typical) == (
+        9,
+        pytest.approx(95, abs=2),
+        pytest.approx(220, abs=2),
+    )
+    assert first.share == pytest.approx(15_000 / 96_500, rel=1e-3)
+
+
+@pytest.mark.parametrize(("dtype", "scale", "offset"), [("int16", 8, -1000), ("uint16", 200, 0), ("float32", 0.01, -1)])
+def test_ranges_move_with_the_data(dtype, scale, offset):
+    """Hounsfield-like, 16-bit and float data: the thresholds are those of the 8-bit data, scaled."""
+    values = mixture((10, 3, 80_000), (95, 6, 15_000), (220, 5, 1_500))
+    ranges = suggest_ranges(measure((scale * values + offset).astype(dtype)))
+    assert [part.name for part in ranges] == ["background", "material 1", "material 2"]
+    assert (ranges[0].high - offset) / scale < 30
+    assert (ranges[1].low - offset) / scale > 65
+    assert (ranges[1].high - offset) / scale < 125
+    assert (ranges[2].low - offset) / scale > 190
+
+
+def test_signed_field_keeps_both_sides():
+    values = mixture((0, 0.005, 96_000), (-0.15, 0.01, 1_000), (0.15, 0.01, 1_000)).astype(np.float32)
+    negative, background, positive = suggest_ranges(measure(values))
+    assert (negative.name, background.name, positive.name) == ("material 1", "background", "material 2")
+    assert negative.high < -0.02
+    assert positive.low > 0.02
+
+
+@given(st.lists(st.integers(0, 1000), min_size=1, max_size=300))
+def test_ranges_cover_all_values_in_order(numbers):
+    statistics = measure(np.array(numbers, np.int32))
+    ranges = suggest_ranges(statistics)
+    assert 1 <= len(ranges) <= 3
+    assert ranges[0].low == statistics.minimum
+    assert ranges[-1].high == statistics.maximum
+    assert sum(part.share for part in ranges) == pytest.approx(1.0)
+    assert all(part.low <= part.typical <= part.high for part in ranges)
+    assert all(one.high < other.low for one, other in pairwise(ranges))
+    assert all(any(part.low <= number <= part.high for part in ranges) for number in numbers)
