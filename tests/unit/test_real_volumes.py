@@ -10,7 +10,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from renderer.readers import read_volume
-from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.scene import FileSource, RawSource, VolumeSpec
 from renderer.volume import Volume
 
 pytestmark = pytest.mark.real_data
@@ -115,11 +115,3 @@ def test_raw_walnut(data_dir):
     volume = read_volume(VolumeSpec(source))
     assert (volume.values.min(), volume.values.max()) == (0, 22526)
     assert volume.values.shape == (114, 96, 128)
-
-
-def test_marschner_lobb_formula_against_the_published_samples(data_dir):
-    published = read(data_dir / "marschnerlobb.nhdr").values.astype(float)
-    made = read_volume(VolumeSpec(ProceduralSource("marschner_lobb", (41, 41, 41)))).values.astype(float)
-    # The published file runs the other way along z or is scaled differently; as a pattern the two are one.
-    agreement = max(abs(np.corrcoef(published.ravel(), one.ravel())[0, 1]) for one in (made, made[::-1]))
-    assert agreement > 0.99
