@@ -58,10 +58,12 @@ class _Page:
         bits, kind = max(8, self.number(_BITS, 1)), _KINDS.get(self.number(_SAMPLE_FORMAT, 1), "V")
         return np.dtype(f"{kind if bits in (8, 16, 32, 64) else 'V'}{-(-bits // 8)}")
 
-    @property
-    def shared(self) -> tuple[int, ...]:
-        """The fields _SHARED, 0 where they are absent."""
-        return tuple(self.number(tag, 0) for tag in _SHARED)
+    def difference(self, other: _Page) -> str | None:
+        """What sets the page apart from `other`, in words, or None when both can be slices of one volume."""
+        if self.size != other.size or self.dtype != other.dtype:
+            return f"{describe_shape(self.size)} {self.dtype.name}"
+        odd = [tag for tag in _SHARED if self.number(tag, 0) != other.number(tag, 0)]
+        return f"{self.number(odd[0], 0)} in TIFF field {odd[0]}" if odd else None
 
     @property
     def chunks(self) -> list[tuple[int, int]]:
@@ -80,12 +82,12 @@ def read_tiff(path: Path, time: int | None, component: int | None) -> Image:
     order, pages = _pages(path)
     first = pages[0]
     for number, page in enumerate(pages):
-        if page.size != first.size or page.dtype != first.dtype or page.shared != first.shared:
+        if page.difference(first):
             raise InputError(
                 "the pages differ",
                 where=where,
-                got=f"{describe_shape(page.size)} {page.dtype.name}, fields {page.shared} on page {number + 1}",
-                expected=f"{describe_shape(first.size)} {first.dtype.name}, fields {first.shared} as on page 1",
+                got=f"{page.difference(first)} on page {number + 1}",
+                expected=f"{first.difference(page)} as on page 1",
                 hint="previews among the slices? save the slices alone",
             )
     check_dtype(first.dtype, where)
@@ -110,12 +112,19 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None) -> 
         order, pages = _pages(existing(file))
         page = pages[0]
         first = first or page
-        if len(pages) > 1 or page.size != first.size or page.dtype != first.dtype:
+        if len(pages) > 1:
+            raise InputError(
+                "a file among these slices has several pages",
+                where=str(file),
+                got=f"{len(pages)} pages",
+                expected="a slice in each file, or one file with all slices",
+            )
+        if page.difference(first):
             raise InputError(
                 "the slices of this folder differ",
                 where=str(file),
-                got=f"{describe_shape(page.size)} {page.dtype.name}, pages: {len(pages)}",
-                expected=f"{describe_shape(first.size)} {first.dtype.name}, pages: 1, as in {files[0].name}",
+                got=page.difference(first),
+                expected=f"{first.difference(page)} as in {files[0].name}",
             )
         num_samples = page.number(_SAMPLES, 1)
         channel = choose("component", component, num_samples, str(file))
@@ -129,10 +138,10 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None) -> 
     return Image(values, _world_from_index(first))
 
 
-def _natural(path: Path) -> list[tuple[int, int, str]]:
-    """A sort key in which runs of digits count as numbers."""
+def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
+    """A sort key in which runs of digits count as numbers; the name itself breaks ties such as `1.tif` and `01.tif`."""
     parts = re.split(r"(\d+)", path.name.lower())
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts]
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
 
 
 def _decoded(path: Path, order: str, pages: list[_Page], where: str) -> Array:

@@ -186,9 +186,28 @@ def test_tiff_slices_that_differ(folder):
     for k, width in enumerate((5, 5, 6)):
         sitk.WriteImage(sitk.GetImageFromArray(np.zeros((4, width), np.uint8)), f"stack/{k}.tif")
     assert message("stack") == (
-        "stack/2.tif: the slices of this folder differ\n"
-        "  got: 6 x 4 uint8, pages: 1\n"
-        "  expected: 5 x 4 uint8, pages: 1, as in 0.tif"
+        "stack/2.tif: the slices of this folder differ\n  got: 6 x 4 uint8\n  expected: 5 x 4 uint8 as in 0.tif"
+    )
+    sitk.WriteImage(sitk.GetImageFromArray(np.zeros((2, 4, 5), np.uint8)), "stack/2.tif")
+    assert message("stack") == (
+        "stack/2.tif: a file among these slices has several pages\n"
+        "  got: 2 pages\n"
+        "  expected: a slice in each file, or one file with all slices"
+    )
+
+
+def test_tiff_pages_that_differ(folder):
+    sitk.WriteImage(sitk.GetImageFromArray(np.zeros((2, 4, 5), np.uint8)), "a.tif")
+    data = bytearray(Path("a.tif").read_bytes())
+    tag = bytes([254, 0, 4, 0, 1, 0, 0, 0])  # what kind of page it is, a number
+    place = data.index(tag, data.index(tag) + 1) + len(tag)
+    data[place] = 1
+    Path("a.tif").write_bytes(data)
+    assert message("a.tif") == (
+        "a.tif: the pages differ\n"
+        "  got: 1 in TIFF field 254 on page 2\n"
+        "  expected: 2 in TIFF field 254 as on page 1\n"
+        "  hint: previews among the slices? save the slices alone"
     )
 
 
