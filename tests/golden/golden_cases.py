@@ -75,6 +75,7 @@ class Case:
 _GOURAUD = "splat={footprint: gouraud, angular: 6, radial: 2}"
 _SLAB = "volume={procedural: {name: constant, shape: [24, 24, 24]}}"
 _VOXEL = "volume={procedural: {name: single_voxel, shape: [9, 9, 9]}}"
+_LOBB = "volume={procedural: {name: marschner_lobb, shape: [40, 40, 40]}}"
 _GLASS = "transfer_function={unit: 1.0, points: [{value: 0, color: '#ff8040', opacity: 0.05}]}"
 _COARSE = "error.tolerance=0.8"
 _VOXELS = "error.tolerance=0"
@@ -106,7 +107,14 @@ CASES = (
     Case("near_plane", "what is cut open by the near plane", ("camera.distance=70", "camera.near=66")),
     Case("off_centre", "a target, and what leaves the image", ("camera.target=[10, 24, 12]", "camera.distance=60")),
     Case(
-        "framed_visible", "framing what can be seen", ("camera.target=visible", "transfer_function.points.2.opacity=0")
+        "framed_visible",
+        "framing what can be seen: here only the lower part of the volume",
+        (
+            _LOBB,
+            "camera.target=visible",
+            "transfer_function={points: [{value: 190, color: white, opacity: 0}, {value: 220, color: white,"
+            " opacity: 0.1}]}",
+        ),
     ),
     Case("wide_image", "images that are not square", ("output.size=[128, 61]",)),
     Case("transparent", "straight alpha", ("output.background=transparent",)),
@@ -137,7 +145,7 @@ CASES = (
         "marschner_lobb",
         "frequencies near the limit of the grid",
         (
-            "volume={procedural: {name: marschner_lobb, shape: [40, 40, 40]}}",
+            _LOBB,
             "transfer_function={points: [{value: 110, color: '#30a0ff', opacity: 0}, {value: 140, color: '#ffe0a0',"
             " opacity: 0.6}]}",
         ),
