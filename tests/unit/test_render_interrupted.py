@@ -16,7 +16,7 @@ import pytest
 from hsplat_cli import main
 from renderer import pipeline
 
-ROOT = Path(__file__).resolve().parents[2]
+CODE = Path(main.__file__).parents[1]
 
 SCENE = """\
 volume:
@@ -75,7 +75,7 @@ def test_in_the_middle(
 def test_the_process_from_outside(folder: Path, name: str) -> None:
     """As a batch system does it, as soon as there is something to clean up."""
     command = [sys.executable, "-m", "hsplat_cli", "render", "scene.yaml", "--output", f"out/{name}"]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])}
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
         while process.poll() is None and not any((folder / "out").iterdir()):
             time.sleep(0.01)
