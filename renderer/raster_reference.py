@@ -1,13 +1,13 @@
 """Rasterise splats in float64, one after the other: slow, and meant to be seen to be right. The oracle of the tests.
 
-It shares its inputs with `renderer.raster_gl`, and the two constants that define the footprint; nothing else. Everything
-is in world units and in covariance matrices, as in the literature:
+It shares its inputs with `renderer.raster_gl` and the two constants that define the footprint, nothing else. All is
+in world units and in covariance matrices, as in the literature:
 
     Gaussian in view space -> what lies beyond the near plane -> affine image about its centre -> widened to the pixels
                            -> weight at each pixel's centre -> alpha = 1 - exp(-optical depth) -> over
 
-M. Zwicker, H. Pfister, J. van Baar, M. Gross, "EWA Splatting", 2002 (the affine image, equations 22 to 26 and 29);
-N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions 1", section 10.1 (the truncated normal).
+M. Zwicker, H. Pfister, J. van Baar, M. Gross, "EWA Splatting", IEEE TVCG 8 (2002): the affine image;
+N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions 1", chapter 13: the truncated normal.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class _Gaussian:
 
 @dataclass(frozen=True)
 class _Ellipse:
-    """A footprint on the image, row 0 at the top: centre [2] and covariance [2, 2] in pixels, and the optical depth where
-    the footprint's weight is 1."""
+    """A footprint on the image, row 0 at the top: centre [2] and covariance [2, 2] in pixels, and the optical depth
+    where the footprint's weight is 1."""
 
     center_px: Float64
     covariance_px: Float64
@@ -96,14 +96,14 @@ def _beyond(near: float, gaussian: _Gaussian) -> _Gaussian:
 
 
 def _projected(gaussian: _Gaussian, optical_area: float, view: View) -> _Ellipse:
-    """The affine image of a Gaussian whose ray integrals add up to `optical_area` over a plane perpendicular to the rays."""
+    """The affine image of a Gaussian whose ray integrals add up to `optical_area` across the rays."""
     size = np.array(view.size)
     right, up, depth = gaussian.mean
     if view.projection == "perspective":
         px_per_unit = view.scale_px / depth
         limit = SLOPE_LIMIT * size / 2 / view.scale_px
         slopes = np.clip([right / depth, up / depth], -limit, limit)
-        # d(column, row) / d(right, up, away); a plane perpendicular to the ray is seen from the image at this slant.
+        # d(column, row) / d(right, up, away); a pixel is smaller by the slant on a plane that faces the ray.
         jacobian = px_per_unit * np.array([[1.0, 0.0, -slopes[0]], [0.0, -1.0, slopes[1]]])
         slant = math.sqrt(1 + slopes @ slopes)
     else:
