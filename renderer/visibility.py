@@ -20,8 +20,9 @@ RADIX_BITS = 11
 
 def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
     """uint32 [n]: indices by descending depth (float32 [n], any sign, finite), equal depths in ascending index."""
-    # The bits of a float sort like its value once negative ones are inverted; inverting all makes it descending.
-    bits = depths.view(np.uint32)
+    # The bits of a float sort like its value once negative ones are inverted; inverting all makes it descending. Adding 0
+    # leaves only one of the two zeros, which are equal.
+    bits = (depths + np.float32(0)).view(np.uint32)
     keys = np.where(bits >> 31, bits, ~(bits | np.uint32(1 << 31)))
     return _radix_sort(keys)
 

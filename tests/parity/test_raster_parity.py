@@ -1,16 +1,16 @@
 """The GL rasteriser against the reference, pixel by pixel.
 
-Errors are compared with the largest alpha of the picture. PRECISION is that of float32: a footprint's place is known to a
-few ulps of a coordinate, 2^-24 * 100 px each, and its slope is at most 1.2 per pixel at the narrowest standard deviation
-of 0.5 px. Worst seen on llvmpipe: 2.6e-5, where only the tail of a splat is in the picture.
+Errors are compared with the largest alpha of the picture. PRECISION is that of float32: a footprint's place is known to
+a few ulps of a coordinate, 2^-24 * 100 px each, and its slope is at most 1.2 per pixel at the narrowest standard
+deviation of 0.5 px. Worst seen on llvmpipe: 2.6e-5, where only the tail of a splat is in the picture.
 
-Where a footprint ends abruptly (a Gaussian's cutoff, the rim of a profile that does not fall to 0), a pixel on that edge
-may fall to either side. What it then may change is the difference between two references whose edge lies EDGE further in
-and out.
+Where a footprint ends abruptly (a Gaussian's cutoff, the rim of a profile that does not fall to 0), a pixel on that
+edge may fall to either side. What it then may change is the difference between two references whose edge lies EDGE
+further in and out.
 
 Gouraud triangles are covered on the device's grid of subpixels (GL guarantees 1/16 px, llvmpipe has 1/256 px): a pixel
-that close to an edge may be drawn by the triangle next to it, whose plane there is off by SUBPIXEL times the slope. That
-concerns few pixels. Worst seen on llvmpipe: 1.2e-3 of the peak.
+that close to an edge may be drawn by the triangle next to it, whose plane there is off by SUBPIXEL times the slope.
+That concerns few pixels. Worst seen on llvmpipe: 1.2e-3 of the peak.
 """
 
 from __future__ import annotations
@@ -48,7 +48,13 @@ def with_edge(batch: SplatBatch, factor: float) -> SplatBatch:
 
 
 def assert_parity(
-    gl: GLRasterizer, batch: SplatBatch, view: View, what: object = "", *, precision: float = PRECISION, edge: float = EDGE
+    gl: GLRasterizer,
+    batch: SplatBatch,
+    view: View,
+    what: object = "",
+    *,
+    precision: float = PRECISION,
+    edge: float = EDGE,
 ) -> npt.NDArray[np.float32]:
     """Both rasterisers draw the same picture, which is returned."""
     order = in_order(batch)
@@ -78,8 +84,9 @@ def test_one_splat_of_any_size_at_any_place(rasterizer: GLRasterizer, footprint:
         sigma = sigma_px * np.linalg.norm(point_at(view, 1, 0, 4.0) - point_at(view, 0, 0, 4.0))
         outside = 1.5 * max(sigma_px, 0.5)
         for column, row in (
-            (32.0, 24.0), (31.5, 23.5), (30.27, 21.81), (0.0, 20.1), (64.0, 48.0), (-outside, 24.2), (64 + outside, 10.4),
-            (20.3, -outside), (33.3, 48 + outside), (-outside, 48 + outside), (64 + 9 * outside, 24.0),
+            (32.0, 24.0), (31.5, 23.5), (30.27, 21.81), (0.0, 20.1), (64.0, 48.0),
+            (-outside, 24.2), (64 + outside, 10.4), (20.3, -outside), (33.3, 48 + outside),
+            (-outside, 48 + outside), (64 + 9 * outside, 24.0),
         ):  # fmt: skip
             batch = place_splats(point_at(view, column, row, 4.0), sigma, spec=SplatSpec(footprint))  # type: ignore[arg-type]
             assert_parity(rasterizer, batch, view, (sigma_px, column, row))

@@ -72,7 +72,9 @@ def place_splats(
     vertices[:, 6] = np.asarray(depths) * 2 * math.pi * np.cbrt(np.abs(np.linalg.det(each))) ** 2
     vertices[:, 3:6] = np.asarray(colors) * vertices[:, 6:7]
     vertices[:, 7] = np.arange(len(points)) if axes.ndim == 3 else 0
-    return SplatBatch(vertices, each if axes.ndim == 3 else axes[None], origin, 1.0, make_footprint(spec or SplatSpec()))
+    return SplatBatch(
+        vertices, each if axes.ndim == 3 else axes[None], origin, 1.0, make_footprint(spec or SplatSpec())
+    )
 
 
 def in_order(batch: SplatBatch) -> npt.NDArray[np.uint32]:
