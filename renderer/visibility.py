@@ -60,7 +60,7 @@ def box_order(cut: Cut, view: View) -> npt.NDArray[np.int64]:
         eye = index_from_world[:3, :3] @ view.eye + index_from_world[:3, 3]
     else:  # the eye at infinity; a splitting plane seen edge-on hides nothing
         direction = index_from_world[:3, :3] @ view.forward
-        eye = np.where(direction == 0, np.nan, -np.inf * np.sign(direction))
+        eye = np.where(direction == 0, np.nan, np.copysign(np.inf, -direction))
     num_levels = max(1, (max(cut.volume.shape_xyz) - 1).bit_length())
     keys = np.zeros(len(cut), np.uint64)
     first = cut.cells.astype(np.int64) << cut.levels[:, None].astype(np.int64)
