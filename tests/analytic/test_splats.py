@@ -33,7 +33,7 @@ RESOLVED = {"gaussian": 0.001, "gouraud": 0.012}
 def energy(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
     """Sum of optical depth times the area of a plane facing the ray that a pixel covers, by the splats' optical areas.
 
-    At a distance r a pixel's solid angle covers `r^2 cos(theta)^3 / focal^2`; splats are at the depth of the origin here.
+    At a distance r a pixel's solid angle covers `r^2 cos(theta)^3 / focal^2`; all splats here are as deep as the origin.
     """
     column, row = np.meshgrid(np.arange(view.size[0]) + 0.5, np.arange(view.size[1]) + 0.5)
     px_area = np.full(column.shape, view.scale_px**-2)
@@ -115,12 +115,15 @@ def block_of(volume: Volume, view: View) -> tuple[Float64, npt.NDArray[np.int64]
 
 
 def deep_inside(faces: npt.NDArray[np.int64], radius_px: float) -> npt.NDArray[np.bool_]:
-    """Pixels around which, up to this radius, all rays pass the same two faces: path lengths are linear there."""
+    """Pixels around which, up to this radius, all rays pass the same two faces: path lengths are linear there.
+
+    Pixels of the same two faces form a convex polygon, so that a circle around a pixel tells.
+    """
     reach = math.ceil(radius_px)
     inside = faces >= 0
-    for dy, dx in itertools.product(range(-reach, reach + 1), repeat=2):
-        if dx * dx + dy * dy <= radius_px**2:
-            inside &= np.roll(faces, (dy, dx), (0, 1)) == faces
+    for angle in 2 * math.pi * np.arange(32) / 32:
+        shift = round(reach * math.sin(angle)), round(reach * math.cos(angle))
+        inside &= np.roll(faces, shift, (0, 1)) == faces
     inside[:reach] = inside[-reach:] = False
     inside[:, :reach] = inside[:, -reach:] = False
     return inside
