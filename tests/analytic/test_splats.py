@@ -33,7 +33,7 @@ RESOLVED = {"gaussian": 0.001, "gouraud": 0.012}
 def energy(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
     """Sum of optical depth times the area of a plane facing the ray that a pixel covers, by the splats' optical areas.
 
-    At a distance r a pixel's solid angle covers `r^2 cos(theta)^3 / focal^2`; all splats here are as deep as the origin.
+    At a distance r a pixel's solid angle covers `r^2 cos(theta)^3 / focal^2`; all splats are as deep as the origin.
     """
     column, row = np.meshgrid(np.arange(view.size[0]) + 0.5, np.arange(view.size[1]) + 0.5)
     px_area = np.full(column.shape, view.scale_px**-2)
