@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 import pytest
-from splatting import cut_of, in_order, look, place_splats, volume_of
+from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
 from renderer import raster_gl
 from renderer.camera import View
@@ -79,6 +79,20 @@ def test_what_is_culled_would_have_left_nothing(rasterizer: GLRasterizer, cut: C
     assert images[0][..., 3].max() > 0.5
     for image in images[1:]:
         assert image.tobytes() == images[0].tobytes()
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(
+    rasterizer: GLRasterizer, cut: Cut, projection: str
+) -> None:
+    """Large opaque ones around a wide angle, whose linearised footprints are larger than their true images."""
+    view = view_of(cut, projection, distance=10.0, field_of_view=90.0, size=(160, 120))
+    away = np.random.default_rng(4).uniform([-150, -150, 5], [310, 270, 12], (3000, 3))
+    batch = place_splats([point_at(view, *point) for point in away], 1.0, 40.0)
+    order = visible_order(batch, cut, view, "depth")  # which asks the cut for nothing in this order
+    culled = np.setdiff1d(in_order(batch), order)
+    assert len(culled) > 500
+    assert not rasterizer.rasterize(batch, culled, view).any()
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)

@@ -178,6 +178,15 @@ def test_a_profile_that_ends_in_a_step(rasterizer: GLRasterizer) -> None:
         np.testing.assert_allclose(inside, inside[0], rtol=1e-6)
 
 
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+def test_splats_larger_than_the_largest_point_are_whole(rasterizer: GLRasterizer, footprint: str) -> None:
+    """255 px on llvmpipe: a point that is cut to that would not reach across these pictures."""
+    view = look(size=(400, 300))
+    for column, row, sigma in ((200.3, 150.2, 0.5), (10.1, 290.4, 0.5), (200.0, 150.0, 0.08), (200.0, 150.0, 0.13)):
+        batch = place_splats(point_at(view, column, row, 4.0), sigma, spec=SplatSpec(footprint))  # type: ignore[arg-type]
+        assert_parity(rasterizer, batch, view, (column, row, sigma))
+
+
 @pytest.mark.parametrize("largest_point_px", [1.0, 6.5, 40.0])
 def test_quads_draw_what_points_draw(
     rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, largest_point_px: float
