@@ -15,6 +15,7 @@ import pytest
 from splatting import cut_of, in_order, look, optical_depth, place_splats, point_at, splats_of, volume_of
 
 from renderer.camera import View
+from renderer.integrator import world_rays
 from renderer.projection import visible_order
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import SplatSpec
@@ -76,6 +77,14 @@ def test_energy_is_kept_away_from_the_axis(rasterizer: GLRasterizer, footprint: 
         assert energy(rasterizer, batch, view) == pytest.approx(1, abs=5e-3)
 
 
+def test_the_near_plane_leaves_the_energy_that_is_beyond_it(rasterizer: GLRasterizer) -> None:
+    """Of a Gaussian along the view, the tail of the normal distribution."""
+    for a in (-3.0, -1.0, 0.0, 0.7, 2.0):
+        view = look("orthographic", size=(96, 96), field_of_view=50.0, near=4.0 + 0.2 * a)
+        batch = place_splats([0.0, 0.0, 0.0], 0.2, 0.1)
+        assert energy(rasterizer, batch, view) == pytest.approx(0.5 * math.erfc(a / math.sqrt(2)), rel=1e-3)
+
+
 @pytest.mark.parametrize("footprint", ["gaussian", "gouraud"])
 def test_energy_does_not_depend_on_the_side_a_long_splat_is_seen_from(rasterizer: GLRasterizer, footprint: str) -> None:
     axes = np.array([[[0.5, 0.2, 0.0], [0.0, 0.1, 0.05], [0.3, 0.0, 0.2]]])
@@ -86,23 +95,10 @@ def test_energy_does_not_depend_on_the_side_a_long_splat_is_seen_from(rasterizer
         assert energy(rasterizer, batch, view) == pytest.approx(1, abs=1e-3 if footprint == "gaussian" else 0.04)
 
 
-def pixel_rays(view: View) -> tuple[Float64, Float64]:
-    """Origins and unit directions, float64 [h, w, 3], in world coordinates."""
-    column, row = np.meshgrid(np.arange(view.size[0]) + 0.5, np.arange(view.size[1]) + 0.5)
-    x, y = (column - view.size[0] / 2) / view.scale_px, (view.size[1] / 2 - row) / view.scale_px
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    if view.projection == "perspective":
-        origins, directions = np.stack([zero, zero, zero], -1), np.stack([x, y, -one], -1)
-    else:
-        origins, directions = np.stack([x, y, zero], -1), np.stack([zero, zero, -one], -1)
-    rotation, translation = view.view_from_world[:3, :3], view.view_from_world[:3, 3]
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    return (origins - translation) @ rotation, directions @ rotation
-
-
 def block_of(volume: Volume, view: View) -> tuple[Float64, npt.NDArray[np.int64]]:
     """World length of each pixel's ray in the volume [h, w]; the pair of faces that it enters and leaves by, or -1."""
-    origins, directions = pixel_rays(view)
+    width, height = view.size
+    origins, directions, _ = world_rays(view, np.arange(width * height))
     index_from_world = np.linalg.inv(volume.world_from_index)
     origins = origins @ index_from_world[:3, :3].T + index_from_world[:3, 3]
     directions = directions @ index_from_world[:3, :3].T
@@ -111,7 +107,7 @@ def block_of(volume: Volume, view: View) -> tuple[Float64, npt.NDArray[np.int64]
     first, last = at_faces.min(axis=0), at_faces.max(axis=0)
     enter, leave = first.max(axis=-1), last.min(axis=-1)
     faces = np.where(leave > enter, 3 * first.argmax(axis=-1) + last.argmin(axis=-1), -1)
-    return np.maximum(leave - enter, 0), faces
+    return np.maximum(leave - enter, 0).reshape(height, width), faces.reshape(height, width)
 
 
 def deep_inside(faces: npt.NDArray[np.int64], radius_px: float) -> npt.NDArray[np.bool_]:

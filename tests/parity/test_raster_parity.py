@@ -25,7 +25,7 @@ from splatting import in_order, look, place_splats, point_at, splats_of, volume_
 
 from renderer.camera import View
 from renderer.raster_gl import GLRasterizer
-from renderer.raster_reference import rasterize_reference
+from renderer.raster_reference import _rasterized_triangle, rasterize_reference
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch
 
@@ -176,6 +176,21 @@ def test_a_profile_that_ends_in_a_step(rasterizer: GLRasterizer) -> None:
         image = assert_parity(rasterizer, batch, view, sigma, edge=SUBPIXEL / (batch.footprint.cutoff * sigma_px))
         inside = image[..., 3][image[..., 3] > 0]
         np.testing.assert_allclose(inside, inside[0], rtol=1e-6)
+
+
+def test_triangles_of_the_reference_cover_every_pixel_once() -> None:
+    """A fan with its centre, corners and edges on pixel centres."""
+    rim = np.array([[9, 3], [6, 6], [3, 9], [0, 6], [-3, 3], [0, 0], [3, -3], [6, 0]]) + 4.5
+    x_px, y_px = np.meshgrid(np.arange(16) + 0.5, np.arange(16) + 0.5)
+    covered = np.zeros(x_px.shape, int)
+    for start, end in zip(rim, np.roll(rim, -1, axis=0), strict=True):
+        for corners in ((rim.mean(axis=0), start, end), (end, start, rim.mean(axis=0))):
+            inside, shares = _rasterized_triangle(np.array(corners), x_px, y_px)
+            np.testing.assert_allclose(shares @ np.array(corners), np.stack([x_px, y_px], axis=-1), atol=1e-12)
+        covered += inside
+    # The square |x - 7.5| + |y - 7.5| <= 6, of whose rim the two edges on the left belong to it.
+    away = np.abs(x_px - 7.5) + np.abs(y_px - 7.5)
+    np.testing.assert_array_equal(covered, (away < 6) | ((away == 6) & (x_px < 7.5)))
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
