@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from renderer.errors import InputError
+from renderer.schema import show
 
 
 def parse_frames(text: str | None, num_frames: int) -> range:
@@ -18,15 +19,15 @@ def parse_frames(text: str | None, num_frames: int) -> range:
     except ValueError:
         parts = []
     if not 1 <= len(parts) <= 3 or parts == [None]:
-        raise InputError("not a range of frames", where="--frames", got=repr(text), expected=expected)
+        raise InputError("not a range of frames", where="--frames", got=show(text), expected=expected)
     if len(parts) == 1 and parts[0] is not None:
         number = parts[0]
         picked = range(num_frames)[number : number + 1] if 0 <= number < num_frames else range(0)
     else:
         step = parts[2] if len(parts) == 3 else None
         if step is not None and step < 1:
-            raise InputError("frames go forward", where="--frames", got=repr(text), expected="a step of at least 1")
+            raise InputError("frames go forward", where="--frames", got=show(text), expected="a step of at least 1")
         picked = range(num_frames)[slice(*parts)]
     if not picked:
-        raise InputError("no frame is in this range", where="--frames", got=repr(text), expected=expected)
+        raise InputError("no frame is in this range", where="--frames", got=show(text), expected=expected)
     return picked

@@ -29,14 +29,19 @@ if TYPE_CHECKING:
 @click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
 )
-@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write to this .mp4, .gif or {frame}.png.")
+@click.option(
+    "--output", type=click.Path(path_type=Path), metavar="FILE", help="Write to this .mp4, .gif or {frame}.png."
+)
 @click.option("--frames", metavar="A:B:STEP", help="Draw only these frames, as Python slices them: 0:30, ::10, 7.")
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def render(
     scene: Path, overrides: tuple[str, ...], output: Path | None, frames: str | None, volume: Path | None, quiet: bool
 ) -> None:
-    """Render SCENE to a film or to frames, and a JSON file next to it that says how it was made."""
+    """Render a scene to a film or to numbered frames.
+
+    SCENE is a YAML file. Beside the output comes a JSON file that says how it was made.
+    """
     job = load_scene(scene, overrides=overrides, volume=volume, output=output)
     numbers = parse_frames(frames, job.camera.path.frames)
     with _terminated_as_interrupted():
@@ -62,10 +67,11 @@ def _render(scene: Scene, numbers: Sequence[int], *, quiet: bool) -> None:
                 bar.advance(f"{frame.num_splats} splats")
         made_by = rasterizer.renderer_name
     seconds = time.perf_counter() - start
+    notes = [*film.notes, *_notes(records)]
     sidecar = sidecar_path(scene.output.file)
-    write_sidecar(sidecar, _record(stage, made_by, records, film.notes, seconds))
+    write_sidecar(sidecar, _record(stage, made_by, records, notes, seconds))
     if not quiet:
-        _report(stage, records, film.notes, seconds, sidecar)
+        _report(stage, records, notes, seconds, sidecar)
 
 
 def _frame_record(frame: Frame, encode_seconds: float) -> dict[str, Any]:
@@ -102,16 +108,24 @@ def _record(
     }
 
 
-def _report(
-    stage: Stage, records: list[dict[str, Any]], notes: Sequence[str], seconds: float, sidecar: Path
-) -> None:
+def _notes(frames: list[dict[str, Any]]) -> list[str]:
+    """What the user should know about the pictures."""
+    if all(frame["cells"] == 0 for frame in frames):
+        return [
+            "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
+        ]
+    empty = [frame["frame"] for frame in frames if frame["splats"] == 0]
+    if not empty:
+        return []
+    return [f"nothing is in view on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]}"]
+
+
+def _report(stage: Stage, records: list[dict[str, Any]], notes: Sequence[str], seconds: float, sidecar: Path) -> None:
     """What was made and what it cost, in a few lines."""
     num = len(records)
     counts = sorted({record["splats"] for record in records})
     splats = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     click.echo(f"{stage.scene.output.file}: {num} frame{'s' * (num > 1)} in {seconds:.1f} s, {splats} splats a frame")
-    if max(counts) == 0:
-        click.echo("note: nothing is visible: the transfer function shows no voxel that the camera sees")
     for note in notes:
         click.echo(f"note: {note}")
     click.echo(f"how it was made: {sidecar}")

@@ -172,7 +172,16 @@ class GLRasterizer:
             if self._target is not None:
                 self._target.color_attachments[0].release()
                 self._target.release()
-            self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
+                self._target = None
+            try:
+                self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
+            except moderngl.Error as error:
+                raise RenderError(
+                    "the device has no room for a picture of this size",
+                    where=self.renderer_name,
+                    got=f"{size[0]} x {size[1]} pixels of 16 bytes",
+                    hint="choose a smaller output.size",
+                ) from error
         return self._target
 
 
