@@ -17,7 +17,7 @@ import numpy as np
 from renderer.camera import Float64, View
 from renderer.camera_paths import camera_pose
 from renderer.errors import InputError
-from renderer.octree import cut_pyramid
+from renderer.octree import visible_cells
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
 from renderer.volume import Volume
@@ -88,7 +88,7 @@ def visible_points(pyramid: Pyramid) -> Float64:
     volume = pyramid.volume
     shape = np.array(volume.shape_xyz)
     level = max(1, pyramid.num_levels - 7)
-    cells = cut_pyramid(pyramid, 0.0, finest_level=level).cells
+    cells = visible_cells(pyramid, level)
     if len(cells) == 0:
         corners = np.stack(np.meshgrid(*([-0.5, n - 0.5] for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
         return _to_world(volume, corners)

@@ -63,6 +63,15 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
     )
 
 
+def visible_cells(pyramid: Pyramid, level: int) -> npt.NDArray[np.int32]:
+    """int32 [n, 3]: all visible cells of a level from 1 to the root's, x, y, z in units of their width."""
+    cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
+    nodes = np.arange(len(cells), dtype=np.int64)
+    for above in pyramid.levels[:level - 1 : -1]:
+        nodes, cells = _children(nodes, cells, above.masks, above.first_children)
+    return cells
+
+
 def _error_scale(pyramid: Pyramid, cells: npt.NDArray[np.int32], level: int) -> npt.NDArray[np.float64] | float:
     """What a node's root of variance is multiplied by: for `optical` the cell's side, the cube root of its world volume, in
     units of the finest spacing (which the channels carry); 1 for `rms`."""

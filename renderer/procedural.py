@@ -206,10 +206,11 @@ def _noise(random: np.random.PCG64, shape: tuple[int, ...]) -> Array:
     Raw bits, because those of a seed are the same in every version of numpy, unlike the distributions made of them.
     """
     num_bytes = 3 * math.prod(shape)
-    uniform: Array = random.random_raw(-(-num_bytes // 8)).astype("<u8").view(np.uint8)[:num_bytes].reshape(3, *shape)
+    uniform = random.random_raw(-(-num_bytes // 8)).astype("<u8").view(np.uint8)[:num_bytes].reshape(3, *shape)
     deviation = math.sqrt(3 * (256**2 - 1) / 12)
     centred: Array = uniform.sum(axis=0, dtype=np.float32) - np.float32(3 * 127.5)
-    return np.multiply(centred, np.float32(_NOISE / deviation))
+    centred *= np.float32(_NOISE / deviation)
+    return centred
 
 
 def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np.float32) -> None:

@@ -69,7 +69,7 @@ def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.ND
     half_width, half_height = (0.5 * n + batch.footprint.cutoff * NARROWEST_SIGMA_PX + 1 for n in camera.size)
     _depths_and_culling(
         batch.vertices, reach, camera.view_from_model, camera.perspective,
-        camera.scale_px, half_width, half_height, camera.near, depths, seen,
+        camera.scale_px, half_width, half_height, camera.slope_limit, camera.near, depths, seen,
     )  # fmt: skip
     if order == "boxes":
         back_to_front = box_order(cut, view)
@@ -80,19 +80,23 @@ def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.ND
 
 @numba.njit(cache=True, nogil=True)
 def _depths_and_culling(  # type: ignore[no-untyped-def]
-    vertices, reach, view_from_model, perspective, scale, half_width, half_height, near, depths, seen
+    vertices, reach, view_from_model, perspective, scale, half_width, half_height, slope_limit, near, depths, seen
 ):
-    """View depth of every centre, and whether a ball of its shape's reach meets the image's frustum (conservative)."""
+    """Depth of every centre behind the model's origin, and whether its footprint can meet the image (conservative).
+
+    Depths from the eye would lose their order to float32 where the eye is far away.
+    """
     r = view_from_model
-    side = np.sqrt(scale * scale + half_width * half_width)
-    top = np.sqrt(scale * scale + half_height * half_height)
+    # Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
+    side, top = scale * np.sqrt(1 + slope_limit[0] ** 2), scale * np.sqrt(1 + slope_limit[1] ** 2)
     for i in range(len(vertices)):
         cx, cy, cz = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         x = abs(r[0, 0] * cx + r[0, 1] * cy + r[0, 2] * cz + r[0, 3])
         y = abs(r[1, 0] * cx + r[1, 1] * cy + r[1, 2] * cz + r[1, 3])
-        depth = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz + r[2, 3])
+        behind_origin = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz)
+        depth = behind_origin - r[2, 3]
+        depths[i] = behind_origin
         radius = reach[int(vertices[i, 7])]
-        depths[i] = depth
         if perspective:
             inside = (x * scale - depth * half_width <= radius * side) and (
                 y * scale - depth * half_height <= radius * top

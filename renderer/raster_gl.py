@@ -77,16 +77,17 @@ class GLRasterizer:
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
         camera = model_view(batch, view)
-        target = self._resized_target(view.size)
-        target.use()
-        target.clear(0.0, 0.0, 0.0, 0.0)
-        self._shapes.write(_shape_block(batch, camera))
-        self._shapes.bind_to_uniform_block(0)
-        draw = self._gaussians if isinstance(batch.footprint, GaussianFootprint) else self._fans
-        for first in range(0, len(order), BATCH_SIZE):
-            draw(batch, order[first : first + BATCH_SIZE], camera)
         image = np.empty((view.size[1], view.size[0], 4), np.float32)
-        target.read_into(image, components=4, dtype="f4")
+        with self._context:  # another one may have been made since
+            target = self._resized_target(view.size)
+            target.use()
+            target.clear(0.0, 0.0, 0.0, 0.0)
+            self._shapes.write(_shape_block(batch, camera))
+            self._shapes.bind_to_uniform_block(0)
+            draw = self._gaussians if isinstance(batch.footprint, GaussianFootprint) else self._fans
+            for first in range(0, len(order), BATCH_SIZE):
+                draw(batch, order[first : first + BATCH_SIZE], camera)
+            target.read_into(image, components=4, dtype="f4")
         return image
 
     def _gaussians(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> None:

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from renderer.errors import RenderError
 from renderer.octree import Cut
-from renderer.pyramid import cell_extents
 from renderer.scene import SplatSpec
 
 Float64 = npt.NDArray[np.float64]
@@ -68,6 +68,9 @@ class GouraudFootprint:
     vertices: float64 [v, 2], in standard deviations; vertex 0 is the centre.
     weights: float64 [v], footprint weight at each vertex; linear in the triangles, they integrate to 1.
     triangles: int32 [t, 3].
+
+    On the image the vertices lie at `centre + root @ vertex`, in pixels with row 0 at the top, `root` being the lower
+    triangular root (Cholesky) of the footprint's covariance.
     """
 
     vertices: Float64
@@ -98,6 +101,18 @@ class SplatBatch:
     origin: Float64
     length: float
     footprint: GaussianFootprint | GouraudFootprint
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a number here: drawn, such splats would vanish, or take half the image with them."""
+        if len(self.vertices) and not (np.isfinite(self.vertices.min()) and np.isfinite(self.vertices.max())):
+            bad = np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))
+            raise RenderError(
+                "splats that are not numbers",
+                got=f"{len(bad)} of {len(self.vertices)} splats, the first is number {bad[0]}: "
+                f"{self.vertices[bad[0]].tolist()}",
+                expected="finite centres and optical areas",
+                hint="this is a fault of hsplat; please report it with the scene file",
+            )
 
     def __len__(self) -> int:
         return len(self.vertices)

@@ -20,8 +20,9 @@ RADIX_BITS = 11
 
 def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
     """uint32 [n]: indices by descending depth (float32 [n], any sign, finite), equal depths in ascending index."""
-    # The bits of a float sort like its value once negative ones are inverted; inverting all makes it descending.
-    bits = depths.view(np.uint32)
+    # The bits of a float sort like its value once negative ones are inverted; inverting all makes it descending. Adding 0
+    # leaves only one of the two zeros, which are equal.
+    bits = (depths + np.float32(0)).view(np.uint32)
     keys = np.where(bits >> 31, bits, ~(bits | np.uint32(1 << 31)))
     return _radix_sort(keys)
 
@@ -59,7 +60,7 @@ def box_order(cut: Cut, view: View) -> npt.NDArray[np.int64]:
         eye = index_from_world[:3, :3] @ view.eye + index_from_world[:3, 3]
     else:  # the eye at infinity; a splitting plane seen edge-on hides nothing
         direction = index_from_world[:3, :3] @ view.forward
-        eye = np.where(direction == 0, np.nan, -np.inf * np.sign(direction))
+        eye = np.where(direction == 0, np.nan, np.copysign(np.inf, -direction))
     num_levels = max(1, (max(cut.volume.shape_xyz) - 1).bit_length())
     keys = np.zeros(len(cut), np.uint64)
     first = cut.cells.astype(np.int64) << cut.levels[:, None].astype(np.int64)
