@@ -107,7 +107,7 @@ def visible_points(pyramid: Pyramid) -> Float64:
 
 
 def finest_useful_level(volume: Volume, points_world: Float64, views: Sequence[View]) -> int:
-    """The finest level of which some cell is wider than SMALLEST_CELL_PX on some view; 0 if an eye may be among the points.
+    """The finest level of which some cell is wider than SMALLEST_CELL_PX on some view; 0 if an eye may be among them.
 
     A bound: the longest diagonal of a voxel, at the smallest depth and the steepest angle of the points' bounding box.
     """

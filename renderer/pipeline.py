@@ -1,6 +1,6 @@
 """The program's table of contents: from a scene to its frames, and the only frame loop.
 
-    Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch -> float image -> 8 bits
+Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch -> float image -> 8 bits
 """
 
 from __future__ import annotations
@@ -32,9 +32,7 @@ Clock = Callable[[], float]
 class Rasterizer(Protocol):
     """What draws sorted splats: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
 
-    def rasterize(
-        self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View
-    ) -> npt.NDArray[np.float32]: ...
+    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]: ...
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,8 @@ from renderer.visibility import box_order, depth_order
 
 Float64 = npt.NDArray[np.float64]
 
-# Footprints are widened to this standard deviation: point-sampled Gaussians keep their energy within 3 % there
-# (the aliases of a lattice of samples are 4 exp(-2 pi^2 sigma^2) of the whole), and within 16 % at 0.4.
-NARROWEST_SIGMA_PX = 0.5
-
-# Slopes x / depth are held to this multiple of the image's corner's when a footprint is projected: the affine approximation
-# of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
+# Slopes x / depth are held to this multiple of those at the image's edges when a footprint is projected: the affine
+# approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
 SLOPE_LIMIT = 1.3
 
 
@@ -58,7 +54,7 @@ def model_view(batch: SplatBatch, view: View) -> ModelView:
 
 def longest_sigma(batch: SplatBatch) -> Float64:
     """float64 [num_shapes]: the largest standard deviation of each shape in any direction, model units."""
-    return np.linalg.norm(batch.axes, ord=2, axis=(1, 2))
+    return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
 def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.NDArray[np.uint32]:
@@ -66,7 +62,7 @@ def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.ND
     camera = model_view(batch, view)
     reach = batch.footprint.cutoff * longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
-    half_width, half_height = (0.5 * n + batch.footprint.cutoff * NARROWEST_SIGMA_PX + 1 for n in camera.size)
+    half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.narrowest_px + 1 for n in camera.size)
     _depths_and_culling(
         batch.vertices, reach, camera.view_from_model, camera.perspective,
         camera.scale_px, half_width, half_height, camera.slope_limit, camera.near, depths, seen,

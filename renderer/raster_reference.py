@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.camera import View
-from renderer.projection import NARROWEST_SIGMA_PX, SLOPE_LIMIT
+from renderer.projection import SLOPE_LIMIT
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 
 Float64 = npt.NDArray[np.float64]
@@ -52,7 +52,7 @@ def rasterize_reference(batch: SplatBatch, order: npt.NDArray[np.uint32], view: 
         gaussian = _beyond(view.near, _in_view(batch, index, view))
         if areas[3] == 0.0 or gaussian.mass == 0.0:
             continue
-        ellipse = _projected(gaussian, areas[3] * batch.length**2, view)
+        ellipse = _projected(gaussian, areas[3] * batch.length**2, batch.footprint.narrowest_px, view)
         rows, columns = _window(ellipse, batch.footprint.cutoff, view.size)
         x_px, y_px = np.meshgrid(np.arange(columns.start, columns.stop) + 0.5, np.arange(rows.start, rows.stop) + 0.5)
         if isinstance(batch.footprint, GaussianFootprint):
@@ -95,7 +95,7 @@ def _beyond(near: float, gaussian: _Gaussian) -> _Gaussian:
     )
 
 
-def _projected(gaussian: _Gaussian, optical_area: float, view: View) -> _Ellipse:
+def _projected(gaussian: _Gaussian, optical_area: float, narrowest_px: float, view: View) -> _Ellipse:
     """The affine image of a Gaussian whose ray integrals add up to `optical_area` across the rays."""
     size = np.array(view.size)
     right, up, depth = gaussian.mean
@@ -110,7 +110,7 @@ def _projected(gaussian: _Gaussian, optical_area: float, view: View) -> _Ellipse
         px_per_unit, slant = view.scale_px, 1.0
         jacobian = px_per_unit * np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     variances, directions = np.linalg.eigh(jacobian @ gaussian.covariance @ jacobian.T)
-    variances = np.maximum(variances, NARROWEST_SIGMA_PX**2)
+    variances = np.maximum(variances, narrowest_px**2)
     return _Ellipse(
         size / 2 + px_per_unit * np.array([right, -up]),
         directions @ np.diag(variances) @ directions.T,
