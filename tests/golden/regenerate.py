@@ -17,7 +17,7 @@ from golden_compare import compare, read_frame  # noqa: E402
 
 
 def main(names: list[str]) -> None:
-    """Replace the frames of the cases that differ visibly, so that a repeated run changes nothing."""
+    """Replace the frames that differ visibly; those that do not are kept, so that a repeated run changes nothing."""
     unknown = set(names) - {case.name for case in CASES}
     if unknown:
         sys.exit(f"no such case: {', '.join(sorted(unknown))}")
