@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 Image = npt.NDArray[np.uint8]
 
-# llvmpipe draws the same bytes with vectors of 128 and 256 bits and any number of threads. Mesa's softpipe, which shares
-# no arithmetic with it, comes to 1 level and 0.01, but for one splat that is cut by the near plane (5 levels, where
-# llvmpipe is within 0.005 of the reference). Between processors others have seen up to 3 levels. A channel that is wrong
-# by one part in a hundred makes 0.33 and more wherever its level is above 100.
+# llvmpipe draws the same bytes with vectors of 128 and 256 bits and any number of threads. Mesa's softpipe, which has
+# other arithmetic, comes to 1 level and 0.01, but for one splat that is cut by the near plane (5 levels, where llvmpipe
+# is within 0.005 of the reference). Between processors others have seen up to 3 levels. A channel that is wrong by one
+# part in a hundred makes 0.33 and more wherever its level is above 100.
 LARGEST = 3
 DENSEST = 0.3
 WINDOW_PX = 8
