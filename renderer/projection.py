@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from renderer.camera import View
+from renderer.jit import jit
 from renderer.octree import Cut
 from renderer.splats import SplatBatch
 from renderer.visibility import box_order, depth_order
@@ -74,10 +74,20 @@ def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.ND
     return indices[depth_order(depths[indices])]
 
 
-@numba.njit(cache=True, nogil=True)
-def _depths_and_culling(  # type: ignore[no-untyped-def]
-    vertices, reach, view_from_model, perspective, scale, half_width, half_height, slope_limit, near, depths, seen
-):
+@jit
+def _depths_and_culling(
+    vertices: npt.NDArray[np.float32],
+    reach: Float64,
+    view_from_model: Float64,
+    perspective: bool,
+    scale: float,
+    half_width: float,
+    half_height: float,
+    slope_limit: Float64,
+    near: float,
+    depths: npt.NDArray[np.float32],
+    seen: npt.NDArray[np.bool_],
+) -> None:
     """Depth of every centre behind the model's origin, and whether its footprint can meet the image (conservative).
 
     Depths from the eye would lose their order to float32 where the eye is far away.

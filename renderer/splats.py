@@ -175,7 +175,7 @@ def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
     for axis, num in enumerate(cut.volume.shape_xyz):
         last = np.array([(num - 1) >> level if num & ((1 << level) - 1) else -1 for level in range(64)])
         codes |= (cut.cells[:, axis] == last[cut.levels]).astype(np.uint16) << np.uint16(axis)
-    return codes
+    return np.asarray(codes, np.uint16)
 
 
 def _extents_of_codes(codes: npt.NDArray[np.uint16], shape: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
