@@ -10,11 +10,13 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
 
 Function = TypeVar("Function", bound=Callable[..., object])
+
+_config: Any = numba.config  # its attributes are made at run time
 
 
 def _cache_folder() -> Path | None:
@@ -23,7 +25,7 @@ def _cache_folder() -> Path | None:
     digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for source in sorted(here.glob("*.py")):
         digest.update(source.read_bytes())
-    asked_for = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else []
+    asked_for = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
     for base in (*asked_for, here / "__pycache__", Path.home() / ".cache" / "hsplat"):
         folder = base / f"kernels-{digest.hexdigest()}"
         try:
@@ -37,7 +39,7 @@ def _cache_folder() -> Path | None:
 
 _FOLDER = _cache_folder()
 if _FOLDER is not None:
-    numba.config.CACHE_DIR = str(_FOLDER)
+    _config.CACHE_DIR = str(_FOLDER)
 
 
 def has_compiled_before() -> bool:
