@@ -33,7 +33,7 @@ ROOMS: dict[str, tuple[str, str]] = {
 COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema",  # without numpy: `check` answers at once
     "readers", "volume", "statistics",  # info
-    "pipeline", "raster_gl", "film", "sidecar",  # render
+    "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
 }  # fmt: skip
 
 GL_PACKAGES = {"moderngl", "OpenGL", "glcontext"}
