@@ -26,7 +26,17 @@ OPTICAL = ErrorSpec()
 RMS = ErrorSpec(measure="rms")
 SCALAR = ErrorSpec(measure="rms", of="scalar")
 SINGLE = PyramidSpec(precision="single")
-SHAPES = [(1, 1, 1), (1, 1, 70), (1, 2, 1), (3, 1, 129), (9, 17, 33), (7, 13, 31), (33, 65, 31), (40, 24, 72), (64, 64, 64)]
+SHAPES = [
+    (1, 1, 1),
+    (1, 1, 70),
+    (1, 2, 1),
+    (3, 1, 129),
+    (9, 17, 33),
+    (7, 13, 31),
+    (33, 65, 31),
+    (40, 24, 72),
+    (64, 64, 64),
+]
 
 
 def volume(values: Array, world_from_index: Float64 | None = None) -> Volume:
@@ -317,7 +327,9 @@ def test_the_number_of_threads_changes_no_byte(error: ErrorSpec) -> None:
 
 
 def test_arrays_are_read_only() -> None:
-    pyramid = build_pyramid(noise((9, 9, 40), np.uint8, 0, 255), half_visible(0, 255), spec=PyramidSpec(), error=OPTICAL)
+    pyramid = build_pyramid(
+        noise((9, 9, 40), np.uint8, 0, 255), half_visible(0, 255), spec=PyramidSpec(), error=OPTICAL
+    )
     for level in pyramid.levels:
         for array in (level.means, level.errors, level.masks, level.first_children):
             assert not array.flags.writeable

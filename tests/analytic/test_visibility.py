@@ -16,7 +16,8 @@ Float64 = npt.NDArray[np.float64]
 AFFINES = {
     "identity": np.eye(3),
     "anisotropic": np.diag([1.0, 0.3, 4.0]),
-    "oblique": np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1.0]]) @ np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]]),
+    "oblique": np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1.0]])
+    @ np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]]),
     "sheared": np.array([[1, 0.4, -0.3], [0, 1, 0.7], [0.2, 0, 1.0]]),
     "left-handed": np.diag([-1.0, 2.0, 1.0]),
 }
@@ -40,7 +41,9 @@ def random_cut(rng: np.random.Generator, shape_xyz: tuple[int, int, int], affine
         else:
             nodes += [(level - 1, 2 * cell + [k & 1, k >> 1 & 1, k >> 2]) for k in range(8)]
     table = np.array(leaves, np.int64).reshape(-1, 4)
-    return Cut(table[:, 0].astype(np.uint8), table[:, 1:].astype(np.int32), np.ones((len(table), 4), np.float32), volume)
+    return Cut(
+        table[:, 0].astype(np.uint8), table[:, 1:].astype(np.int32), np.ones((len(table), 4), np.float32), volume
+    )
 
 
 def looking(forward: Float64, eye: Float64, projection: str) -> View:
