@@ -37,14 +37,14 @@ class Segments(NamedTuple):
     """The transfer function's segments (TransferFunction.segments), with a guide to find them.
 
     rows: float64 [n + 1, 10], start, 1 / width, values at the start [4], rise [4]; extinctions times `h0`.
-    guide: int64 [GUIDE_SIZE + 3]; the number of control values <= a scalar in bucket b lies in guide[b] to guide[b + 3].
+    guide: uint64 [GUIDE_SIZE + 3]; the number of control values <= a scalar in bucket b lies in guide[b] to guide[b + 3].
     first, last: the range of the control values; scalars are clamped to it.
     buckets_per_unit: buckets of the guide per unit of the scalar.
     opacity: whether the channels are opacities.
     """
 
     rows: Float64
-    guide: npt.NDArray[np.int64]
+    guide: npt.NDArray[np.uint64]
     first: float
     last: float
     buckets_per_unit: float
@@ -118,29 +118,29 @@ def _make_segments(transfer: TransferFunction, finest_spacing: float, opacity: b
         bounds = first + (last - first) * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
         buckets_per_unit = GUIDE_SIZE / (last - first)
     bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
-    guide = np.searchsorted(transfer.values, bounds, side="right").astype(np.int64)
+    guide = np.searchsorted(transfer.values, bounds, side="right").astype(np.uint64)
     return Segments(rows, guide, first, last, buckets_per_unit, opacity)
 
 
 @jit
-def _evaluate(scalar: float, segments: Segments) -> Channels:
+def evaluate(scalar: float, segments: Segments) -> Channels:
     """Channels of a scalar, unlit."""
     rows, guide = segments.rows, segments.guide
     inside = min(max(scalar, segments.first), segments.last)
-    bucket = min(int((inside - segments.first) * segments.buckets_per_unit), GUIDE_SIZE - 1)
-    k, most = guide[bucket], guide[bucket + 3]
+    # Unsigned indices spare numba asking whether they count from the end.
+    bucket = np.uint64(min(int((inside - segments.first) * segments.buckets_per_unit), GUIDE_SIZE - 1))
+    k, most = guide[bucket], guide[bucket + np.uint64(3)]
     while k < most:
-        middle = (k + most) >> 1
-        if rows[middle + 1, 0] <= scalar:
-            k = middle + 1
+        middle = (k + most) >> np.uint64(1)
+        if rows[middle + np.uint64(1), 0] <= scalar:
+            k = middle + np.uint64(1)
         else:
             most = middle
     t = min((inside - rows[k, 0]) * rows[k, 1], 1.0)
     weight = rows[k, 5] + t * rows[k, 9]
     if segments.opacity:
         weight = -np.expm1(-weight)
-    if weight < FAINTEST:
-        weight = 0.0
+    weight = weight if weight >= FAINTEST else 0.0
     return (
         weight * (rows[k, 2] + t * rows[k, 6]),
         weight * (rows[k, 3] + t * rows[k, 7]),
@@ -190,7 +190,7 @@ def classify_voxel(
         pattern = codes[z, y, x]
         r, g, b, a = table[pattern, 0], table[pattern, 1], table[pattern, 2], table[pattern, 3]
     if segments is not None:
-        r, g, b, a = _evaluate(float(codes[z, y, x]), segments)
+        r, g, b, a = evaluate(float(codes[z, y, x]), segments)
     if lighting is not None:
         light = _lighting_factor(codes, scalars, lighting, z, y, x) if a > 0 else 1.0
         r, g, b = r * light, g * light, b * light

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -111,9 +111,7 @@ def build_pyramid(
     num_levels = max(1, (max(volume.shape_xyz) - 1).bit_length())
     blocks = _blocks_in_morton_order(volume.shape_xyz)
     room = _Room.empty(blocks, volume.shape_xyz, plan.dtype)
-    with ThreadPoolExecutor(num_threads) as pool:
-        roots = list(pool.map(lambda task: _build_blocks(plan, blocks, room, task), range(room.num_tasks)))
-    tier = _Tier(*(np.concatenate(parts) for parts in zip(*roots, strict=True)))
+    tier = _build_all_blocks(plan, blocks, room, num_threads)
     stored = room.compacted()
     while len(stored) < num_levels:
         tier, levels = _next_tier(plan, tier, len(stored))
@@ -206,8 +204,8 @@ def _blocks_in_morton_order(shape_xyz: Shape) -> Int64:
     return cells
 
 
-# Means and variances [g, n, c] of one level, in groups as the kernels know them.
-_Nodes = tuple[Array, Array]
+# Means and variances [g, n, c] of the 64 nodes of some groups, of their 8 parents, and of their root.
+_Groups = list[tuple[Array, Array]]
 
 # Stored means, stored errors and child masks of the visible nodes of one level.
 _Stored = tuple[Array, Array, npt.NDArray[np.uint8]]
@@ -270,75 +268,115 @@ def _empty_stored(num: int, dtype: type[Any], *, masked: bool) -> _Stored:
     return np.empty((num, 4), dtype), np.empty(num, dtype), np.empty(num if masked else 0, np.uint8)
 
 
-def _build_blocks(plan: _Plan, blocks: Int64, room: _Room, task: int) -> _Tier:
+@dataclass(frozen=True)
+class _Scratch:
+    """Memory of one running task, used again by the next: fresh pages cost more than the arithmetic done in them.
+
+    nodes, errors: groups of what is averaged and of what errors are measured of; None where that is the same.
+    visible, spreads: float32 [., 4] and [.], nodes on their way to the room.
+    """
+
+    nodes: _Groups
+    errors: _Groups | None
+    visible: npt.NDArray[np.float32]
+    spreads: npt.NDArray[np.float32]
+
+    @classmethod
+    def empty(cls, plan: _Plan, num_groups: int) -> _Scratch:
+        errors = None
+        if plan.normal:  # scalars may lie close together and far from zero: float64
+            errors = _empty_groups(num_groups, 1, np.float64)
+        elif plan.error_rule:
+            errors = _empty_groups(num_groups, 4, np.float32)
+        nodes = _empty_groups(num_groups, 4, np.float32)
+        return cls(nodes, errors, np.empty((num_groups * 64, 4), np.float32), np.empty(num_groups * 64, np.float32))
+
+    def first(self, num_groups: int) -> _Scratch:
+        """As much of it as the last task needs."""
+        errors = [(m[:num_groups], v[:num_groups]) for m, v in self.errors] if self.errors else None
+        return replace(self, nodes=[(m[:num_groups], v[:num_groups]) for m, v in self.nodes], errors=errors)
+
+
+def _build_all_blocks(plan: _Plan, blocks: Int64, room: _Room, num_threads: int) -> _Tier:
+    """The levels inside blocks, into `room`, and the roots of the blocks."""
+    tasks = iter(range(room.num_tasks))
+    roots: dict[int, _Tier] = {}
+
+    def work(num_groups: int) -> None:
+        scratch = _Scratch.empty(plan, num_groups)
+        for task in tasks:  # shared: each thread takes the next one when it is ready
+            roots[task] = _build_blocks(plan, blocks, room, task, scratch)
+
+    with ThreadPoolExecutor(num_threads) as pool:
+        list(pool.map(work, [min(len(blocks), BLOCKS_PER_TASK)] * num_threads))
+    return _Tier(*(np.concatenate(parts) for parts in zip(*(roots[task] for task in sorted(roots)), strict=True)))
+
+
+def _build_blocks(plan: _Plan, blocks: Int64, room: _Room, task: int, scratch: _Scratch) -> _Tier:
     """The levels inside the blocks of one task, and their roots."""
     cells = blocks[task * BLOCKS_PER_TASK : (task + 1) * BLOCKS_PER_TASK]
-    starts, extents = cells * BLOCK, cell_extents(cells, BLOCK_LEVELS, plan.shape_xyz)
-
-    def classified(rule: Classifier) -> list[_Nodes]:
-        nodes = _empty_nodes(len(cells), 64, 4, np.float32)
-        kernels.level_of_channels(plan.codes, *rule, starts, extents, *nodes)
-        return _with_parents(nodes, extents, 2)
-
-    nodes = errors = classified(plan.rule)
-    if plan.normal:  # scalars may lie close together and far from zero: float64
-        scalars = _empty_nodes(len(cells), 64, 1, np.float64)
-        kernels.level_of_scalars(plan.codes, plan.rule.scalars, *plan.normal, starts, extents, *scalars)
-        errors = _with_parents(scalars, extents, 2)
+    starts = (cells * BLOCK).astype(np.uint64)
+    extents = cell_extents(cells, BLOCK_LEVELS, plan.shape_xyz).astype(np.uint64)
+    scratch = scratch.first(len(cells))
+    nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
+    kernels.level_of_channels(plan.codes, *plan.rule, starts, extents, *nodes[0])
+    _merge(nodes, extents, 2)
+    if plan.normal:
+        kernels.level_of_scalars(plan.codes, plan.rule.scalars, *plan.normal, starts, extents, *errors[0])
+        _merge(errors, extents, 2)
     elif plan.error_rule:
-        errors = classified(plan.error_rule)
+        kernels.level_of_channels(plan.codes, *plan.error_rule, starts, extents, *errors[0])
+        _merge(errors, extents, 2)
     for level in range(BLOCK_LEVELS):
-        children = nodes[level - 1][0] if level > 0 else None
         target = room.of_task(task, level)
-        room.counts[task, level] = _store_visible(plan, nodes[level][0], errors[level][1], children, target)
-    return _Tier(cells, nodes[2][0][:, 0], errors[2][0][:, 0], errors[2][1][:, 0])
+        room.counts[task, level] = _store_visible(plan, scratch, level, target)
+    return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
 
 
 def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Stored]]:
     """The two levels above `level`, on which the nodes of `tier` lie in Morton order, and the upper one's as a tier."""
     cells = tier.cells >> TIER_LEVELS
     firsts = np.flatnonzero(np.concatenate([[True], np.any(np.diff(cells, axis=0) != 0, axis=1)]))
-    group = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(cells))))
-    place = ((tier.cells & 1) * 8 + (tier.cells >> 1 & 1)) @ [1, 2, 4]
+    place = ((tier.cells & 1) * 8 + (tier.cells >> 1 & 1)) @ np.array([1, 2, 4])
+    place += 64 * np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(cells))))
     cells = cells[firsts]
-    extents = cell_extents(cells, level + TIER_LEVELS, plan.shape_xyz)
+    extents = cell_extents(cells, level + TIER_LEVELS, plan.shape_xyz).astype(np.uint64)
 
-    def grouped(values: Array) -> Array:
-        nodes = np.zeros((len(cells), 64, values.shape[1]), values.dtype)
-        nodes[group, place] = values
-        return nodes
-
-    # Where errors are measured of the same channels, this does the same work again; it is little, so far up.
-    nodes = _with_parents((grouped(tier.means), grouped(np.zeros_like(tier.means))), extents, 1 << level)
-    errors = _with_parents((grouped(tier.error_means), grouped(tier.variances)), extents, 1 << level)
+    scratch = _Scratch.empty(plan, len(cells))
+    errors = scratch.errors or scratch.nodes
+    for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
+        nodes[:] = 0
+        nodes.reshape(-1, values.shape[1])[place] = values
+    _merge(scratch.nodes, extents, 1 << level)
+    if scratch.errors:
+        _merge(scratch.errors, extents, 1 << level)
     stored = []
-    for parents in (1, 2):
-        target = _empty_stored(nodes[parents][0][..., 0].size, plan.dtype, masked=True)
-        num = _store_visible(plan, nodes[parents][0], errors[parents][1], nodes[parents - 1][0], target)
+    for part in (1, 2):
+        target = _empty_stored(len(cells) * (8 if part == 1 else 1), plan.dtype, masked=True)
+        num = _store_visible(plan, scratch, part, target)
         stored.append((target[0][:num], target[1][:num], target[2][:num]))
-    return _Tier(cells, nodes[2][0][:, 0], errors[2][0][:, 0], errors[2][1][:, 0]), stored
+    return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
 
 
-def _empty_nodes(num_groups: int, num_nodes: int, num_channels: int, dtype: Any) -> _Nodes:
-    shape = (num_groups, num_nodes, num_channels)
-    return np.empty(shape, dtype), np.empty(shape, dtype)
+def _empty_groups(num_groups: int, num_channels: int, dtype: Any) -> _Groups:
+    shapes = [(num_groups, num_nodes, num_channels) for num_nodes in (64, 8, 1)]
+    return [(np.empty(shape, dtype), np.empty(shape, dtype)) for shape in shapes]
 
 
-def _with_parents(nodes: _Nodes, extents: Int64, side: int) -> list[_Nodes]:
-    """Groups of 64 nodes, each `side` voxels a side, with their 8 parents and the parent of those."""
-    num_groups, _, num_channels = nodes[0].shape
-    parents, roots = (_empty_nodes(num_groups, num, num_channels, nodes[0].dtype) for num in (8, 1))
+def _merge(groups: _Groups, extents: Array, side: int) -> None:
+    """The 8 parents of the 64 nodes of each group, which are `side` voxels a side, and theirs."""
+    nodes, parents, roots = groups
     kernels.merge_groups(*nodes, extents, side, *parents, *roots)
-    return [nodes, parents, roots]
 
 
-def _store_visible(plan: _Plan, means: Array, variances: Array, children: Array | None, target: _Stored) -> int:
-    """Write the visible ones of some nodes, in Morton order, to the beginning of `target`; how many they are."""
-    size = means.shape[0] * means.shape[1]
-    visible, spreads = np.empty((size, 4), np.float32), np.empty(size, np.float32)
-    num = kernels.append_visible(means, variances, children, visible, spreads, target[2])
-    _store(visible[:num], 1 / plan.mean_unit, target[0][:num])
-    _store(np.sqrt(spreads[:num]), plan.error_factor, target[1][:num])
+def _store_visible(plan: _Plan, scratch: _Scratch, part: int, target: _Stored) -> int:
+    """Write the visible nodes of a part of the groups to the beginning of `target`, in Morton order; how many they are."""
+    means, _ = scratch.nodes[part]
+    _, variances = (scratch.errors or scratch.nodes)[part]
+    children = scratch.nodes[part - 1][0] if part > 0 else None
+    num = kernels.append_visible(means, variances, children, scratch.visible, scratch.spreads, target[2])
+    _store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
+    _store(np.sqrt(scratch.spreads[:num], out=scratch.spreads[:num]), plan.error_factor, target[1][:num])
     return num
 
 
