@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-from renderer.classify import classify_voxel, is_visible, voxel_codes
+from renderer.classify import Codes, Lighting, Segments, classify_voxel, voxel_codes
+from renderer.jit import jit
 from renderer.pyramid import Pyramid, cell_extents
-from renderer.transfer import MAX_VOXEL_DEPTH
 from renderer.volume import Volume
+
+Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
         if number > 1:
             nodes, cells = _children(nodes, cells, level.masks, level.first_children)
     voxels, channels = _voxels(pyramid, cells)
-    parts.append((0, voxels, _extinctions(pyramid, channels)))
+    parts.append((0, voxels, channels))
     levels = [np.full(len(part[1]), part[0], np.uint8) for part in parts]
     return Cut(
         np.concatenate(levels),
@@ -86,9 +87,10 @@ def _extinctions(pyramid: Pyramid, means: npt.NDArray[np.float32]) -> npt.NDArra
     """(tau c, tau) h0 from whatever the pyramid averages."""
     if pyramid.average == "opacity" and len(means):
         opacity = means[:, 3:]
-        with np.errstate(divide="ignore"):  # an opacity that float16 rounded to 1 meets the cap
-            depth = np.minimum(-np.log1p(-np.minimum(opacity, 1)), np.float32(MAX_VOXEL_DEPTH))
-        means = means * (depth / opacity)
+        with np.errstate(divide="ignore"):  # rounded to 1, it is as deep as the deepest voxel
+            depth = np.minimum(-np.log1p(-np.minimum(opacity, 1)), np.float32(pyramid.deepest))
+        # Rounded to 0, its depth is that opacity.
+        means = means * np.divide(depth, opacity, out=np.ones_like(depth), where=opacity > 0)
     return means
 
 
@@ -105,7 +107,7 @@ def _children(
     return child_nodes, child_cells
 
 
-@numba.njit(cache=True, nogil=True)
+@jit
 def _fill_children(nodes, cells, masks, first_children, child_nodes, child_cells):  # type: ignore[no-untyped-def]
     num = 0
     for i in range(len(nodes)):
@@ -120,36 +122,27 @@ def _fill_children(nodes, cells, masks, first_children, child_nodes, child_cells
                 num += 1
 
 
-def _voxels(
-    pyramid: Pyramid, parents: npt.NDArray[np.int32]
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+def _voxels(pyramid: Pyramid, parents: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
     """The visible voxels in cells of level 1, and their channels."""
-    codes, rule = voxel_codes(pyramid.volume), pyramid.classifier
-    num = _count_voxels(codes, rule, parents)
-    cells, channels = np.empty((num, 3), np.int32), np.empty((num, 4), np.float32)
-    _fill_voxels(codes, rule, parents, cells, channels)
-    return cells, channels
+    cells, channels = np.empty((8 * len(parents), 3), np.int32), np.empty((8 * len(parents), 4), np.float32)
+    num = _fill_voxels(voxel_codes(pyramid.volume), *pyramid.classifier, parents, cells, channels)
+    return cells[:num], channels[:num]
 
 
-@numba.njit(cache=True, nogil=True)
-def _count_voxels(codes, rule, parents):  # type: ignore[no-untyped-def]
+@jit
+def _fill_voxels(
+    codes: Codes, table: npt.NDArray[np.float32] | None, segments: Segments | None, scalars: Float64 | None,
+    lighting: Lighting | None, parents: npt.NDArray[np.int32], cells: npt.NDArray[np.int32],
+    channels: npt.NDArray[np.float32],
+) -> int:  # fmt: skip
     num = 0
     for i in range(len(parents)):
         for k in range(8):
             x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
-            if x < codes.shape[2] and y < codes.shape[1] and z < codes.shape[0] and is_visible(codes, rule, z, y, x):
-                num += 1
+            if x < codes.shape[2] and y < codes.shape[1] and z < codes.shape[0]:
+                r, g, b, a = classify_voxel(codes, table, segments, scalars, lighting, z, y, x)
+                if a > 0:
+                    channels[num, 0], channels[num, 1], channels[num, 2], channels[num, 3] = r, g, b, a
+                    cells[num, 0], cells[num, 1], cells[num, 2] = x, y, z
+                    num += 1
     return num
-
-
-@numba.njit(cache=True, nogil=True)
-def _fill_voxels(codes, rule, parents, cells, channels):  # type: ignore[no-untyped-def]
-    num = 0
-    for i in range(len(parents)):
-        for k in range(8):
-            x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
-            if x < codes.shape[2] and y < codes.shape[1] and z < codes.shape[0] and is_visible(codes, rule, z, y, x):
-                r, g, b, a = classify_voxel(codes, rule, z, y, x)
-                channels[num, 0], channels[num, 1], channels[num, 2], channels[num, 3] = r, g, b, a
-                cells[num, 0], cells[num, 1], cells[num, 2] = x, y, z
-                num += 1

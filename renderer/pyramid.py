@@ -9,32 +9,48 @@ root of the channels' summed variance (Laur and Hanrahan 1991, section 3: the RM
     rms, scalar       s                   in data units
 
 Only visible nodes are stored: every level is one list in Morton order, so that the children of a node lie together.
+
+Blocks of 8^3 voxels are built many at a time by several threads, which gives levels 1 to 3; then each tier of groups
+of 64 nodes gives two levels more (see `renderer.pyramid_kernels`).
 """
 
 from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from queue import SimpleQueue
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer import pyramid_kernels as kernels
 from renderer.classify import Classifier, make_classifier, voxel_codes
-from renderer.pyramid_kernels import BRICK, BRICK_LEVELS
+from renderer.pyramid_kernels import BLOCK
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
+
+Array = npt.NDArray[Any]
+Int64 = npt.NDArray[np.int64]
+Shape = tuple[int, int, int]
 
 # Means are stored as multiples of the largest possible one, brought to this: then float16 holds 8 decades below it at
 # its full 11 bits (its normal numbers go down to 2^-14).
 STORED_MAXIMUM = 2.0**15
 
-# Bricks built by one task: large enough to hide the dispatch, small enough that its results stay in cache.
-BRICKS_PER_TASK = 64
+# Scalars are normalised by half their range, or by this where it is smaller: its inverse is still a number.
+SMALLEST_RANGE = 2.0**-500
+
+# Levels inside a block, and in each tier above.
+BLOCK_LEVELS = 3
+TIER_LEVELS = 2
+
+# Blocks built by one task: many enough to hide the dispatch, few enough that their nodes stay in cache.
+BLOCKS_PER_TASK = 1024
+
+# int64 [8, 3]: the children (x, y, z) of a cell, in Morton order.
+OCTANTS = np.arange(8)[:, None] >> np.arange(3) & 1
 
 
 @dataclass(frozen=True)
@@ -47,21 +63,23 @@ class Level:
     first_children: int64 [n], index in the level below of the first visible child; empty on level 1.
     """
 
-    means: npt.NDArray[Any]
-    errors: npt.NDArray[Any]
+    means: Array
+    errors: Array
     masks: npt.NDArray[np.uint8]
-    first_children: npt.NDArray[np.int64]
+    first_children: Int64
 
 
 @dataclass(frozen=True)
 class Pyramid:
     """levels[0] is level 1 and levels[-1] the root (no node, where nothing is visible). Multiply stored means by `mean_unit`
-    and errors by `error_unit` to have them in the units above. `classifier` gives level 0 of the same quantity."""
+    and errors by `error_unit` to have them in the units above. `classifier` gives level 0, always as (tau c, tau) h0, and no
+    voxel is deeper than `deepest`."""
 
     levels: tuple[Level, ...]
     mean_unit: float
     error_unit: float
     classifier: Classifier
+    deepest: float
     volume: Volume
     average: str
     measure: str
@@ -74,22 +92,9 @@ class Pyramid:
     @property
     def num_bytes(self) -> int:
         """Memory of all levels."""
-        return sum(a.nbytes for level in self.levels for a in (level.means, level.errors, level.masks, level.first_children))
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """What the kernels are told: see pyramid_kernels.build_bricks. Scales bring compact results to stored units."""
-
-    codes: npt.NDArray[Any]
-    rule: Classifier
-    error_rule: Classifier
-    scalars: tuple[float, float]
-    shared: bool
-    mean_unit: float
-    error_unit: float
-    error_factor: float
-    half: bool
+        return sum(
+            a.nbytes for level in self.levels for a in (level.means, level.errors, level.masks, level.first_children)
+        )
 
 
 def build_pyramid(
@@ -104,197 +109,286 @@ def build_pyramid(
     """Build all levels in one pass over the voxels; the result does not depend on `num_threads`."""
     plan = _make_plan(volume, transfer, spec, error, shading)
     num_levels = max(1, (max(volume.shape_xyz) - 1).bit_length())
-    bricks = _bricks_in_morton_order(volume.shape_xyz)
-    tasks = [bricks[first : first + BRICKS_PER_TASK] for first in range(0, len(bricks), BRICKS_PER_TASK)]
-    scratches: SimpleQueue[_Scratch] = SimpleQueue()
-    for _ in range(num_threads):
-        scratches.put(_Scratch.empty(plan, min(len(bricks), BRICKS_PER_TASK)))
-    parts: list[list[_Part]] = [[] for _ in range(BRICK_LEVELS)]
-    roots = []
-    with ThreadPoolExecutor(num_threads) as pool:
-        for task_parts, task_roots in pool.map(lambda task: _build_task(plan, task, scratches), tasks):
-            for level, part in zip(parts, task_parts, strict=True):
-                level.append(part)
-            roots.append(task_roots)
-    stored = [_join(level) for level in parts] + _upper_levels(plan, volume.shape_xyz, bricks, np.concatenate(roots), num_levels)
+    blocks = _blocks_in_morton_order(volume.shape_xyz)
+    room = _Room.empty(blocks, volume.shape_xyz, plan.dtype)
+    tier = _build_all_blocks(plan, blocks, room, num_threads)
+    stored = room.compacted()
+    while len(stored) < num_levels:
+        tier, levels = _next_tier(plan, tier, len(stored))
+        stored += levels
     return Pyramid(
         levels=_linked(stored[:num_levels]),
         mean_unit=plan.mean_unit,
         error_unit=plan.error_unit,
-        classifier=plan.rule,
+        classifier=make_classifier(volume, transfer, shading, opacity=False)
+        if spec.average == "opacity"
+        else plan.rule,
+        deepest=float(volume.spacing.min()) * transfer.max_extinction,
         volume=volume,
         average=spec.average,
         measure=error.measure,
     )
 
 
-def _make_plan(
-    volume: Volume, transfer: TransferFunction, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
-) -> _Plan:
-    opacity, of_opacity, of_scalar = spec.average == "opacity", error.measure == "rms", error.of == "scalar"
-    depth = float(volume.spacing.min()) * transfer.max_extinction
-    brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
-
-    def unit(of_opacity: bool) -> float:
-        return _power_of_two(brightest * (-math.expm1(-depth) if of_opacity else depth)) / STORED_MAXIMUM
-
-    scalars = (0.0, 0.0)
-    error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
-    if of_scalar:
-        low, high = float(volume.values.min()), float(volume.values.max())
-        error_unit, error_factor = _power_of_two(high / 2 - low / 2) * 2 / STORED_MAXIMUM, 1.0
-        scalars = (low / 2 + high / 2, 1 / error_unit)
-    return _Plan(
-        voxel_codes(volume),
-        make_classifier(volume, transfer, shading, opacity=opacity),
-        make_classifier(volume, transfer, shading, opacity=of_opacity),
-        scalars,
-        opacity == of_opacity and not of_scalar,
-        unit(opacity),
-        error_unit,
-        error_factor,
-        spec.precision == "half",
-    )
-
-
-def _power_of_two(value: float) -> float:
-    """The smallest power of two >= value; 1 for 0. Scaling by it rounds nothing."""
-    return math.ldexp(1.0, math.frexp(value)[1]) if value > 0 else 1.0
-
-
-def _bricks_in_morton_order(shape_xyz: tuple[int, int, int]) -> npt.NDArray[np.int64]:
-    """int64 [n, 3]: brick coordinates (x, y, z), in bricks."""
-    counts = [-(-n // BRICK) for n in shape_xyz]
-    z, y, x = np.indices(counts[::-1]).reshape(3, -1)
-    code = np.zeros(len(x), np.int64)
-    for bit in range(max(counts).bit_length()):
-        for axis, coordinate in enumerate((x, y, z)):
-            code |= (coordinate >> bit & 1) << (3 * bit + axis)
-    return np.stack([x, y, z], axis=1)[np.argsort(code, kind="stable")]
-
-
-@dataclass(frozen=True)
-class _Scratch:
-    """Memory of one running task, used again by the next; see pyramid_kernels.build_bricks for the shapes."""
-
-    build: tuple[Any, Any, Any]
-    error_build: tuple[Any, Any, Any]
-    counts: npt.NDArray[np.int64]
-    means: tuple[npt.NDArray[np.float32], ...]
-    variances: tuple[npt.NDArray[np.float32], ...]
-    masks: tuple[npt.NDArray[np.uint8], ...]
-
-    @classmethod
-    def empty(cls, plan: _Plan, num_bricks: int) -> _Scratch:
-        sizes = [BRICK >> level for level in range(1, BRICK_LEVELS + 1)]
-
-        def build(dtype: type, sides: list[int], brick: int) -> tuple[Any, Any, Any]:
-            return (
-                np.empty((2, 2, brick, 4, brick // 2), dtype),
-                tuple(np.empty((n, n, 4, n), dtype) for n in sides),
-                tuple(np.empty((n, n, n), dtype) for n in sides),
-            )
-
-        return cls(
-            build(np.float32, sizes, BRICK),
-            # Errors of another quantity may be of scalars with a large offset: float64. The kernel's signature needs
-            # arrays of that type even where they are not used.
-            build(np.float64, [1] * BRICK_LEVELS, 1) if plan.shared else build(np.float64, sizes, BRICK),
-            np.zeros(BRICK_LEVELS, np.int64),
-            tuple(np.empty((num_bricks * n**3, 4), np.float32) for n in sizes),
-            tuple(np.empty(num_bricks * n**3, np.float32) for n in sizes),
-            tuple(np.empty(num_bricks * n**3, np.uint8) for n in sizes),
-        )
-
-
-# Stored means, stored errors and child masks of some nodes of one level.
-_Part = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[np.uint8]]
-
-
-def _build_task(
-    plan: _Plan, bricks: npt.NDArray[np.int64], scratches: SimpleQueue[_Scratch]
-) -> tuple[list[_Part], npt.NDArray[np.float64]]:
-    """The levels 1 to BRICK_LEVELS of some bricks, and of each brick what the levels above need (roots_out)."""
-    scratch = scratches.get()
-    try:
-        roots = np.empty((len(bricks), 9))
-        kernels.build_bricks(
-            plan.codes, plan.rule, plan.error_rule, plan.scalars, plan.shared, bricks[:, ::-1] * BRICK, scratch.build,
-            scratch.error_build, scratch.counts, scratch.means, scratch.variances, scratch.masks, roots,
-        )  # fmt: skip
-        parts = []
-        for level, num in enumerate(scratch.counts):
-            means = _stored(scratch.means[level][:num], 1 / plan.mean_unit, plan.half)
-            errors = _stored(np.sqrt(scratch.variances[level][:num]), plan.error_factor, plan.half)
-            parts.append((means, errors, scratch.masks[level][: num if level > 0 else 0].copy()))
-        return parts, roots
-    finally:
-        scratches.put(scratch)
-
-
-def _stored(values: npt.NDArray[np.float32], factor: float, half: bool) -> npt.NDArray[Any]:
-    """A copy of `values` times `factor` (a power of two) in the stored precision."""
-    scaled = values * np.float32(factor)
-    if not half:
-        return scaled
-    out = np.empty(scaled.shape, np.uint16)
-    kernels.halves(scaled.reshape(-1), scaled.reshape(-1).view(np.uint32), out.reshape(-1))
-    return out.view(np.float16)
-
-
-def _join(parts: list[_Part]) -> _Part:
-    """One array of each kind; parts are let go as they are copied, so that hardly more than one copy is held."""
-    lengths = [len(part[0]) for part in parts]
-    joined = tuple(np.empty((sum(len(p[k]) for p in parts), *parts[0][k].shape[1:]), parts[0][k].dtype) for k in range(3))
-    ends = np.cumsum(lengths)
-    parts.reverse()
-    for end in ends:
-        part = parts.pop()
-        for target, source in zip(joined, part, strict=True):
-            if len(source):
-                target[end - len(source) : end] = source
-    return joined  # type: ignore[return-value]
-
-
-def _upper_levels(
-    plan: _Plan, shape_xyz: tuple[int, int, int], cells: npt.NDArray[np.int64], roots: npt.NDArray[np.float64], num_levels: int
-) -> list[_Part]:
-    """Levels above the bricks from the roots of all bricks, in float64; few nodes, plain numpy."""
-    means, error_means, variances = roots[:, :4], roots[:, 4:8], roots[:, 8]
-    levels = []
-    for level in range(BRICK_LEVELS + 1, num_levels + 1):
-        visible = means[:, 3] > 0
-        num_voxels = np.prod(cell_extents(cells, level - 1, shape_xyz), axis=1).astype(np.float64)
-        bits = (visible << (cells & 1) @ [1, 2, 4]).astype(np.uint8)
-        parents = cells >> 1
-        starts = np.flatnonzero(np.concatenate([[True], np.any(np.diff(parents, axis=0) != 0, axis=1)]))
-        group = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(cells))))
-        share = num_voxels / np.add.reduceat(num_voxels, starts)[group]
-        means = np.add.reduceat(share[:, None] * means, starts)
-        merged = np.add.reduceat(share[:, None] * error_means, starts)
-        spread = np.sum((error_means - merged[group]) ** 2, axis=1)
-        variances = np.add.reduceat(share * (variances + spread), starts)
-        error_means, cells = merged, parents[starts]
-        kept = means[:, 3] > 0
-        levels.append(
-            (
-                _stored(means[kept].astype(np.float32), 1 / plan.mean_unit, plan.half),
-                _stored(np.sqrt(variances[kept]).astype(np.float32), plan.error_factor, plan.half),
-                np.bitwise_or.reduceat(bits, starts)[kept],
-            )
-        )
-    return levels
-
-
-def cell_extents(
-    cells: npt.NDArray[Any], level: int, shape_xyz: tuple[int, int, int]
-) -> npt.NDArray[np.int64]:
+def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
     """int64 [n, 3]: voxels along x, y, z in cells (x, y, z in units of 2^level voxels) that the border may cut."""
     first = cells.astype(np.int64) << level
     return np.minimum(np.array(shape_xyz) - first, 1 << level)
 
 
-def _linked(stored: list[_Part]) -> tuple[Level, ...]:
+@dataclass(frozen=True)
+class _Plan:
+    """What all tasks are told.
+
+    rule: classifies for the means; the variance that comes with them is the error where both of the others are None.
+    error_rule: classifies for the errors. normal: (offset, scale) of the scalar that errors are of.
+    mean_unit, error_unit: as in Pyramid. error_factor: brings the root of a variance to its stored unit.
+    """
+
+    codes: Array
+    rule: Classifier
+    error_rule: Classifier | None
+    normal: tuple[float, float] | None
+    mean_unit: float
+    error_unit: float
+    error_factor: float
+    dtype: type[np.float16] | type[np.float32]
+
+    @property
+    def shape_xyz(self) -> Shape:
+        z, y, x = self.codes.shape
+        return x, y, z
+
+
+def _make_plan(
+    volume: Volume, transfer: TransferFunction, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
+) -> _Plan:
+    opacity, of_opacity = spec.average == "opacity", error.measure == "rms"
+    depth = float(volume.spacing.min()) * transfer.max_extinction
+    brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
+
+    def unit(of_opacity: bool) -> float:
+        return _stored_unit(brightest * (-math.expm1(-depth) if of_opacity else depth))
+
+    error_rule, normal = None, None
+    error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
+    if error.of == "scalar":
+        low, high = float(volume.values.min()), float(volume.values.max())
+        error_unit, error_factor = _stored_unit(high / 2 - low / 2), 1.0
+        normal = (low / 2 + high / 2, 1 / error_unit)
+    elif opacity != of_opacity:
+        error_rule = make_classifier(volume, transfer, shading, opacity=of_opacity)
+    return _Plan(
+        voxel_codes(volume),
+        make_classifier(volume, transfer, shading, opacity=opacity),
+        error_rule,
+        normal,
+        unit(opacity),
+        error_unit,
+        error_factor,
+        np.float16 if spec.precision == "half" else np.float32,
+    )
+
+
+def _stored_unit(largest: float) -> float:
+    """A power of two, so that scaling by it rounds nothing, of which `largest` is at most STORED_MAXIMUM."""
+    return math.ldexp(1 / STORED_MAXIMUM, math.frexp(max(largest, SMALLEST_RANGE))[1])
+
+
+def _blocks_in_morton_order(shape_xyz: Shape) -> Int64:
+    """int64 [n, 3]: the blocks (x, y, z in blocks) of a volume."""
+    cells = np.zeros((1, 3), np.int64)
+    for level in range(max(BLOCK_LEVELS, (max(shape_xyz) - 1).bit_length()) - 1, BLOCK_LEVELS - 1, -1):
+        cells = (2 * cells[:, None] + OCTANTS).reshape(-1, 3)
+        cells = cells[np.all(cells << level < shape_xyz, axis=1)]
+    return cells
+
+
+# Means and variances [g, n, c] of the 64 nodes of some groups, of their 8 parents, and of their root.
+_Groups = list[tuple[Array, Array]]
+
+# Stored means, stored errors and child masks of the visible nodes of one level.
+_Stored = tuple[Array, Array, npt.NDArray[np.uint8]]
+
+
+class _Tier(NamedTuple):
+    """Nodes of one level: cells int64 [n, 3] (x, y, z), means [n, 4], and of what errors are measured of means and
+    variances [n, c]."""
+
+    cells: Int64
+    means: Array
+    error_means: Array
+    variances: Array
+
+
+@dataclass(frozen=True)
+class _Room:
+    """Where the levels inside blocks go: room for every node, visible or not, which costs addresses rather than memory.
+
+    starts: int64 [num_tasks + 1, BLOCK_LEVELS], where the nodes of each task begin. counts: int64 [num_tasks, BLOCK_LEVELS],
+    how many visible ones the task had. levels: the room.
+    """
+
+    starts: Int64
+    counts: Int64
+    levels: tuple[_Stored, ...]
+
+    @classmethod
+    def empty(cls, blocks: Int64, shape_xyz: Shape, dtype: type[Any]) -> _Room:
+        extents = cell_extents(blocks, BLOCK_LEVELS, shape_xyz)
+        sizes = np.stack([np.prod(-(-extents >> level), axis=1) for level in range(1, BLOCK_LEVELS + 1)], axis=1)
+        per_task = np.add.reduceat(sizes, np.arange(0, len(blocks), BLOCKS_PER_TASK))
+        starts = np.concatenate([np.zeros((1, BLOCK_LEVELS), np.int64), np.cumsum(per_task, axis=0)])
+        levels = tuple(_empty_stored(num, dtype, masked=level > 0) for level, num in enumerate(starts[-1]))
+        return cls(starts, np.zeros_like(per_task), levels)
+
+    @property
+    def num_tasks(self) -> int:
+        return len(self.counts)
+
+    def of_task(self, task: int, level: int) -> _Stored:
+        first, last = self.starts[task : task + 2, level]
+        means, errors, masks = self.levels[level]
+        return means[first:last], errors[first:last], masks[first:last]
+
+    def compacted(self) -> list[_Stored]:
+        """The levels without the gaps between tasks: moved together where they lie, then cut off."""
+        for level, arrays in enumerate(self.levels):
+            for array in filter(len, arrays):
+                end = 0
+                for start, num in zip(self.starts[:-1, level], self.counts[:, level], strict=True):
+                    if end < start:
+                        array[end : end + num] = array[start : start + num]
+                    end += num
+                array.resize((end, *array.shape[1:]), refcheck=False)
+        return list(self.levels)
+
+
+def _empty_stored(num: int, dtype: type[Any], *, masked: bool) -> _Stored:
+    return np.empty((num, 4), dtype), np.empty(num, dtype), np.empty(num if masked else 0, np.uint8)
+
+
+@dataclass(frozen=True)
+class _Scratch:
+    """Memory of one running task, used again by the next: fresh pages cost more than the arithmetic done in them.
+
+    nodes, errors: groups of what is averaged and of what errors are measured of; None where that is the same.
+    visible, spreads: float32 [., 4] and [.], nodes on their way to the room.
+    """
+
+    nodes: _Groups
+    errors: _Groups | None
+    visible: npt.NDArray[np.float32]
+    spreads: npt.NDArray[np.float32]
+
+    @classmethod
+    def empty(cls, plan: _Plan, num_groups: int) -> _Scratch:
+        errors = None
+        if plan.normal:  # scalars may lie close together and far from zero: float64
+            errors = _empty_groups(num_groups, 1, np.float64)
+        elif plan.error_rule:
+            errors = _empty_groups(num_groups, 4, np.float32)
+        nodes = _empty_groups(num_groups, 4, np.float32)
+        return cls(nodes, errors, np.empty((num_groups * 64, 4), np.float32), np.empty(num_groups * 64, np.float32))
+
+    def first(self, num_groups: int) -> _Scratch:
+        """As much of it as the last task needs."""
+        errors = [(m[:num_groups], v[:num_groups]) for m, v in self.errors] if self.errors else None
+        return replace(self, nodes=[(m[:num_groups], v[:num_groups]) for m, v in self.nodes], errors=errors)
+
+
+def _build_all_blocks(plan: _Plan, blocks: Int64, room: _Room, num_threads: int) -> _Tier:
+    """The levels inside blocks, into `room`, and the roots of the blocks."""
+    tasks = iter(range(room.num_tasks))
+    roots: dict[int, _Tier] = {}
+
+    def work(num_groups: int) -> None:
+        scratch = _Scratch.empty(plan, num_groups)
+        for task in tasks:  # shared: each thread takes the next one when it is ready
+            roots[task] = _build_blocks(plan, blocks, room, task, scratch)
+
+    with ThreadPoolExecutor(num_threads) as pool:
+        list(pool.map(work, [min(len(blocks), BLOCKS_PER_TASK)] * num_threads))
+    return _Tier(*(np.concatenate(parts) for parts in zip(*(roots[task] for task in sorted(roots)), strict=True)))
+
+
+def _build_blocks(plan: _Plan, blocks: Int64, room: _Room, task: int, scratch: _Scratch) -> _Tier:
+    """The levels inside the blocks of one task, and their roots."""
+    cells = blocks[task * BLOCKS_PER_TASK : (task + 1) * BLOCKS_PER_TASK]
+    starts = (cells * BLOCK).astype(np.uint64)
+    extents = cell_extents(cells, BLOCK_LEVELS, plan.shape_xyz).astype(np.uint64)
+    scratch = scratch.first(len(cells))
+    nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
+    kernels.level_of_channels(plan.codes, *plan.rule, starts, extents, *nodes[0])
+    _merge(nodes, extents, 2)
+    if plan.normal:
+        kernels.level_of_scalars(plan.codes, plan.rule.scalars, *plan.normal, starts, extents, *errors[0])
+        _merge(errors, extents, 2)
+    elif plan.error_rule:
+        kernels.level_of_channels(plan.codes, *plan.error_rule, starts, extents, *errors[0])
+        _merge(errors, extents, 2)
+    for level in range(BLOCK_LEVELS):
+        target = room.of_task(task, level)
+        room.counts[task, level] = _store_visible(plan, scratch, level, target)
+    return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
+
+
+def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Stored]]:
+    """The two levels above `level`, on which the nodes of `tier` lie in Morton order, and the upper one's as a tier."""
+    cells = tier.cells >> TIER_LEVELS
+    firsts = np.flatnonzero(np.concatenate([[True], np.any(np.diff(cells, axis=0) != 0, axis=1)]))
+    place = ((tier.cells & 1) * 8 + (tier.cells >> 1 & 1)) @ np.array([1, 2, 4])
+    place += 64 * np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(cells))))
+    cells = cells[firsts]
+    extents = cell_extents(cells, level + TIER_LEVELS, plan.shape_xyz).astype(np.uint64)
+
+    scratch = _Scratch.empty(plan, len(cells))
+    errors = scratch.errors or scratch.nodes
+    for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
+        nodes[:] = 0
+        nodes.reshape(-1, values.shape[1])[place] = values
+    _merge(scratch.nodes, extents, 1 << level)
+    if scratch.errors:
+        _merge(scratch.errors, extents, 1 << level)
+    stored = []
+    for part in (1, 2):
+        target = _empty_stored(len(cells) * (8 if part == 1 else 1), plan.dtype, masked=True)
+        num = _store_visible(plan, scratch, part, target)
+        stored.append((target[0][:num], target[1][:num], target[2][:num]))
+    return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
+
+
+def _empty_groups(num_groups: int, num_channels: int, dtype: Any) -> _Groups:
+    shapes = [(num_groups, num_nodes, num_channels) for num_nodes in (64, 8, 1)]
+    return [(np.empty(shape, dtype), np.empty(shape, dtype)) for shape in shapes]
+
+
+def _merge(groups: _Groups, extents: Array, side: int) -> None:
+    """The 8 parents of the 64 nodes of each group, which are `side` voxels a side, and theirs."""
+    nodes, parents, roots = groups
+    kernels.merge_groups(*nodes, extents, side, *parents, *roots)
+
+
+def _store_visible(plan: _Plan, scratch: _Scratch, part: int, target: _Stored) -> int:
+    """Write the visible nodes of a part of the groups to the beginning of `target`, in Morton order; how many they are."""
+    means, _ = scratch.nodes[part]
+    _, variances = (scratch.errors or scratch.nodes)[part]
+    children = scratch.nodes[part - 1][0] if part > 0 else None
+    num = kernels.append_visible(means, variances, children, scratch.visible, scratch.spreads, target[2])
+    _store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
+    _store(np.sqrt(scratch.spreads[:num], out=scratch.spreads[:num]), plan.error_factor, target[1][:num])
+    return num
+
+
+def _store(values: npt.NDArray[np.float32], factor: float, out: Array) -> None:
+    """`values` times `factor` (a power of two) in the precision of `out`."""
+    if out.dtype == np.float16:
+        kernels.store_halves(values.reshape(-1), factor, out.view(np.uint16).reshape(-1))
+    else:
+        np.multiply(values, np.float32(factor), out=out)
+
+
+def _linked(stored: list[_Stored]) -> tuple[Level, ...]:
     """Levels with the place of each node's first child: children are in the order of their parents."""
     levels = []
     for means, errors, masks in stored:

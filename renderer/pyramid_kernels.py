@@ -1,234 +1,306 @@
-"""Compiled inner loops of the pyramid: bricks of 32^3 voxels to five levels of nodes, compact and in Morton order.
+"""Compiled inner loops of the pyramid.
 
-A node's mean and variance come from those of its children, weighted by the share `f_i` of its real voxels that each
-child holds: `mean = sum f_i mean_i`, `var = sum f_i (var_i + |mean_i - mean|^2)`, summed over the channels. This is the
-merge of Chan, Golub, LeVeque 1979 ("Updating formulae and a pairwise algorithm for computing sample variances"), divided
-by the count: no difference of large squares is taken, so that a variance is never negative and holds for large offsets.
+Two neighbours a and b, of which b holds the share h of the voxels, are merged into
 
-Inside a brick arrays are [z, y, channel, x], voxels with even and odd x apart: loops over x become vector code.
+    mean = a + h (b - a)        variance = va + h (vb - va) + h (1 - h) (b - a)^2
+
+along x, then y, then z. This is the merge of Chan, Golub, LeVeque 1979 ("Updating formulae and a pairwise algorithm for
+computing sample variances") divided by the count: no difference of large squares is taken, so that a variance is never
+negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2; where its border cuts a
+node the shares of real voxels along the three axes differ, and where b has none h is 0.
+
+Nodes come in *groups*: 64 of them, their 8 parents, and the parent of those. The levels 1, 2, 3 of a block of 8^3 voxels
+are a group, and so are the levels 3, 4, 5 of a brick of 64 blocks. In each of the three arrays of a group, and in that
+of its 512 children, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of nodes: all children are
+merged as eight contiguous rows, which becomes vector code. The 64 are then in Morton order with the two octal digits
+exchanged (see SWAPPED), the 8 in Morton order. Channels of a node lie together, and variances are kept by channel.
 """
 
 from __future__ import annotations
 
-import numba
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
-from renderer.classify import classify_rows, scalar_rows
+from renderer.classify import Codes, Lighting, Segments, classify_voxel, evaluate, scalar_at
+from renderer.jit import jit
 
-BRICK_LEVELS = 5
-BRICK = 1 << BRICK_LEVELS
+Array = npt.NDArray[Any]
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+UInt64 = npt.NDArray[np.uint64]
 
+BLOCK = 8
 
-def _morton_order(size: int) -> npt.NDArray[np.uint32]:
-    """uint32 [size^3, 3]: (z, y, x) of the cells of a cube in Morton order, x in the lowest bit."""
-    code = np.arange(size**3)
-    xyz = [sum((code >> (3 * bit + axis) & 1) << bit for bit in range(size.bit_length() - 1)) for axis in range(3)]
-    return np.stack(xyz[::-1], axis=1).astype(np.uint32)
+# Where the coordinates of a voxel in its block put it among 8 x 64 children: the lowest bit is that of the child, the
+# highest that of the largest parent. Here and below, unsigned indices spare numba asking whether they count from the end.
+SPREAD_X = np.array([64 * (i & 1) + 8 * (i >> 1 & 1) + (i >> 2) for i in range(BLOCK)], np.uint64)
+SPREAD_Y, SPREAD_Z = 2 * SPREAD_X, 4 * SPREAD_X
 
-
-# Of the 16^3 nodes of level 1; its first 8^3 entries are the order of level 2, and so on. Unsigned, so that numba need
-# not ask whether an index counts from the end.
-MORTON_ORDER = _morton_order(BRICK // 2)
-
-
-# No slices of arrays are made inside these loops: each would count a reference, atomically, for a handful of elements.
+# The place in a group of 64 of the node that is n-th in Morton order; its own inverse.
+SWAPPED = np.array([(n & 7) << 3 | n >> 3 for n in range(64)], np.uint64)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _reduce_whole(even, odd, var_in, z_out, num_z, mean, var):  # type: ignore[no-untyped-def]
-    """Planes z_out + [0, num_z) of the nodes mean [., ny, 4, nx], var [., ny, nx], from whole children: even and odd in x
-    [2 num_z, 2 ny, 4, nx], their variance var_in [2 num_z, 2 ny, 2 nx] (empty for voxels)."""
-    eighth = mean.dtype.type(0.125)
-    for dz in range(num_z):
-        z, z0, z1 = z_out + dz, 2 * dz, 2 * dz + 1
-        for y in range(mean.shape[1]):
-            y0, y1 = 2 * y, 2 * y + 1
-            for x in range(mean.shape[3]):
-                var[z, y, x] = 0
-            if var_in.size > 0:
-                for x in range(mean.shape[3]):
-                    var[z, y, x] = (
-                        ((var_in[z0, y0, 2 * x] + var_in[z0, y0, 2 * x + 1])
-                        + (var_in[z0, y1, 2 * x] + var_in[z0, y1, 2 * x + 1]))
-                        + ((var_in[z1, y0, 2 * x] + var_in[z1, y0, 2 * x + 1])
-                        + (var_in[z1, y1, 2 * x] + var_in[z1, y1, 2 * x + 1]))
-                    )  # fmt: skip
-            for channel in range(4):
-                for x in range(mean.shape[3]):
-                    a, b = even[z0, y0, channel, x], odd[z0, y0, channel, x]
-                    c, d = even[z0, y1, channel, x], odd[z0, y1, channel, x]
-                    e, f = even[z1, y0, channel, x], odd[z1, y0, channel, x]
-                    g, h = even[z1, y1, channel, x], odd[z1, y1, channel, x]
-                    m = (((a + b) + (c + d)) + ((e + f) + (g + h))) * eighth
-                    a, b, c, d, e, f, g, h = a - m, b - m, c - m, d - m, e - m, f - m, g - m, h - m
-                    mean[z, y, channel, x] = m
-                    var[z, y, x] += ((a * a + b * b) + (c * c + d * d)) + ((e * e + f * f) + (g * g + h * h))
-            for x in range(mean.shape[3]):
-                var[z, y, x] *= eighth
+@jit
+def level_of_channels(
+    codes: Codes,
+    table: Float32 | None,
+    segments: Segments | None,
+    scalars: Float64 | None,
+    lighting: Lighting | None,
+    starts: UInt64,
+    extents: UInt64,
+    means: Float32,
+    variances: Float32,
+) -> None:
+    """Level 1 of the blocks at voxels `starts` [g, 3], `extents` [g, 3] (x, y, z) of which are real: [g, 64, 4]."""
+    voxels, shares = np.empty((BLOCK**3, 4), np.float32), np.empty((3, 64 * 4), np.float32)
+    fetched = np.empty((BLOCK, BLOCK, BLOCK), codes.dtype)
+    for g in range(len(starts)):
+        if g == 0 or not _same(extents, g):
+            _set_shares(extents, g, 1, shares, 4)
+            voxels[:] = 0  # those outside of the volume stay so
+        whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK**3
+        if whole and lighting is None and table is not None:
+            _copy_channels(codes, table, starts, g, fetched, voxels)
+        elif whole and lighting is None and segments is not None:
+            _evaluate_channels(codes, segments, starts, g, fetched, voxels)
+        else:
+            _fill_channels(codes, table, segments, scalars, lighting, starts, extents, g, voxels)
+        _merge_voxels(voxels.reshape(8, 256), shares, means.reshape(-1, 256), variances.reshape(-1, 256), g)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _voxels_in(z, y, x, size, extent):  # type: ignore[no-untyped-def]
-    """Number of real voxels in the cell (z, y, x) of `size` voxels a side."""
-    num_z = min(max(extent[0] - z * size, 0), size)
-    num_y = min(max(extent[1] - y * size, 0), size)
-    num_x = min(max(extent[2] - x * size, 0), size)
-    return num_z * num_y * num_x
+@jit
+def level_of_scalars(
+    codes: Codes,
+    scalars: Float64 | None,
+    offset: float,
+    scale: float,
+    starts: UInt64,
+    extents: UInt64,
+    means: Float64,
+    variances: Float64,
+) -> None:
+    """The same of (scalar - offset) * scale: [g, 64, 1]."""
+    voxels, shares = np.empty(BLOCK**3), np.empty((3, 64))
+    for g in range(len(starts)):
+        if g == 0 or not _same(extents, g):
+            _set_shares(extents, g, 1, shares, 1)
+            voxels[:] = 0
+        for z in range(extents[g, 2]):
+            for y in range(extents[g, 1]):
+                for x in range(extents[g, 0]):
+                    s = scalar_at(codes, scalars, starts[g, 2] + z, starts[g, 1] + y, starts[g, 0] + x)
+                    voxels[SPREAD_Z[z] + SPREAD_Y[y] + SPREAD_X[x]] = (s - offset) * scale
+        _merge_voxels(voxels.reshape(8, 64), shares, means.reshape(-1, 64), variances.reshape(-1, 64), g)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _voxels_in(z, y, x, size, extent):  # type: ignore[no-untyped-def]
-    """Number of real voxels in the cell (z, y, x) of `size` voxels a side."""
-    num_z = min(max(extent[0] - z * size, 0), size)
-    num_y = min(max(extent[1] - y * size, 0), size)
-    num_x = min(max(extent[2] - x * size, 0), size)
-    return num_z * num_y * num_x
+@jit
+def merge_groups(
+    means: Array,
+    variances: Array,
+    extents: UInt64,
+    side: int,
+    parent_means: Array,
+    parent_variances: Array,
+    root_means: Array,
+    root_variances: Array,
+) -> None:
+    """Merge groups of nodes [g, 64, c], `side` voxels a side, into their parents [g, 8, c] and roots [g, 1, c].
 
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _reduce_cut(even, odd, var_in, z_out, num_z, mean, var, child, extent):  # type: ignore[no-untyped-def]
-    """The same where the volume's border cuts the brick: `child` is the children's size in voxels, `extent` (z, y, x)
-    how many voxels are real, both counted from the first child given. Nodes without a real voxel become 0."""
-    for dz in range(num_z):
-        z = z_out + dz
-        for y in range(mean.shape[1]):
-            for x in range(mean.shape[3]):
-                var[z, y, x] = 0
-                for channel in range(4):
-                    mean[z, y, channel, x] = 0
-                inside = _voxels_in(dz, y, x, 2 * child, extent)
-                for k in range(8 if inside > 0 else 0):
-                    cz, cy, cx = 2 * dz + (k >> 2), 2 * y + (k >> 1 & 1), 2 * x + (k & 1)
-                    share = _voxels_in(cz, cy, cx, child, extent) / inside
-                    side = odd if k & 1 else even
-                    for channel in range(4 if share > 0 else 0):
-                        mean[z, y, channel, x] += share * side[cz, cy, channel, x]
-                for k in range(8 if inside > 0 else 0):
-                    cz, cy, cx = 2 * dz + (k >> 2), 2 * y + (k >> 1 & 1), 2 * x + (k & 1)
-                    share = _voxels_in(cz, cy, cx, child, extent) / inside
-                    side = odd if k & 1 else even
-                    if share > 0:
-                        spread = var_in[cz, cy, cx] if var_in.size > 0 else mean.dtype.type(0)
-                        for channel in range(4):
-                            difference = side[cz, cy, channel, x] - mean[z, y, channel, x]
-                            spread += difference * difference
-                        var[z, y, x] += share * spread
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def reduce_brick(codes, rule, scalars, origin, extent, leaf, means, variances):  # type: ignore[no-untyped-def]
-    """All levels of one brick into means[level - 1] [n, n, 4, n] and variances[level - 1] [n, n, n].
-
-    `scalars` (offset, scale) with scale > 0: the channels are (s - offset) * scale and three zeros instead of the
-    classified voxel. `leaf` [2, 2, 32, 4, 16] is scratch for two slices of voxels at a time.
+    extents: [g, 3], how many voxels along x, y, z of each group are real.
     """
-    whole = extent[0] == BRICK and extent[1] == BRICK and extent[2] == BRICK
-    no_variance = variances[0][:0]
-    for z in range(0, BRICK, 2):
-        part = (min(2, max(extent[0] - z, 0)), extent[1], extent[2])
-        start = (origin[0] + z, origin[1], origin[2])
-        if scalars[1] > 0:
-            scalar_rows(codes, rule, scalars, start, part, leaf)
-        else:
-            classify_rows(codes, rule, start, part, leaf)
-        if whole:
-            _reduce_whole(leaf[0], leaf[1], no_variance, z // 2, 1, means[0], variances[0])
-        else:
-            _reduce_cut(leaf[0], leaf[1], no_variance, z // 2, 1, means[0], variances[0], 1, part)
-    for level in range(1, BRICK_LEVELS):
-        num_z = BRICK >> (level + 1)
-        even, odd = means[level - 1][..., ::2], means[level - 1][..., 1::2]
-        if whole:
-            _reduce_whole(even, odd, variances[level - 1], 0, num_z, means[level], variances[level])
-        else:
-            child = 1 << level
-            _reduce_cut(even, odd, variances[level - 1], 0, num_z, means[level], variances[level], child, extent)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _append_visible(mean, variance, num, means_out, variances_out):  # type: ignore[no-untyped-def]
-    """Append one level's visible nodes, in Morton order, to means_out [., 4] and variances_out [.] from entry `num` on."""
-    size = mean.shape[0]
-    for index in range(size * size * size):
-        z, y, x = MORTON_ORDER[index, 0], MORTON_ORDER[index, 1], MORTON_ORDER[index, 2]
-        if mean[z, y, 3, x] > 0:
-            for channel in range(4):
-                means_out[num, channel] = mean[z, y, channel, x]
-            variances_out[num] = variance[z, y, x]
-            num += 1
-    return num
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _append_masks(mean, num, masks_out):  # type: ignore[no-untyped-def]
-    """Append, for each visible node in Morton order, the bits of its visible children, whose level is `mean`."""
-    size = mean.shape[0] // 2
-    for index in range(size * size * size):
-        mask = 0
-        for k in range(8):
-            z, y, x = MORTON_ORDER[index, 0] * 2, MORTON_ORDER[index, 1] * 2, MORTON_ORDER[index, 2] * 2
-            if mean[z + (k >> 2), y + (k >> 1 & 1), 3, x + (k & 1)] > 0:
-                mask |= 1 << k
-        if mask:
-            masks_out[num] = mask
-            num += 1
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def build_bricks(  # type: ignore[no-untyped-def]
-    codes, rule, error_rule, scalars, shared, origins, scratch, error_scratch, counts, means_out, variances_out, masks_out,
-    roots_out,
-):  # fmt: skip
-    """Build the bricks at `origins` int64 [n, 3] (z, y, x of the first voxel) one after another.
-
-    scratch, error_scratch: (leaf, means, variances) as reduce_brick takes them; the second one is for errors of
-        another quantity than the mean's, and unused where `shared`.
-    counts: int64 [BRICK_LEVELS], how many visible nodes of each level there are; set here.
-    means_out, variances_out, masks_out: per level the visible nodes' means [., 4], variances [.], masks of visible children
-        [.] (not for level 1, whose children are voxels).
-    roots_out: float64 [n, 9], per brick the mean, the mean of the error's channels, and its variance.
-    """
-    leaf, means, variances = scratch
-    error_leaf, error_means, error_variances = error_scratch
-    counts[:] = 0
-    for brick in range(len(origins)):
-        origin = (origins[brick, 0], origins[brick, 1], origins[brick, 2])
-        extent = (
-            min(codes.shape[0] - origin[0], BRICK), min(codes.shape[1] - origin[1], BRICK),
-            min(codes.shape[2] - origin[2], BRICK),
+    num, _, num_channels = means.shape
+    shares = np.empty((3, 8 * num_channels), means.dtype)
+    root_shares = np.empty((3, num_channels), means.dtype)
+    m, v = means.reshape(num, 8, 8 * num_channels), variances.reshape(num, 8, 8 * num_channels)
+    p, q = parent_means.reshape(num, 8 * num_channels), parent_variances.reshape(num, 8 * num_channels)
+    for g in range(num):
+        if g == 0 or not _same(extents, g):
+            _set_shares(extents, g, side, shares, num_channels)
+            _set_shares(extents, g, 2 * side, root_shares, num_channels)
+        _merge_nodes(m, v, shares, p, q, g)
+        _merge_nodes(
+            parent_means, parent_variances, root_shares,
+            root_means.reshape(num, num_channels), root_variances.reshape(num, num_channels), g,
         )  # fmt: skip
-        reduce_brick(codes, rule, (0.0, 0.0), origin, extent, leaf, means, variances)
-        if not shared:
-            reduce_brick(codes, error_rule, scalars, origin, extent, error_leaf, error_means, error_variances)
-        for level in range(BRICK_LEVELS):
-            if level > 0:
-                _append_masks(means[level - 1], counts[level], masks_out[level])
-            if shared:
-                num = _append_visible(means[level], variances[level], counts[level], means_out[level], variances_out[level])
-            else:
-                num = _append_visible(
-                    means[level], error_variances[level], counts[level], means_out[level], variances_out[level]
+
+
+@jit
+def _same(extents: UInt64, g: int) -> bool:
+    """Whether a group is cut like the one before it."""
+    return bool(
+        extents[g, 0] == extents[g - 1, 0] and extents[g, 1] == extents[g - 1, 1] and extents[g, 2] == extents[g - 1, 2]
+    )
+
+
+@jit
+def _set_shares(extents: UInt64, g: int, child: int, shares: Array, num_channels: int) -> None:
+    """Shares [3, n c] for the n nodes of a group, whose children are `child` voxels a side."""
+    num_nodes = shares.shape[1] // num_channels
+    for axis in range(3):
+        for node in range(num_nodes):
+            first = node >> axis & 1
+            if num_nodes == 64:  # two digits, of which the lower one is the larger parent's
+                first = first << 1 | node >> (3 + axis) & 1
+            rest = int(extents[g, axis]) - first * 2 * child
+            low, high = min(max(rest, 0), child), min(max(rest - child, 0), child)
+            for channel in range(num_channels):
+                shares[axis, node * num_channels + channel] = high / max(low + high, 1)
+
+
+@jit
+def _fill_channels(
+    codes: Codes,
+    table: Float32 | None,
+    segments: Segments | None,
+    scalars: Float64 | None,
+    lighting: Lighting | None,
+    starts: UInt64,
+    extents: UInt64,
+    g: int,
+    out: Float32,
+) -> None:
+    """Classify the real voxels of a block into `out` [512, 4]."""
+    x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
+    for z in range(extents[g, 2]):
+        for y in range(extents[g, 1]):
+            row = SPREAD_Z[z] + SPREAD_Y[y]
+            for x in range(extents[g, 0]):
+                at = row + SPREAD_X[x]
+                red, green, blue, weight = classify_voxel(
+                    codes, table, segments, scalars, lighting, z0 + z, y0 + y, x0 + x
                 )
-            counts[level] = num
-        for channel in range(4):
-            roots_out[brick, channel] = means[-1][0, 0, channel, 0]
-            roots_out[brick, 4 + channel] = means[-1][0, 0, channel, 0]
-            if not shared:
-                roots_out[brick, 4 + channel] = error_means[-1][0, 0, channel, 0]
-        roots_out[brick, 8] = variances[-1][0, 0, 0]
-        if not shared:
-            roots_out[brick, 8] = error_variances[-1][0, 0, 0]
+                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = red, green, blue, weight
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def halves(values, bits, out):  # type: ignore[no-untyped-def]
-    """Round non-negative float32 (given as values and as their bits, 1-D) to the bit patterns of float16, to nearest even.
+@jit
+def _copy_channels(codes: Codes, table: Float32, starts: UInt64, g: int, fetched: Codes, out: Float32) -> None:
+    """The same for a whole block without light: the four channels of a voxel are moved as one item of 16 bytes."""
+    _fetch(codes, starts, g, fetched)
+    items, places = table.view(np.complex128).reshape(-1), out.view(np.complex128).reshape(-1)
+    for z in range(np.uint64(BLOCK)):
+        for y in range(np.uint64(BLOCK)):
+            row = SPREAD_Z[z] + SPREAD_Y[y]
+            for x in range(np.uint64(BLOCK)):
+                places[row + SPREAD_X[x]] = items[fetched[z, y, x]]
 
-    Normal numbers lose 13 bits of mantissa after adding just under half a unit; below 2^-14 float16 counts in 2^-24.
+
+@jit
+def _evaluate_channels(codes: Codes, segments: Segments, starts: UInt64, g: int, fetched: Codes, out: Float32) -> None:
+    """The same without a table."""
+    _fetch(codes, starts, g, fetched)
+    for z in range(np.uint64(BLOCK)):
+        for y in range(np.uint64(BLOCK)):
+            row = SPREAD_Z[z] + SPREAD_Y[y]
+            for x in range(np.uint64(BLOCK)):
+                at = row + SPREAD_X[x]
+                red, green, blue, weight = evaluate(float(fetched[z, y, x]), segments)
+                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = red, green, blue, weight
+
+
+@jit
+def _fetch(codes: Codes, starts: UInt64, g: int, fetched: Codes) -> None:
+    """Copy a whole block [8, 8, 8]: with nothing else to do meanwhile, the waits for memory of its 64 rows overlap."""
+    x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
+    for z in range(np.uint64(BLOCK)):
+        for y in range(np.uint64(BLOCK)):
+            for x in range(np.uint64(BLOCK)):
+                fetched[z, y, x] = codes[z0 + z, y0 + y, x0 + x]
+
+
+@jit
+def _merge_voxels(voxels: Array, shares: Array, mean: Array, variance: Array, g: int) -> None:
+    """Nodes of level 1 from voxels [8, n], which have no variance, to mean[g] and variance[g] [n]."""
+    for j in range(voxels.shape[1]):
+        h = shares[0, j]
+        k = h - h * h
+        d0, d1 = voxels[1, j] - voxels[0, j], voxels[3, j] - voxels[2, j]
+        d2, d3 = voxels[5, j] - voxels[4, j], voxels[7, j] - voxels[6, j]
+        mean[g, j], variance[g, j] = _merge_planes(
+            voxels[0, j] + h * d0, voxels[2, j] + h * d1, voxels[4, j] + h * d2, voxels[6, j] + h * d3,
+            k * (d0 * d0), k * (d1 * d1), k * (d2 * d2), k * (d3 * d3), shares[1, j], shares[2, j],
+        )  # fmt: skip
+
+
+@jit
+def _merge_nodes(m: Array, v: Array, shares: Array, mean: Array, variance: Array, g: int) -> None:
+    """Nodes from the level below, m[g] and v[g] [8, n], to mean[g] and variance[g] [n]."""
+    for j in range(shares.shape[1]):
+        h = shares[0, j]
+        m0, v0 = _merge_two(m[g, 0, j], m[g, 1, j], v[g, 0, j], v[g, 1, j], h)
+        m1, v1 = _merge_two(m[g, 2, j], m[g, 3, j], v[g, 2, j], v[g, 3, j], h)
+        m2, v2 = _merge_two(m[g, 4, j], m[g, 5, j], v[g, 4, j], v[g, 5, j], h)
+        m3, v3 = _merge_two(m[g, 6, j], m[g, 7, j], v[g, 6, j], v[g, 7, j], h)
+        mean[g, j], variance[g, j] = _merge_planes(m0, m1, m2, m3, v0, v1, v2, v3, shares[1, j], shares[2, j])
+
+
+@jit
+def _merge_planes(
+    m0: Any, m1: Any, m2: Any, m3: Any, v0: Any, v1: Any, v2: Any, v3: Any, share_y: Any, share_z: Any
+) -> tuple[Any, Any]:
+    """Along y and z."""
+    low, low_variance = _merge_two(m0, m1, v0, v1, share_y)
+    high, high_variance = _merge_two(m2, m3, v2, v3, share_y)
+    return _merge_two(low, high, low_variance, high_variance, share_z)
+
+
+@jit
+def _merge_two(a: Any, b: Any, va: Any, vb: Any, h: Any) -> tuple[Any, Any]:
+    d = b - a
+    return a + h * d, va + h * (vb - va) + (h - h * h) * (d * d)
+
+
+@jit
+def append_visible(
+    means: Float32,
+    variances: Array,
+    children: Float32 | None,
+    means_out: Float32,
+    variances_out: Float32,
+    masks_out: npt.NDArray[np.uint8],
+) -> int:
+    """Copy the visible ones of groups [g, n, 4] in Morton order to [., 4], and return how many they are.
+
+    variances: [g, n, c], summed over the channels into [.]. children: [g, 8 n, 4], whose visibility becomes masks [.].
     """
-    for i in range(values.size):
-        u = bits[i]
-        normal = (u + np.uint32(0x0FFF) + (u >> np.uint32(13) & np.uint32(1)) - np.uint32(0x38000000)) >> np.uint32(13)
-        tiny = np.uint32(np.rint(values[i] * np.float32(16777216.0)))
-        out[i] = normal if u >= np.uint32(0x38800000) else tiny
+    num_groups, num_nodes = len(means), np.uint64(means.shape[1])
+    # The four channels of a node are moved as one item of 16 bytes.
+    items, places = means.view(np.complex128).reshape(num_groups, -1), means_out.view(np.complex128).reshape(-1)
+    num = np.uint64(0)
+    for g in range(num_groups):
+        for index in range(num_nodes):
+            node = SWAPPED[index] if num_nodes == 64 else index
+            if means[g, node, 3] > 0:
+                places[num] = items[g, node]
+                total = variances[g, node, 0]
+                for channel in range(1, variances.shape[2]):
+                    total += variances[g, node, channel]
+                variances_out[num] = total
+                if children is not None:
+                    mask = 0
+                    for k in range(8):
+                        if children[g, np.uint64(k) * num_nodes + node, 3] > 0:
+                            mask |= 1 << k
+                    masks_out[num] = mask
+                num += np.uint64(1)
+    return int(num)
+
+
+@jit
+def store_halves(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -> None:
+    """Bits of float16 of `values * factor` (a power of two; products from 0 to 2^15), flat, rounded to nearest.
+
+    Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for extending
+    the available precision"), then differ only in the bias of the exponent. Below 2^-14 float16 counts in units of
+    2^-24, which are also those of the mantissa of float32 in [1/2, 1).
+    """
+    f = np.float32(factor)
+    for i in range(len(values)):
+        value = np.float32(values[i] * f)
+        scaled = np.float32(value * np.float32(2**13 + 1))
+        rounded = np.float32(scaled - (scaled - value))
+        normal = np.uint16((rounded.view(np.uint32) >> 13) - ((127 - 15) << 10))
+        tiny = np.uint16(np.float32(value + np.float32(0.5)).view(np.uint32))
+        out[i] = normal if value >= np.float32(2.0**-14) else tiny

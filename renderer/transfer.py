@@ -24,6 +24,9 @@ Float64 = npt.NDArray[np.float64]
 # exp(-40) = 4e-18 is far below half a level of 8 bits, and below the resolution of float64 at 1: opaque in any image.
 MAX_VOXEL_DEPTH = 40.0
 
+# Control values are held within half of float64's range, so that their differences are finite.
+LARGEST_VALUE = 0.5 * float(np.finfo(np.float64).max)
+
 # Colormaps are published as 256 samples of a smooth curve.
 NUM_COLORMAP_SAMPLES = 256
 
@@ -51,9 +54,10 @@ class TransferFunction:
     def classify(self, scalars: npt.NDArray[Any]) -> tuple[Float64, Float64]:
         """Colours float64 [..., 3] and extinctions float64 [...] of scalars of any real dtype and shape."""
         starts, widths, lows, rises = self.segments()
-        s = np.clip(scalars.astype(np.float64), self.values[0], self.values[-1])
+        s = scalars.astype(np.float64)
         k = np.searchsorted(self.values, s, side="right")
-        result = lows[k] + ((s - starts[k]) / widths[k])[..., None] * rises[k]
+        t = (np.clip(s, self.values[0], self.values[-1]) - starts[k]) / widths[k]
+        result = lows[k] + t[..., None] * rises[k]
         return result[..., :3], result[..., 3]
 
     def segments(self) -> tuple[Float64, Float64, Float64, Float64]:
@@ -85,8 +89,9 @@ def make_transfer(spec: TransferSpec, finest_spacing: float) -> TransferFunction
 
     if isinstance(spec.mapping, ColormapSpec):
         values, opacities = np.array(spec.mapping.opacity, np.float64).T
+        values = np.clip(values, -LARGEST_VALUE, LARGEST_VALUE)
         return TransferFunction(*_with_colormap(spec.mapping, values, extinction(opacities)), unit)
-    values = np.array([point.value for point in spec.mapping], np.float64)
+    values = np.clip([point.value for point in spec.mapping], -LARGEST_VALUE, LARGEST_VALUE)
     colors = np.array([point.color for point in spec.mapping], np.float64)
     opacities = np.array([point.opacity for point in spec.mapping], np.float64)
     return TransferFunction(values, colors, extinction(opacities), unit)
@@ -96,7 +101,7 @@ def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tup
     """Control points wherever the colormap or the extinction (given at the values `at`) has one."""
     from renderer.colormaps import colormap_points  # noqa: PLC0415  the package behind it is loaded only when it is used
 
-    samples = np.linspace(*spec.range, NUM_COLORMAP_SAMPLES)
+    samples = np.linspace(*np.clip(spec.range, -LARGEST_VALUE, LARGEST_VALUE), NUM_COLORMAP_SAMPLES)
     table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)
     extra = samples[~np.isin(samples, at)]  # where both have a point the one of the extinction stays: it may be a step
     values = np.concatenate([extra, at])

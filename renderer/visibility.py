@@ -7,45 +7,53 @@ their cells, but overlapping ones show seams along the planes between large cell
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from renderer.camera import View
+from renderer.jit import jit
 from renderer.octree import Cut
 
-# 11 bits a pass: three passes over a 32-bit key, with counters that stay in the first-level cache.
+# Three passes over a 32-bit key, with counters that stay in the first-level cache.
 RADIX_BITS = 11
+NUM_PASSES = 3
+NUM_DIGITS = 1 << RADIX_BITS
 
 
 def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
-    """uint32 [n]: indices by descending depth (float32 [n], any sign, finite), equal depths in ascending index."""
-    # The bits of a float sort like its value once negative ones are inverted; inverting all makes it descending. Adding 0
-    # leaves only one of the two zeros, which are equal.
-    bits = (depths + np.float32(0)).view(np.uint32)
-    keys = np.where(bits >> 31, bits, ~(bits | np.uint32(1 << 31)))
-    return _radix_sort(keys)
-
-
-@numba.njit(cache=True, nogil=True)
-def _radix_sort(keys):  # type: ignore[no-untyped-def]
-    """Stable order of uint32 keys, least significant digit first."""
-    order, other = np.empty(len(keys), np.uint32), np.empty(len(keys), np.uint32)
-    for i in range(len(keys)):
-        order[i] = i
-    mask = np.uint32((1 << RADIX_BITS) - 1)
-    for shift in range(0, 32, RADIX_BITS):
-        starts = np.zeros((1 << RADIX_BITS) + 1, np.int64)
-        for i in range(len(keys)):
-            starts[(keys[i] >> np.uint32(shift) & mask) + 1] += 1
-        for digit in range(1 << RADIX_BITS):
-            starts[digit + 1] += starts[digit]
-        for i in range(len(keys)):
-            digit = keys[order[i]] >> np.uint32(shift) & mask
-            other[starts[digit]] = order[i]
-            starts[digit] += 1
-        order, other = other, order
+    """uint32 [n]: indices by descending depth (float32 [n], any sign, no NaN), equal depths in ascending index."""
+    order = np.empty(len(depths), np.uint32)
+    _radix_sort(depths.view(np.uint32), order)
     return order
+
+
+@jit
+def _radix_sort(bits: npt.NDArray[np.uint32], order: npt.NDArray[np.uint32]) -> None:
+    """Stable order of float32 given by their bits, descending; least significant digit first, key and index together."""
+    num = len(bits)
+    pairs, other = np.empty(num, np.uint64), np.empty(num, np.uint64)
+    starts = np.zeros((NUM_PASSES, NUM_DIGITS), np.uint32)
+    sign, last = np.uint32(1 << 31), np.uint32(NUM_DIGITS - 1)
+    for i in range(num):
+        # Bits of positive numbers ascend with the number, of negative ones descend, and the two zeros are equal.
+        key = bits[i] if bits[i] > sign else np.uint32(sign - np.uint32(1)) - (bits[i] & ~sign)
+        pairs[i] = np.uint64(key) << np.uint64(32) | np.uint64(i)
+        for k in range(NUM_PASSES):
+            starts[k, key >> np.uint32(RADIX_BITS * k) & last] += np.uint32(1)
+    for k in range(NUM_PASSES):
+        before = np.uint32(0)
+        for digit in range(NUM_DIGITS):
+            here = starts[k, digit]
+            starts[k, digit] = before
+            before += here
+    for k in range(NUM_PASSES):
+        for i in range(num):
+            digit = pairs[i] >> np.uint64(32 + RADIX_BITS * k) & np.uint64(last)
+            other[starts[k, digit]] = pairs[i]
+            starts[k, digit] += np.uint32(1)
+        pairs, other = other, pairs
+    for i in range(num):
+        order[i] = np.uint32(pairs[i] & np.uint64(0xFFFFFFFF))
 
 
 def box_order(cut: Cut, view: View) -> npt.NDArray[np.int64]:
