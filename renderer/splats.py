@@ -51,7 +51,7 @@ class GaussianFootprint:
 
     @classmethod
     def of_sigma(cls, sigma: float) -> GaussianFootprint:
-        """For lattices whose cell is `1 / sigma` standard deviations of the footprint; integral 1 over what is drawn."""
+        """For lattices whose cell is `1 / sigma` standard deviations wide; its integral over what is drawn is 1."""
         s2 = sigma**2 - 3 / (4 * math.pi**2)
         a, ratio = 1 / (4 * math.pi**2 * s2), sigma**2 / s2
         decay = ratio / 2
@@ -66,7 +66,7 @@ class GaussianFootprint:
 
 @dataclass(frozen=True)
 class GouraudFootprint:
-    """The paper's footprint: triangles about a centre, opacities linear inside each (Laur and Hanrahan 1991, section 4).
+    """The paper's footprint: triangles about a centre, opacities linear in each (Laur and Hanrahan 1991, section 4).
 
     vertices: float64 [v, 2], in standard deviations; vertex 0 is the centre.
     weights: float64 [v], footprint weight at each vertex; linear in the triangles, they integrate to 1.
@@ -94,8 +94,8 @@ class SplatBatch:
 
     vertices: float32 [n, 8], laid out as the device reads them: centre [3] in model units and world axes, optical
         areas [4] (tau c V, tau V) in model units squared, the integral of the footprint; and the number of the shape.
-    axes: float64 [num_shapes, 3, 3], columns: the Gaussian's standard deviation along each edge of the cell, a vector in
-        model units, world axes; the covariance is `axes @ axes.T`.
+    axes: float64 [num_shapes, 3, 3], columns: the Gaussian's standard deviation along each edge of the cell, a vector
+        in model units, world axes; the covariance is `axes @ axes.T`.
     origin: float64 [3], world position of the model's origin.
     length: world units in a model unit.
     footprint: gaussian or gouraud.

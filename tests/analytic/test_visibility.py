@@ -25,7 +25,7 @@ each_affine = pytest.mark.parametrize("affine", AFFINES.values(), ids=AFFINES.ke
 
 
 def random_cut(rng: np.random.Generator, shape_xyz: tuple[int, int, int], affine: Float64) -> Cut:
-    """Leaves of mixed levels that cover most of a volume; which node is split, and which is left out, is left to chance."""
+    """Leaves of mixed levels that cover most of a volume; chance decides which node is split, and which left out."""
     world_from_index = np.eye(4)
     world_from_index[:3, :3] = affine
     world_from_index[:3, 3] = [3, -2, 7]
@@ -66,7 +66,7 @@ def to_world(volume: Volume, index: Float64) -> Float64:
 
 
 def hits(cut: Cut, origin: Float64, direction: Float64) -> Float64:
-    """[k, 2]: for each cell whose inside the ray crosses in front of its origin, the cell and where along the ray; near first."""
+    """[k, 2]: each cell whose inside the ray crosses in front of its origin, and where along the ray; near first."""
     low = (cut.cells.astype(np.int64) << cut.levels[:, None].astype(np.int64)) - 0.5
     high = np.minimum(low + (1 << cut.levels[:, None].astype(np.int64)), np.array(cut.volume.shape_xyz) - 0.5)
     with np.errstate(divide="ignore", invalid="ignore"):

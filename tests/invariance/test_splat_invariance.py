@@ -16,8 +16,8 @@ from renderer.camera import View
 from renderer.errors import RenderError
 from renderer.octree import Cut
 from renderer.projection import visible_order
-from renderer.pyramid import BRICKS_PER_TASK, Level, build_pyramid
-from renderer.pyramid_kernels import BRICK
+from renderer.pyramid import BLOCKS_PER_TASK, Level, build_pyramid
+from renderer.pyramid_kernels import BLOCK
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
@@ -206,7 +206,7 @@ def test_the_world_has_no_place_no_direction_and_no_size(
 
 @pytest.mark.parametrize("measure", ["optical", "rms"])
 def test_a_pyramid_does_not_depend_on_the_number_of_threads(measure: Literal["optical", "rms"]) -> None:
-    """Several tasks of bricks, of which the last is not full."""
+    """Several tasks of blocks, of which the last is not full."""
     values = np.random.default_rng(1).integers(0, 256, (97, 161, 170), np.uint8)
     values[:, 40:90] = 0
     points = ControlPoint(60.0, (0.1, 0.5, 0.9), 0.0), ControlPoint(255.0, (1.0, 0.3, 0.1), 0.7)
@@ -215,7 +215,7 @@ def test_a_pyramid_does_not_depend_on_the_number_of_threads(measure: Literal["op
         build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec(measure=measure), num_threads=num_threads)
         for num_threads in (1, 2, 3)
     ]
-    assert -(-97 // BRICK) * -(-161 // BRICK) * -(-170 // BRICK) > 2 * BRICKS_PER_TASK
+    assert -(-97 // BLOCK) * -(-161 // BLOCK) * -(-170 // BLOCK) > 2 * BLOCKS_PER_TASK
     for pyramid in pyramids[1:]:
         for level, expected in zip(pyramid.levels, pyramids[0].levels, strict=True):
             for field in fields(Level):

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,14 @@ output:
   file: film.mp4
   size: [32, 32]
 """
+
+
+@pytest.fixture(autouse=True)
+def _listen_to_interrupts() -> Iterator[None]:
+    """A shell's background job, as CI may be, is started deaf to SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(autouse=True)
