@@ -46,6 +46,9 @@ SMALLEST_RANGE = 2.0**-500
 BLOCK_LEVELS = 3
 TIER_LEVELS = 2
 
+# Nodes on the three levels of a group.
+NODES_OF_GROUP = (64, 8, 1)
+
 # Blocks built by one task: many enough to hide the dispatch, few enough that their nodes stay in cache.
 BLOCKS_PER_TASK = 1024
 
@@ -110,7 +113,7 @@ def build_pyramid(
     plan = _make_plan(volume, transfer, spec, error, shading)
     num_levels = max(1, (max(volume.shape_xyz) - 1).bit_length())
     blocks = _blocks_in_morton_order(volume.shape_xyz)
-    room = _Room.empty(blocks, volume.shape_xyz, plan.dtype)
+    room = _Room.empty(len(blocks), plan.dtype)
     tier = _build_all_blocks(plan, blocks, room, num_threads)
     stored = room.compacted()
     while len(stored) < num_levels:
@@ -200,7 +203,8 @@ def _blocks_in_morton_order(shape_xyz: Shape) -> Int64:
     cells = np.zeros((1, 3), np.int64)
     for level in range(max(BLOCK_LEVELS, (max(shape_xyz) - 1).bit_length()) - 1, BLOCK_LEVELS - 1, -1):
         cells = (2 * cells[:, None] + OCTANTS).reshape(-1, 3)
-        cells = cells[np.all(cells << level < shape_xyz, axis=1)]
+        inside = cells << level < shape_xyz
+        cells = cells[inside[:, 0] & inside[:, 1] & inside[:, 2]]
     return cells
 
 
@@ -225,38 +229,30 @@ class _Tier(NamedTuple):
 class _Room:
     """Where the levels inside blocks go: room for every node, visible or not, which costs addresses rather than memory.
 
-    starts: int64 [num_tasks + 1, BLOCK_LEVELS], where the nodes of each task begin. counts: int64 [num_tasks, BLOCK_LEVELS],
-    how many visible ones the task had. levels: the room.
+    counts: int64 [num_tasks, BLOCK_LEVELS], how many visible nodes the tasks found.
     """
 
-    starts: Int64
     counts: Int64
     levels: tuple[_Stored, ...]
 
     @classmethod
-    def empty(cls, blocks: Int64, shape_xyz: Shape, dtype: type[Any]) -> _Room:
-        extents = cell_extents(blocks, BLOCK_LEVELS, shape_xyz)
-        sizes = np.stack([np.prod(-(-extents >> level), axis=1) for level in range(1, BLOCK_LEVELS + 1)], axis=1)
-        per_task = np.add.reduceat(sizes, np.arange(0, len(blocks), BLOCKS_PER_TASK))
-        starts = np.concatenate([np.zeros((1, BLOCK_LEVELS), np.int64), np.cumsum(per_task, axis=0)])
-        levels = tuple(_empty_stored(num, dtype, masked=level > 0) for level, num in enumerate(starts[-1]))
-        return cls(starts, np.zeros_like(per_task), levels)
-
-    @property
-    def num_tasks(self) -> int:
-        return len(self.counts)
+    def empty(cls, num_blocks: int, dtype: type[Any]) -> _Room:
+        counts = np.zeros((-(-num_blocks // BLOCKS_PER_TASK), BLOCK_LEVELS), np.int64)
+        levels = (_empty_stored(num_blocks * num, dtype, masked=num < 64) for num in NODES_OF_GROUP)
+        return cls(counts, tuple(levels))
 
     def of_task(self, task: int, level: int) -> _Stored:
-        first, last = self.starts[task : task + 2, level]
-        means, errors, masks = self.levels[level]
-        return means[first:last], errors[first:last], masks[first:last]
+        num = BLOCKS_PER_TASK * NODES_OF_GROUP[level]
+        means, errors, masks = (array[task * num : (task + 1) * num] for array in self.levels[level])
+        return means, errors, masks
 
     def compacted(self) -> list[_Stored]:
         """The levels without the gaps between tasks: moved together where they lie, then cut off."""
         for level, arrays in enumerate(self.levels):
             for array in filter(len, arrays):
                 end = 0
-                for start, num in zip(self.starts[:-1, level], self.counts[:, level], strict=True):
+                for task, num in enumerate(self.counts[:, level]):
+                    start = task * BLOCKS_PER_TASK * NODES_OF_GROUP[level]
                     if end < start:
                         array[end : end + num] = array[start : start + num]
                     end += num
@@ -273,13 +269,14 @@ class _Scratch:
     """Memory of one running task, used again by the next: fresh pages cost more than the arithmetic done in them.
 
     nodes, errors: groups of what is averaged and of what errors are measured of; None where that is the same.
-    visible, spreads: float32 [., 4] and [.], nodes on their way to the room.
+    visible, spreads: float32 [., 4] and [.], nodes on their way to the room. voxels: float32 [512, 4], one block.
     """
 
     nodes: _Groups
     errors: _Groups | None
     visible: npt.NDArray[np.float32]
     spreads: npt.NDArray[np.float32]
+    voxels: npt.NDArray[np.float32]
 
     @classmethod
     def empty(cls, plan: _Plan, num_groups: int) -> _Scratch:
@@ -289,7 +286,8 @@ class _Scratch:
         elif plan.error_rule:
             errors = _empty_groups(num_groups, 4, np.float32)
         nodes = _empty_groups(num_groups, 4, np.float32)
-        return cls(nodes, errors, np.empty((num_groups * 64, 4), np.float32), np.empty(num_groups * 64, np.float32))
+        buffers = (np.empty(shape, np.float32) for shape in ((num_groups * 64, 4), num_groups * 64, (BLOCK**3, 4)))
+        return cls(nodes, errors, *buffers)
 
     def first(self, num_groups: int) -> _Scratch:
         """As much of it as the last task needs."""
@@ -299,7 +297,7 @@ class _Scratch:
 
 def _build_all_blocks(plan: _Plan, blocks: Int64, room: _Room, num_threads: int) -> _Tier:
     """The levels inside blocks, into `room`, and the roots of the blocks."""
-    tasks = iter(range(room.num_tasks))
+    tasks = iter(range(len(room.counts)))
     roots: dict[int, _Tier] = {}
 
     def work(num_groups: int) -> None:
@@ -319,18 +317,30 @@ def _build_blocks(plan: _Plan, blocks: Int64, room: _Room, task: int, scratch: _
     extents = cell_extents(cells, BLOCK_LEVELS, plan.shape_xyz).astype(np.uint64)
     scratch = scratch.first(len(cells))
     nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
-    kernels.level_of_channels(plan.codes, *plan.rule, starts, extents, *nodes[0])
-    _merge(nodes, extents, 2)
+    _classify(plan, plan.rule, starts, extents, scratch, nodes)
     if plan.normal:
         kernels.level_of_scalars(plan.codes, plan.rule.scalars, *plan.normal, starts, extents, *errors[0])
         _merge(errors, extents, 2)
     elif plan.error_rule:
-        kernels.level_of_channels(plan.codes, *plan.error_rule, starts, extents, *errors[0])
-        _merge(errors, extents, 2)
+        _classify(plan, plan.error_rule, starts, extents, scratch, errors)
     for level in range(BLOCK_LEVELS):
         target = room.of_task(task, level)
         room.counts[task, level] = _store_visible(plan, scratch, level, target)
     return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
+
+
+def _classify(plan: _Plan, rule: Classifier, starts: Array, extents: Array, scratch: _Scratch, groups: _Groups) -> None:
+    """All nodes of some blocks."""
+    table_items = None if rule.table is None else _items(rule.table)
+    kernels.level_of_channels(
+        plan.codes, *rule, table_items, starts, extents, scratch.voxels, _items(scratch.voxels), *groups[0]
+    )
+    _merge(groups, extents, 2)
+
+
+def _items(values: npt.NDArray[np.float32]) -> npt.NDArray[np.complex128]:
+    """float32 [..., 4] as [...] items of 16 bytes; a view."""
+    return values.view(np.complex128)[..., 0]
 
 
 def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Stored]]:
@@ -352,14 +362,14 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Store
         _merge(scratch.errors, extents, 1 << level)
     stored = []
     for part in (1, 2):
-        target = _empty_stored(len(cells) * (8 if part == 1 else 1), plan.dtype, masked=True)
+        target = _empty_stored(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
         num = _store_visible(plan, scratch, part, target)
         stored.append((target[0][:num], target[1][:num], target[2][:num]))
     return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
 
 
 def _empty_groups(num_groups: int, num_channels: int, dtype: Any) -> _Groups:
-    shapes = [(num_groups, num_nodes, num_channels) for num_nodes in (64, 8, 1)]
+    shapes = [(num_groups, num_nodes, num_channels) for num_nodes in NODES_OF_GROUP]
     return [(np.empty(shape, dtype), np.empty(shape, dtype)) for shape in shapes]
 
 
@@ -374,7 +384,9 @@ def _store_visible(plan: _Plan, scratch: _Scratch, part: int, target: _Stored) -
     means, _ = scratch.nodes[part]
     _, variances = (scratch.errors or scratch.nodes)[part]
     children = scratch.nodes[part - 1][0] if part > 0 else None
-    num = kernels.append_visible(means, variances, children, scratch.visible, scratch.spreads, target[2])
+    num = kernels.append_visible(
+        means, _items(means), variances, children, _items(scratch.visible), scratch.spreads, target[2]
+    )
     _store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
     _store(np.sqrt(scratch.spreads[:num], out=scratch.spreads[:num]), plan.error_factor, target[1][:num])
     return num

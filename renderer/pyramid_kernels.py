@@ -31,6 +31,9 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 UInt64 = npt.NDArray[np.uint64]
 
+# Four float32 that are moved together: numba has no other type of 16 bytes.
+Items = npt.NDArray[np.complex128]
+
 BLOCK = 8
 
 # Where the coordinates of a voxel in its block put it among 8 x 64 children: the lowest bit is that of the child, the
@@ -49,21 +52,27 @@ def level_of_channels(
     segments: Segments | None,
     scalars: Float64 | None,
     lighting: Lighting | None,
+    table_items: Items | None,
     starts: UInt64,
     extents: UInt64,
+    voxels: Float32,
+    voxel_items: Items,
     means: Float32,
     variances: Float32,
 ) -> None:
-    """Level 1 of the blocks at voxels `starts` [g, 3], `extents` [g, 3] (x, y, z) of which are real: [g, 64, 4]."""
-    voxels, shares = np.empty((BLOCK**3, 4), np.float32), np.empty((3, 64 * 4), np.float32)
+    """Level 1 of the blocks at voxels `starts` [g, 3], `extents` [g, 3] (x, y, z) of which are real: [g, 64, 4].
+
+    voxels: [512, 4], scratch. table_items, voxel_items: the four channels of each row of `table` and `voxels` as one item.
+    """
+    shares = np.empty((3, 64 * 4), np.float32)
     fetched = np.empty((BLOCK, BLOCK, BLOCK), codes.dtype)
     for g in range(len(starts)):
         if g == 0 or not _same(extents, g):
             _set_shares(extents, g, 1, shares, 4)
             voxels[:] = 0  # those outside of the volume stay so
         whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK**3
-        if whole and lighting is None and table is not None:
-            _copy_channels(codes, table, starts, g, fetched, voxels)
+        if whole and lighting is None and table_items is not None:
+            _copy_items(codes, table_items, starts, g, voxel_items)
         elif whole and lighting is None and segments is not None:
             _evaluate_channels(codes, segments, starts, g, fetched, voxels)
         else:
@@ -176,15 +185,14 @@ def _fill_channels(
 
 
 @jit
-def _copy_channels(codes: Codes, table: Float32, starts: UInt64, g: int, fetched: Codes, out: Float32) -> None:
-    """The same for a whole block without light: the four channels of a voxel are moved as one item of 16 bytes."""
-    _fetch(codes, starts, g, fetched)
-    items, places = table.view(np.complex128).reshape(-1), out.view(np.complex128).reshape(-1)
+def _copy_items(codes: Codes, items: Items, starts: UInt64, g: int, out: Items) -> None:
+    """The same for a whole block without light."""
+    x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
     for z in range(np.uint64(BLOCK)):
         for y in range(np.uint64(BLOCK)):
             row = SPREAD_Z[z] + SPREAD_Y[y]
             for x in range(np.uint64(BLOCK)):
-                places[row + SPREAD_X[x]] = items[fetched[z, y, x]]
+                out[row + SPREAD_X[x]] = items[codes[z0 + z, y0 + y, x0 + x]]
 
 
 @jit
@@ -255,25 +263,23 @@ def _merge_two(a: Any, b: Any, va: Any, vb: Any, h: Any) -> tuple[Any, Any]:
 @jit
 def append_visible(
     means: Float32,
+    mean_items: Items,
     variances: Array,
     children: Float32 | None,
-    means_out: Float32,
+    items_out: Items,
     variances_out: Float32,
     masks_out: npt.NDArray[np.uint8],
 ) -> int:
-    """Copy the visible ones of groups [g, n, 4] in Morton order to [., 4], and return how many they are.
+    """Copy the visible ones of groups [g, n, 4] in Morton order, as items [g, n] to [.]; return how many they are.
 
     variances: [g, n, c], summed over the channels into [.]. children: [g, 8 n, 4], whose visibility becomes masks [.].
     """
-    num_groups, num_nodes = len(means), np.uint64(means.shape[1])
-    # The four channels of a node are moved as one item of 16 bytes.
-    items, places = means.view(np.complex128).reshape(num_groups, -1), means_out.view(np.complex128).reshape(-1)
-    num = np.uint64(0)
-    for g in range(num_groups):
+    num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
+    for g in range(len(means)):
         for index in range(num_nodes):
             node = SWAPPED[index] if num_nodes == 64 else index
             if means[g, node, 3] > 0:
-                places[num] = items[g, node]
+                items_out[num] = mean_items[g, node]
                 total = variances[g, node, 0]
                 for channel in range(1, variances.shape[2]):
                     total += variances[g, node, channel]
