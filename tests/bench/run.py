@@ -43,6 +43,9 @@ from renderer.volume import Volume, make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 
+# About 150 000 splats of the phantom, which the goals for cut and order speak of.
+FRAME_TOLERANCE = 0.35
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
@@ -83,16 +86,16 @@ def bench_pyramid() -> None:
 
 def bench_frame(rasterizer: GLRasterizer) -> None:
     """A whole frame against drawing its splats alone; cut and order on their own."""
-    scene = _phantom_scene((256, 256, 128), 0.02)
+    scene = _phantom_scene((256, 256, 128), FRAME_TOLERANCE)
     stage = prepare(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1)
-    cut = cut_pyramid(stage.pyramid, 0.02)
+    cut = cut_pyramid(stage.pyramid, FRAME_TOLERANCE)
     splats = make_splats(cut, scene.splat)
     view = make_view(scene.camera, 1, stage.target, stage.distance, scene.output.size)
     order = visible_order(splats, cut, view, "depth")
     depth = -(splats.centers[order] @ view.view_from_world[2, :3])
     assert np.all(np.diff(depth) <= 1e-6), "not back to front"
     per = 150_000 / len(cut)
-    cut_wall, _ = _timed(lambda: cut_pyramid(stage.pyramid, 0.02), 9)
+    cut_wall, _ = _timed(lambda: cut_pyramid(stage.pyramid, FRAME_TOLERANCE), 9)
     order_wall, _ = _timed(lambda: visible_order(splats, cut, view, "depth"), 9)
     draw_wall, _ = _timed(lambda: rasterizer.rasterize(splats, order, view), 9)
     frames = render_frames(stage, range(10), rasterizer, clock=time.perf_counter)
