@@ -145,7 +145,7 @@ def test_leaves_meet_the_tolerance_and_their_parents_do_not(tolerance: float) ->
 
     def optical(cut: Cut) -> Float64:
         sides = np.cbrt(np.bincount(owners(cut)[owners(cut) >= 0], minlength=len(cut)) * volume_of_voxel)
-        return cell_errors(cut, depths) * sides / of.spacing.min()
+        return np.asarray(cell_errors(cut, depths) * sides / of.spacing.min())
 
     cut = cut_pyramid(build(of, transfer()), tolerance)
     leaves = cut.levels > 0
@@ -229,7 +229,8 @@ def test_faint_voxels_beside_opaque_ones_make_no_nan(faintest: float, average: A
     pyramid = build(make_volume(values, np.eye(4), "faint"), tf, spec=PyramidSpec(average))
     for tolerance in (0.0, 1e-20, 1e-3, 1e9):
         depths = cut_pyramid(pyramid, tolerance).depths
-        assert np.all(np.isfinite(depths)) and np.all(depths >= 0)
+        assert np.all(np.isfinite(depths))
+        assert np.all(depths >= 0)
 
 
 @pytest.mark.parametrize("finest", [0, 1, 3, 6, 20])
@@ -246,7 +247,7 @@ def test_no_cell_is_finer_than_the_finest_level(finest: int) -> None:
 def test_a_transparent_volume_has_an_empty_cut(tolerance: float, error: ErrorSpec) -> None:
     cut = cut_pyramid(build(make_volume(np.zeros((20, 40, 3), np.uint8), np.eye(4), ""), transfer(), error), tolerance)
     assert (len(cut), cut.cells.shape, cut.depths.shape) == (0, (0, 3), (0, 4))
-    assert (cut.levels.dtype, cut.cells.dtype, cut.depths.dtype) == (np.uint8, np.int32, np.float32)
+    assert [array.dtype.name for array in (cut.levels, cut.cells, cut.depths)] == ["uint8", "int32", "float32"]
 
 
 def test_a_volume_of_one_voxel() -> None:

@@ -25,7 +25,7 @@ each_affine = pytest.mark.parametrize("affine", AFFINES.values(), ids=AFFINES.ke
 
 
 def random_cut(rng: np.random.Generator, shape_xyz: tuple[int, int, int], affine: Float64) -> Cut:
-    """Leaves of mixed levels that cover most of a volume; which node is split, and which is left out, is left to chance."""
+    """Leaves of mixed levels that cover most of a volume; chance decides which nodes are split or left out."""
     world_from_index = np.eye(4)
     world_from_index[:3, :3] = affine
     world_from_index[:3, 3] = [3, -2, 7]
@@ -39,7 +39,7 @@ def random_cut(rng: np.random.Generator, shape_xyz: tuple[int, int, int], affine
         if level == 0 or (level < 4 and rng.random() < 0.25):
             leaves.append((level, *cell))
         else:
-            nodes += [(level - 1, 2 * cell + [k & 1, k >> 1 & 1, k >> 2]) for k in range(8)]
+            nodes += [(level - 1, 2 * cell + np.array([k & 1, k >> 1 & 1, k >> 2])) for k in range(8)]
     table = np.array(leaves, np.int64).reshape(-1, 4)
     return Cut(
         table[:, 0].astype(np.uint8), table[:, 1:].astype(np.int32), np.ones((len(table), 4), np.float32), volume
@@ -66,7 +66,7 @@ def to_world(volume: Volume, index: Float64) -> Float64:
 
 
 def hits(cut: Cut, origin: Float64, direction: Float64) -> Float64:
-    """[k, 2]: for each cell whose inside the ray crosses in front of its origin, the cell and where along the ray; near first."""
+    """[k, 2]: the cells whose inside the ray crosses in front of its origin, and where along the ray; near first."""
     low = (cut.cells.astype(np.int64) << cut.levels[:, None].astype(np.int64)) - 0.5
     high = np.minimum(low + (1 << cut.levels[:, None].astype(np.int64)), np.array(cut.volume.shape_xyz) - 0.5)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -102,7 +102,7 @@ def perspective_eye(rng: np.random.Generator, where: str, shape: Float64) -> Flo
     anywhere = rng.uniform(-0.5, shape - 0.5)
     if where == "outside":
         direction = rng.normal(size=3)
-        return (shape - 1) / 2 + direction / np.linalg.norm(direction) * shape.max() * rng.uniform(1, 3)
+        return np.asarray((shape - 1) / 2 + direction / np.linalg.norm(direction) * shape.max() * rng.uniform(1, 3))
     if where == "plane":  # the first splitting plane of one axis, others of another
         anywhere[rng.integers(3)] = 2.0 ** (int(shape.max() - 1).bit_length() - 1) - 0.5
         anywhere[rng.integers(3)] = rng.integers(0, 4) - 0.5
