@@ -37,7 +37,7 @@ class Segments(NamedTuple):
     """The transfer function's segments (TransferFunction.segments), with a guide to find them.
 
     rows: float64 [n + 1, 10], start, 1 / width, values at the start [4], rise [4]; extinctions times `h0`.
-    guide: uint64 [GUIDE_SIZE + 3]; the number of control values <= a scalar in bucket b lies in guide[b] to guide[b + 3].
+    guide: uint64 [GUIDE_SIZE + 3]; of control values <= a scalar in bucket b there are from guide[b] to guide[b + 3].
     first, last: the range of the control values; scalars are clamped to it.
     buckets_per_unit: buckets of the guide per unit of the scalar.
     opacity: whether the channels are opacities.
@@ -107,7 +107,7 @@ def make_classifier(
 
 def _make_segments(transfer: TransferFunction, finest_spacing: float, opacity: bool) -> Segments:
     starts, widths, lows, rises = transfer.segments()
-    slopes = np.minimum(1 / np.maximum(widths, np.finfo(np.float64).tiny), np.finfo(np.float64).max)
+    slopes = 1 / np.maximum(widths, np.finfo(np.float64).tiny)
     unit_depth = np.array([1, 1, 1, finest_spacing])
     rows = np.column_stack([starts, slopes, lows * unit_depth, rises * unit_depth])
     first, last = float(transfer.values[0]), float(transfer.values[-1])
@@ -165,26 +165,33 @@ def _lighting_factor(codes: Codes, scalars: Float64 | None, lighting: Lighting, 
     """
     z0, y0, x0 = max(z - 1, 0), max(y - 1, 0), max(x - 1, 0)
     z1, y1, x1 = min(z + 1, codes.shape[0] - 1), min(y + 1, codes.shape[1] - 1), min(x + 1, codes.shape[2] - 1)
-    gx = (scalar_at(codes, scalars, z, y, x1) - scalar_at(codes, scalars, z, y, x0)) / max(x1 - x0, 1)
-    gy = (scalar_at(codes, scalars, z, y1, x) - scalar_at(codes, scalars, z, y0, x)) / max(y1 - y0, 1)
-    gz = (scalar_at(codes, scalars, z1, y, x) - scalar_at(codes, scalars, z0, y, x)) / max(z1 - z0, 1)
+    # Only the direction counts: halves, whose differences do not overflow, of which the largest becomes 1.
+    gx = (0.5 * scalar_at(codes, scalars, z, y, x1) - 0.5 * scalar_at(codes, scalars, z, y, x0)) / max(x1 - x0, 1)
+    gy = (0.5 * scalar_at(codes, scalars, z, y1, x) - 0.5 * scalar_at(codes, scalars, z, y0, x)) / max(y1 - y0, 1)
+    gz = (0.5 * scalar_at(codes, scalars, z1, y, x) - 0.5 * scalar_at(codes, scalars, z0, y, x)) / max(z1 - z0, 1)
+    largest = max(abs(gx), abs(gy), abs(gz))
+    if largest == 0.0:
+        return lighting.ambient
+    gx, gy, gz = gx / largest, gy / largest, gz / largest
     m, light = lighting.world_from_gradient, lighting.light
     wx = m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz
     wy = m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz
     wz = m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz
-    largest = max(abs(wx), abs(wy), abs(wz))
-    if largest == 0.0:
-        return lighting.ambient
-    wx, wy, wz = wx / largest, wy / largest, wz / largest  # so that squares neither overflow nor vanish
     toward_light = -(wx * light[0] + wy * light[1] + wz * light[2]) / np.sqrt(wx * wx + wy * wy + wz * wz)
-    return lighting.ambient + lighting.diffuse * max(0.0, toward_light)
+    return float(lighting.ambient + lighting.diffuse * max(0.0, toward_light))
 
 
 @jit
 def classify_voxel(
-    codes: Codes, table: npt.NDArray[np.float32] | None, segments: Segments | None, scalars: Float64 | None,
-    lighting: Lighting | None, z: int, y: int, x: int,
-) -> Channels:  # fmt: skip
+    codes: Codes,
+    table: npt.NDArray[np.float32] | None,
+    segments: Segments | None,
+    scalars: Float64 | None,
+    lighting: Lighting | None,
+    z: int,
+    y: int,
+    x: int,
+) -> Channels:
     """The four channels of one voxel, lit if the scene asks for it."""
     if table is not None:
         pattern = codes[z, y, x]

@@ -1,13 +1,14 @@
 """The cut: the set of octree cells that is drawn at a tolerance, every voxel covered once or transparent.
 
-Top-down, level by level (Laur and Hanrahan 1991, section 4): a node whose error is *below* the tolerance becomes a leaf,
-the others descend, so that a tolerance of 0 reaches every visible voxel. Nodes without extinction are not in the pyramid
-and cost nothing.
+Top-down, level by level (Laur and Hanrahan 1991, section 4): a node whose error is *below* the tolerance becomes a
+leaf, the others descend, so that a tolerance of 0 reaches every visible voxel. Nodes without extinction are not in the
+pyramid and cost nothing.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,10 @@ from renderer.jit import jit
 from renderer.pyramid import Pyramid, cell_extents
 from renderer.volume import Volume
 
+Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
+Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -31,75 +35,71 @@ class Cut:
     """
 
     levels: npt.NDArray[np.uint8]
-    cells: npt.NDArray[np.int32]
-    depths: npt.NDArray[np.float32]
+    cells: Int32
+    depths: Float32
     volume: Volume
 
     def __len__(self) -> int:
         return len(self.levels)
 
 
+class _Leaves(NamedTuple):
+    """The leaves of one level: cells [n, 3] and depths [n, 4], as in Cut."""
+
+    level: int
+    cells: Int32
+    depths: Float32
+
+
 def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) -> Cut:
     """The coarsest cells whose error is below `tolerance` (in the measure's unit); none finer than `finest_level`."""
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
-    nodes = np.arange(len(cells), dtype=np.int64)
-    parts: list[tuple[int, npt.NDArray[np.int32], npt.NDArray[np.float32]]] = []
+    nodes = np.arange(len(cells))
+    parts = []
     for number in range(pyramid.num_levels, 0, -1):
         level = pyramid.levels[number - 1]
-        errors = level.errors[nodes].astype(np.float64) * (pyramid.error_unit * _error_scale(pyramid, cells, number))
-        leaf = errors < tolerance if number > finest_level else np.ones(len(nodes), bool)
-        means = level.means[nodes[leaf]].astype(np.float32) * np.float32(pyramid.mean_unit)
-        parts.append((number, cells[leaf], _extinctions(pyramid, means)))
-        nodes, cells = nodes[~leaf], cells[~leaf]
+        errors = level.errors[nodes] * (pyramid.error_unit * _error_scale(pyramid, cells, number))
+        is_leaf = errors < tolerance if number > finest_level else np.ones(len(nodes), np.bool_)
+        means = level.means[nodes[is_leaf]].astype(np.float32) * np.float32(pyramid.mean_unit)
+        parts.append(_Leaves(number, cells[is_leaf], _extinctions(pyramid, means)))
+        nodes, cells = nodes[~is_leaf], cells[~is_leaf]
         if number > 1:
             nodes, cells = _children(nodes, cells, level.masks, level.first_children)
-    voxels, channels = _voxels(pyramid, cells)
-    parts.append((0, voxels, channels))
-    levels = [np.full(len(part[1]), part[0], np.uint8) for part in parts]
-    return Cut(
-        np.concatenate(levels),
-        np.concatenate([part[1] for part in parts]),
-        np.concatenate([part[2] for part in parts]),
-        pyramid.volume,
-    )
+    return _joined(pyramid, parts, cells)
 
 
-def visible_cells(pyramid: Pyramid, level: int) -> npt.NDArray[np.int32]:
+def visible_cells(pyramid: Pyramid, level: int) -> Int32:
     """int32 [n, 3]: all visible cells of a level from 1 to the root's, x, y, z in units of their width."""
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
-    nodes = np.arange(len(cells), dtype=np.int64)
-    for above in pyramid.levels[:level - 1 : -1]:
+    nodes = np.arange(len(cells))
+    for above in pyramid.levels[: level - 1 : -1]:
         nodes, cells = _children(nodes, cells, above.masks, above.first_children)
     return cells
 
 
-def _error_scale(pyramid: Pyramid, cells: npt.NDArray[np.int32], level: int) -> npt.NDArray[np.float64] | float:
-    """What a node's root of variance is multiplied by: for `optical` the cell's side, the cube root of its world volume, in
-    units of the finest spacing (which the channels carry); 1 for `rms`."""
+def _error_scale(pyramid: Pyramid, cells: Int32, level: int) -> Float64:
+    """What a node's root of variance is multiplied by, [n] or []: for `optical` the cell's side, the cube root of its
+    world volume, in units of the finest spacing (which the channels carry); 1 for `rms`."""
     if pyramid.measure == "rms":
-        return 1.0
+        return np.ones(())
     volume = pyramid.volume
-    num_voxels = np.prod(cell_extents(cells, level, volume.shape_xyz), axis=1)
-    return np.cbrt(num_voxels * volume.voxel_volume) / float(volume.spacing.min())
+    extents = cell_extents(cells, level, volume.shape_xyz)
+    num_voxels = extents[:, 0] * extents[:, 1] * extents[:, 2]
+    return np.asarray(np.cbrt(num_voxels * volume.voxel_volume) / volume.spacing.min())
 
 
-def _extinctions(pyramid: Pyramid, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _extinctions(pyramid: Pyramid, means: Float32) -> Float32:
     """(tau c, tau) h0 from whatever the pyramid averages."""
-    if pyramid.average == "opacity" and len(means):
-        opacity = means[:, 3:]
-        with np.errstate(divide="ignore"):  # rounded to 1, it is as deep as the deepest voxel
-            depth = np.minimum(-np.log1p(-np.minimum(opacity, 1)), np.float32(pyramid.deepest))
-        # Rounded to 0, its depth is that opacity.
-        means = means * np.divide(depth, opacity, out=np.ones_like(depth), where=opacity > 0)
-    return means
+    if pyramid.average == "extinction":
+        return means
+    opacities = means[:, 3:]
+    with np.errstate(divide="ignore"):  # rounded to 1, it is as deep as the deepest voxel
+        depths = np.minimum(-np.log1p(-np.minimum(opacities, 1)), np.float32(pyramid.deepest))
+    # Rounded to 0, there is nothing to scale.
+    return np.asarray(means * np.divide(depths, opacities, out=np.ones_like(depths), where=opacities > 0))
 
 
-def _children(
-    nodes: npt.NDArray[np.int64],
-    cells: npt.NDArray[np.int32],
-    masks: npt.NDArray[np.uint8],
-    first_children: npt.NDArray[np.int64],
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+def _children(nodes: Int64, cells: Int32, masks: npt.NDArray[np.uint8], first_children: Int64) -> tuple[Int64, Int32]:
     """The visible children of some nodes: their indices in the level below and their cells."""
     num = int(np.bitwise_count(masks[nodes]).sum(dtype=np.int64))
     child_nodes, child_cells = np.empty(num, np.int64), np.empty((num, 3), np.int32)
@@ -108,7 +108,14 @@ def _children(
 
 
 @jit
-def _fill_children(nodes, cells, masks, first_children, child_nodes, child_cells):  # type: ignore[no-untyped-def]
+def _fill_children(
+    nodes: Int64,
+    cells: Int32,
+    masks: npt.NDArray[np.uint8],
+    first_children: Int64,
+    child_nodes: Int64,
+    child_cells: Int32,
+) -> None:
     num = 0
     for i in range(len(nodes)):
         mask, child = masks[nodes[i]], first_children[nodes[i]]
@@ -122,27 +129,44 @@ def _fill_children(nodes, cells, masks, first_children, child_nodes, child_cells
                 num += 1
 
 
-def _voxels(pyramid: Pyramid, parents: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
-    """The visible voxels in cells of level 1, and their channels."""
-    cells, channels = np.empty((8 * len(parents), 3), np.int32), np.empty((8 * len(parents), 4), np.float32)
-    num = _fill_voxels(voxel_codes(pyramid.volume), *pyramid.classifier, parents, cells, channels)
-    return cells[:num], channels[:num]
+def _joined(pyramid: Pyramid, parts: list[_Leaves], parents: Int32) -> Cut:
+    """The leaves of all levels, and the visible voxels in those cells of level 1 that are none."""
+    num_coarse = sum(len(part.cells) for part in parts)
+    room = num_coarse + 8 * len(parents)  # addresses, which cost no memory until they are written
+    cells, depths = np.empty((room, 3), np.int32), np.empty((room, 4), np.float32)
+    np.concatenate([part.cells for part in parts], out=cells[:num_coarse])
+    np.concatenate([part.depths for part in parts], out=depths[:num_coarse])
+    codes = voxel_codes(pyramid.volume)
+    num = num_coarse + _fill_voxels(codes, *pyramid.classifier, parents, cells[num_coarse:], depths[num_coarse:])
+    cells.resize((num, 3), refcheck=False)
+    depths.resize((num, 4), refcheck=False)
+    levels = np.zeros(num, np.uint8)
+    levels[:num_coarse] = np.repeat([part.level for part in parts], [len(part.cells) for part in parts])
+    for array in (levels, cells, depths):
+        array.flags.writeable = False
+    return Cut(levels, cells, depths, pyramid.volume)
 
 
 @jit
 def _fill_voxels(
-    codes: Codes, table: npt.NDArray[np.float32] | None, segments: Segments | None, scalars: Float64 | None,
-    lighting: Lighting | None, parents: npt.NDArray[np.int32], cells: npt.NDArray[np.int32],
-    channels: npt.NDArray[np.float32],
-) -> int:  # fmt: skip
+    codes: Codes,
+    table: Float32 | None,
+    segments: Segments | None,
+    scalars: Float64 | None,
+    lighting: Lighting | None,
+    parents: Int32,
+    cells: Int32,
+    depths: Float32,
+) -> int:
+    """Append the visible voxels in cells of level 1 (x, y, z) and their depths; how many they are."""
     num = 0
     for i in range(len(parents)):
         for k in range(8):
             x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
             if x < codes.shape[2] and y < codes.shape[1] and z < codes.shape[0]:
-                r, g, b, a = classify_voxel(codes, table, segments, scalars, lighting, z, y, x)
-                if a > 0:
-                    channels[num, 0], channels[num, 1], channels[num, 2], channels[num, 3] = r, g, b, a
+                red, green, blue, depth = classify_voxel(codes, table, segments, scalars, lighting, z, y, x)
+                if depth > 0:
+                    depths[num, 0], depths[num, 1], depths[num, 2], depths[num, 3] = red, green, blue, depth
                     cells[num, 0], cells[num, 1], cells[num, 2] = x, y, z
                     num += 1
     return num

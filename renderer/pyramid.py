@@ -17,6 +17,7 @@ of 64 nodes gives two levels more (see `renderer.pyramid_kernels`).
 from __future__ import annotations
 
 import math
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -25,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import pyramid_kernels as kernels
-from renderer.classify import Classifier, make_classifier, voxel_codes
+from renderer.classify import FAINTEST, Classifier, make_classifier, voxel_codes
 from renderer.pyramid_kernels import BLOCK
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
@@ -74,9 +75,11 @@ class Level:
 
 @dataclass(frozen=True)
 class Pyramid:
-    """levels[0] is level 1 and levels[-1] the root (no node, where nothing is visible). Multiply stored means by `mean_unit`
-    and errors by `error_unit` to have them in the units above. `classifier` gives level 0, always as (tau c, tau) h0, and no
-    voxel is deeper than `deepest`."""
+    """levels[0] is level 1 and levels[-1] the root (no node, where nothing is visible).
+
+    Multiply stored means by `mean_unit` and errors by `error_unit` to have them in the units above. `classifier` gives
+    level 0, always as (tau c, tau) h0, and no voxel is deeper than `deepest`.
+    """
 
     levels: tuple[Level, ...]
     mean_unit: float
@@ -115,6 +118,7 @@ def build_pyramid(
     blocks = _blocks_in_morton_order(volume.shape_xyz)
     room = _Room.empty(len(blocks), plan.dtype)
     tier = _build_all_blocks(plan, blocks, room, num_threads)
+    depths = plan.rule if spec.average == "extinction" else make_classifier(volume, transfer, shading, opacity=False)
     stored = room.compacted()
     while len(stored) < num_levels:
         tier, levels = _next_tier(plan, tier, len(stored))
@@ -123,9 +127,7 @@ def build_pyramid(
         levels=_linked(stored[:num_levels]),
         mean_unit=plan.mean_unit,
         error_unit=plan.error_unit,
-        classifier=make_classifier(volume, transfer, shading, opacity=False)
-        if spec.average == "opacity"
-        else plan.rule,
+        classifier=depths,
         deepest=float(volume.spacing.min()) * transfer.max_extinction,
         volume=volume,
         average=spec.average,
@@ -136,7 +138,7 @@ def build_pyramid(
 def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
     """int64 [n, 3]: voxels along x, y, z in cells (x, y, z in units of 2^level voxels) that the border may cut."""
     first = cells.astype(np.int64) << level
-    return np.minimum(np.array(shape_xyz) - first, 1 << level)
+    return np.asarray(np.minimum(np.array(shape_xyz) - first, 1 << level))
 
 
 @dataclass(frozen=True)
@@ -171,8 +173,9 @@ def _make_plan(
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
 
     def unit(of_opacity: bool) -> float:
-        return _stored_unit(brightest * (-math.expm1(-depth) if of_opacity else depth))
+        return _stored_unit(brightest * max(-math.expm1(-depth) if of_opacity else depth, FAINTEST))
 
+    rule = make_classifier(volume, transfer, shading, opacity=opacity)
     error_rule, normal = None, None
     error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
     if error.of == "scalar":
@@ -183,7 +186,7 @@ def _make_plan(
         error_rule = make_classifier(volume, transfer, shading, opacity=of_opacity)
     return _Plan(
         voxel_codes(volume),
-        make_classifier(volume, transfer, shading, opacity=opacity),
+        rule,
         error_rule,
         normal,
         unit(opacity),
@@ -306,7 +309,10 @@ def _build_all_blocks(plan: _Plan, blocks: Int64, room: _Room, num_threads: int)
             roots[task] = _build_blocks(plan, blocks, room, task, scratch)
 
     with ThreadPoolExecutor(num_threads) as pool:
-        list(pool.map(work, [min(len(blocks), BLOCKS_PER_TASK)] * num_threads))
+        try:
+            list(pool.map(work, [min(len(blocks), BLOCKS_PER_TASK)] * num_threads))
+        finally:  # interrupted, or failed in one thread: leave nothing to the others
+            deque(tasks, maxlen=0)
     return _Tier(*(np.concatenate(parts) for parts in zip(*(roots[task] for task in sorted(roots)), strict=True)))
 
 
@@ -354,6 +360,7 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Store
 
     scratch = _Scratch.empty(plan, len(cells))
     errors = scratch.errors or scratch.nodes
+    scratch.nodes[0][1][:] = 0  # used only where it is the error's, and set then
     for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
         nodes[:] = 0
         nodes.reshape(-1, values.shape[1])[place] = values
@@ -380,7 +387,7 @@ def _merge(groups: _Groups, extents: Array, side: int) -> None:
 
 
 def _store_visible(plan: _Plan, scratch: _Scratch, part: int, target: _Stored) -> int:
-    """Write the visible nodes of a part of the groups to the beginning of `target`, in Morton order; how many they are."""
+    """Write the visible nodes of one part of the groups to the beginning of `target`; how many they are."""
     means, _ = scratch.nodes[part]
     _, variances = (scratch.errors or scratch.nodes)[part]
     children = scratch.nodes[part - 1][0] if part > 0 else None

@@ -6,14 +6,15 @@ Two neighbours a and b, of which b holds the share h of the voxels, are merged i
 
 along x, then y, then z. This is the merge of Chan, Golub, LeVeque 1979 ("Updating formulae and a pairwise algorithm for
 computing sample variances") divided by the count: no difference of large squares is taken, so that a variance is never
-negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2; where its border cuts a
-node the shares of real voxels along the three axes differ, and where b has none h is 0.
+negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2; where its border cuts
+a node the shares of real voxels along the three axes differ, and where b has none h is 0.
 
-Nodes come in *groups*: 64 of them, their 8 parents, and the parent of those. The levels 1, 2, 3 of a block of 8^3 voxels
-are a group, and so are the levels 3, 4, 5 of a brick of 64 blocks. In each of the three arrays of a group, and in that
-of its 512 children, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of nodes: all children are
-merged as eight contiguous rows, which becomes vector code. The 64 are then in Morton order with the two octal digits
-exchanged (see SWAPPED), the 8 in Morton order. Channels of a node lie together, and variances are kept by channel.
+Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
+are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on. In each of the three
+arrays of a group, and among the 512 voxels, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of
+nodes: all children are merged as eight contiguous rows, which becomes vector code. The 64 are then in Morton order with
+the two octal digits exchanged (see SWAPPED), the 8 in Morton order. Channels of a node lie together, and variances are
+kept by channel.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ Items = npt.NDArray[np.complex128]
 BLOCK = 8
 
 # Where the coordinates of a voxel in its block put it among 8 x 64 children: the lowest bit is that of the child, the
-# highest that of the largest parent. Here and below, unsigned indices spare numba asking whether they count from the end.
+# highest that of the largest parent. Unsigned indices, here and below, spare numba asking if they count from the end.
 SPREAD_X = np.array([64 * (i & 1) + 8 * (i >> 1 & 1) + (i >> 2) for i in range(BLOCK)], np.uint64)
 SPREAD_Y, SPREAD_Z = 2 * SPREAD_X, 4 * SPREAD_X
 
@@ -62,7 +63,7 @@ def level_of_channels(
 ) -> None:
     """Level 1 of the blocks at voxels `starts` [g, 3], `extents` [g, 3] (x, y, z) of which are real: [g, 64, 4].
 
-    voxels: [512, 4], scratch. table_items, voxel_items: the four channels of each row of `table` and `voxels` as one item.
+    voxels: [512, 4], scratch. table_items, voxel_items: the rows of `table` and `voxels` as items.
     """
     shares = np.empty((3, 64 * 4), np.float32)
     fetched = np.empty((BLOCK, BLOCK, BLOCK), codes.dtype)
@@ -125,15 +126,13 @@ def merge_groups(
     root_shares = np.empty((3, num_channels), means.dtype)
     m, v = means.reshape(num, 8, 8 * num_channels), variances.reshape(num, 8, 8 * num_channels)
     p, q = parent_means.reshape(num, 8 * num_channels), parent_variances.reshape(num, 8 * num_channels)
+    r, s = root_means.reshape(num, num_channels), root_variances.reshape(num, num_channels)
     for g in range(num):
         if g == 0 or not _same(extents, g):
             _set_shares(extents, g, side, shares, num_channels)
             _set_shares(extents, g, 2 * side, root_shares, num_channels)
         _merge_nodes(m, v, shares, p, q, g)
-        _merge_nodes(
-            parent_means, parent_variances, root_shares,
-            root_means.reshape(num, num_channels), root_variances.reshape(num, num_channels), g,
-        )  # fmt: skip
+        _merge_nodes(parent_means, parent_variances, root_shares, r, s, g)
 
 
 @jit
@@ -197,7 +196,7 @@ def _copy_items(codes: Codes, items: Items, starts: UInt64, g: int, out: Items) 
 
 @jit
 def _evaluate_channels(codes: Codes, segments: Segments, starts: UInt64, g: int, fetched: Codes, out: Float32) -> None:
-    """The same without a table."""
+    """The same where there is no table."""
     _fetch(codes, starts, g, fetched)
     for z in range(np.uint64(BLOCK)):
         for y in range(np.uint64(BLOCK)):
@@ -298,9 +297,9 @@ def append_visible(
 def store_halves(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -> None:
     """Bits of float16 of `values * factor` (a power of two; products from 0 to 2^15), flat, rounded to nearest.
 
-    Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for extending
-    the available precision"), then differ only in the bias of the exponent. Below 2^-14 float16 counts in units of
-    2^-24, which are also those of the mantissa of float32 in [1/2, 1).
+    Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for
+    extending the available precision"), then differ only in the bias of the exponent. Below 2^-14 float16 counts in
+    units of 2^-24, which are also those of the mantissa of float32 in [1/2, 1).
     """
     f = np.float32(factor)
     for i in range(len(values)):

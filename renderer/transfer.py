@@ -101,7 +101,8 @@ def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tup
     """Control points wherever the colormap or the extinction (given at the values `at`) has one."""
     from renderer.colormaps import colormap_points  # noqa: PLC0415  the package behind it is loaded only when it is used
 
-    samples = np.linspace(*np.clip(spec.range, -LARGEST_VALUE, LARGEST_VALUE), NUM_COLORMAP_SAMPLES)
+    first, last = np.clip(np.array(spec.range, np.float64), -LARGEST_VALUE, LARGEST_VALUE)
+    samples = np.linspace(first, last, NUM_COLORMAP_SAMPLES)
     table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)
     extra = samples[~np.isin(samples, at)]  # where both have a point the one of the extinction stays: it may be a step
     values = np.concatenate([extra, at])

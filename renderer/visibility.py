@@ -29,7 +29,7 @@ def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
 
 @jit
 def _radix_sort(bits: npt.NDArray[np.uint32], order: npt.NDArray[np.uint32]) -> None:
-    """Stable descending order of float32 given by their bits; least significant digit first, key and index together."""
+    """Stable order of float32 given by their bits, descending; least significant digit first, keys with indices."""
     num = len(bits)
     pairs, other = np.empty(num, np.uint64), np.empty(num, np.uint64)
     starts = np.zeros((NUM_PASSES, NUM_DIGITS), np.uint32)
@@ -59,9 +59,9 @@ def _radix_sort(bits: npt.NDArray[np.uint32], order: npt.NDArray[np.uint32]) -> 
 def box_order(cut: Cut, view: View) -> npt.NDArray[np.int64]:
     """int64 [n]: the cells back to front as boxes, exact for any eye in perspective, and in parallel projection.
 
-    At a node of the octree, a child may hide another only if fewer of the node's three splitting planes lie between it
-    and the eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's split first; it is a sum over
-    axes, so that three tables by coordinate give every key. Digits of splits inside the cell are cleared.
+    At a node of the octree, a child may hide another only if fewer of the node's three splitting planes lie between
+    it and the eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's split first; it is a sum over
+    the axes, so that three tables by coordinate give every key. Digits of splits inside the cell are cleared.
     """
     index_from_world = np.linalg.inv(cut.volume.world_from_index)
     if view.projection == "perspective":
@@ -80,7 +80,7 @@ def box_order(cut: Cut, view: View) -> npt.NDArray[np.int64]:
 
 
 def _separation_digits(eye: float, num: int, num_levels: int) -> npt.NDArray[np.uint64]:
-    """uint64 [num]: by index along an axis, two bits a level, 1 where that level's split is between it and the eye."""
+    """uint64 [num]: by index along an axis, two bits a level, 1 where its split lies between it and the eye."""
     index = np.arange(num)
     digits = np.zeros(num, np.uint64)
     for level in range(num_levels):

@@ -62,45 +62,46 @@ def build(of: Volume, tf: TransferFunction, error: ErrorSpec = OPTICAL, spec: Py
     return build_pyramid(of, tf, spec=spec or PyramidSpec(), error=error)
 
 
+def voxels_of(cut: Cut) -> tuple[npt.NDArray[np.int64], tuple[Array, Array, Array]]:
+    """Each voxel of each cell: which cell [m], and its index (z, y, x), each [m]."""
+    owners, voxels = [np.zeros(0, np.int64)], [np.zeros((0, 3), np.int64)]
+    for level in np.unique(cut.levels):
+        cells = np.flatnonzero(cut.levels == level)
+        offsets = np.indices((1 << level,) * 3).reshape(3, -1).T
+        inside = cut.cells[cells][:, None].astype(np.int64) * (1 << level) + offsets
+        real = np.all(inside < cut.volume.shape_xyz, axis=-1)
+        owners.append(np.repeat(cells, real.sum(axis=1)))
+        voxels.append(inside[real])
+    x, y, z = np.concatenate(voxels).T
+    return np.concatenate(owners), (z, y, x)
+
+
 def coverage(cut: Cut) -> npt.NDArray[np.int64]:
     """[z, y, x]: how many cells each voxel lies in."""
     count = np.zeros(cut.volume.values.shape, np.int64)
-    for level, (x, y, z) in zip(cut.levels, cut.cells, strict=True):
-        side = 1 << level
-        count[z * side : (z + 1) * side, y * side : (y + 1) * side, x * side : (x + 1) * side] += 1
+    np.add.at(count, voxels_of(cut)[1], 1)
     return count
 
 
-def owners(cut: Cut) -> npt.NDArray[np.int64]:
-    """[z, y, x]: which cell each voxel lies in, -1 for none."""
-    owner = np.full(cut.volume.values.shape, -1)
-    for k, (level, (x, y, z)) in enumerate(zip(cut.levels, cut.cells, strict=True)):
-        side = 1 << level
-        owner[z * side : (z + 1) * side, y * side : (y + 1) * side, x * side : (x + 1) * side] = k
-    return owner
-
-
 def cell_means(cut: Cut, values: Float64) -> Float64:
-    """[n, ...]: mean of values [z, y, x, ...] over each cell's voxels."""
-    owner = owners(cut)
-    inside = owner >= 0
-    sums = np.zeros((len(cut), *values.shape[3:]))
-    np.add.at(sums, owner[inside], values[inside])
-    count = np.bincount(owner[inside], minlength=len(cut))
-    return sums / count.reshape(-1, *[1] * (values.ndim - 3))
+    """[n, c]: mean of values [z, y, x, c] over each cell's voxels."""
+    owner, voxel = voxels_of(cut)
+    count = np.bincount(owner, minlength=len(cut))
+    sums = [np.bincount(owner, values[..., channel][voxel], len(cut)) for channel in range(values.shape[-1])]
+    return np.asarray(np.stack(sums, axis=-1) / count[:, None])
 
 
 def cell_errors(cut: Cut, values: Float64) -> Float64:
-    """[n]: root mean squared distance of values [z, y, x, c] from each cell's mean."""
-    owner = owners(cut)
-    means = cell_means(cut, values)
-    squares = np.where(owner >= 0, np.sum((values - means[owner]) ** 2, axis=-1), 0)
-    return np.sqrt(cell_means(cut, squares))
+    """[n]: root mean squared distance of values [z, y, x, c] from each cell's mean; two passes, no cancellation."""
+    owner, voxel = voxels_of(cut)
+    squares = np.sum((values[voxel] - cell_means(cut, values)[owner]) ** 2, axis=-1)
+    return np.asarray(np.sqrt(np.bincount(owner, squares, len(cut)) / np.bincount(owner, minlength=len(cut))))
 
 
 def parents_of(cut: Cut) -> Cut:
-    """The parent of each cell, as a cut (whose cells overlap)."""
-    return replace(cut, levels=cut.levels + np.uint8(1), cells=cut.cells >> 1)
+    """The parents of all cells, each once, as a cut (whose cells overlap)."""
+    table = np.unique(np.column_stack([cut.levels + 1, cut.cells >> 1]), axis=0)
+    return replace(cut, levels=table[:, 0].astype(np.uint8), cells=table[:, 1:].astype(np.int32))
 
 
 @MEASURES
@@ -144,18 +145,14 @@ def test_leaves_meet_the_tolerance_and_their_parents_do_not(tolerance: float) ->
     volume_of_voxel = of.voxel_volume
 
     def optical(cut: Cut) -> Float64:
-        sides = np.cbrt(np.bincount(owners(cut)[owners(cut) >= 0], minlength=len(cut)) * volume_of_voxel)
-        return cell_errors(cut, depths) * sides / of.spacing.min()
+        sides = np.cbrt(np.bincount(voxels_of(cut)[0]) * volume_of_voxel)
+        return np.asarray(cell_errors(cut, depths) * sides / of.spacing.min())
 
     cut = cut_pyramid(build(of, transfer()), tolerance)
     leaves = cut.levels > 0
     assert 0 < np.count_nonzero(leaves) < len(cut)
     assert np.all(optical(cut)[leaves] < tolerance * (1 + HALF_RTOL))
-    parents = parents_of(cut)
-    _, first = np.unique(np.column_stack([parents.levels, parents.cells]), axis=0, return_index=True)
-    for k in first[:: max(1, len(first) // 100)]:
-        one = replace(parents, levels=parents.levels[k : k + 1], cells=parents.cells[k : k + 1])
-        assert optical(one)[0] >= tolerance * (1 - HALF_RTOL)
+    assert np.all(optical(parents_of(cut)) >= tolerance * (1 - HALF_RTOL))
 
 
 @pytest.mark.parametrize(("error", "tolerance"), [(RMS, 0.05), (SCALAR, 8.0)], ids=["rms", "scalar"])
@@ -169,11 +166,7 @@ def test_rms_of_leaves_and_of_their_parents(error: ErrorSpec, tolerance: float) 
         measured = of.values[..., None].astype(float)
     cut = cut_pyramid(build(of, transfer(), error), tolerance)
     assert np.all(cell_errors(cut, measured)[cut.levels > 0] < tolerance * (1 + HALF_RTOL))
-    parents = parents_of(cut)
-    _, first = np.unique(np.column_stack([parents.levels, parents.cells]), axis=0, return_index=True)
-    for k in first[:: max(1, len(first) // 100)]:
-        one = replace(parents, levels=parents.levels[k : k + 1], cells=parents.cells[k : k + 1])
-        assert cell_errors(one, measured)[0] >= tolerance * (1 - HALF_RTOL)
+    assert np.all(cell_errors(parents_of(cut), measured) >= tolerance * (1 - HALF_RTOL))
 
 
 def test_the_error_of_the_scalar_is_in_data_units() -> None:
@@ -229,7 +222,8 @@ def test_faint_voxels_beside_opaque_ones_make_no_nan(faintest: float, average: A
     pyramid = build(make_volume(values, np.eye(4), "faint"), tf, spec=PyramidSpec(average))
     for tolerance in (0.0, 1e-20, 1e-3, 1e9):
         depths = cut_pyramid(pyramid, tolerance).depths
-        assert np.all(np.isfinite(depths)) and np.all(depths >= 0)
+        assert np.all(np.isfinite(depths))
+        assert np.all(depths >= 0)
 
 
 @pytest.mark.parametrize("finest", [0, 1, 3, 6, 20])
@@ -246,7 +240,7 @@ def test_no_cell_is_finer_than_the_finest_level(finest: int) -> None:
 def test_a_transparent_volume_has_an_empty_cut(tolerance: float, error: ErrorSpec) -> None:
     cut = cut_pyramid(build(make_volume(np.zeros((20, 40, 3), np.uint8), np.eye(4), ""), transfer(), error), tolerance)
     assert (len(cut), cut.cells.shape, cut.depths.shape) == (0, (0, 3), (0, 4))
-    assert (cut.levels.dtype, cut.cells.dtype, cut.depths.dtype) == (np.uint8, np.int32, np.float32)
+    assert [array.dtype.name for array in (cut.levels, cut.cells, cut.depths)] == ["uint8", "int32", "float32"]
 
 
 def test_a_volume_of_one_voxel() -> None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.pyramid import Level, Pyramid, build_pyramid
+from renderer.pyramid_kernels import store_halves
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
@@ -36,6 +37,7 @@ SHAPES = [
     (33, 65, 31),
     (40, 24, 72),
     (64, 64, 64),
+    (90, 100, 110),
 ]
 
 
@@ -79,7 +81,7 @@ def lighting(of: Volume, shading: ShadingSpec) -> Float64:
     length = np.linalg.norm(g, axis=-1)
     light = np.array(shading.light) / np.linalg.norm(shading.light)
     toward = np.divide(-g @ light, length, out=np.zeros_like(length), where=length > 0)
-    return shading.ambient + shading.diffuse * np.maximum(toward, 0)
+    return np.asarray(shading.ambient + shading.diffuse * np.maximum(toward, 0))
 
 
 def channels(of: Volume, tf: TransferFunction, *, opacity: bool, shading: ShadingSpec | None = None) -> Float64:
@@ -144,7 +146,7 @@ def dense_levels(pyramid: Pyramid) -> list[DenseLevel]:
     """Level 1 first; checks the links between the levels on the way down."""
     shape_xyz = np.array(pyramid.volume.shape_xyz)
     cells = np.zeros((len(pyramid.levels[-1].means), 3), np.int64)
-    dense = []
+    dense: list[DenseLevel] = []
     for number in range(pyramid.num_levels, 0, -1):
         level = pyramid.levels[number - 1]
         assert len(cells) == len(level.means) == len(level.errors)
@@ -297,8 +299,10 @@ def test_scalars_at_the_ends_of_float64_stay_finite(ends: tuple[float, float]) -
     for error in (OPTICAL, RMS, SCALAR):
         pyramid = build_pyramid(volume(values), tf, spec=PyramidSpec(), error=error)
         for level in pyramid.levels:
-            assert np.all(np.isfinite(level.means)) and np.all(level.means >= 0)
-            assert np.all(np.isfinite(level.errors)) and np.all(level.errors >= 0)
+            assert np.all(np.isfinite(level.means))
+            assert np.all(level.means >= 0)
+            assert np.all(np.isfinite(level.errors))
+            assert np.all(level.errors >= 0)
 
 
 @pytest.mark.parametrize("faintest", [1e-44, 1e-30, 1e-12])
@@ -310,8 +314,10 @@ def test_faint_voxels_beside_opaque_ones_make_no_nan(faintest: float) -> None:
     for average in ("extinction", "opacity"):
         pyramid = build_pyramid(volume(values), tf, spec=PyramidSpec(average), error=OPTICAL)
         for level in pyramid.levels:
-            assert np.all(np.isfinite(level.means)) and np.all(level.means >= 0)
-            assert np.all(np.isfinite(level.errors)) and np.all(level.errors >= 0)
+            assert np.all(np.isfinite(level.means))
+            assert np.all(level.means >= 0)
+            assert np.all(np.isfinite(level.errors))
+            assert np.all(level.errors >= 0)
 
 
 @pytest.mark.parametrize("error", [OPTICAL, SCALAR], ids=["optical", "scalar"])
@@ -324,6 +330,42 @@ def test_the_number_of_threads_changes_no_byte(error: ErrorSpec) -> None:
         for a, b in zip(first.levels, other.levels, strict=True):
             for name in ("means", "errors", "masks", "first_children"):
                 assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
+
+
+def test_light_on_scalars_at_the_ends_of_float64_stays_finite() -> None:
+    values = np.random.default_rng(0).choice([-1.7e308, 0.0, 1e-320, 1.7e308], (20, 20, 20))
+    tf = TransferFunction(np.zeros(1), np.ones((1, 3)), np.ones(1), 1.0)
+    pyramid = build_pyramid(
+        volume(values), tf, spec=PyramidSpec(), error=OPTICAL, shading=ShadingSpec(0.3, 0.7, (1.0, -1.0, 1.0))
+    )
+    for level in pyramid.levels:
+        assert np.all(np.isfinite(level.means))
+        assert np.all(level.means[:, :3] <= level.means[:, 3:])
+
+
+@pytest.mark.parametrize("extinction", [1e-300, 1e-25, 1e-20])
+@pytest.mark.parametrize("spec", [PyramidSpec(), SINGLE], ids=["half", "single"])
+def test_a_volume_that_is_all_but_transparent(extinction: float, spec: PyramidSpec) -> None:
+    """A depth below 2^-80 a voxel is none; above, its mean is kept to full precision."""
+    tf = TransferFunction(np.zeros(1), np.ones((1, 3)), np.full(1, extinction), 1.0)
+    pyramid = build_pyramid(volume(np.ones((9, 9, 40), np.uint8)), tf, spec=spec, error=OPTICAL)
+    means = pyramid.levels[-1].means.astype(np.float64) * pyramid.mean_unit
+    assert len(means) == (extinction > 2.0**-80)
+    np.testing.assert_allclose(means, np.full(means.shape, extinction), rtol=HALF_RTOL)
+
+
+def test_float16_is_rounded_to_nearest() -> None:
+    halves = np.arange(0x7800, dtype=np.uint16).view(np.float16)  # from 0 to 2^15, denormal ones included
+    between = (halves[:-1].astype(np.float64) + halves[1:]) / 2
+    values = np.concatenate([halves.astype(np.float32), between.astype(np.float32)])
+    values = np.concatenate([values, np.nextafter(values, np.float32(0)), np.nextafter(values, np.float32(1e9))])
+    values = values[values <= 2.0**15]
+    got = np.empty(len(values), np.uint16)
+    store_halves(values / np.float32(4), 4.0, got)
+    nearest = values.astype(np.float16).astype(np.float64)
+    error = np.abs(got.view(np.float16).astype(np.float64) - values)
+    # Only where the two neighbours are equally near may it be another one than numpy's.
+    np.testing.assert_array_equal(error, np.abs(nearest - values))
 
 
 def test_arrays_are_read_only() -> None:
