@@ -56,7 +56,8 @@ class GaussianFootprint:
         end = decay * GAUSSIAN_CUTOFF**2
         partial = [1 - math.exp(-end) * sum(end**j / math.factorial(j) for j in range(k + 1)) for k in range(3)]
         integral = math.pi * sum(
-            c * math.factorial(k) / decay ** (k + 1) * part for k, (c, part) in enumerate(zip(shape, partial, strict=True))
+            c * math.factorial(k) / decay ** (k + 1) * part
+            for k, (c, part) in enumerate(zip(shape, partial, strict=True))
         )
         return cls(decay, (shape[0] / integral, shape[1] / integral, shape[2] / integral))
 
