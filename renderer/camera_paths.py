@@ -95,7 +95,7 @@ def _rotation_from_z_to(axis: Vector) -> Float64:
     length = math.hypot(*axis)
     x, y, z = (component / length for component in axis)
     aside = x * x + y * y
-    if aside == 0.0:
+    if aside < 1e-300:  # the axis is z to all digits, and 2 / aside might not be finite
         return np.diag([1.0, 1.0, 1.0]) if z > 0.0 else np.diag([1.0, -1.0, -1.0])
     share = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / aside  # 1 / (1 + z), without cancellation near -z
     return np.array(

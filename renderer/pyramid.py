@@ -119,7 +119,7 @@ def build_pyramid(
     room = _Room.empty(len(blocks), plan.dtype)
     tier = _build_all_blocks(plan, blocks, room, num_threads)
     depths = plan.rule if spec.average == "extinction" else make_classifier(volume, transfer, shading, opacity=False)
-    stored = room.compacted()
+    stored = room.compacted(num_threads)
     while len(stored) < num_levels:
         tier, levels = _next_tier(plan, tier, len(stored))
         stored += levels
@@ -249,17 +249,23 @@ class _Room:
         means, errors, masks = (array[task * num : (task + 1) * num] for array in self.levels[level])
         return means, errors, masks
 
-    def compacted(self) -> list[_Stored]:
+    def compacted(self, num_threads: int) -> list[_Stored]:
         """The levels without the gaps between tasks: moved together where they lie, then cut off."""
-        for level, arrays in enumerate(self.levels):
-            for array in filter(len, arrays):
-                end = 0
-                for task, num in enumerate(self.counts[:, level]):
-                    start = task * BLOCKS_PER_TASK * NODES_OF_GROUP[level]
-                    if end < start:
-                        array[end : end + num] = array[start : start + num]
-                    end += num
-                array.resize((end, *array.shape[1:]), refcheck=False)
+
+        def compact(level: int, array: Array) -> None:
+            end = 0
+            for task, num in enumerate(self.counts[:, level]):
+                start = task * BLOCKS_PER_TASK * NODES_OF_GROUP[level]
+                if end < start:
+                    array[end : end + num] = array[start : start + num]
+                end += num
+            array.resize((end, *array.shape[1:]), refcheck=False)
+
+        levels, arrays = zip(
+            *((k, array) for k, level in enumerate(self.levels) for array in level if len(array)), strict=True
+        )
+        with ThreadPoolExecutor(num_threads) as pool:
+            list(pool.map(compact, levels, arrays))
         return list(self.levels)
 
 
@@ -352,10 +358,10 @@ def _items(values: npt.NDArray[np.float32]) -> npt.NDArray[np.complex128]:
 def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Stored]]:
     """The two levels above `level`, on which the nodes of `tier` lie in Morton order, and the upper one's as a tier."""
     cells = tier.cells >> TIER_LEVELS
-    firsts = np.flatnonzero(np.concatenate([[True], np.any(np.diff(cells, axis=0) != 0, axis=1)]))
-    place = ((tier.cells & 1) * 8 + (tier.cells >> 1 & 1)) @ np.array([1, 2, 4])
-    place += 64 * np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(cells))))
-    cells = cells[firsts]
+    steps = np.diff(cells, axis=0)
+    is_first = np.concatenate([[True], (steps[:, 0] | steps[:, 1] | steps[:, 2]) != 0])
+    place = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
+    cells = cells[is_first]
     extents = cell_extents(cells, level + TIER_LEVELS, plan.shape_xyz).astype(np.uint64)
 
     scratch = _Scratch.empty(plan, len(cells))
@@ -375,6 +381,11 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Store
     return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
 
 
+def _octants(cells: Int64) -> Int64:
+    """int64 [n]: which child of its parent a cell is."""
+    return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
+
+
 def _empty_groups(num_groups: int, num_channels: int, dtype: Any) -> _Groups:
     shapes = [(num_groups, num_nodes, num_channels) for num_nodes in NODES_OF_GROUP]
     return [(np.empty(shape, dtype), np.empty(shape, dtype)) for shape in shapes]
@@ -390,7 +401,7 @@ def _store_visible(plan: _Plan, scratch: _Scratch, part: int, target: _Stored) -
     """Write the visible nodes of one part of the groups to the beginning of `target`; how many they are."""
     means, _ = scratch.nodes[part]
     _, variances = (scratch.errors or scratch.nodes)[part]
-    children = scratch.nodes[part - 1][0] if part > 0 else None
+    children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
     num = kernels.append_visible(
         means, _items(means), variances, children, _items(scratch.visible), scratch.spreads, target[2]
     )

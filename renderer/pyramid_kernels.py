@@ -37,6 +37,9 @@ Items = npt.NDArray[np.complex128]
 
 BLOCK = 8
 
+# The side of a voxel in voxels, not as a literal, for which numba would compile a version of its own.
+VOXEL = np.int64(1)
+
 # Where the coordinates of a voxel in its block put it among 8 x 64 children: the lowest bit is that of the child, the
 # highest that of the largest parent. Unsigned indices, here and below, spare numba asking if they count from the end.
 SPREAD_X = np.array([64 * (i & 1) + 8 * (i >> 1 & 1) + (i >> 2) for i in range(BLOCK)], np.uint64)
@@ -69,7 +72,7 @@ def level_of_channels(
     fetched = np.empty((BLOCK, BLOCK, BLOCK), codes.dtype)
     for g in range(len(starts)):
         if g == 0 or not _same(extents, g):
-            _set_shares(extents, g, 1, shares, 4)
+            _set_shares(extents, g, VOXEL, shares, means.shape[2])
             voxels[:] = 0  # those outside of the volume stay so
         whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK**3
         if whole and lighting is None and table_items is not None:
@@ -96,7 +99,7 @@ def level_of_scalars(
     voxels, shares = np.empty(BLOCK**3), np.empty((3, 64))
     for g in range(len(starts)):
         if g == 0 or not _same(extents, g):
-            _set_shares(extents, g, 1, shares, 1)
+            _set_shares(extents, g, VOXEL, shares, means.shape[2])
             voxels[:] = 0
         for z in range(extents[g, 2]):
             for y in range(extents[g, 1]):
@@ -144,7 +147,7 @@ def _same(extents: UInt64, g: int) -> bool:
 
 
 @jit
-def _set_shares(extents: UInt64, g: int, child: int, shares: Array, num_channels: int) -> None:
+def _set_shares(extents: UInt64, g: int, child: int | np.int64, shares: Array, num_channels: int) -> None:
     """Shares [3, n c] for the n nodes of a group, whose children are `child` voxels a side."""
     num_nodes = shares.shape[1] // num_channels
     for axis in range(3):
@@ -264,14 +267,15 @@ def append_visible(
     means: Float32,
     mean_items: Items,
     variances: Array,
-    children: Float32 | None,
+    children: Float32,
     items_out: Items,
     variances_out: Float32,
     masks_out: npt.NDArray[np.uint8],
 ) -> int:
     """Copy the visible ones of groups [g, n, 4] in Morton order, as items [g, n] to [.]; return how many they are.
 
-    variances: [g, n, c], summed over the channels into [.]. children: [g, 8 n, 4], whose visibility becomes masks [.].
+    variances: [g, n, c], summed over the channels into [.].
+    children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
     """
     num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
     for g in range(len(means)):
@@ -283,7 +287,7 @@ def append_visible(
                 for channel in range(1, variances.shape[2]):
                     total += variances[g, node, channel]
                 variances_out[num] = total
-                if children is not None:
+                if len(children) > 0:
                     mask = 0
                     for k in range(8):
                         if children[g, np.uint64(k) * num_nodes + node, 3] > 0:
