@@ -1,5 +1,19 @@
-"""`python -m hsplat_cli` is `hsplat`."""
+"""Where the program starts, as `hsplat` or as `python -m hsplat_cli`."""
 
-from hsplat_cli.main import main
+import sys
 
-main()
+
+def main() -> None:
+    """Run the command line of the process, and exit."""
+    try:
+        # Imported here, so that Ctrl-C in the meantime is a message and not a traceback.
+        from hsplat_cli.main import main as run  # noqa: PLC0415
+
+        run()
+    except KeyboardInterrupt:
+        print("hsplat: interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -70,9 +70,10 @@ def info(
     offset: int,
     as_json: bool,
 ) -> None:
-    """Show shape, spacing, direction, values and histogram of VOLUME, a file or a folder, and suggest value ranges.
+    """Describe a volume: shape, place, values and histogram.
 
-    The last part of the output is a transfer function to paste into a scene file.
+    VOLUME is a file, or a folder of slices. The last part of the output suggests ranges of values, and a transfer
+    function to paste into a scene file.
     """
     from renderer.readers import read_volume  # noqa: PLC0415  (numpy, for which --help does not wait)
     from renderer.statistics import measure, suggest_ranges  # noqa: PLC0415

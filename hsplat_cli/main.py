@@ -13,7 +13,6 @@ import select
 import sys
 import traceback
 from collections.abc import Sequence
-from importlib import metadata
 
 import click
 
@@ -22,9 +21,9 @@ from renderer.errors import HsplatError, InputError, nearest
 # Module and summary of each command; a command is the function of its own name in its module, which is imported only
 # when the command is called. Help would be slow if it had to ask the modules.
 COMMANDS = {
-    "render": ("hsplat_cli.render", "Render a scene to a film or to frames."),
+    "render": ("hsplat_cli.render", "Render a scene to a film or to numbered frames."),
     "check": ("hsplat_cli.check", "Check a scene file and list everything that is wrong with it."),
-    "info": ("hsplat_cli.info", "Describe a volume: shape, spacing, range, histogram."),
+    "info": ("hsplat_cli.info", "Describe a volume: shape, place, values and histogram."),
 }
 
 
@@ -61,6 +60,8 @@ class LazyGroup(click.Group):
 def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted or context.resilient_parsing:
         return
+    from importlib import metadata  # noqa: PLC0415  takes as long to import as all the rest
+
     try:
         version = metadata.version("hsplat")
     except metadata.PackageNotFoundError:

@@ -63,6 +63,7 @@ class Lines:
         self._start = self._time_of_line = clock()
 
     def advance(self, note: str = "") -> None:
+        """One frame more is done: a line, if one is due."""
         self._done += 1
         now = self._clock()
         if not self._is_due(now):

@@ -10,17 +10,22 @@ Orthographic, where half the frame's height shows d tan(field of view / 2), the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from renderer.camera import Float64
+from renderer.camera import Float64, View
 from renderer.camera_paths import camera_pose
 from renderer.errors import InputError
+from renderer.octree import visible_cells
+from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
+from renderer.volume import Volume
 
 # Left free along every side, as a share of half the frame's smaller side: a footprint reaches beyond its cell's centre.
 MARGIN = 0.03
+# A cell narrower than this on the image is finer than the narrowest footprint that is drawn.
+SMALLEST_CELL_PX = 0.5
 # Products formed at once: 16 MB of float64 whatever the number of points and frames.
 _MAX_PRODUCTS = 2_000_000
 
@@ -72,3 +77,57 @@ def _largest_product(points: Float64, normals: Float64) -> float:
     """The largest scalar product of any of [n, 3] points with any of [m, 3] normals."""
     rows = max(1, _MAX_PRODUCTS // len(points))
     return max(float((points @ normals[i : i + rows].T).max()) for i in range(0, len(normals), rows))
+
+
+def visible_points(pyramid: Pyramid) -> Float64:
+    """float64 [n, 3]: world positions of corners of visible cells, with the same extremes in every direction as all of
+    them; the corners of the whole volume where nothing is visible.
+
+    The cells are 1/128 of the volume or smaller, down to two voxels.
+    """
+    volume = pyramid.volume
+    shape = np.array(volume.shape_xyz)
+    level = max(1, pyramid.num_levels - 7)
+    cells = visible_cells(pyramid, level)
+    if len(cells) == 0:
+        corners = np.stack(np.meshgrid(*([-0.5, n - 0.5] for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
+        return _to_world(volume, corners)
+    # Of all corners on a line along x only the first and the last can be extreme.
+    num_y, num_z = (shape[1:] - 1 >> level) + 2
+    first = np.full((num_z, num_y), np.iinfo(np.int32).max, np.int32)
+    last = np.full((num_z, num_y), -1, np.int32)
+    for dz in (0, 1):
+        for dy in (0, 1):
+            line = cells[:, 2] + dz, cells[:, 1] + dy
+            np.minimum.at(first, line, cells[:, 0])
+            np.maximum.at(last, line, cells[:, 0] + 1)
+    z, y = np.nonzero(last >= 0)
+    corners = np.concatenate([np.column_stack([x[z, y], y, z]) for x in (first, last)])
+    return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
+
+
+def finest_useful_level(volume: Volume, points_world: Float64, views: Sequence[View]) -> int:
+    """The finest level of which some cell is wider than SMALLEST_CELL_PX on some view; 0 if an eye may be among them.
+
+    A bound: the longest diagonal of a voxel, at the smallest depth and the steepest angle of the points' bounding box.
+    """
+    low, high = points_world.min(axis=0), points_world.max(axis=0)
+    box = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
+    edges = volume.world_from_index[:3, :3]
+    diagonal = max(float(np.linalg.norm(edges @ signs)) for signs in ([1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]))
+    widest_px = 0.0
+    for view in views:
+        position = box @ view.view_from_world[:3, :3].T + view.view_from_world[:3, 3]
+        if view.projection == "orthographic":
+            widest_px = max(widest_px, diagonal * view.scale_px)
+            continue
+        depth = float(-position[:, 2].max())
+        if depth <= 0:
+            return 0
+        steepest = math.hypot(1.0, *(np.abs(position[:, :2]).max(axis=0) / depth))
+        widest_px = max(widest_px, diagonal * view.scale_px / depth * steepest)
+    return max(0, math.floor(math.log2(SMALLEST_CELL_PX / widest_px)))
+
+
+def _to_world(volume: Volume, index: Float64) -> Float64:
+    return np.asarray(index @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3], np.float64)

@@ -68,6 +68,15 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
     return _joined(pyramid, parts, cells)
 
 
+def visible_cells(pyramid: Pyramid, level: int) -> Int32:
+    """int32 [n, 3]: all visible cells of a level from 1 to the root's, x, y, z in units of their width."""
+    cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
+    nodes = np.arange(len(cells))
+    for above in pyramid.levels[: level - 1 : -1]:
+        nodes, cells = _children(nodes, cells, above.masks, above.first_children)
+    return cells
+
+
 def _error_scale(pyramid: Pyramid, cells: Int32, level: int) -> Float64:
     """What a node's root of variance is multiplied by, [n] or []: for `optical` the cell's side, the cube root of its
     world volume, in units of the finest spacing (which the channels carry); 1 for `rms`."""

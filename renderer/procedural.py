@@ -7,6 +7,7 @@ with sines, `marschner_lobb`, is rounded to 8 bits.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -185,7 +186,7 @@ def _engine_block(source: ProceduralSource) -> Array:
         ((np.arange(n) - (n - 1) / 2) * step / unit).astype(np.float32) for n, step in zip(shape, spacing, strict=True)
     )
     blur = np.float32(_BLUR_VOXELS * float(spacing.min()) / unit)
-    rng = np.random.Generator(np.random.PCG64(source.seed))
+    random = np.random.PCG64(source.seed)
     values = np.empty(source.shape[::-1], np.uint8)
     thickness = max(1, _SLAB_VOXELS // (len(x) * len(y)))
     parts = tuple(_engine_parts())
@@ -194,11 +195,22 @@ def _engine_block(source: ProceduralSource) -> Array:
         field = np.full(slab.shape, _AIR, np.float32)
         for part in parts:
             _paint(field, part, (x, y, z[begin : begin + thickness]), blur)
-        # Three uniform bytes add up to something close to normal, the same on every machine, variance (256^2 - 1) / 4.
-        noise = rng.integers(0, 256, (3, *slab.shape), np.uint8).sum(axis=0, dtype=np.float32) - np.float32(382.5)
-        field += noise * np.float32(_NOISE / np.sqrt((256**2 - 1) / 4))
+        field += _noise(random, slab.shape)
         slab[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)
     return values
+
+
+def _noise(random: np.random.PCG64, shape: tuple[int, ...]) -> Array:
+    """float32 noise of standard deviation _NOISE: three uniform bytes add up to something close to normal.
+
+    Raw bits, because those of a seed are the same in every version of numpy, unlike the distributions made of them.
+    """
+    num_bytes = 3 * math.prod(shape)
+    uniform = random.random_raw(-(-num_bytes // 8)).astype("<u8").view(np.uint8)[:num_bytes].reshape(3, *shape)
+    deviation = math.sqrt(3 * (256**2 - 1) / 12)
+    centred: Array = uniform.sum(axis=0, dtype=np.float32) - np.float32(3 * 127.5)
+    centred *= np.float32(_NOISE / deviation)
+    return centred
 
 
 def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np.float32) -> None:

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from renderer.camera import View
+from renderer.jit import jit
 from renderer.octree import Cut
 from renderer.splats import SplatBatch
 from renderer.visibility import box_order, depth_order
 
 Float64 = npt.NDArray[np.float64]
 
-# Footprints are widened to this standard deviation: point-sampled Gaussians keep their energy within 3 % there
-# (the aliases of a lattice of samples are 4 exp(-2 pi^2 sigma^2) of the whole), and within 16 % at 0.4.
-NARROWEST_SIGMA_PX = 0.5
-
-# Slopes x / depth are held to this multiple of the image's corner's when a footprint is projected: the affine approximation
-# of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
+# Slopes x / depth are held to this multiple of those at the image's edges when a footprint is projected: the affine
+# approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
 SLOPE_LIMIT = 1.3
 
 
@@ -58,7 +54,7 @@ def model_view(batch: SplatBatch, view: View) -> ModelView:
 
 def longest_sigma(batch: SplatBatch) -> Float64:
     """float64 [num_shapes]: the largest standard deviation of each shape in any direction, model units."""
-    return np.linalg.norm(batch.axes, ord=2, axis=(1, 2))
+    return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
 def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.NDArray[np.uint32]:
@@ -66,10 +62,10 @@ def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.ND
     camera = model_view(batch, view)
     reach = batch.footprint.cutoff * longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
-    half_width, half_height = (0.5 * n + batch.footprint.cutoff * NARROWEST_SIGMA_PX + 1 for n in camera.size)
+    half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.narrowest_px + 1 for n in camera.size)
     _depths_and_culling(
         batch.vertices, reach, camera.view_from_model, camera.perspective,
-        camera.scale_px, half_width, half_height, camera.near, depths, seen,
+        camera.scale_px, half_width, half_height, camera.slope_limit, camera.near, depths, seen,
     )  # fmt: skip
     if order == "boxes":
         back_to_front = box_order(cut, view)
@@ -78,21 +74,35 @@ def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.ND
     return indices[depth_order(depths[indices])]
 
 
-@numba.njit(cache=True, nogil=True)
-def _depths_and_culling(  # type: ignore[no-untyped-def]
-    vertices, reach, view_from_model, perspective, scale, half_width, half_height, near, depths, seen
-):
-    """View depth of every centre, and whether a ball of its shape's reach meets the image's frustum (conservative)."""
+@jit
+def _depths_and_culling(
+    vertices: npt.NDArray[np.float32],
+    reach: Float64,
+    view_from_model: Float64,
+    perspective: bool,
+    scale: float,
+    half_width: float,
+    half_height: float,
+    slope_limit: Float64,
+    near: float,
+    depths: npt.NDArray[np.float32],
+    seen: npt.NDArray[np.bool_],
+) -> None:
+    """Depth of every centre behind the model's origin, and whether its footprint can meet the image (conservative).
+
+    Depths from the eye would lose their order to float32 where the eye is far away.
+    """
     r = view_from_model
-    side = np.sqrt(scale * scale + half_width * half_width)
-    top = np.sqrt(scale * scale + half_height * half_height)
+    # Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
+    side, top = scale * np.sqrt(1 + slope_limit[0] ** 2), scale * np.sqrt(1 + slope_limit[1] ** 2)
     for i in range(len(vertices)):
         cx, cy, cz = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         x = abs(r[0, 0] * cx + r[0, 1] * cy + r[0, 2] * cz + r[0, 3])
         y = abs(r[1, 0] * cx + r[1, 1] * cy + r[1, 2] * cz + r[1, 3])
-        depth = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz + r[2, 3])
+        behind_origin = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz)
+        depth = behind_origin - r[2, 3]
+        depths[i] = behind_origin
         radius = reach[int(vertices[i, 7])]
-        depths[i] = depth
         if perspective:
             inside = (x * scale - depth * half_width <= radius * side) and (
                 y * scale - depth * half_height <= radius * top

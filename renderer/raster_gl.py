@@ -1,7 +1,7 @@
 """Rasterise splats with OpenGL: the only module that makes GL calls.
 
-A headless EGL context (any GPU's driver, or Mesa's llvmpipe) and a float32 RGBA target. Splats come sorted back to front
-and are streamed to the device in batches of bounded size, so that neither their number nor the driver's limits on
+A headless EGL context (any GPU's driver, or Mesa's llvmpipe) and a float32 RGBA target. Splats come sorted back to
+front and are streamed to the device in batches of bounded size, so that neither their number nor the driver's limits on
 buffers matter:
 
     batch of splats -> vertex buffer -> points, quads (larger than the driver's points) or triangle fans
@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.errors import RenderError
-from renderer.projection import NARROWEST_SIGMA_PX, ModelView, longest_sigma, model_view
+from renderer.projection import ModelView, longest_sigma, model_view
 from renderer.shaders import load_shader
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 
@@ -37,6 +37,9 @@ MAX_SHAPES = 256
 
 # SplatBatch.vertices
 VERTEX_FORMAT, VERTEX_NAMES, VERTEX_BYTES = "3f 4f 1f", ("center", "areas", "shape"), 32
+
+# EGL devices tried before giving up; a machine has one for each GPU and one for the software renderer.
+MAX_EGL_DEVICES = 9
 
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
@@ -77,22 +80,23 @@ class GLRasterizer:
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
         camera = model_view(batch, view)
-        target = self._resized_target(view.size)
-        target.use()
-        target.clear(0.0, 0.0, 0.0, 0.0)
-        self._shapes.write(_shape_block(batch, camera))
-        self._shapes.bind_to_uniform_block(0)
-        draw = self._gaussians if isinstance(batch.footprint, GaussianFootprint) else self._fans
-        for first in range(0, len(order), BATCH_SIZE):
-            draw(batch, order[first : first + BATCH_SIZE], camera)
         image = np.empty((view.size[1], view.size[0], 4), np.float32)
-        target.read_into(image, components=4, dtype="f4")
+        with self._context:  # another one may have been made since
+            target = self._resized_target(view.size)
+            target.use()
+            target.clear(0.0, 0.0, 0.0, 0.0)
+            self._shapes.write(_shape_block(batch, camera))
+            self._shapes.bind_to_uniform_block(0)
+            draw = self._gaussians if isinstance(batch.footprint, GaussianFootprint) else self._fans
+            for first in range(0, len(order), BATCH_SIZE):
+                draw(batch, order[first : first + BATCH_SIZE], camera)
+            target.read_into(image, components=4, dtype="f4")
         return image
 
     def _gaussians(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> None:
         """Points, and in their place in the order quads where the driver's points are too small."""
         assert isinstance(batch.footprint, GaussianFootprint)
-        program = self._program("gaussian", camera)
+        program = self._program("gaussian", batch, camera)
         for name in ("cutoff", "decay", "coefficients"):
             program[name] = getattr(batch.footprint, name)
         vertices = batch.vertices.take(order, axis=0)
@@ -121,7 +125,7 @@ class GLRasterizer:
         """The paper's footprints: one instance of the mesh for each splat."""
         footprint = batch.footprint
         assert isinstance(footprint, GouraudFootprint)
-        program = self._program("gouraud", camera)
+        program = self._program("gouraud", batch, camera)
         self._splats.orphan()
         self._splats.write(batch.vertices.take(order, axis=0))
         mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
@@ -134,8 +138,8 @@ class GLRasterizer:
             fans.render(moderngl.TRIANGLES, instances=len(order))
             fans.release()
 
-    def _program(self, name: str, camera: ModelView) -> Any:
-        """The program of a footprint, compiled at its first use, with the camera's uniforms set."""
+    def _program(self, name: str, batch: SplatBatch, camera: ModelView) -> Any:
+        """The program of a footprint, compiled at its first use, with the uniforms of all footprints set."""
         if name not in self._programs:
             self._programs[name] = self._context.program(
                 vertex_shader=load_shader("project.glsl", "opacity.glsl", f"{name}_vertex.glsl"),
@@ -150,7 +154,7 @@ class GLRasterizer:
         program["size_px"] = camera.size
         program["near_depth"] = camera.near
         program["slope_limit"] = tuple(camera.slope_limit)
-        program["narrowest_px"] = NARROWEST_SIGMA_PX
+        program["narrowest_px"] = batch.footprint.narrowest_px
         return program
 
     def _vertex_array(self, program: Any, buffer: Any) -> Any:
@@ -171,20 +175,34 @@ class GLRasterizer:
             if self._target is not None:
                 self._target.color_attachments[0].release()
                 self._target.release()
-            self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
+                self._target = None
+            try:
+                self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
+            except moderngl.Error as error:
+                raise RenderError(
+                    "the device has no room for a picture of this size",
+                    where=self.renderer_name,
+                    got=f"{size[0]} x {size[1]} pixels of 16 bytes",
+                    hint="choose a smaller output.size",
+                ) from error
         return self._target
 
 
 def _create_context() -> Any:
-    try:
-        return moderngl.create_context(require=330, standalone=True, backend="egl")
-    except Exception as error:  # the loader raises plain Exceptions, one for each step that can fail
-        raise RenderError(
-            "no OpenGL 3.3 context could be made",
-            got=str(error),
-            expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
-            hint=f"on Debian or Ubuntu: apt-get install {PACKAGES}",
-        ) from error
+    """A headless context on the first EGL device that gives one: a GPU may be there and not be ours to use."""
+    failures = []
+    for device in range(MAX_EGL_DEVICES):
+        settings: dict[str, Any] = {"backend": "egl", "device_index": device}
+        try:
+            return moderngl.create_context(require=330, standalone=True, **settings)
+        except Exception as error:  # the loader raises plain Exceptions, one for each step that can fail
+            failures.append(error)
+    raise RenderError(
+        "no OpenGL 3.3 context could be made",
+        got=str(failures[0]),
+        expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
+        hint=f"on Debian or Ubuntu: apt-get install {PACKAGES}",
+    ) from failures[0]
 
 
 def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:
@@ -204,4 +222,4 @@ def _size_bound_px(batch: SplatBatch, vertices: npt.NDArray[np.float32], camera:
         steepest = np.sqrt(1 + np.sum(camera.slope_limit**2))
         safe = depth - camera.near > 5 * sigma
         sigma_px = np.divide(sigma * (camera.scale_px * steepest), depth, out=np.full(len(sigma), np.inf), where=safe)
-    return 2 * batch.footprint.cutoff * np.maximum(sigma_px, NARROWEST_SIGMA_PX) + 1
+    return 2 * batch.footprint.cutoff * np.maximum(sigma_px, batch.footprint.narrowest_px) + 1

@@ -179,7 +179,7 @@ def _check_profile(node: Node, profile: tuple[tuple[float, float], ...]) -> None
 _SPLAT = section(
     {
         "footprint": choice("gaussian", "gouraud"),
-        "sigma": number(above=0, most=2),
+        "sigma": number(least=0.38, most=2),
         "angular": integer(least=3, most=64),
         "radial": integer(least=1, most=32),
         "profile": _PROFILE,

@@ -161,7 +161,7 @@ def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
         path = base / node.value
         got = str(path) if str(path).isprintable() else repr(str(path))
         try:
-            is_file, is_folder = path.is_file(), path.is_dir()
+            is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
         except OSError as error:  # a folder without permission, a name that is too long
             return kind.refuse(node, f"cannot be read: {error.strerror}", got=show(str(path)))
         if folder and is_file and path.suffix.lower() in _HEADERLESS:
@@ -169,9 +169,11 @@ def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
             return kind.refuse(node, "a file without a header", got=got, hint=hint)
         if is_folder and not folder:
             return kind.refuse(node, "a folder", got=got)
-        if not (is_file or is_folder):
-            return kind.refuse(node, "no such file", got=got, hint=_where_else(path))
-        return path
+        if is_file or is_folder:
+            return path
+        if is_other:
+            return kind.refuse(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
+        return kind.refuse(node, "no such file", got=got, hint=_where_else(path))
 
     kind: Kind[Path] = Kind(_SELF_DESCRIBING if folder else "a file of voxels without a header", parse)
     return kind

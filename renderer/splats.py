@@ -5,8 +5,8 @@ ray integrals of that Gaussian are its footprint, a weight in optical depth whos
 to the ray is `tau * cell volume` (the *optical area* below); a pixel's alpha is `1 - exp(-tau w)`. The paper's rule
 for doubling a cell, `1 - a_2 = (1 - a_1)^2`, is that of optical depths (Laur and Hanrahan 1991, section 3).
 
-Lengths are in model units: relative to the volume's centre and to half its diagonal, taken in float64, so that neither a
-volume's size nor its place in the world costs precision in float32.
+Lengths are in model units: relative to the volume's centre and to half its diagonal, taken in float64, so that neither
+a volume's size nor its place in the world costs precision in float32.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from renderer.errors import RenderError
 from renderer.octree import Cut
-from renderer.pyramid import cell_extents
 from renderer.scene import SplatSpec
 
 Float64 = npt.NDArray[np.float64]
@@ -34,20 +34,24 @@ CHUNK = 1 << 18
 class GaussianFootprint:
     """Weight `exp(-decay q) (c0 + c1 q + c2 q^2)`, q the square of the distance in standard deviations, up to `cutoff`.
 
-    Plain Gaussians on a lattice ripple: seen along an axis by `4 exp(-2 pi^2 sigma^2)`, 3 % at 0.5 cells and 11 % at 0.425;
-    and wide ones blur. Here a Gaussian of variance `s^2` loses its spectrum at the two lowest frequencies of the lattice,
-    `exp(-2 pi^2 s^2 f^2) (1 - f^2) (1 - f^2 / 2)` with f per cell. Its variance is then `s^2 + 3 / (4 pi^2)`, and in space,
-    with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is
+    Plain Gaussians on a lattice ripple: seen along an axis by `4 exp(-2 pi^2 sigma^2)`, 3 % at 0.5 cells and 11 % at
+    0.425; and wide ones blur. Here a Gaussian of variance `s^2` loses its spectrum at the two lowest frequencies of the
+    lattice, `exp(-2 pi^2 s^2 f^2) (1 - f^2) (1 - f^2 / 2)` with f per cell. Its variance is then `s^2 + 3 / (4 pi^2)`,
+    and in space, with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is
     `1 + 3/2 a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8)`, which is nowhere negative for s > 0.26.
+
+    narrowest_px: footprints are widened to this standard deviation. Sampled at pixels, the energy of one at 0.5 varies
+    with its place by 3.9 % at most.
     """
 
     decay: float
     coefficients: tuple[float, float, float]
     cutoff: float = GAUSSIAN_CUTOFF
+    narrowest_px: float = 0.5
 
     @classmethod
     def of_sigma(cls, sigma: float) -> GaussianFootprint:
-        """For lattices whose cell is `1 / sigma` standard deviations of the footprint; integral 1 over what is drawn."""
+        """For lattices whose cell is `1 / sigma` standard deviations wide; its integral over what is drawn is 1."""
         s2 = sigma**2 - 3 / (4 * math.pi**2)
         a, ratio = 1 / (4 * math.pi**2 * s2), sigma**2 / s2
         decay = ratio / 2
@@ -55,25 +59,28 @@ class GaussianFootprint:
         # integral of exp(-decay q) q^k over the disc: pi k! / decay^(k + 1) times a sum that the cutoff ends.
         end = decay * GAUSSIAN_CUTOFF**2
         partial = [1 - math.exp(-end) * sum(end**j / math.factorial(j) for j in range(k + 1)) for k in range(3)]
-        integral = math.pi * sum(
-            c * math.factorial(k) / decay ** (k + 1) * part
-            for k, (c, part) in enumerate(zip(shape, partial, strict=True))
-        )
+        moments = [math.pi * math.factorial(k) / decay ** (k + 1) * partial[k] for k in range(3)]
+        integral = sum(c * moment for c, moment in zip(shape, moments, strict=True))
         return cls(decay, (shape[0] / integral, shape[1] / integral, shape[2] / integral))
 
 
 @dataclass(frozen=True)
 class GouraudFootprint:
-    """The paper's footprint: triangles around a centre, opacities linear inside each (Laur and Hanrahan 1991, section 4).
+    """The paper's footprint: triangles about a centre, opacities linear in each (Laur and Hanrahan 1991, section 4).
 
     vertices: float64 [v, 2], in standard deviations; vertex 0 is the centre.
     weights: float64 [v], footprint weight at each vertex; linear in the triangles, they integrate to 1.
     triangles: int32 [t, 3].
+    narrowest_px: footprints are widened to this standard deviation; wider than Gaussians, for the mesh's kinks alias.
+
+    On the image the vertices lie at `centre + root @ vertex`, in pixels with row 0 at the top, `root` being the lower
+    triangular root (Cholesky) of the footprint's covariance.
     """
 
     vertices: Float64
     weights: Float64
     triangles: npt.NDArray[np.int32]
+    narrowest_px: float = 0.85
 
     @property
     def cutoff(self) -> float:
@@ -85,10 +92,10 @@ class GouraudFootprint:
 class SplatBatch:
     """Splats in the order of their cut.
 
-    vertices: float32 [n, 8], laid out as the device reads them: centre [3] in model units and world axes, optical areas
-        [4] (tau c V, tau V) in model units squared, the integral of the footprint; and the number of the shape.
-    axes: float64 [num_shapes, 3, 3], columns: the Gaussian's standard deviation along each edge of the cell, a vector in
-        model units, world axes; the covariance is `axes @ axes.T`.
+    vertices: float32 [n, 8], laid out as the device reads them: centre [3] in model units and world axes, optical
+        areas [4] (tau c V, tau V) in model units squared, the integral of the footprint; and the number of the shape.
+    axes: float64 [num_shapes, 3, 3], columns: the Gaussian's standard deviation along each edge of the cell, a vector
+        in model units, world axes; the covariance is `axes @ axes.T`.
     origin: float64 [3], world position of the model's origin.
     length: world units in a model unit.
     footprint: gaussian or gouraud.
@@ -99,6 +106,18 @@ class SplatBatch:
     origin: Float64
     length: float
     footprint: GaussianFootprint | GouraudFootprint
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a number here: drawn, such splats would vanish, or take half the image with them."""
+        if len(self.vertices) and not (np.isfinite(self.vertices.min()) and np.isfinite(self.vertices.max())):
+            bad = np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))
+            raise RenderError(
+                "splats that are not numbers",
+                got=f"{len(bad)} of {len(self.vertices)} splats, the first is number {bad[0]}: "
+                f"{self.vertices[bad[0]].tolist()}",
+                expected="finite centres and optical areas",
+                hint="this is a fault of hsplat; please report it with the scene file",
+            )
 
     def __len__(self) -> int:
         return len(self.vertices)
@@ -156,7 +175,7 @@ def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
     for axis, num in enumerate(cut.volume.shape_xyz):
         last = np.array([(num - 1) >> level if num & ((1 << level) - 1) else -1 for level in range(64)])
         codes |= (cut.cells[:, axis] == last[cut.levels]).astype(np.uint16) << np.uint16(axis)
-    return codes
+    return np.asarray(codes, np.uint16)
 
 
 def _extents_of_codes(codes: npt.NDArray[np.uint16], shape: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

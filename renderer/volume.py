@@ -38,7 +38,7 @@ class Volume:
     @property
     def spacing(self) -> Float64:
         """float64 [3]: world distance between neighbouring voxel centres along the index axes x, y, z."""
-        return np.linalg.norm(self.world_from_index[:3, :3], axis=0)
+        return np.asarray(np.linalg.norm(self.world_from_index[:3, :3], axis=0), np.float64)
 
     @property
     def voxel_volume(self) -> float:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from renderer.raster_gl import GLRasterizer
 
 DATA_VARIABLE = "HSPLAT_TEST_DATA"
 
@@ -42,3 +45,10 @@ def data_dir() -> Path:
     assert folder is not None, f"{DATA_VARIABLE} is not set"
     assert folder.is_dir(), f"{DATA_VARIABLE} names {folder}, which is not a folder"
     return folder
+
+
+@pytest.fixture(scope="session")
+def rasterizer() -> Iterator[GLRasterizer]:
+    """The one GL context of the run. Where there is none this is an error, not a skip."""
+    with GLRasterizer() as gl:
+        yield gl

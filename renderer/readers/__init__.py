@@ -80,7 +80,8 @@ def _load_file(path: Path, time: int | None, component: int | None) -> Image:
 def _load_folder(folder: Path, time: int | None, component: int | None) -> Image:
     from renderer.readers.tiff import SUFFIXES, read_tiff_folder  # noqa: PLC0415
 
-    tiffs = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES]
+    names = (entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    tiffs = [entry for entry in names if entry.suffix.lower() in SUFFIXES]
     if tiffs:
         choose("time", time, 1, str(folder))
         return read_tiff_folder(folder, tiffs, component)

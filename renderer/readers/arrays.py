@@ -55,7 +55,12 @@ def _map_npy(path: Path) -> Array:
     try:
         with path.open("rb") as file:
             if file.read(6) != b"\x93NUMPY":
-                raise InputError("this is not a .npy file", where=where, expected="an array saved by numpy.save")
+                raise InputError(
+                    "this is not a .npy file",
+                    where=where,
+                    got="an empty file" if path.stat().st_size == 0 else None,
+                    expected="an array saved by numpy.save",
+                )
             file.seek(0)
             version = np.lib.format.read_magic(file)
             read_header = {
@@ -88,7 +93,9 @@ def read_raw(source: RawSource) -> Image:
     try:
         dtype = np.dtype(source.dtype).newbyteorder("<" if source.byte_order == "little" else ">")
     except TypeError as error:
-        raise InputError("no such data type", where=where, got=source.dtype, expected="a numpy name: uint8") from error
+        raise InputError(
+            "no such data type", where=where, got=source.dtype, expected="a numpy name such as uint8, int16 or float32"
+        ) from error
     check_dtype(dtype, where)
     num_bytes = check_size(source.shape, dtype, where)
     if not path.is_file():

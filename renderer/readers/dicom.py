@@ -15,6 +15,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, choose, describe_shape
+from renderer.readers.headers import PIXEL_DATA
 from renderer.readers.itk import executed, open_itk, pixel_dtype, quiet_simpleitk, read_itk, view_of
 from renderer.volume import Array, Float64
 
@@ -23,9 +24,6 @@ from renderer.volume import Array, Float64
 _UNEVEN = 0.05
 
 _DESCRIPTION = "0008|103e"
-
-# The tag of the pixels, (7fe0,0010), as little-endian files have it.
-_PIXEL_DATA = b"\xe0\x7f\x10\x00"
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ def _check_none_left_out(folder: Path, names: set[str]) -> None:
             continue
         with path.open("rb") as file:
             is_dicom = file.read(132)[128:] == b"DICM"  # after a preamble of 128 bytes
-            if is_dicom and _PIXEL_DATA in file.read():
+            if is_dicom and PIXEL_DATA in file.read():
                 raise InputError(
                     "this DICOM slice cannot be read", where=str(path), hint="the file is truncated or damaged"
                 )

@@ -1,7 +1,7 @@
-"""Where the voxels of a NRRD or MetaImage file are: the few header fields that say so.
+"""Where the voxels of a NRRD, MetaImage or DICOM file are: the few header fields that say so.
 
-SimpleITK reads both formats; it reports a missing data file as an unreadable header and takes the memory that a header
-asks for before it looks at the file. These functions find the data first.
+SimpleITK reads these formats; it reports a missing data file as an unreadable header, takes the memory that a header
+asks for before it looks at the file, and fills up truncated slices. These functions find the data first.
 
 NRRD: http://teem.sourceforge.net/nrrd/format.html. MetaImage: https://itk.org/Wiki/ITK/MetaIO/Documentation.
 """
@@ -15,6 +15,12 @@ from renderer.readers.common import StoredVoxels, existing
 
 # No header comes near this; a file without the end-of-header mark is not read whole in search of it.
 _MAX_HEADER_BYTES = 2**20
+
+# DICOM in little-endian order (PS3.5): the tag (7fe0,0010) of the pixels; type and undefined length of pixels that are
+# compressed in fragments; the item that ends the fragments.
+PIXEL_DATA = b"\xe0\x7f\x10\x00"
+_ENCAPSULATED = b"OB\x00\x00\xff\xff\xff\xff"
+_SEQUENCE_END = b"\xfe\xff\xdd\xe0"
 
 
 def nrrd_voxels(path: Path) -> StoredVoxels | None:
@@ -59,6 +65,22 @@ def metaimage_voxels(path: Path) -> StoredVoxels | None:
     stored = StoredVoxels(path, start, compressed) if name.upper() == "LOCAL" else _detached(path, name, compressed)
     is_plain = fields.get("binarydata", "True").lower() in ("true", "1") and "headersize" not in fields
     return stored if is_plain else None
+
+
+def check_dicom_pixels(path: Path, num_bytes: int) -> None:
+    """Raise InputError when a DICOM file ends before its pixels do: most versions of GDCM fill up with zeros.
+
+    num_bytes: of the decoded pixels. Files whose pixel element cannot be found, those in big-endian order or deflated
+    as a whole, are left to their reader.
+    """
+    data = path.read_bytes()
+    begin = data.find(PIXEL_DATA)
+    if PIXEL_DATA + _ENCAPSULATED in data:
+        is_whole = data.rfind(_SEQUENCE_END) > begin
+    else:
+        is_whole = begin < 0 or len(data) - begin >= num_bytes
+    if not is_whole:
+        raise InputError("this DICOM slice cannot be read", where=str(path), hint="the file is truncated or damaged")
 
 
 def _head(path: Path) -> bytes:

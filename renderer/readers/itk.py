@@ -6,6 +6,7 @@ back is a view of it and keeps it alive.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,10 +17,12 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, check_stored, choose
-from renderer.readers.headers import metaimage_voxels, nrrd_voxels
+from renderer.readers.headers import check_dicom_pixels, metaimage_voxels, nrrd_voxels
 from renderer.volume import Array
 
 KNOWN_FORMATS = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
+
+_BITS_ALLOCATED = "0028|0100"
 
 
 @contextmanager
@@ -64,7 +67,8 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
 
 def open_itk(sitk: Any, path: Path) -> Any:
     """A SimpleITK reader that has read the header of `path`; raises InputError when it is of no known format."""
-    if not sitk.ImageFileReader.GetImageIOFromFileName(str(path)):
+    format_name = sitk.ImageFileReader.GetImageIOFromFileName(str(path))
+    if not format_name:
         raise InputError(
             "this is not a volume in a known format, or it is damaged",
             where=str(path),
@@ -78,6 +82,9 @@ def open_itk(sitk: Any, path: Path) -> Any:
         reader.ReadImageInformation()
     except RuntimeError as error:
         raise InputError("cannot read the header", where=str(path), got=distill(str(error))) from error
+    if format_name == "GDCMImageIO" and reader.HasMetaDataKey(_BITS_ALLOCATED):
+        bits = math.prod(reader.GetSize()) * reader.GetNumberOfComponents() * int(reader.GetMetaData(_BITS_ALLOCATED))
+        check_dicom_pixels(path, bits // 8)
     return reader
 
 

@@ -48,15 +48,6 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     if fields is None:
         check_dtype(proxy.dtype, where)
     num_bytes = check_size(shape, proxy.dtype, where)
-    data_file = Path(image.file_map["image"].filename)
-    if not data_file.is_file():
-        raise InputError(
-            "the data file that belongs to this header is not there", where=where, expected=f"a file {data_file}"
-        )
-    if data_file.suffix.lower() == ".gz":
-        check_stored(StoredVoxels(data_file, 0, True), proxy.offset + num_bytes, shape)
-    else:
-        check_stored(StoredVoxels(data_file, proxy.offset, False), num_bytes, shape)
     if shape[5:].count(1) != len(shape[5:]):
         raise InputError(
             "the volume has too many axes",
@@ -64,6 +55,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
             got=describe_shape(shape),
             expected="x, y, z, then time and component",
         )
+    data_file = _checked_data_file(image, path, num_bytes, shape)
     step = choose("time", time, shape[3], where)
     channel = choose("component", component, shape[4] if fields is None else len(fields), where)
     try:
@@ -82,6 +74,20 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     except ValueError as error:  # a quaternion that is no rotation
         raise unreadable(path, error) from error
     return Image(_scaled(values, float(proxy.slope), float(proxy.inter)), LPS_FROM_RAS @ ras_from_index)
+
+
+def _checked_data_file(image: Any, path: Path, num_bytes: int, shape: tuple[int, ...]) -> Path:
+    """Where the voxels are, which is another file for pairs; raises InputError unless they are whole."""
+    data_file = Path(image.file_map["image"].filename)
+    if not data_file.is_file():
+        raise InputError(
+            "the data file that belongs to this header is not there", where=str(path), expected=f"a file {data_file}"
+        )
+    if data_file.suffix.lower() == ".gz":
+        check_stored(StoredVoxels(data_file, 0, True), image.dataobj.offset + num_bytes, shape)
+    else:
+        check_stored(StoredVoxels(data_file, image.dataobj.offset, False), num_bytes, shape)
+    return data_file
 
 
 @contextmanager

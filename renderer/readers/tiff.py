@@ -1,10 +1,10 @@
 """TIFF: one file with a slice per page, or a folder with a slice per file in natural order (`2.tif` before `10.tif`).
 
-SimpleITK decodes the pixels. It is not asked about anything else: it reads a truncated file as a shorter stack and
-16-bit floats as integers, refuses 64-bit samples, and knows no spacing along z. The directories of the file say all of
-that (TIFF revision 6.0; BigTIFF), as do the descriptions that ImageJ and OME writers put into the first page. Spacing
-along z is taken from there, and is otherwise that along x: a resolution is often just a screen's, and slices as thick
-as pixels keep the shape of things.
+Plain strips of one sample a pixel are read here, other pixels by SimpleITK. It is not asked about anything else: it
+reads a truncated file as a shorter stack and 16-bit floats as integers, and knows no spacing along z. The directories
+of the file say all of that (TIFF revision 6.0; BigTIFF), as do the descriptions that ImageJ and OME writers put into
+the first page. Spacing along z is taken from there, and is otherwise that along x: a resolution is often just that of
+a screen, and slices as thick as pixels keep the shape of things.
 """
 
 from __future__ import annotations
@@ -24,12 +24,17 @@ from renderer.volume import Array
 
 SUFFIXES = (".tif", ".tiff")
 
-_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _DESCRIPTION, _STRIPS, _SAMPLES = 256, 257, 258, 259, 270, 273, 277
+_SUBFILE, _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _DESCRIPTION = 254, 256, 257, 258, 259, 262, 270
+_STRIPS, _ORIENTATION, _SAMPLES, _ROWS_PER_STRIP, _PREDICTOR = 273, 274, 277, 278, 317
 _STRIP_BYTES, _X_RESOLUTION, _Y_RESOLUTION, _PLANAR, _RESOLUTION_UNIT = 279, 282, 283, 284, 296
 _TILES, _TILE_BYTES, _SAMPLE_FORMAT = 324, 325, 339
 
+# What all pages must share. SimpleITK relies on it: it writes beyond its memory when some are marked as previews.
+_SHARED = (_SUBFILE, _BITS, _COMPRESSION, _PHOTOMETRIC, _ORIENTATION, _SAMPLES, _ROWS_PER_STRIP, _PLANAR, _PREDICTOR)
+
 # TIFF field types: BYTE, ASCII, SHORT, LONG, RATIONAL, and BigTIFF's LONG8. Others carry nothing needed here.
-_FIELD_TYPES = {1: "B", 2: "s", 3: "H", 4: "I", 5: "II", 16: "Q"}
+_ASCII = 2
+_FIELD_TYPES = {1: "B", _ASCII: "s", 3: "H", 4: "I", 5: "II", 16: "Q"}
 _KINDS = {1: "u", 2: "i", 3: "f", 4: "u"}  # by sample format; 4 is "undefined", which readers take for unsigned
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
 
@@ -53,6 +58,13 @@ class _Page:
         bits, kind = max(8, self.number(_BITS, 1)), _KINDS.get(self.number(_SAMPLE_FORMAT, 1), "V")
         return np.dtype(f"{kind if bits in (8, 16, 32, 64) else 'V'}{-(-bits // 8)}")
 
+    def difference(self, other: _Page) -> str | None:
+        """What sets the page apart from `other`, in words, or None when both can be slices of one volume."""
+        if self.size != other.size or self.dtype != other.dtype:
+            return f"{describe_shape(self.size)} {self.dtype.name}"
+        odd = [tag for tag in _SHARED if self.number(tag, 0) != other.number(tag, 0)]
+        return f"{self.number(odd[0], 0)} in TIFF field {odd[0]}" if odd else None
+
     @property
     def chunks(self) -> list[tuple[int, int]]:
         """(offset, number of bytes) of each strip or tile."""
@@ -70,12 +82,12 @@ def read_tiff(path: Path, time: int | None, component: int | None) -> Image:
     order, pages = _pages(path)
     first = pages[0]
     for number, page in enumerate(pages):
-        if page.size != first.size or page.dtype != first.dtype:
+        if page.difference(first):
             raise InputError(
                 "the pages differ",
                 where=where,
-                got=f"{describe_shape(page.size)} {page.dtype.name} on page {number + 1}",
-                expected=f"{describe_shape(first.size)} {first.dtype.name} as on page 1",
+                got=f"{page.difference(first)} on page {number + 1}",
+                expected=f"{first.difference(page)} as on page 1",
                 hint="previews among the slices? save the slices alone",
             )
     check_dtype(first.dtype, where)
@@ -100,12 +112,19 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None) -> 
         order, pages = _pages(existing(file))
         page = pages[0]
         first = first or page
-        if len(pages) > 1 or page.size != first.size or page.dtype != first.dtype:
+        if len(pages) > 1:
+            raise InputError(
+                "a file among these slices has several pages",
+                where=str(file),
+                got=f"{len(pages)} pages",
+                expected="a slice in each file, or one file with all slices",
+            )
+        if page.difference(first):
             raise InputError(
                 "the slices of this folder differ",
                 where=str(file),
-                got=f"{describe_shape(page.size)} {page.dtype.name}, pages: {len(pages)}",
-                expected=f"{describe_shape(first.size)} {first.dtype.name}, pages: 1, as in {files[0].name}",
+                got=page.difference(first),
+                expected=f"{first.difference(page)} as in {files[0].name}",
             )
         num_samples = page.number(_SAMPLES, 1)
         channel = choose("component", component, num_samples, str(file))
@@ -119,35 +138,43 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None) -> 
     return Image(values, _world_from_index(first))
 
 
-def _natural(path: Path) -> list[tuple[int, int, str]]:
-    """A sort key in which runs of digits count as numbers."""
+def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
+    """A sort key in which runs of digits count as numbers; the name itself breaks ties such as `1.tif` and `01.tif`."""
     parts = re.split(r"(\d+)", path.name.lower())
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts]
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
 
 
 def _decoded(path: Path, order: str, pages: list[_Page], where: str) -> Array:
     """[page, y, x] or [page, y, x, sample]."""
     first = pages[0]
-    num_samples = first.number(_SAMPLES, 1)
+    num_samples, is_plain = first.number(_SAMPLES, 1), first.number(_COMPRESSION, 1) == 1
+    # SimpleITK would turn tiles into 8-bit colours, float16 into integers, and refuses 64 bits.
+    if any(_TILES in page.fields for page in pages):
+        raise _undecodable(where, first)
+    if is_plain and num_samples == 1 and first.number(_BITS, 1) == 8 * first.dtype.itemsize:
+        return _plain_strips(path, order, pages)
+    if first.dtype.itemsize == 8 or first.dtype == np.float16:
+        raise _undecodable(where, first)
+    with quiet_simpleitk() as sitk:
+        values = view_of(sitk, executed(open_itk(sitk, path), path))
     shape = (len(pages), first.size[1], first.size[0])
-    if any(_TILES in page.fields for page in pages):  # SimpleITK would turn them into 8-bit colours
+    if values.dtype != first.dtype or values.size != np.prod(shape) * num_samples:
         raise _undecodable(where, first)
-    if first.dtype.itemsize < 8 and first.dtype != np.float16:
-        with quiet_simpleitk() as sitk:
-            values = view_of(sitk, executed(open_itk(sitk, path), path))
-        if values.dtype != first.dtype or values.size != np.prod(shape) * num_samples:
-            raise _undecodable(where, first)
-        return values.reshape(*shape, num_samples) if num_samples > 1 else values.reshape(shape)
-    if num_samples > 1 or any(page.number(_COMPRESSION, 1) != 1 for page in pages):
-        raise _undecodable(where, first)
-    values = np.empty(shape, first.dtype)
+    return values.reshape(*shape, num_samples) if num_samples > 1 else values.reshape(shape)
+
+
+def _plain_strips(path: Path, order: str, pages: list[_Page]) -> Array:
+    """[page, y, x], uncompressed, in native byte order."""
+    first = pages[0]
+    values = np.empty((len(pages), first.size[1], first.size[0]), first.dtype)
+    stored = np.dtype(order + first.dtype.str[1:])
     with path.open("rb") as file:
         for page, target in zip(pages, values, strict=True):
             plane = bytearray()
             for offset, num_bytes in page.chunks:
                 file.seek(offset)
                 plane += file.read(num_bytes)
-            target[...] = np.frombuffer(plane, np.dtype(order + first.dtype.str[1:]), target.size).reshape(target.shape)
+            target[...] = np.frombuffer(plane, stored, target.size).reshape(target.shape)
     return values
 
 
@@ -237,14 +264,15 @@ def _directory(file: BinaryIO, order: str, is_big: bool, num_file_bytes: int) ->
         if kind not in _FIELD_TYPES:
             continue
         num_bytes = struct.calcsize(order + _FIELD_TYPES[kind]) * length
-        if num_bytes > num_file_bytes:
-            raise struct.error("the field is longer than the file")
-        code = order + (f"{length}s" if kind == 2 else _FIELD_TYPES[kind] * length)
-        if num_bytes <= len(inline):
-            fields[tag] = struct.unpack(code, inline[:num_bytes])
-        else:
-            file.seek(struct.unpack(order + ("Q" if is_big else "I"), inline)[0])
-            fields[tag] = _unpack(file, code)
+        if num_bytes > len(inline):
+            place = struct.unpack(order + ("Q" if is_big else "I"), inline)[0]
+            if place + num_bytes > num_file_bytes:
+                raise struct.error("a field lies beyond the end of the file")
+            file.seek(place)
+            inline = file.read(num_bytes)  # noqa: PLW2901
+        if (kind == _ASCII) == (tag == _DESCRIPTION):
+            code = f"{length}s" if kind == _ASCII else _FIELD_TYPES[kind] * length
+            fields[tag] = struct.unpack(order + code, inline[:num_bytes])
     return _Page(fields), int(following)
 
 
@@ -298,7 +326,7 @@ def _world_from_index(first: _Page) -> np.ndarray[Any, np.dtype[np.float64]]:
         spacing = [_ome(description, f"PhysicalSize{axis}") for axis in "XYZ"]
     elif mm is not None or is_imagej:
         for axis, tag in enumerate((_X_RESOLUTION, _Y_RESOLUTION)):
-            numerator, denominator = first.fields.get(tag, (0, 0))[:2]
+            numerator, denominator = (*first.fields.get(tag, ()), 0, 0)[:2]
             if numerator and denominator:
                 spacing[axis] = denominator / numerator * (mm or 1.0)
         along_z = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M) if is_imagej else None

@@ -4,7 +4,7 @@ uniform bool quads;
 uniform float cutoff;            // standard deviations
 
 flat out vec2 splat_px;
-flat out vec3 splat_conic;       // inverse covariance: xx, xy, yy
+flat out vec3 splat_inverse;     // xx, yx, yy of the lower triangular matrix from pixels to standard deviations
 flat out vec4 splat_color_depth; // colour, optical depth at weight 1
 
 void main() {
@@ -12,16 +12,17 @@ void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     gl_PointSize = 1.0;
     splat_px = vec2(0.0);
-    splat_conic = vec3(0.0);
+    splat_inverse = vec3(0.0);
     splat_color_depth = vec4(0.0);
     if (!footprint.visible || areas.w <= 0.0) return;
 
-    vec3 covariance = footprint.covariance;
+    vec3 root = footprint.root;
     splat_px = footprint.center_px;
-    splat_conic = vec3(covariance.z, -covariance.y, covariance.x) / footprint.determinant;
+    splat_inverse = vec3(1.0, -root.y / root.z, root.x / root.z) / root.x;
     splat_color_depth = vec4(areas.rgb / areas.w, areas.w * footprint.depth_scale);
 
-    vec2 reach_px = cutoff * sqrt(covariance.xz);
+    // Half a pixel more, so that rounding of the corners loses no pixel.
+    vec2 reach_px = cutoff * vec2(root.x, length(root.yz)) + 0.5;
     vec2 low = splat_px - reach_px, high = splat_px + reach_px;
     if (any(lessThan(high, vec2(0.0))) || any(greaterThan(low, size_px))) return;
     vec2 at_px;
@@ -33,7 +34,7 @@ void main() {
         // GL drops a point whose centre leaves the image: it is moved to the border, where its square still covers all
         // of the footprint that is inside.
         at_px = clamp(splat_px, vec2(0.0), size_px);
-        gl_PointSize = 2.0 * max(reach_px.x, reach_px.y) + 1.0;
+        gl_PointSize = 2.0 * max(reach_px.x, reach_px.y);
     }
     gl_Position = vec4(2.0 * at_px / size_px - 1.0, 0.0, 1.0);
 }

@@ -10,13 +10,9 @@ void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     vertex_color = vec4(0.0);
     if (!footprint.visible || areas.w <= 0.0) return;
-    // The Cholesky factor of the covariance takes the unit circle to the ellipse, continuously in the view.
-    vec3 covariance = footprint.covariance;
-    float side = sqrt(covariance.x);
-    vec2 offset_px = vec2(
-        side * mesh_vertex.x,
-        covariance.y / side * mesh_vertex.x + sqrt(footprint.determinant) / side * mesh_vertex.y
-    );
+    // The triangular root of the covariance takes the unit circle to the ellipse, continuously in the view.
+    vec3 root = footprint.root;
+    vec2 offset_px = vec2(root.x * mesh_vertex.x, root.y * mesh_vertex.x + root.z * mesh_vertex.y);
     float alpha = opacity_of_depth(areas.w * footprint.depth_scale * mesh_weight);
     vertex_color = vec4(areas.rgb / areas.w * alpha, alpha);
     gl_Position = vec4(2.0 * (footprint.center_px + offset_px) / size_px - 1.0, 0.0, 1.0);

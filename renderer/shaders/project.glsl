@@ -21,8 +21,7 @@ in float shape;
 
 struct Footprint {
     vec2 center_px;
-    vec3 covariance;     // xx, xy, yy, pixels squared, after widening
-    float determinant;   // of that covariance
+    vec3 root;           // xx, yx, yy of the lower triangular root (Cholesky) of the covariance, pixels, after widening
     float depth_scale;   // optical depth at the footprint's weight 1, by optical area
     bool visible;
 };
@@ -98,9 +97,10 @@ Footprint project() {
         xy -= blend * xy;
         small = narrowest;
     }
-    result.covariance = vec3(xx, xy, yy);
-    result.determinant = large * small;
-    result.depth_scale = mass * magnification * magnification * stretch * inversesqrt(result.determinant);
+    // The root, not the covariance: a long thin footprint keeps its short side to the precision of its long one.
+    float side = sqrt(xx);
+    result.root = vec3(side, xy / side, sqrt(large * small) / side);
+    result.depth_scale = mass * magnification * magnification * stretch / (result.root.x * result.root.z);
     result.visible = true;
     return result;
 }

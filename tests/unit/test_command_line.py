@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
@@ -48,8 +49,11 @@ def test_module_and_help() -> None:
         assert summary in done.stdout
 
 
-def test_summaries_are_those_of_the_commands() -> None:
-    assert check.check.get_short_help_str(limit=200) == main.COMMANDS["check"][1]
+@pytest.mark.parametrize("name", main.COMMANDS)
+def test_summaries_are_those_of_the_commands(name: str) -> None:
+    module, summary = main.COMMANDS[name]
+    command = getattr(importlib.import_module(module), name)
+    assert command.help.partition("\n\n")[0] == summary
 
 
 def test_check_says_what_the_scene_makes(capsys: pytest.CaptureFixture[str]) -> None:

@@ -127,11 +127,11 @@ def errors(frames: int) -> st.SearchStrategy[ErrorSpec]:
 
 
 SPLATS = st.one_of(
-    st.builds(SplatSpec, st.just("gaussian"), finite(0.1, 2), opacity_correction=st.booleans()),
+    st.builds(SplatSpec, st.just("gaussian"), finite(0.38, 2), opacity_correction=st.booleans()),
     st.builds(
         SplatSpec,
         st.just("gouraud"),
-        finite(0.1, 2),
+        finite(0.38, 2),
         st.integers(3, 64),
         st.integers(1, 32),
         st.builds(lambda middle, at: ((0.0, 1.0), (at, middle), (1.0, 0.0)), PART, finite(0.1, 0.9)),

@@ -1,0 +1,157 @@
+"""The program's table of contents: from a scene to its frames, and the only frame loop.
+
+Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch -> float image -> 8 bits
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.camera import View
+from renderer.camera_paths import make_view
+from renderer.framing import finest_useful_level, fit_distance, visible_centre, visible_points
+from renderer.octree import Cut, cut_pyramid
+from renderer.projection import visible_order
+from renderer.pyramid import Pyramid, build_pyramid
+from renderer.quantize import quantize
+from renderer.readers import read_volume
+from renderer.scene import Scene, Vector
+from renderer.schedule import tolerance_at
+from renderer.splats import SplatBatch, make_splats
+from renderer.transfer import make_transfer
+from renderer.volume import Float64, Volume
+
+Clock = Callable[[], float]
+
+
+class Rasterizer(Protocol):
+    """What draws sorted splats: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
+
+    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]: ...
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Everything of a film that does not change from frame to frame.
+
+    target: world position that the camera looks at.
+    distance: of the eye from it, world units.
+    finest_level: cells of lower levels would be too small to see on every frame.
+    seconds: what it took, by stage.
+    """
+
+    scene: Scene
+    volume: Volume
+    pyramid: Pyramid
+    target: Vector
+    distance: float
+    finest_level: int
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One finished frame.
+
+    image: uint8 [height, width, 3], or 4 with straight alpha where the background is transparent.
+    num_cells: cells in the cut; num_splats: those of them that the frame can show.
+    seconds: what it took, by stage.
+    """
+
+    number: int
+    image: npt.NDArray[np.uint8]
+    tolerance: float
+    num_cells: int
+    num_splats: int
+    seconds: dict[str, float]
+
+
+class Stopwatch:
+    """Seconds between laps, by name; renderer/ has no clock of its own."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock, self._last = clock, clock()
+        self.seconds: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        """Book the time since the lap before under `name`."""
+        now = self._clock()
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
+        self._last = now
+
+
+def prepare(scene: Scene, *, clock: Clock, num_threads: int) -> Stage:
+    """Read the volume, build the pyramid, frame what is visible. Raises InputError for a volume that cannot be used."""
+    watch = Stopwatch(clock)
+    volume = read_volume(scene.volume)
+    watch.lap("read")
+    transfer = make_transfer(scene.transfer_function, float(volume.spacing.min()))
+    pyramid = build_pyramid(
+        volume, transfer, spec=scene.pyramid, error=scene.error, shading=scene.shading, num_threads=num_threads
+    )
+    watch.lap("pyramid")
+    points = visible_points(pyramid)
+    target, distance = _framing(scene, volume, points)
+    views = [_view(scene, frame, target, distance) for frame in range(scene.camera.path.frames)]
+    finest_level = 0 if _asks_for_voxels(scene) else finest_useful_level(volume, points, views)
+    watch.lap("framing")
+    return Stage(scene, volume, pyramid, target, distance, finest_level, watch.seconds)
+
+
+def render_frames(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock) -> Iterator[Frame]:
+    """Draw these frames of the film, in this order. A cut and its splats are used again while the tolerance stays."""
+    scene = stage.scene
+    tolerance, cut, splats = -1.0, None, None
+    for number in frames:
+        watch = Stopwatch(clock)
+        if cut is None or splats is None or tolerance_at(scene.error, number) != tolerance:
+            cut = splats = None  # let go of the old ones first
+            tolerance = tolerance_at(scene.error, number)
+            cut = cut_pyramid(stage.pyramid, tolerance, finest_level=stage.finest_level)
+            watch.lap("cut")
+            splats = make_splats(cut, scene.splat)
+            watch.lap("splats")
+        yield _draw(stage, number, tolerance, cut, splats, rasterizer, watch)
+
+
+def _draw(
+    stage: Stage, number: int, tolerance: float, cut: Cut, splats: SplatBatch, rasterizer: Rasterizer, watch: Stopwatch
+) -> Frame:
+    scene = stage.scene
+    view = _view(scene, number, stage.target, stage.distance)
+    order = visible_order(splats, cut, view, scene.splat.order)
+    watch.lap("order")
+    image = rasterizer.rasterize(splats, order, view)
+    watch.lap("draw")
+    pixels = quantize(image, scene.output.background)
+    watch.lap("quantize")
+    return Frame(number, pixels, tolerance, len(cut), len(order), watch.seconds)
+
+
+def _view(scene: Scene, frame: int, target: Vector, distance: float) -> View:
+    return make_view(scene.camera, frame, target, distance, scene.output.size)
+
+
+def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:
+    """Target and distance: as the scene says, or such that the whole path has all that is visible in frame."""
+    camera = scene.camera
+    if camera.target == "visible":
+        target = visible_centre(points)
+    elif camera.target is None:
+        x, y, z = volume.centre
+        target = float(x), float(y), float(z)
+    else:
+        target = camera.target
+    if camera.distance is not None:
+        return target, camera.distance
+    return target, fit_distance(camera, points, target, scene.output.size, range(camera.path.frames))
+
+
+def _asks_for_voxels(scene: Scene) -> bool:
+    """A tolerance of 0 draws every voxel, however small."""
+    return any(tolerance == 0 for _, tolerance in scene.error.tolerance)

@@ -1,0 +1,174 @@
+"""The table of golden frames: what each one changes in scene.yaml, and what it protects.
+
+The test draws them and compares, `regenerate.py` draws them and keeps; both do it through the command `hsplat render`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hsplat_cli import main
+from renderer.procedural import procedural_values
+from renderer.scene import ProceduralSource
+
+FOLDER = Path(__file__).parent
+SCENE = FOLDER / "scene.yaml"
+FRAMES = FOLDER / "frames"
+
+
+def oblique_scan(folder: Path) -> Path:
+    """An anisotropic MetaImage, tilted about x, with one axis flipped: what a scanner with a tilted gantry writes."""
+    values = procedural_values(ProceduralSource("engine_block", (40, 40, 20), seed=3, spacing=(1.0, 1.0, 2.0)))
+    header = """\
+ObjectType = Image
+NDims = 3
+TransformMatrix = -1 0 0 0 0.8 0.6 0 -0.6 0.8
+Offset = 15 -20 4
+ElementSpacing = 0.8 0.8 1.6
+DimSize = 40 40 20
+ElementType = MET_UCHAR
+ElementDataFile = LOCAL
+"""
+    path = folder / "scan.mha"
+    path.write_bytes(header.encode() + values.tobytes())
+    return path
+
+
+def signed_floats(folder: Path) -> Path:
+    """A smooth field of float32 with values of both signs, as a simulation writes it."""
+    x, y, z = np.meshgrid(*(np.linspace(-1, 1, n, dtype=np.float32) for n in (24, 20, 28)), indexing="ij", sparse=True)
+    path = folder / "field.npy"
+    np.save(path, (x * (1 - 2 * y * y) - z * x * y).T)
+    return path
+
+
+@dataclass(frozen=True)
+class Case:
+    """name: of its files; protects: what would break unnoticed without it; changes: values of `--set`.
+
+    frames: as in `--frames`; volume: writes a file for `--volume` into a folder.
+    """
+
+    name: str
+    protects: str
+    changes: tuple[str, ...] = ()
+    frames: str = "0"
+    volume: Callable[[Path], Path] | None = None
+
+    def draw(self, folder: Path) -> list[Path]:
+        """Draw the case's frames into `folder`, which gets `NAME-FRAME.png` and a sidecar; returns their paths."""
+        arguments = ["render", str(SCENE), "--quiet", "--frames", self.frames]
+        arguments += ["--output", str(folder / f"{self.name}-{{frame}}.png")]
+        for change in self.changes:
+            arguments += ["--set", change]
+        if self.volume is not None:
+            arguments += ["--volume", str(self.volume(folder))]
+        code = main.run(arguments)
+        assert code == 0, f"hsplat {' '.join(arguments)}: exit code {code}"
+        return sorted(folder.glob(f"{self.name}-*.png"))
+
+
+_GOURAUD = "splat={footprint: gouraud, angular: 6, radial: 2}"
+_SLAB = "volume={procedural: {name: constant, shape: [24, 24, 24]}}"
+_VOXEL = "volume={procedural: {name: single_voxel, shape: [9, 9, 9]}}"
+_LOBB = "volume={procedural: {name: marschner_lobb, shape: [40, 40, 40]}}"
+_GLASS = "transfer_function={unit: 1.0, points: [{value: 0, color: '#ff8040', opacity: 0.05}]}"
+_COARSE = "error.tolerance=0.8"
+_VOXELS = "error.tolerance=0"
+_STILL = "camera.path={type: turntable, frames: 1, elevation: 0}"
+
+CASES = (
+    Case("turntable", "the whole chain as most users run it, from three sides", frames="::4"),
+    Case("coarse", "a cut of large cells of several sizes", (_COARSE,)),
+    Case("voxels", "tolerance 0: one splat for each visible voxel", (_VOXELS,)),
+    Case("rms", "the paper's error measure", ("error={measure: rms, tolerance: 0.03}",)),
+    Case("rms_scalar", "the paper's error of the scalar", ("error={measure: rms, of: scalar, tolerance: 20}",)),
+    Case("average_opacity", "the paper's average", ("pyramid.average=opacity", _COARSE)),
+    Case("uncorrected", "opacities that ignore cell sizes", ("splat.opacity_correction=false", _COARSE)),
+    Case("gouraud", "the paper's footprint", (_GOURAUD,)),
+    Case("gouraud_coarse", "the paper's footprint with large cells", (_GOURAUD, _COARSE)),
+    Case("box_order", "the paper's traversal", ("splat.order=boxes", _COARSE)),
+    Case("wide_splats", "the width of the footprint", ("splat.sigma=0.7",)),
+    Case(
+        "along_axis",
+        "no seams or ripples along the grid",
+        (_SLAB, _GLASS, _VOXELS, _STILL, "camera.projection=orthographic"),
+    ),
+    Case("slab_turned", "the outline of a homogeneous block", (_SLAB, _GLASS, _VOXELS)),
+    Case("orthographic", "parallel projection", ("camera.projection=orthographic",)),
+    Case("wide_angle", "ellipses far from the axis", ("camera.field_of_view=90",)),
+    Case("about_x", "an axis other than z", ("camera.path.axis=x",), frames="3"),
+    Case("from_above", "the pole of the turntable", ("camera.path.elevation=90",)),
+    Case("eye_inside", "splats around and behind the eye", ("camera.distance=6", "camera.field_of_view=70")),
+    Case("near_plane", "what is cut open by the near plane", ("camera.distance=70", "camera.near=66")),
+    Case("off_centre", "a target, and what leaves the image", ("camera.target=[10, 24, 12]", "camera.distance=60")),
+    Case(
+        "framed_visible",
+        "framing what can be seen: here only the lower part of the volume",
+        (
+            _LOBB,
+            "camera.target=visible",
+            "transfer_function={points: [{value: 190, color: white, opacity: 0}, {value: 220, color: white,"
+            " opacity: 0.1}]}",
+        ),
+    ),
+    Case("wide_image", "images that are not square", ("output.size=[128, 61]",)),
+    Case("transparent", "straight alpha", ("output.background=transparent",)),
+    Case("shading", "Lambert's law, light fixed to the object", ("shading={light: [1, -1, 1]}",), frames="::6"),
+    Case(
+        "colormap",
+        "named colormaps and their opacity points",
+        ("transfer_function={colormap: viridis, range: [40, 220], opacity: [[60, 0], [90, 0.1], [220, 0.8]]}",),
+    ),
+    Case(
+        "keyframes",
+        "eased keys with zoom",
+        (
+            "camera.path={type: keyframes, frames: 20, keys: [{frame: 0, azimuth: 0, elevation: 0},"
+            " {frame: 10, azimuth: 100, elevation: 60, zoom: 1.8}]}",
+        ),
+        frames="3:16:6",
+    ),
+    Case("rocker", "the extremes of a swing", ("camera.path={type: rocker, frames: 8, swing: 80}",), frames="2::4"),
+    Case("schedule", "tolerances by frame", ("error.tolerance={0: 2, 4: 0.2}",), frames="0:8:4"),
+    Case("single_voxel", "one footprint", (_VOXEL,)),
+    Case(
+        "large_splat",
+        "a splat larger than points can be, its centre outside",
+        (_VOXEL, "camera.field_of_view=5", "camera.distance=10", "camera.target=[4.7, 4, 4.3]"),
+    ),
+    Case(
+        "marschner_lobb",
+        "frequencies near the limit of the grid",
+        (
+            _LOBB,
+            "transfer_function={points: [{value: 110, color: '#30a0ff', opacity: 0}, {value: 140, color: '#ffe0a0',"
+            " opacity: 0.6}]}",
+        ),
+    ),
+    Case(
+        "cropped",
+        "ranges of voxels, at their place",
+        ("volume.crop=[[10, 40], [0, 30], [4, 24]]", "camera.target=[24, 24, 12]", "camera.distance=110"),
+    ),
+    Case(
+        "anisotropic",
+        "ellipsoids",
+        ("volume.procedural={name: engine_block, shape: [48, 48, 12], spacing: [1, 1, 2]}",),
+    ),
+    Case("oblique", "direction matrix, spacing and origin of a file", volume=oblique_scan),
+    Case(
+        "signed_floats",
+        "classification of floats, and negative values",
+        (
+            "transfer_function={unit: 0.5, points: [{value: -1, color: '#2060ff', opacity: 0.4}, {value: -0.2, color:"
+            " '#2060ff', opacity: 0}, {value: 0.2, color: '#ff6020', opacity: 0}, {value: 1, color: '#ff6020',"
+            " opacity: 0.4}]}",
+        ),
+        volume=signed_floats,
+    ),
+)

@@ -1,0 +1,233 @@
+"""What must not change a picture of splats, to the byte where nothing is computed anew."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
+
+from renderer import raster_gl
+from renderer.camera import View
+from renderer.errors import RenderError
+from renderer.octree import Cut
+from renderer.projection import visible_order
+from renderer.pyramid import BLOCKS_PER_TASK, Level, build_pyramid
+from renderer.pyramid_kernels import BLOCK
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
+from renderer.splats import make_splats
+from renderer.transfer import make_transfer
+
+FOOTPRINTS = ("gaussian", "gouraud")
+SHAPE = (9, 8, 11)
+
+
+@pytest.fixture(scope="module")
+def cut() -> Cut:
+    """Noise on a ramp, levels mixed."""
+    z, y, x = np.indices(SHAPE)
+    values = (8 * (x + y + z) + np.random.default_rng(2).integers(0, 40, SHAPE)).astype(np.uint8)
+    mixed = cut_of(volume_of(values), 0.7, tolerance=0.25)
+    assert len(np.unique(mixed.levels)) >= 3
+    return mixed
+
+
+def view_of(cut: Cut, projection: str = "perspective", **camera: object) -> View:
+    return look(projection, **{"target": cut.volume.centre, "distance": 25.0, **camera})  # type: ignore[arg-type]
+
+
+def draw(gl: GLRasterizer, cut: Cut, view: View, spec: SplatSpec) -> npt.NDArray[np.float32]:
+    batch = make_splats(cut, spec)
+    return gl.rasterize(batch, visible_order(batch, cut, view, "depth"), view)
+
+
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+def test_a_frame_does_not_depend_on_what_was_drawn_before(rasterizer: GLRasterizer, cut: Cut, footprint: str) -> None:
+    """Nor on whose context it is: other size, other footprint, other numbers of splats in between; a fresh context."""
+    spec = SplatSpec(footprint)  # type: ignore[arg-type]
+    first = draw(rasterizer, cut, view_of(cut), spec)
+    assert first[..., 3].max() > 0.9
+    assert draw(rasterizer, cut, view_of(cut), spec).tobytes() == first.tobytes()
+    for other in FOOTPRINTS:
+        draw(rasterizer, cut, view_of(cut, "orthographic", size=(33, 70)), SplatSpec(other))  # type: ignore[arg-type]
+        batch = place_splats(np.zeros((5, 3)), 30.0, spec=SplatSpec(other, angular=5))  # type: ignore[arg-type]
+        rasterizer.rasterize(batch, in_order(batch), look(near=2.0))
+    assert draw(rasterizer, cut, view_of(cut), spec).tobytes() == first.tobytes()
+    with GLRasterizer() as fresh:
+        assert draw(fresh, cut, view_of(cut), spec).tobytes() == first.tobytes()
+
+
+# Outside and inside the volume, parallel, and through a wide angle, where footprints are linearised beside the image.
+CULLING_VIEWS = {
+    "perspective": {"field_of_view": 8.0},
+    "orthographic": {"projection": "orthographic", "field_of_view": 8.0},
+    "wide": {"distance": 7.0, "field_of_view": 80.0, "target": (12.0, 6.0, 5.0)},
+}
+
+
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+@pytest.mark.parametrize("name", CULLING_VIEWS)
+def test_what_is_culled_would_have_left_nothing(rasterizer: GLRasterizer, cut: Cut, footprint: str, name: str) -> None:
+    """Drawn or not, first or last: a splat that `visible_order` leaves out changes no byte."""
+    view = view_of(cut, **{"size": (40, 30), **CULLING_VIEWS[name]})  # type: ignore[arg-type]
+    images = with_and_without_culled(rasterizer, cut, view, footprint, at_least=20)
+    assert images[0][..., 3].max() > 0.5
+    for image in images[1:]:
+        assert image.tobytes() == images[0].tobytes()
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(
+    rasterizer: GLRasterizer, cut: Cut, projection: str
+) -> None:
+    """Large opaque ones around a wide angle, whose linearised footprints are larger than their true images."""
+    view = view_of(cut, projection, distance=10.0, field_of_view=90.0, size=(160, 120))
+    away = np.random.default_rng(4).uniform([-150, -150, 5], [310, 270, 12], (3000, 3))
+    batch = place_splats([point_at(view, *point) for point in away], 1.0, 40.0)
+    order = visible_order(batch, cut, view, "depth")  # which asks the cut for nothing in this order
+    culled = np.setdiff1d(in_order(batch), order)
+    assert len(culled) > 500
+    assert not rasterizer.rasterize(batch, culled, view).any()
+
+
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+def test_what_the_near_plane_culls_would_have_left_next_to_nothing(
+    rasterizer: GLRasterizer, cut: Cut, footprint: str
+) -> None:
+    """What is cut off further out than a footprint reaches is that share of its optical depth: here at most 4 a cell,
+    of up to 4 cells that overlap."""
+    batch = make_splats(cut, SplatSpec(footprint))  # type: ignore[arg-type]
+    bound = 4 * 4 * 0.5 * math.erfc(batch.footprint.cutoff / math.sqrt(2))
+    view = view_of(cut, "orthographic", distance=1.0, size=(40, 30))
+    images = with_and_without_culled(rasterizer, cut, view, footprint, at_least=20)
+    assert images[0][..., 3].max() > 0.5
+    for image in images[1:]:
+        np.testing.assert_allclose(image, images[0], rtol=0, atol=bound)
+
+
+def with_and_without_culled(
+    gl: GLRasterizer, cut: Cut, view: View, footprint: str, at_least: int
+) -> list[npt.NDArray[np.float32]]:
+    """The picture of what `visible_order` keeps, and with the rest before it and after it."""
+    batch = make_splats(cut, SplatSpec(footprint))  # type: ignore[arg-type]
+    order = visible_order(batch, cut, view, "depth")
+    culled = np.setdiff1d(in_order(batch), order)
+    assert len(culled) >= at_least
+    orders = order, np.concatenate([culled, order]), np.concatenate([order, culled])
+    return [gl.rasterize(batch, each, view) for each in orders]
+
+
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+@pytest.mark.parametrize("batch_size", [1, 7, 100])
+def test_batches_of_any_size_draw_the_same(
+    rasterizer: GLRasterizer, cut: Cut, monkeypatch: pytest.MonkeyPatch, footprint: str, batch_size: int
+) -> None:
+    spec = SplatSpec(footprint)  # type: ignore[arg-type]
+    whole = draw(rasterizer, cut, view_of(cut), spec)
+    monkeypatch.setattr(raster_gl, "BATCH_SIZE", batch_size)
+    assert draw(rasterizer, cut, view_of(cut), spec).tobytes() == whole.tobytes()
+
+
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+def test_nothing_to_draw_is_transparent_black(rasterizer: GLRasterizer, cut: Cut, footprint: str) -> None:
+    spec = SplatSpec(footprint)  # type: ignore[arg-type]
+    empty = cut_of(volume_of(np.zeros(SHAPE, np.uint8)), 0.7)
+    assert len(empty) == 0
+    draw(rasterizer, cut, view_of(cut), spec)
+    image = draw(rasterizer, empty, view_of(empty), spec)
+    assert image.shape == (48, 64, 4)
+    assert not image.any()
+    batch = make_splats(cut, spec)
+    assert not rasterizer.rasterize(batch, in_order(batch)[:0], view_of(cut)).any()
+
+
+def test_equal_depths_are_drawn_in_the_order_of_their_cells() -> None:
+    """Seen along an axis whole layers are at one depth, also far from the world's origin and from the eye."""
+    cut = cut_of(volume_of(np.full((4, 5, 6), 200, np.uint8)), 0.5)
+    batch = make_splats(cut, SplatSpec())
+    for projection, distance in (("orthographic", 50.0), ("orthographic", 1e9), ("perspective", 1e6)):
+        view = view_of(cut, projection, distance=distance, azimuth=0, elevation=0, field_of_view=60)
+        order = visible_order(batch, cut, view, "depth")
+        np.testing.assert_array_equal(order, np.lexsort((np.arange(len(cut)), -cut.cells[:, 1])))
+
+
+ROTATION = np.array([[0.8, -0.6, 0.0], [0.48, 0.64, -0.6], [0.36, 0.48, 0.8]])
+
+
+def moved(volume_affine: npt.NDArray[np.float64], view: View, motion: npt.NDArray[np.float64], scale: float) -> tuple[
+    npt.NDArray[np.float64], View
+]:  # fmt: skip
+    """The same scene after a rigid motion [4, 4] of the world, in a unit of length that is `scale` times smaller."""
+    unit = np.diag([scale, scale, scale, 1.0])
+    view_from_world = unit @ view.view_from_world @ np.linalg.inv(motion) @ np.linalg.inv(unit)
+    scale_px = view.scale_px if view.projection == "perspective" else view.scale_px / scale
+    return unit @ motion @ volume_affine, replace(
+        view, view_from_world=view_from_world, scale_px=scale_px, near=view.near * scale
+    )
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+@pytest.mark.parametrize(
+    ("rotation", "shift", "scale"),
+    [(np.eye(3), 1e6, 1.0), (ROTATION, 0.0, 1.0), (ROTATION, 1e6, 1.0), (np.eye(3), 0.0, 1e-9), (np.eye(3), 0.0, 1e9)],
+    ids=["translated", "rotated", "both", "tiny", "huge"],
+)
+def test_the_world_has_no_place_no_direction_and_no_size(
+    rasterizer: GLRasterizer,
+    cut: Cut,
+    footprint: str,
+    projection: str,
+    rotation: npt.NDArray[np.float64],
+    shift: float,
+    scale: float,
+) -> None:
+    """Volume, view, near plane and the unit of opacity moved or scaled together.
+
+    float32 rounds the centres anew (2^-24 model units, some 1e-5 px here), gouraud corners fall to other subpixels, of
+    which there are 256 in a pixel. Worst seen: 1e-6 and 5e-5.
+    """
+    motion = np.eye(4)
+    motion[:3, :3], motion[:3, 3] = rotation, (shift, -shift, 0.5 * shift)
+    view = view_of(cut, projection, near=20.0)
+    affine, other_view = moved(cut.volume.world_from_index, view, motion, scale)
+    other = cut_of(volume_of(cut.volume.values, affine), 0.7, tolerance=0.25, unit=scale)
+    assert len(other) == len(cut)
+    spec = SplatSpec(footprint)  # type: ignore[arg-type]
+    expected, image = draw(rasterizer, cut, view, spec), draw(rasterizer, other, other_view, spec)
+    assert expected[..., 3].max() > 0.9
+    np.testing.assert_allclose(image, expected, rtol=0, atol=1e-5 if footprint == "gaussian" else 1e-3)
+
+
+@pytest.mark.parametrize("measure", ["optical", "rms"])
+def test_a_pyramid_does_not_depend_on_the_number_of_threads(measure: Literal["optical", "rms"]) -> None:
+    """Several tasks of blocks, of which the last is not full."""
+    values = np.random.default_rng(1).integers(0, 256, (97, 161, 170), np.uint8)
+    values[:, 40:90] = 0
+    points = ControlPoint(60.0, (0.1, 0.5, 0.9), 0.0), ControlPoint(255.0, (1.0, 0.3, 0.1), 0.7)
+    volume, transfer = volume_of(values), make_transfer(TransferSpec(points), 1.0)
+    pyramids = [
+        build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec(measure=measure), num_threads=num_threads)
+        for num_threads in (1, 2, 3)
+    ]
+    assert -(-97 // BLOCK) * -(-161 // BLOCK) * -(-170 // BLOCK) > 2 * BLOCKS_PER_TASK
+    for pyramid in pyramids[1:]:
+        for level, expected in zip(pyramid.levels, pyramids[0].levels, strict=True):
+            for field in fields(Level):
+                assert getattr(level, field.name).tobytes() == getattr(expected, field.name).tobytes()
+
+
+@pytest.mark.parametrize("column", range(8))
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_splats_that_are_not_numbers_are_refused(column: int, value: float) -> None:
+    """Before they are drawn: in GL they could vanish, or hide what is behind them."""
+    batch = place_splats(np.zeros((3, 3)), 1.0)
+    vertices = batch.vertices.copy()
+    vertices[1, column] = value
+    with pytest.raises(RenderError, match="1 of 3 splats, the first is number 1"):
+        replace(batch, vertices=vertices)

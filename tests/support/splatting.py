@@ -1,0 +1,112 @@
+"""What the tests of splats share: views, splats placed by hand, and splats of small volumes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.camera import View
+from renderer.camera_paths import make_view
+from renderer.octree import Cut, cut_pyramid
+from renderer.pyramid import build_pyramid
+from renderer.scene import (
+    CameraSpec,
+    ControlPoint,
+    ErrorSpec,
+    PyramidSpec,
+    SplatSpec,
+    TransferSpec,
+    TurntablePath,
+)
+from renderer.splats import SplatBatch, make_footprint, make_splats
+from renderer.transfer import make_transfer
+from renderer.volume import Volume, make_volume
+
+Float64 = npt.NDArray[np.float64]
+
+
+def look(
+    projection: str = "perspective",
+    *,
+    size: tuple[int, int] = (64, 48),
+    target: Sequence[float] = (0.0, 0.0, 0.0),
+    distance: float = 4.0,
+    azimuth: float = 25.0,
+    elevation: float = 15.0,
+    field_of_view: float = 30.0,
+    near: float = 0.0,
+) -> View:
+    """A camera on its sphere around the target."""
+    camera = CameraSpec(TurntablePath(1, azimuth, elevation), projection, field_of_view, near=near)  # type: ignore[arg-type]
+    return make_view(camera, 0, tuple(target), distance, size)  # type: ignore[arg-type]
+
+
+def point_at(view: View, column: float, row: float, depth: float) -> Float64:
+    """float64 [3]: the world point that lands on (column, row) in pixels, at a depth."""
+    per_px = (depth if view.projection == "perspective" else 1.0) / view.scale_px
+    in_view = [(column - view.size[0] / 2) * per_px, (view.size[1] / 2 - row) * per_px, -depth]
+    return view.view_from_world[:3, :3].T @ (in_view - view.view_from_world[:3, 3])
+
+
+def place_splats(
+    centers: npt.ArrayLike,
+    axes: npt.ArrayLike,
+    depths: npt.ArrayLike = 1.0,
+    colors: npt.ArrayLike = (0.9, 0.5, 0.2),
+    spec: SplatSpec | None = None,
+) -> SplatBatch:
+    """Splats at world points [n, 3] with standard deviations [n, 3, 3] (columns), or one number for all of them.
+
+    `depths` [n] are those of Gaussians as thick as they are wide, on their central ray.
+    """
+    points = np.atleast_2d(np.asarray(centers, np.float64))
+    axes = np.asarray(axes, np.float64)
+    axes = axes * np.eye(3) if axes.ndim == 0 else axes
+    each = np.broadcast_to(axes, (len(points), 3, 3))
+    origin = points.mean(axis=0) if len(points) else np.zeros(3)
+    vertices = np.empty((len(points), 8), np.float32)
+    vertices[:, :3] = points - origin
+    vertices[:, 6] = np.asarray(depths) * 2 * math.pi * np.cbrt(np.abs(np.linalg.det(each))) ** 2
+    vertices[:, 3:6] = np.asarray(colors) * vertices[:, 6:7]
+    vertices[:, 7] = np.arange(len(points)) if axes.ndim == 3 else 0
+    return SplatBatch(
+        vertices, each if axes.ndim == 3 else axes[None], origin, 1.0, make_footprint(spec or SplatSpec())
+    )
+
+
+def in_order(batch: SplatBatch) -> npt.NDArray[np.uint32]:
+    """All splats, as they come."""
+    return np.arange(len(batch), dtype=np.uint32)
+
+
+def volume_of(values: npt.NDArray[np.uint8], world_from_index: Float64 | None = None) -> Volume:
+    """A volume of [z, y, x] voxels around the world's origin, with spacing 1, unless it is placed elsewhere."""
+    if world_from_index is None:
+        world_from_index = np.eye(4)
+        world_from_index[:3, 3] = -(np.array(values.shape[::-1]) - 1) / 2
+    return make_volume(np.ascontiguousarray(values), world_from_index, "test")
+
+
+def cut_of(volume: Volume, opacity: float, *, level: int = 0, tolerance: float = 0.0, unit: float | None = None) -> Cut:
+    """Cells no finer than `level`; blue to red with the value, the opacity rising to `opacity` at 255."""
+    points = (
+        ControlPoint(0.0, (0.1, 0.2, 0.9), 0.0),
+        ControlPoint(128.0, (0.4, 0.9, 0.3), opacity / 3),
+        ControlPoint(255.0, (1.0, 0.3, 0.1), opacity),
+    )
+    transfer = make_transfer(TransferSpec(points, unit), float(volume.spacing.min()))
+    pyramid = build_pyramid(volume, transfer, spec=PyramidSpec(precision="single"), error=ErrorSpec(), num_threads=1)
+    return cut_pyramid(pyramid, tolerance, finest_level=level)
+
+
+def splats_of(volume: Volume, opacity: float, spec: SplatSpec | None = None, **cut: float) -> SplatBatch:
+    """Splats of every cell of `cut_of`."""
+    return make_splats(cut_of(volume, opacity, **cut), spec or SplatSpec())  # type: ignore[arg-type]
+
+
+def optical_depth(image: npt.NDArray[np.float32]) -> Float64:
+    """float64 [h, w]: `-log(1 - alpha)`."""
+    return -np.log1p(-image[..., 3].astype(np.float64))

@@ -1,0 +1,41 @@
+"""The scenes shown in the documentation are legal, and every key of the format is documented."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from hsplat_cli.scene_file import load_scene
+from renderer.scene_schema import scene_to_dict
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _scene_in(document: str) -> str:
+    (block,) = re.findall(r"```yaml\n(.*?)```", (ROOT / document).read_text("utf-8"), re.DOTALL)
+    return str(block)
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/scene.md"])
+def test_the_scene_in_the_text_is_legal(document: str, tmp_path: Path) -> None:
+    text = _scene_in(document)
+    for name in ("scan.nii.gz", "scan.nhdr"):
+        (tmp_path / name).touch()
+    (tmp_path / "scene.yaml").write_text(text, "utf-8")
+    load_scene(tmp_path / "scene.yaml")
+
+
+@pytest.mark.parametrize("config", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: Path) -> None:
+    listed = set(re.findall(r"(\w+):", _scene_in("docs/scene.md")))
+    (tmp_path / "volume").mkdir()
+    scene = load_scene(config, volume=tmp_path / "volume")
+
+    def keys(tree: object) -> set[str]:
+        if isinstance(tree, dict):
+            return {str(key) for key in tree if not str(key).isdigit()} | {k for v in tree.values() for k in keys(v)}
+        return {key for item in tree for key in keys(item)} if isinstance(tree, list) else set()
+
+    assert keys(scene_to_dict(scene)) - listed == set()

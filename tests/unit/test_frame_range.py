@@ -1,0 +1,67 @@
+"""Which frames `--frames` picks: as Python slices them, forward only."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsplat_cli.frame_range import parse_frames
+from renderer.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [
+        (None, [0, 1, 2, 3, 4, 5]),
+        (":", [0, 1, 2, 3, 4, 5]),
+        ("0", [0]),
+        ("5", [5]),
+        (" 2 ", [2]),
+        ("1:3", [1, 2]),
+        (" 1 : 3 ", [1, 2]),
+        ("4:", [4, 5]),
+        (":2", [0, 1]),
+        ("-2:", [4, 5]),
+        (":-4", [0, 1]),
+        ("::4", [0, 4]),
+        ("1::2", [1, 3, 5]),
+        ("1:4:2", [1, 3]),
+        ("4:99", [4, 5]),
+        ("::99", [0]),
+        ("::", [0, 1, 2, 3, 4, 5]),
+    ],
+)
+def test_picks(text: str | None, frames: list[int]) -> None:
+    assert list(parse_frames(text, 6)) == frames
+
+
+@pytest.mark.parametrize(
+    "text", ["", "  ", "x", "1,2", "1-3", "1:2:3:4", "1.5", "1e1", "0x1", "6", "-1", "3:3", "4:2", "9:", "::0", "::-1"]
+)
+def test_refuses(text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_frames(text, 6)
+    assert caught.value.where == "--frames"
+
+
+_END = st.none() | st.integers(-20, 20)
+
+
+@given(_END, _END, st.none() | st.integers(1, 9), st.integers(1, 12))
+def test_is_a_slice(start: int | None, stop: int | None, step: int | None, num_frames: int) -> None:
+    text = ":".join("" if part is None else str(part) for part in (start, stop, step))
+    expected = list(range(num_frames))[start:stop:step]
+    if expected:
+        assert list(parse_frames(text, num_frames)) == expected
+    else:
+        with pytest.raises(InputError):
+            parse_frames(text, num_frames)
+
+
+def test_numbers_beyond_any_machine_integer() -> None:
+    huge = str(10**40)
+    assert list(parse_frames(f"4:{huge}", 6)) == [4, 5]
+    assert list(parse_frames(f"4::{huge}", 6)) == [4]
+    with pytest.raises(InputError):
+        parse_frames(huge, 6)

@@ -1,0 +1,61 @@
+"""Compiled loops: never from a stale cache, and also where there is no place for a cache."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import renderer.jit
+
+INNER = """
+from renderer.jit import jit
+
+@jit
+def number() -> int:
+    return {number}
+"""
+OUTER = """
+from renderer.inner import number
+from renderer.jit import has_compiled_before, jit
+
+@jit
+def doubled() -> int:
+    return 2 * number()
+
+before = has_compiled_before()
+print(doubled(), before, has_compiled_before())
+"""
+
+
+def _package(folder: Path, number: int) -> None:
+    package = folder / "renderer"
+    package.mkdir(exist_ok=True)
+    (package / "__init__.py").touch()
+    shutil.copy(renderer.jit.__file__, package / "jit.py")
+    (package / "inner.py").write_text(INNER.format(number=number))
+    (package / "outer.py").write_text(OUTER)
+
+
+def _run(folder: Path, home: str) -> str:
+    environment = os.environ | {"PYTHONPATH": str(folder), "HOME": home, "NUMBA_CACHE_DIR": ""}
+    command = [sys.executable, "-m", "renderer.outer"]
+    return subprocess.run(
+        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
+    ).stdout.strip()
+
+
+def test_a_change_in_another_file_compiles_again(tmp_path: Path) -> None:
+    _package(tmp_path, 21)
+    assert _run(tmp_path, str(tmp_path)) == "42 False True"
+    assert _run(tmp_path, str(tmp_path)) == "42 True True"
+    _package(tmp_path, 4)
+    assert _run(tmp_path, str(tmp_path)) == "8 False True"
+
+
+def test_where_no_cache_can_be_written(tmp_path: Path) -> None:
+    _package(tmp_path, 21)
+    (tmp_path / "renderer" / "__pycache__").touch()  # in the way of the folder, even for root
+    assert _run(tmp_path, "/proc/nowhere") == "42 False False"

@@ -1,0 +1,224 @@
+"""`hsplat render` from the scene file to the last byte of what it writes."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hsplat_cli import main
+from hsplat_cli.scene_file import load_scene
+from renderer.scene_schema import parse_scene
+from renderer.volume import Array
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [24, 24, 12]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.1}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 6, elevation: 20}
+error:
+  tolerance: 0.1
+output:
+  file: film.mp4
+  size: [48, 32]
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+def render(*arguments: str) -> None:
+    assert main.run(["render", "scene.yaml", *arguments]) == 0
+
+
+def sidecar(name: str) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(Path(name).read_text(encoding="utf-8"))
+    return data
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def shown(name: str) -> Array:
+    """Every frame of a film, uint8 [frame, h, w, 3]."""
+    return np.asarray(imageio.imread(name, index=None))
+
+
+def test_mp4(folder: Path) -> None:
+    render()
+    assert files(folder) == ["film.mp4", "film.mp4.json", "scene.yaml"]
+    film = imageio.imread("film.mp4", plugin="FFMPEG")
+    assert film.shape == (6, 32, 48, 3)
+    assert film.max() > 100
+
+
+def test_gif(folder: Path) -> None:
+    render("--output", "loop.gif")
+    assert files(folder) == ["loop.gif", "loop.gif.json", "scene.yaml"]
+    assert shown("loop.gif").shape == (6, 32, 48, 3)
+    assert sidecar("loop.gif.json")["notes"] == [
+        "a GIF shows each frame for whole hundredths of a second: 33.33 frames per second, not 30"
+    ]
+
+
+def test_png(folder: Path) -> None:
+    render("--output", "new/deep/{frame:03}.png", "--frames", "1::2")
+    assert files(folder) == [
+        "new/deep/001.png", "new/deep/003.png", "new/deep/005.png", "new/deep/frames.json", "scene.yaml",
+    ]  # fmt: skip
+    assert imageio.imread("new/deep/001.png").shape == (32, 48, 3)
+
+
+def test_a_part_of_the_film_is_that_part() -> None:
+    """Framing and tolerance are those of the whole path, whichever frames are drawn."""
+    render("--output", "all/{frame}.png", "--set", "error.tolerance={0: 1, 5: 0.05}")
+    render("--output", "some/{frame}.png", "--set", "error.tolerance={0: 1, 5: 0.05}", "--frames", "2:5:2")
+    for name in ("2.png", "4.png"):
+        assert (Path("some") / name).read_bytes() == (Path("all") / name).read_bytes()
+    assert [frame["frame"] for frame in sidecar("some/frames.json")["frames"]] == [2, 4]
+
+
+def test_alpha_is_straight() -> None:
+    """Over the background it is the picture that has that background, but for two roundings and that of the sum."""
+    render("--output", "clear-{frame}.png", "--frames", "0", "--set", "output.background=transparent")
+    render("--output", "grey-{frame}.png", "--frames", "0", "--set", "output.background=[0.4, 0.4, 0.4]")
+    clear = imageio.imread("clear-0.png").astype(float)
+    assert clear.shape == (32, 48, 4)
+    alpha = clear[..., 3:] / 255
+    assert 0 < alpha.mean() < alpha.max()
+    over = clear[..., :3] * alpha + (1 - alpha) * 0.4 * 255
+    np.testing.assert_allclose(over, imageio.imread("grey-0.png"), atol=0.5 + 0.5 + 1)
+
+
+def test_the_sidecar_says_how_it_was_made() -> None:
+    render("--set", "error.tolerance={0: 0.8, 3: 0.1}")
+    made = sidecar("film.mp4.json")
+    assert list(made) == [
+        "scene", "volume", "camera", "pyramid", "gl", "versions", "notes", "seconds", "frames",
+    ]  # fmt: skip
+    assert made["volume"]["shape"] == [24, 24, 12]
+    assert made["volume"]["dtype"] == "uint8"
+    assert made["volume"]["world_from_index"] == np.eye(4).tolist()
+    assert len(made["volume"]["fingerprint"]) == 32
+    assert made["camera"]["target"] == [11.5, 11.5, 5.5]
+    assert made["camera"]["distance"] > 20
+    assert "GL " in made["gl"]
+    assert made["versions"]["python"] == platform.python_version()
+    assert made["versions"]["numpy"] == np.__version__
+    assert made["notes"] == []
+    assert [frame["frame"] for frame in made["frames"]] == [0, 1, 2, 3, 4, 5]
+    for frame in made["frames"]:
+        assert 0 < frame["splats"] <= frame["cells"]
+        assert {"order", "draw", "quantize", "encode"} <= set(frame["seconds"])
+    assert all(seconds >= 0 for part in (made, *made["frames"]) for seconds in part["seconds"].values()), (
+        "a stage took less than no time"
+    )
+
+
+def test_the_sidecar_holds_the_scene() -> None:
+    """With what the command line changed, and readable as a scene again, from any folder."""
+    np.save("scan.npy", np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
+    change = "error.tolerance={0: 0.5, 5: 0.1}"
+    render("--volume", "scan.npy", "--output", "x.gif", "--set", change)
+    expected = load_scene(Path("scene.yaml"), overrides=[change], volume=Path("scan.npy"), output=Path("x.gif"))
+    assert parse_scene(sidecar("x.gif.json")["scene"], base=Path("/nowhere")) == expected
+
+
+def test_the_schedule_changes_the_cut_only_when_the_tolerance_changes() -> None:
+    render("--set", "error.tolerance={1: 1.0, 3: 0.01}")
+    frames = sidecar("film.mp4.json")["frames"]
+    tolerances = [frame["tolerance"] for frame in frames]
+    assert tolerances == [1.0, 1.0, pytest.approx(0.1), 0.01, 0.01, 0.01]
+    assert ["cut" in frame["seconds"] for frame in frames] == [True, False, True, True, False, False]
+    cells = [frame["cells"] for frame in frames]
+    assert cells[0] == cells[1] < cells[2] < cells[3] == cells[4] == cells[5]
+
+
+def test_changes_of_the_command_line_reach_the_pictures() -> None:
+    still = ("--frames", "0", "--set", "error.tolerance=0")  # other tolerances choose other cells for other colours
+    render("--output", "a-{frame}.png", *still)
+    render("--output", "b-{frame}.png", *still, "--set", "transfer_function.points.2.color=#ff0000")
+    first, second = imageio.imread("a-0.png"), imageio.imread("b-0.png")
+    assert (first[..., 0] == second[..., 0]).all()
+    assert first[..., 2].max() > second[..., 2].max() + 50
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "film.gif", "{frame}.png"])
+def test_two_runs_give_the_same_bytes(output: str) -> None:
+    name = output.format(frame=5)
+    render("--output", output)
+    first = Path(name).read_bytes()
+    Path(name).unlink()
+    render("--output", output)
+    assert Path(name).read_bytes() == first
+
+
+def test_the_fingerprint_is_that_of_the_voxels(folder: Path) -> None:
+    values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
+    fingerprints = []
+    for name, changed in (("a", 0), ("b", 0), ("c", 1)):
+        values[0, 0, 0] = changed
+        np.save(f"{name}.npy", values)
+        render("--volume", f"{name}.npy", "--frames", "0")
+        fingerprints.append(sidecar("film.mp4.json")["volume"]["fingerprint"])
+    assert fingerprints[0] == fingerprints[1] != fingerprints[2]
+
+
+def test_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    render("--output", "film.gif")
+    said = capsys.readouterr()
+    splats = sidecar("film.gif.json")["frames"][0]["splats"]
+    first, *rest = said.out.splitlines()
+    assert first.startswith("film.gif: 6 frames in ")
+    assert first.endswith(f" s, {splats} splats a frame")
+    assert rest == [
+        "note: a GIF shows each frame for whole hundredths of a second: 33.33 frames per second, not 30",
+        "how it was made: film.gif.json",
+    ]
+    assert said.err.splitlines()[-1].startswith("film.gif: 6/6 frames, ")
+
+
+def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    render("--output", "film.gif", "--quiet")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixture[str]) -> None:
+    """The camera then frames the whole volume; that the film is empty is told."""
+    note = "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
+    changes = ["transfer_function.points.0.value=300", "transfer_function.points.1.value=400"]
+    changes += ["transfer_function.points.2.value=500", "output.background=[1, 0.5, 0]", "camera.target=visible"]
+    render("--output", "{frame}.png", "--frames", "2", *(word for change in changes for word in ("--set", change)))
+    picture = imageio.imread("2.png")
+    assert (picture == [255, 128, 0]).all()
+    made = sidecar("frames.json")
+    assert made["notes"] == [note]
+    assert made["frames"][0]["splats"] == 0
+    assert math.isfinite(made["camera"]["distance"])
+    assert f"note: {note}\n" in capsys.readouterr().out
+
+
+def test_a_camera_that_looks_away_on_some_frames(capsys: pytest.CaptureFixture[str]) -> None:
+    """From beside the volume it is behind the eye on one half of the path."""
+    render("--set", "camera.target=[0, 200, 0]", "--set", "camera.distance=100")
+    (note,) = sidecar("film.mp4.json")["notes"]
+    empty = [frame["frame"] for frame in sidecar("film.mp4.json")["frames"] if frame["splats"] == 0]
+    assert 0 < len(empty) < 6
+    assert note == f"nothing is in view on {len(empty)} of 6 frames, the first of them frame {empty[0]}"
