@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,12 +44,6 @@ SOFT_AND_SOLID = TransferSpec(
 )
 
 
-@pytest.fixture(scope="module")
-def rasterizer() -> Iterator[GLRasterizer]:
-    with GLRasterizer() as made:
-        yield made
-
-
 def _stage(scene: Scene) -> Stage:
     return prepare(scene, clock=lambda: 0.0, num_threads=2)
 
@@ -69,7 +62,7 @@ def _psnr(image: np.ndarray, truth: np.ndarray) -> float:
 
 @pytest.mark.real_data
 def test_a_splat_per_voxel_of_the_engine(data_dir: Path, rasterizer: GLRasterizer) -> None:
-    """36 dB seen from azimuth 30, and 34.5 dB all around (here the sides where the least was seen)."""
+    """36 dB seen from azimuth 30, and 34.5 dB all around; of every third degree 93 had least, 35.05 dB."""
     scene = Scene(
         volume=VolumeSpec(FileSource(data_dir / "engine.nhdr")),
         transfer_function=SOFT_AND_SOLID,
@@ -78,7 +71,7 @@ def test_a_splat_per_voxel_of_the_engine(data_dir: Path, rasterizer: GLRasterize
     )
     stage = _stage(scene)
     transfer = make_transfer(scene.transfer_function, 1.0)
-    for azimuth, least in ((30, 36.0), (60, 34.5), (120, 34.5)):
+    for azimuth, least in ((30, 36.0), (93, 34.5)):
         view = make_view(scene.camera, azimuth, stage.target, stage.distance, scene.output.size)
         truth = integrate(stage.volume, transfer, view, step_voxels=1.0)
         assert _psnr(_draw(stage, view, 0.0, rasterizer), truth) > least, azimuth
