@@ -91,7 +91,10 @@ def _record(
     stage: Stage, made_by: str, frames: list[dict[str, Any]], notes: Sequence[str], seconds: float
 ) -> dict[str, Any]:
     """The sidecar: the scene with all defaults, what it met, and what it cost."""
+    from renderer.pipeline import finest_level_at  # noqa: PLC0415
+
     volume, pyramid = stage.volume, stage.pyramid
+    finest_level = min(finest_level_at(stage, frame["tolerance"]) for frame in frames)
     return {
         "scene": scene_to_dict(stage.scene),
         "volume": {
@@ -102,7 +105,7 @@ def _record(
             "world_from_index": volume.world_from_index,
         },
         "camera": {"target": stage.target, "distance": stage.distance},
-        "pyramid": {"levels": pyramid.num_levels, "bytes": pyramid.num_bytes, "finest_level_drawn": stage.finest_level},
+        "pyramid": {"levels": pyramid.num_levels, "bytes": pyramid.num_bytes, "finest_level_drawn": finest_level},
         "gl": made_by,
         "versions": package_versions(),
         "notes": list(notes),

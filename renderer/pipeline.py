@@ -59,12 +59,14 @@ class Frame:
     """One finished frame.
 
     image: uint8 [height, width, 3], or 4 with straight alpha where the background is transparent.
+    radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
     num_cells: cells in the cut; num_splats: those of them that the frame can show.
     seconds: what it took, by stage.
     """
 
     number: int
     image: npt.NDArray[np.uint8]
+    radiance: npt.NDArray[np.float32]
     tolerance: float
     num_cells: int
     num_splats: int
@@ -85,10 +87,13 @@ class Stopwatch:
         self._last = now
 
 
-def prepare(scene: Scene, *, clock: Clock, num_threads: int) -> Stage:
-    """Read the volume, build the pyramid, frame what is visible. Raises InputError for a volume that cannot be used."""
+def prepare(scene: Scene, *, clock: Clock, num_threads: int, volume: Volume | None = None) -> Stage:
+    """Read the volume, build the pyramid, frame what is visible. Raises InputError for a volume that cannot be used.
+
+    A `volume` that is given is drawn in place of the scene's, which is then not read.
+    """
     watch = Stopwatch(clock)
-    volume = read_volume(scene.volume)
+    volume = read_volume(scene.volume) if volume is None else volume
     watch.lap("read")
     transfer = make_transfer(scene.transfer_function, float(volume.spacing.min()))
     pyramid = build_pyramid(
@@ -97,10 +102,20 @@ def prepare(scene: Scene, *, clock: Clock, num_threads: int) -> Stage:
     watch.lap("pyramid")
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)
-    views = [_view(scene, frame, target, distance) for frame in range(scene.camera.path.frames)]
-    finest_level = 0 if _asks_for_voxels(scene) else finest_useful_level(volume, points, views)
+    views = [make_view(scene.camera, i, target, distance, scene.output.size) for i in range(scene.camera.path.frames)]
+    finest_level = finest_useful_level(volume, points, views)
     watch.lap("framing")
     return Stage(scene, volume, pyramid, target, distance, finest_level, watch.seconds)
+
+
+def view_of(stage: Stage, frame: int) -> View:
+    """The view of a frame of the film."""
+    return make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
+
+
+def finest_level_at(stage: Stage, tolerance: float) -> int:
+    """The finest level that is drawn at a tolerance."""
+    return stage.finest_level if tolerance > 0 else 0
 
 
 def render_frames(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock) -> Iterator[Frame]:
@@ -112,7 +127,7 @@ def render_frames(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *
         if cut is None or splats is None or tolerance_at(scene.error, number) != tolerance:
             cut = splats = None  # let go of the old ones first
             tolerance = tolerance_at(scene.error, number)
-            cut = cut_pyramid(stage.pyramid, tolerance, finest_level=stage.finest_level)
+            cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
             watch.lap("cut")
             splats = make_splats(cut, scene.splat)
             watch.lap("splats")
@@ -123,18 +138,14 @@ def _draw(
     stage: Stage, number: int, tolerance: float, cut: Cut, splats: SplatBatch, rasterizer: Rasterizer, watch: Stopwatch
 ) -> Frame:
     scene = stage.scene
-    view = _view(scene, number, stage.target, stage.distance)
+    view = view_of(stage, number)
     order = visible_order(splats, cut, view, scene.splat.order)
     watch.lap("order")
     image = rasterizer.rasterize(splats, order, view)
     watch.lap("draw")
     pixels = quantize(image, scene.output.background)
     watch.lap("quantize")
-    return Frame(number, pixels, tolerance, len(cut), len(order), watch.seconds)
-
-
-def _view(scene: Scene, frame: int, target: Vector, distance: float) -> View:
-    return make_view(scene.camera, frame, target, distance, scene.output.size)
+    return Frame(number, pixels, image, tolerance, len(cut), len(order), watch.seconds)
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:
@@ -150,8 +161,3 @@ def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, flo
     if camera.distance is not None:
         return target, camera.distance
     return target, fit_distance(camera, points, target, scene.output.size, range(camera.path.frames))
-
-
-def _asks_for_voxels(scene: Scene) -> bool:
-    """A tolerance of 0 draws every voxel, however small."""
-    return any(tolerance == 0 for _, tolerance in scene.error.tolerance)

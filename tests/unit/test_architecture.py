@@ -28,6 +28,10 @@ ROOMS: dict[str, tuple[str, str]] = {
     "truth": ("integrator integrator_kernel", "words"),
     "film": ("film encode png quantize sidecar staging", "words"),
     "contents": ("pipeline", "words volumes classification pyramid cut path splats film"),
+    "study": (
+        "metrics pareto sweep study",
+        "words checks classification pyramid cut path splats truth film contents",
+    ),
 }
 # The doors of renderer/ to the command line.
 COMMANDS_MAY_IMPORT = {

@@ -1,0 +1,49 @@
+"""The price of accuracy: which settings no other one beats, and what lies between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+
+def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
+    """Indices of the points than which no other one is as cheap and as exact (and better in one), by rising cost.
+
+    Of several equal points the first is kept; points with a NaN are never on the front.
+    """
+    order = sorted(
+        (i for i in range(len(costs)) if not (math.isnan(costs[i]) or math.isnan(errors[i]))),
+        key=lambda i: (costs[i], errors[i], i),
+    )
+    front: list[int] = []
+    for i in order:
+        if not front or errors[i] < errors[front[-1]]:
+            front.append(i)
+    return front
+
+
+def cost_at(psnrs: Sequence[float], costs: Sequence[float], wanted: float) -> float:
+    """The cost of reaching a PSNR (dB) on the front of some points, log-linear between its settings.
+
+    The cheapest point's cost where that is exact enough already, infinity where no point is.
+    """
+    front = pareto_front(costs, [-psnr for psnr in psnrs])
+    if not front or psnrs[front[-1]] < wanted:
+        return math.inf
+    if psnrs[front[0]] >= wanted:
+        return costs[front[0]]
+    above = next(k for k, i in enumerate(front) if psnrs[i] >= wanted)
+    low, high = front[above - 1], front[above]
+    part = (wanted - psnrs[low]) / (psnrs[high] - psnrs[low]) if math.isfinite(psnrs[high]) else 1.0
+    return float(costs[low] ** (1 - part) * costs[high] ** part)
+
+
+def db_per_decade(counts: Sequence[float], psnrs: Sequence[float]) -> float:
+    """Slope of the least-squares line of PSNR (dB) over the decimal logarithm of the count; NaN below two counts."""
+    points = [(math.log10(n), p) for n, p in zip(counts, psnrs, strict=True) if n > 0 and math.isfinite(p)]
+    if len({x for x, _ in points}) < 2:
+        return math.nan
+    mean_x = sum(x for x, _ in points) / len(points)
+    mean_y = sum(y for _, y in points) / len(points)
+    rise = sum((x - mean_x) * (y - mean_y) for x, y in points)
+    return rise / sum((x - mean_x) ** 2 for x, _ in points)
