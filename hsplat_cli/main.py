@@ -23,6 +23,7 @@ from renderer.errors import HsplatError, InputError, nearest
 COMMANDS = {
     "render": ("hsplat_cli.render", "Render a scene to a film or to numbered frames."),
     "check": ("hsplat_cli.check", "Check a scene file and list everything that is wrong with it."),
+    "measure": ("hsplat_cli.measure", "Measure what a scene costs and how near to the truth it comes."),
     "info": ("hsplat_cli.info", "Describe a volume: shape, place, values and histogram."),
 }
 

@@ -29,7 +29,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "film": ("film encode png quantize sidecar staging", "words"),
     "contents": ("pipeline", "words volumes classification pyramid cut path splats film"),
     "study": (
-        "metrics pareto sweep study",
+        "metrics pareto search study sweep sweep_plan tolerances trials truths",
         "words checks classification pyramid cut path splats truth film contents",
     ),
 }
@@ -38,6 +38,8 @@ COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema",  # without numpy: `check` answers at once
     "readers", "volume", "statistics",  # info
     "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
+    "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
+    "camera", "transfer",  # peers
 }  # fmt: skip
 
 GL_PACKAGES = {"moderngl", "OpenGL", "glcontext"}
