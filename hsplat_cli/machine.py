@@ -26,7 +26,7 @@ def describe_machine(driver: str) -> dict[str, Any]:
 
 
 def commit() -> str:
-    """The commit of these sources, with `-dirty` where they were changed since; `unknown` without git or its history."""
+    """The commit of these sources, with `-dirty` where they were changed since; `unknown` without git or history."""
     if not (_ROOT / ".git").exists():  # a repository further up would be another project's
         return "unknown"
     try:

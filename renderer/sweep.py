@@ -214,7 +214,7 @@ def _without_pictures(frame: Frame) -> Frame:
 
 
 def _repetitions(frames: Sequence[Frame], stages: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """Seconds by stage, one for each of the same frame's repetitions; stages that the film does not have are left out."""
+    """Seconds by stage, one for each repetition of the same frame; stages that the film does not have are left out."""
     return {
         name: tuple(frame.seconds[name] for frame in frames)
         for name in stages

@@ -23,8 +23,8 @@ def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
         notes.append("the scene's background is transparent; pictures are compared over black")
     if has_transparent_border:
         notes.append(
-            "the outermost layer of voxels was made transparent, for VTK's volumes end half a voxel earlier; the truth, "
-            "hsplat and VTK all draw that same volume"
+            "the outermost layer of voxels was made transparent, for VTK's volumes end half a voxel earlier; "
+            "the truth, hsplat and VTK all draw that same volume"
         )
     return notes
 

@@ -41,7 +41,7 @@ def require_something(truths: Sequence[Truth]) -> None:
     if not any(truth.on_volume.any() for truth in truths):
         raise InputError(
             "the scene draws nothing, so there is nothing to measure",
-            got=f"{len(frames)} frame{'s' * (len(frames) > 1)} without anything of the volume",
+            got=f"{len(truths)} frame{'s' * (len(truths) > 1)} without anything of the volume",
             expected="a volume in view, and a transfer function that shows some of it",
             hint="`hsplat info` shows which values there are",
         )
