@@ -26,7 +26,7 @@ scene.yaml:11:3: camera.projektion: unknown key
 scene.yaml:17:1: splats: unknown key
     | splats:
     | ^
-  expected: version, volume, transfer_function, shading, camera, error, pyramid, splat or output
+  expected: version, volume, transfer_function, shading, camera, error, pyramid, splat, overlay or output
   hint: did you mean splat?
 """,
     ),
