@@ -38,9 +38,11 @@ BATCH_SIZE = 1 << 18
 # CellEdges.vertices; as many edges at a time as fill the buffer of the splats
 EDGE_FORMAT, EDGE_NAMES, EDGE_BYTES = "3f 3f 1f/i", ("start", "end", "level"), 28
 
-# Opacity of the lines of an overlay, and the sizes of cells on the image between which they fade in: small cells lie
-# many behind one another, and their lines would become a solid fog.
-LINE_OPACITY, LINE_FADE_PX = 0.8, (4.0, 16.0)
+# Where cells have a side of s model units and of p pixels, up to 2 / s of them lie behind one another, and the lines of
+# one layer cover about 2 / p of the image: a solid fog. So a line's opacity is LINE_COVER * s * p, which bounds what a
+# region adds up to whatever the size of its cells, and never more than LINE_OPACITY. Cells under LEAST_SIDE_PX have no
+# lines.
+LINE_COVER, LINE_OPACITY, LEAST_SIDE_PX = 0.75, 0.8, 3.0
 
 # What the shader's uniform block holds, 48 bytes each; GL guarantees 16 KiB.
 MAX_SHAPES = 256
@@ -105,8 +107,9 @@ class GLRasterizer:
             program = self._program("line_vertex.glsl", "line_fragment.glsl")
             _set_camera(program, camera)
             program["voxel_side"] = edges.voxel_side
+            program["cover"] = LINE_COVER
             program["opacity"] = LINE_OPACITY
-            program["fade_px"] = LINE_FADE_PX
+            program["least_side_px"] = LEAST_SIDE_PX
             program["level_colors"].write(level_colors().astype(np.float32))
             lines = self._context.vertex_array(program, [(self._splats, EDGE_FORMAT, *EDGE_NAMES)])
             num_at_once = BATCH_SIZE * VERTEX_BYTES // EDGE_BYTES

@@ -1,8 +1,11 @@
 // A line one pixel wide: its opacity falls linearly to 0 at one pixel from its centre, round at the ends.
 
+uniform float least_side_px;     // smaller cells are not drawn
+uniform float opacity;           // the most that a line has
+
 flat in vec4 line_px;
-flat in vec2 line_alpha;
-flat in vec3 line_color;
+flat in vec2 line_side_px;
+flat in vec4 line_color_cover;
 out vec4 color;
 
 void main() {
@@ -10,7 +13,8 @@ void main() {
     float square = dot(along, along);
     float share = square > 0.0 ? clamp(dot(offset, along) / square, 0.0, 1.0) : 0.0;
     float coverage = 1.0 - length(offset - share * along);
-    if (coverage <= 0.0) discard;
-    float alpha = coverage * mix(line_alpha.x, line_alpha.y, share);
-    color = vec4(line_color * alpha, alpha);
+    float side_px = mix(line_side_px.x, line_side_px.y, share);  // inverse depth is linear on the image
+    if (coverage <= 0.0 || side_px < least_side_px) discard;
+    float alpha = coverage * min(line_color_cover.w * side_px, opacity);
+    color = vec4(line_color_cover.rgb * alpha, alpha);
 }

@@ -8,8 +8,7 @@ uniform float scale_px;          // focal length, or pixels per model unit
 uniform vec2 size_px;
 uniform float near_depth;
 uniform float voxel_side;
-uniform vec2 fade_px;            // cells up to the first size are not drawn, from the second on in full
-uniform float opacity;
+uniform float cover;             // opacity of a cell's lines, by its side in pixels times that in model units
 uniform vec3 level_colors[10];
 
 in vec3 start;
@@ -17,8 +16,8 @@ in vec3 end;
 in float level;
 
 flat out vec4 line_px;           // both ends
-flat out vec2 line_alpha;        // at both ends
-flat out vec3 line_color;
+flat out vec2 line_side_px;      // of the cell, at the depths of both ends
+flat out vec4 line_color_cover;  // colour, opacity by the side in pixels
 
 // Half the width of a line and of the slope of its coverage, and a little for rounding.
 const float REACH_PX = 1.5;
@@ -35,16 +34,11 @@ void clip(float at_start, float at_end) {
     else if (at_start < 0.0) shares.y = -1.0;
 }
 
-float share_drawn(float depth) {
-    float side_px = voxel_side * exp2(level) * scale_px / (perspective ? depth : 1.0);
-    return opacity * smoothstep(fade_px.x, fade_px.y, side_px);
-}
-
 void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     line_px = vec4(0.0);
-    line_alpha = vec2(0.0);
-    line_color = vec3(0.0);
+    line_side_px = vec2(0.0);
+    line_color_cover = vec4(0.0);
 
     vec3 a = view_rotation * start + view_translation, b = view_rotation * end + view_translation;
     float nearest = perspective ? max(near_depth, LEAST_DEPTH) : near_depth;
@@ -59,14 +53,14 @@ void main() {
     if (shares.x >= shares.y) return;
 
     vec3 p = mix(a, b, shares.x), q = mix(a, b, shares.y);
-    vec2 alpha = vec2(share_drawn(p.z), share_drawn(q.z));
-    if (max(alpha.x, alpha.y) <= 0.0) return;
-    vec2 p_px = 0.5 * size_px + scale_px * vec2(p.x, -p.y) / (perspective ? p.z : 1.0);
-    vec2 q_px = 0.5 * size_px + scale_px * vec2(q.x, -q.y) / (perspective ? q.z : 1.0);
+    vec2 magnification = perspective ? scale_px / vec2(p.z, q.z) : vec2(scale_px);
+    vec2 p_px = 0.5 * size_px + magnification.x * vec2(p.x, -p.y);
+    vec2 q_px = 0.5 * size_px + magnification.y * vec2(q.x, -q.y);
+    float side = voxel_side * exp2(level);
 
     line_px = vec4(p_px, q_px);
-    line_alpha = alpha;
-    line_color = level_colors[min(int(level), 9)];
+    line_side_px = side * magnification;
+    line_color_cover = vec4(level_colors[min(int(level), 9)], cover * side);
     vec2 along = q_px - p_px;
     along = dot(along, along) > 0.0 ? normalize(along) * REACH_PX : vec2(REACH_PX, 0.0);
     vec2 across = vec2(-along.y, along.x);

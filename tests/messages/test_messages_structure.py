@@ -113,7 +113,7 @@ scene.yaml:17:8: splat: not a mapping
 scene.yaml:14:7: error: no value
     | error:
     |       ^
-  expected: a mapping with measure, of or tolerance
+  expected: a mapping with measure, of, tolerance or finest_level
 """,
     ),
     "unquoted_color": (
