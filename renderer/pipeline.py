@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.camera_paths import make_view
+from renderer.cell_edges import CellEdges, make_cell_edges
 from renderer.framing import finest_useful_level, fit_distance, visible_centre, visible_points
 from renderer.octree import Cut, cut_pyramid
 from renderer.projection import visible_order
@@ -30,9 +31,11 @@ Clock = Callable[[], float]
 
 
 class Rasterizer(Protocol):
-    """What draws sorted splats: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
+    """What draws sorted splats, and lines if the scene asks: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]: ...
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]: ...
 
 
 @dataclass(frozen=True)
@@ -115,27 +118,37 @@ def view_of(stage: Stage, frame: int) -> View:
 
 def finest_level_at(stage: Stage, tolerance: float) -> int:
     """The finest level that is drawn at a tolerance."""
-    return stage.finest_level if tolerance > 0 else 0
+    return max(stage.scene.error.finest_level, stage.finest_level if tolerance > 0 else 0)
 
 
 def render_frames(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock) -> Iterator[Frame]:
     """Draw these frames of the film, in this order. A cut and its splats are used again while the tolerance stays."""
     scene = stage.scene
-    tolerance, cut, splats = -1.0, None, None
+    tolerance, cut, splats, edges = -1.0, None, None, None
     for number in frames:
         watch = Stopwatch(clock)
         if cut is None or splats is None or tolerance_at(scene.error, number) != tolerance:
-            cut = splats = None  # let go of the old ones first
+            cut = splats = edges = None  # let go of the old ones first
             tolerance = tolerance_at(scene.error, number)
             cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
             watch.lap("cut")
             splats = make_splats(cut, scene.splat)
             watch.lap("splats")
-        yield _draw(stage, number, tolerance, cut, splats, rasterizer, watch)
+            if scene.overlay == "octree":
+                edges = make_cell_edges(cut)
+                watch.lap("overlay")
+        yield _draw(stage, number, tolerance, cut, splats, edges, rasterizer, watch)
 
 
 def _draw(
-    stage: Stage, number: int, tolerance: float, cut: Cut, splats: SplatBatch, rasterizer: Rasterizer, watch: Stopwatch
+    stage: Stage,
+    number: int,
+    tolerance: float,
+    cut: Cut,
+    splats: SplatBatch,
+    edges: CellEdges | None,
+    rasterizer: Rasterizer,
+    watch: Stopwatch,
 ) -> Frame:
     scene = stage.scene
     view = view_of(stage, number)
@@ -143,6 +156,11 @@ def _draw(
     watch.lap("order")
     image = rasterizer.rasterize(splats, order, view)
     watch.lap("draw")
+    if edges is not None:
+        lines = rasterizer.rasterize_edges(edges, view)
+        image *= 1 - lines[..., 3:]
+        image += lines
+        watch.lap("overlay")
     pixels = quantize(image, scene.output.background)
     watch.lap("quantize")
     return Frame(number, pixels, image, tolerance, len(cut), len(order), watch.seconds)

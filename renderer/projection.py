@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -36,18 +37,27 @@ class ModelView:
     slope_limit: Float64
 
 
-def model_view(batch: SplatBatch, view: View) -> ModelView:
-    """The view as the batch's model units see it; differences are taken in float64."""
+class Model(Protocol):
+    """What has model units: its origin in the world, float64 [3], and the world length of a unit."""
+
+    @property
+    def origin(self) -> Float64: ...
+    @property
+    def length(self) -> float: ...
+
+
+def model_view(model: Model, view: View) -> ModelView:
+    """The view as model units see it; differences are taken in float64."""
     rotation = view.view_from_world[:3, :3]
-    translation = rotation @ (batch.origin - view.eye) / batch.length
+    translation = rotation @ (model.origin - view.eye) / model.length
     perspective = view.projection == "perspective"
-    scale_px = view.scale_px if perspective else view.scale_px * batch.length
+    scale_px = view.scale_px if perspective else view.scale_px * model.length
     return ModelView(
         np.column_stack([rotation, translation]),
         perspective,
         scale_px,
         view.size,
-        view.near / batch.length,
+        view.near / model.length,
         SLOPE_LIMIT * np.array(view.size) / 2 / view.scale_px,
     )
 

@@ -7,6 +7,8 @@ buffers matter:
     batch of splats -> vertex buffer -> points, quads (larger than the driver's points) or triangle fans
                     -> fragment alpha -> blended "over", premultiplied, in float32 -> read back once a frame
 
+The edges of an overlay come in batches, too, one quad each, and make a picture of their own.
+
 Rows are drawn upside down, so that what is read back has row 0 at the top.
 """
 
@@ -22,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.camera import View
+from renderer.cell_edges import CellEdges, level_colors
 from renderer.errors import RenderError
 from renderer.projection import ModelView, longest_sigma, model_view
 from renderer.shaders import load_shader
@@ -31,6 +34,15 @@ Image = npt.NDArray[np.float32]
 
 # Splats on the device at a time: 9 MiB of vertices.
 BATCH_SIZE = 1 << 18
+
+# CellEdges.vertices; as many edges at a time as fill the buffer of the splats
+EDGE_FORMAT, EDGE_NAMES, EDGE_BYTES = "3f 3f 1f/i", ("start", "end", "level"), 28
+
+# Where cells have a side of s model units and of p pixels, up to 2 / s of them lie behind one another, and the lines of
+# one layer cover about 2 / p of the image: a solid fog. So a line's opacity is LINE_COVER * s * p, which bounds what a
+# region adds up to whatever the size of its cells, and never more than LINE_OPACITY. Cells under LEAST_SIDE_PX have no
+# lines.
+LINE_COVER, LINE_OPACITY, LEAST_SIDE_PX = 0.75, 0.8, 3.0
 
 # What the shader's uniform block holds, 48 bytes each; GL guarantees 16 KiB.
 MAX_SHAPES = 256
@@ -80,23 +92,50 @@ class GLRasterizer:
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
         camera = model_view(batch, view)
-        image = np.empty((view.size[1], view.size[0], 4), np.float32)
-        with self._context:  # another one may have been made since
-            target = self._resized_target(view.size)
-            target.use()
-            target.clear(0.0, 0.0, 0.0, 0.0)
+        with self._picture(view.size) as image:
             self._shapes.write(_shape_block(batch, camera))
             self._shapes.bind_to_uniform_block(0)
             draw = self._gaussians if isinstance(batch.footprint, GaussianFootprint) else self._fans
             for first in range(0, len(order), BATCH_SIZE):
                 draw(batch, order[first : first + BATCH_SIZE], camera)
-            target.read_into(image, components=4, dtype="f4")
         return image
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
+        """Lines along the edges, one over the other in their order: as `rasterize`, float32 [height, width, 4]."""
+        with self._picture(view.size) as image:
+            camera = model_view(edges, view)
+            program = self._program("line_vertex.glsl", "line_fragment.glsl")
+            _set_camera(program, camera)
+            program["voxel_side"] = edges.voxel_side
+            program["cover"] = LINE_COVER
+            program["opacity"] = LINE_OPACITY
+            program["least_side_px"] = LEAST_SIDE_PX
+            program["level_colors"].write(level_colors().astype(np.float32))
+            lines = self._context.vertex_array(program, [(self._splats, EDGE_FORMAT, *EDGE_NAMES)])
+            num_at_once = BATCH_SIZE * VERTEX_BYTES // EDGE_BYTES
+            for first in range(0, len(edges), num_at_once):
+                batch = edges.vertices[first : first + num_at_once]
+                self._splats.orphan()
+                self._splats.write(batch)
+                lines.render(moderngl.TRIANGLES, vertices=6, instances=len(batch))
+            lines.release()
+        return image
+
+    @contextmanager
+    def _picture(self, size: tuple[int, int]) -> Iterator[Image]:
+        """An image of (width, height) that holds, in the end, what was drawn meanwhile."""
+        image = np.empty((size[1], size[0], 4), np.float32)
+        with self._context:  # another one may have been made since
+            target = self._resized_target(size)
+            target.use()
+            target.clear(0.0, 0.0, 0.0, 0.0)
+            yield image
+            target.read_into(image, components=4, dtype="f4")
 
     def _gaussians(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> None:
         """Points, and in their place in the order quads where the driver's points are too small."""
         assert isinstance(batch.footprint, GaussianFootprint)
-        program = self._program("gaussian", batch, camera)
+        program = self._splat_program("gaussian", batch, camera)
         for name in ("cutoff", "decay", "coefficients"):
             program[name] = getattr(batch.footprint, name)
         vertices = batch.vertices.take(order, axis=0)
@@ -125,7 +164,7 @@ class GLRasterizer:
         """The paper's footprints: one instance of the mesh for each splat."""
         footprint = batch.footprint
         assert isinstance(footprint, GouraudFootprint)
-        program = self._program("gouraud", batch, camera)
+        program = self._splat_program("gouraud", batch, camera)
         self._splats.orphan()
         self._splats.write(batch.vertices.take(order, axis=0))
         mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
@@ -138,24 +177,21 @@ class GLRasterizer:
             fans.render(moderngl.TRIANGLES, instances=len(order))
             fans.release()
 
-    def _program(self, name: str, batch: SplatBatch, camera: ModelView) -> Any:
-        """The program of a footprint, compiled at its first use, with the uniforms of all footprints set."""
-        if name not in self._programs:
-            self._programs[name] = self._context.program(
-                vertex_shader=load_shader("project.glsl", "opacity.glsl", f"{name}_vertex.glsl"),
-                fragment_shader=load_shader("opacity.glsl", f"{name}_fragment.glsl"),
-            )
-        program = self._programs[name]
-        to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
-        program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL matrices are column by column
-        program["view_translation"] = tuple(to_depth[:, 3])
-        program["perspective"] = camera.perspective
-        program["scale_px"] = camera.scale_px
-        program["size_px"] = camera.size
-        program["near_depth"] = camera.near
+    def _splat_program(self, name: str, batch: SplatBatch, camera: ModelView) -> Any:
+        """The program of a footprint, with the uniforms of all footprints set."""
+        program = self._program(f"project.glsl opacity.glsl {name}_vertex.glsl", f"opacity.glsl {name}_fragment.glsl")
+        _set_camera(program, camera)
         program["slope_limit"] = tuple(camera.slope_limit)
         program["narrowest_px"] = batch.footprint.narrowest_px
         return program
+
+    def _program(self, vertex_files: str, fragment_files: str) -> Any:
+        """A program from its files, compiled at its first use."""
+        if vertex_files not in self._programs:
+            self._programs[vertex_files] = self._context.program(
+                vertex_shader=load_shader(*vertex_files.split()), fragment_shader=load_shader(*fragment_files.split())
+            )
+        return self._programs[vertex_files]
 
     def _vertex_array(self, program: Any, buffer: Any) -> Any:
         return self._context.vertex_array(program, [(buffer, VERTEX_FORMAT, *VERTEX_NAMES)])
@@ -203,6 +239,17 @@ def _create_context() -> Any:
         expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
         hint=f"on Debian or Ubuntu: apt-get install {PACKAGES}",
     ) from failures[0]
+
+
+def _set_camera(program: Any, camera: ModelView) -> None:
+    """The uniforms of every program."""
+    to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
+    program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL matrices are column by column
+    program["view_translation"] = tuple(to_depth[:, 3])
+    program["perspective"] = camera.perspective
+    program["scale_px"] = camera.scale_px
+    program["size_px"] = camera.size
+    program["near_depth"] = camera.near
 
 
 def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:

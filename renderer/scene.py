@@ -155,11 +155,13 @@ class CameraSpec:
 
 @dataclass(frozen=True)
 class ErrorSpec:
-    """The error schedule: `tolerance` holds (frame, tolerance) in ascending frame order, one entry being constant."""
+    """The error schedule: `tolerance` holds (frame, tolerance) in ascending frame order, one entry being constant. No
+    cell smaller than `2^finest_level` voxels is drawn, whatever its error."""
 
     tolerance: tuple[tuple[int, float], ...] = ((0, 0.1),)
     measure: Literal["optical", "rms"] = "optical"
     of: Literal["classified", "scalar"] = "classified"
+    finest_level: int = 0
 
 
 @dataclass(frozen=True)
@@ -198,7 +200,7 @@ class OutputSpec:
 
 @dataclass(frozen=True)
 class Scene:
-    """One job, complete."""
+    """One job, complete. With `overlay`, lines along the edges of the cells that are drawn lie over the picture."""
 
     volume: VolumeSpec
     transfer_function: TransferSpec
@@ -208,4 +210,5 @@ class Scene:
     splat: SplatSpec = SplatSpec()
     pyramid: PyramidSpec = PyramidSpec()
     shading: ShadingSpec | None = None
+    overlay: Literal["none", "octree"] = "none"
     version: int = 1

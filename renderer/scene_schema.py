@@ -62,6 +62,7 @@ def _scene_kind(base: Path) -> Kind[Scene]:
         "error": _ERROR,
         "pyramid": _PYRAMID,
         "splat": _SPLAT,
+        "overlay": choice("none", "octree"),
         "output": OUTPUT,
     }
     return section(table, _build_scene, required=("volume", "transfer_function", "camera", "output"))
@@ -105,6 +106,9 @@ _PYRAMID = section(
 
 # error
 
+# Cells of this level would be wider than any volume is long: indices of voxels along an axis are int32.
+MAX_LEVEL = 30
+
 _CONSTANT = number(least=0)
 _FRAME = integer(least=0, most=MAX_FRAMES - 1)
 _AT_FRAME = number(above=0)
@@ -146,7 +150,13 @@ def _build_error(node: Node, given: dict[str, Any]) -> ErrorSpec:
 
 
 _ERROR = section(
-    {"measure": choice("optical", "rms"), "of": choice("classified", "scalar"), "tolerance": _TOLERANCE}, _build_error
+    {
+        "measure": choice("optical", "rms"),
+        "of": choice("classified", "scalar"),
+        "tolerance": _TOLERANCE,
+        "finest_level": integer(least=0, most=MAX_LEVEL),
+    },
+    _build_error,
 )
 
 

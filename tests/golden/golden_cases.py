@@ -79,6 +79,7 @@ _LOBB = "volume={procedural: {name: marschner_lobb, shape: [40, 40, 40]}}"
 _GLASS = "transfer_function={unit: 1.0, points: [{value: 0, color: '#ff8040', opacity: 0.05}]}"
 _COARSE = "error.tolerance=0.8"
 _VOXELS = "error.tolerance=0"
+_CLEAR = "output.background=transparent"
 _STILL = "camera.path={type: turntable, frames: 1, elevation: 0}"
 
 CASES = (
@@ -117,7 +118,14 @@ CASES = (
         ),
     ),
     Case("wide_image", "images that are not square", ("output.size=[128, 61]",)),
-    Case("transparent", "straight alpha", ("output.background=transparent",)),
+    Case("transparent", "straight alpha", (_CLEAR,)),
+    Case("overlay", "the octree's cells as lines, with their opacity", ("overlay=octree", _COARSE, _CLEAR)),
+    Case(
+        "overlay_inside",
+        "lines around the eye",
+        ("overlay=octree", _COARSE, "camera.distance=6", "camera.field_of_view=70"),
+    ),
+    Case("finest_level", "no cells smaller than asked for", ("error.finest_level=2",)),
     Case("shading", "Lambert's law, light fixed to the object", ("shading={light: [1, -1, 1]}",), frames="::6"),
     Case(
         "colormap",

@@ -146,7 +146,7 @@ scene.yaml:13:38: camera.path.elevation: not a number
 scene.yaml:14:1: errors: unknown key
     | errors:
     | ^
-  expected: version, volume, transfer_function, shading, camera, error, pyramid, splat or output
+  expected: version, volume, transfer_function, shading, camera, error, pyramid, splat, overlay or output
   hint: did you mean error?
 """,
     ),
@@ -267,7 +267,7 @@ OVERRIDES = {
 """,
     "camra.distance=3": """\
 --set camra.distance=3: camra: unknown key
-  expected: version, volume, transfer_function, shading, camera, error, pyramid, splat or output
+  expected: version, volume, transfer_function, shading, camera, error, pyramid, splat, overlay or output
   hint: did you mean camera?
 """,
     "camera.path={type: rocker}": """\

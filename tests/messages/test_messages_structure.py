@@ -26,7 +26,7 @@ scene.yaml:11:3: camera.projektion: unknown key
 scene.yaml:17:1: splats: unknown key
     | splats:
     | ^
-  expected: version, volume, transfer_function, shading, camera, error, pyramid, splat or output
+  expected: version, volume, transfer_function, shading, camera, error, pyramid, splat, overlay or output
   hint: did you mean splat?
 """,
     ),
@@ -113,7 +113,7 @@ scene.yaml:17:8: splat: not a mapping
 scene.yaml:14:7: error: no value
     | error:
     |       ^
-  expected: a mapping with measure, of or tolerance
+  expected: a mapping with measure, of, tolerance or finest_level
 """,
     ),
     "unquoted_color": (

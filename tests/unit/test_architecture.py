@@ -23,7 +23,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "pyramid": ("pyramid pyramid_kernels", "words classification"),
     "cut": ("octree visibility", "words classification pyramid"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
-    "splats": ("splats projection", "words pyramid cut"),
+    "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_reference shaders", "words splats"),
     "truth": ("integrator integrator_kernel", "words"),
     "film": ("film encode png quantize sidecar staging", "words"),

@@ -36,7 +36,7 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.scene_schema import parse_scene, scene_to_dict
+from renderer.scene_schema import MAX_LEVEL, parse_scene, scene_to_dict
 
 HERE = Path(__file__).resolve()
 FILE_BYTES = HERE.stat().st_size
@@ -123,7 +123,8 @@ def errors(frames: int) -> st.SearchStrategy[ErrorSpec]:
     by_frame = st.dictionaries(st.integers(0, frames - 1), POSITIVE, min_size=1, max_size=4)
     tolerance = st.one_of(finite(0, 10).map(lambda at: ((0, at),)), by_frame.map(lambda d: tuple(sorted(d.items()))))
     measures = st.sampled_from([("optical", "classified"), ("rms", "classified"), ("rms", "scalar")])
-    return st.builds(lambda at, pair: ErrorSpec(at, *pair), tolerance, measures)
+    levels = st.integers(0, MAX_LEVEL)
+    return st.builds(lambda at, pair, level: ErrorSpec(at, *pair, level), tolerance, measures, levels)
 
 
 SPLATS = st.one_of(
@@ -176,6 +177,7 @@ def scenes(draw: st.DrawFn) -> Scene:
             st.builds(PyramidSpec, st.sampled_from(["extinction", "opacity"]), st.sampled_from(["half", "single"]))
         ),
         shading=draw(st.none() | st.builds(ShadingSpec, PART, PART, DIRECTION)),
+        overlay=draw(st.sampled_from(["none", "octree"])),
     )
 
 
