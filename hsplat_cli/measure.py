@@ -53,10 +53,6 @@ def measure(
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
-    # Imported here: numpy takes longer to load than --help may take to answer.
-    from hsplat_cli.measuring.study import Request, run_study  # noqa: PLC0415
-    from hsplat_cli.measuring.want import find_wanted  # noqa: PLC0415
-
     job = load_scene(scene, overrides=overrides, volume=volume)
     numbers = parse_frames(frames, job.camera.path.frames)
     if not 0 < truth_tolerance < 1:
@@ -69,9 +65,14 @@ def measure(
     sweep = parse_sweep(job, tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections)
     with terminated_as_interrupted():
         if want is not None:
+            # Imported where it is used: numpy takes longer to load than --help may take to answer.
+            from hsplat_cli.measuring.want import find_wanted  # noqa: PLC0415
+
             _refuse_beside_want(context)
             find_wanted(job, parse_want(want), numbers, truth_tolerance, quiet=quiet)
             return
+        from hsplat_cli.measuring.study import Request, run_study  # noqa: PLC0415
+
         folder = output or Path(f"{scene.stem}.measured")
         run_study(Request(job, sweep, list(numbers) if frames else None, repeats, peer, truth_tolerance, folder, quiet))
 

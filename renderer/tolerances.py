@@ -15,6 +15,8 @@ _FEWEST_CELLS = 64
 _FEWEST_PART = 1e-3
 # A tolerance is worth a place of its own when its cut has this many times the cells of the one before.
 _LEAST_GROWTH = 1.1
+# Between cuts that differ by less a search need not choose.
+_CLEARLY_MORE = 1.03
 # From here on a cut is as good as the finest.
 _NEARLY_ALL = 0.9
 # Below any error that a pyramid can hold.
@@ -45,14 +47,14 @@ def ladder(pyramid: Pyramid) -> Iterator[float]:
 
 
 def distinct_rungs(pyramid: Pyramid, num_cells: NumCells) -> Iterator[float]:
-    """The rungs of the ladder at which more is drawn than at the one before, down to the finest cut."""
-    before, all_cells = 0, num_cells(SMALLEST)
+    """The rungs of the ladder at which clearly more is drawn than at the one before, to where nearly all is."""
+    before, all_cells = 0.0, num_cells(SMALLEST)
     for tolerance in ladder(pyramid):
         num = num_cells(tolerance)
-        if num > before:
+        if num > _CLEARLY_MORE * before:
             yield tolerance
             before = num
-        if num >= all_cells:
+        if _CLEARLY_MORE * before >= all_cells:
             return
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import os
 import time
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ import click
 from hsplat_cli.machine import PeakMemory, describe_machine
 from hsplat_cli.measuring.notes import monotony_notes, scene_notes
 from hsplat_cli.measuring.options import Sweep
+from hsplat_cli.measuring.stage import prepared
 from hsplat_cli.measuring.truth import find_truths, require_something
 from hsplat_cli.peers.vtk_peer import measure_vtk, require_vtk, vtk_settings, with_transparent_border
 from hsplat_cli.progress import progress
@@ -94,11 +94,6 @@ def run_study(request: Request) -> None:
         _write_and_print(study, request.folder)
     if interrupt:
         raise interrupt
-
-
-def prepared(scene: Scene, volume: Volume) -> Stage:
-    """The scene's stage for a volume that was read before."""
-    return prepare(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1, volume=volume)
 
 
 def _volume(request: Request) -> Volume:

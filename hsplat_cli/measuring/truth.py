@@ -18,7 +18,7 @@ def find_truths(
 ) -> tuple[list[Truth], list[TruthRecord]]:
     """The truth of every frame, and how it came about."""
     truths, records = [], []
-    with progress(len(frames), label="truth", quiet=quiet, unit="frames") as bar:
+    with progress(len(frames), label="truth", quiet=quiet) as bar:
         for frame in frames:
             start = time.perf_counter()
             truth = find_truth(stage, frame, tolerance)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import click
 
 from hsplat_cli.measuring.options import Want
-from hsplat_cli.measuring.study import prepared
+from hsplat_cli.measuring.stage import prepared
 from hsplat_cli.measuring.truth import find_truths, require_something
 from renderer.errors import RenderError
 from renderer.pipeline import Stage
@@ -46,7 +46,8 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
             on_trial=_teller(want, quiet=quiet),
         )
         tolerance = coarsest_tolerance(trials, rungs, probes, checks)
-        worst = trials.worst(tolerance or 0.0, [*probes, *checks])
+        tried = probes if tolerance is None else [*probes, *checks]
+        worst = trials.worst(tolerance or 0.0, tried)
     if tolerance is None:
         raise RenderError(
             "the accuracy that is wanted is beyond full resolution",
@@ -57,7 +58,7 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
         )
     click.echo(_line(scene, tolerance))
     click.echo(
-        f"# {want.of(worst.value)} or better on the frames {', '.join(map(str, sorted({*probes, *checks})))}; "
+        f"# {want.of(worst.value)} or better on the frames {', '.join(map(str, sorted(tried)))}; "
         f"{worst.num_cells} cells; frame {worst.frame} is the worst"
     )
 

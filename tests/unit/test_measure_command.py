@@ -53,9 +53,7 @@ def rows(folder: str = "scene.measured") -> list[dict[str, str]]:
 
 def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     measure(*QUICK, "--tolerances", "0.5,0.1,0")
-    found = {
-        (row["series"], float(row["tolerance"]), int(row["frame"])) for row in rows()
-    }
+    found = {(row["series"], float(row["tolerance"]), int(row["frame"])) for row in rows()}
     series = {
         f"{footprint}, {measure}{correction}"
         for footprint in ("gaussian", "gouraud 8x3")
@@ -104,7 +102,9 @@ def test_the_json_says_what_was_measured_on_what() -> None:
     assert series == {"gouraud 6x2, rms of scalar", "gouraud 6x2, rms of scalar, uncorrected"}
 
 
-def test_an_interrupt_keeps_what_was_measured(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interrupt_keeps_what_was_measured(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     num = 0
 
     def interrupted(*arguments: Any, **options: Any) -> Measurement:
@@ -131,7 +131,18 @@ def test_the_line_for_the_scene_file_keeps_its_promise(want: str, capsys: pytest
     assert comment.startswith("# ")
     name, value = want.split("=")
     column = "psnr_db" if name == "psnr" else name
-    every = ("--repeats", "1", "--frames", ":", "--footprints", "gaussian", "--measures", "optical", "--corrections", "on")
+    every = (
+        "--repeats",
+        "1",
+        "--frames",
+        ":",
+        "--footprints",
+        "gaussian",
+        "--measures",
+        "optical",
+        "--corrections",
+        "on",
+    )
     measure(*every, "--tolerances", f"{tolerance},{2.5 * tolerance}", "--output", "all")
     better = 1 if name in ("psnr", "ssim") else -1
 

@@ -46,10 +46,10 @@ def test_an_even_volume_has_no_ladder() -> None:
     assert spread_tolerances(pyramid, lambda tolerance: len(cut_pyramid(pyramid, tolerance)), 10) == (0.0,)
 
 
-def test_rungs_end_where_the_cut_is_the_finest(pyramid: Pyramid) -> None:
+def test_rungs_end_where_the_cut_is_nearly_the_finest(pyramid: Pyramid) -> None:
     counts = [len(cut_pyramid(pyramid, rung)) for rung in distinct_rungs(pyramid, _counter(pyramid))]
-    assert counts == sorted(set(counts))
-    assert counts[0] == 1 and counts[-1] == len(cut_pyramid(pyramid, 1e-300))
+    assert all(b > 1.03 * a for a, b in pairwise(counts))
+    assert counts[0] == 1 and counts[-1] > 0.97 * len(cut_pyramid(pyramid, 1e-300))
 
 
 def test_spread_tolerances_fall_and_their_cuts_grow(pyramid: Pyramid) -> None:
