@@ -16,11 +16,11 @@ from hsplat_cli.measuring.notes import monotony_notes, scene_notes
 from hsplat_cli.measuring.options import Sweep
 from hsplat_cli.measuring.stage import prepared
 from hsplat_cli.measuring.truth import find_truths, require_something
-from hsplat_cli.peers.vtk_peer import measure_vtk, require_vtk, vtk_settings, with_transparent_border
 from hsplat_cli.progress import progress
+from hsplat_cli.report.files import check_writable, write_study
+from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
-from hsplat_cli.report.write import check_writable, write_study
-from renderer.pipeline import Stage, prepare
+from renderer.pipeline import Stage
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
 from renderer.scene import Scene
@@ -55,6 +55,7 @@ class Request:
 def run_study(request: Request) -> None:
     """Measure, write the report and print the table; what was measured before an interrupt is written too."""
     scene = request.scene
+    require_page_packages()
     check_writable(request.folder)
     if request.peer:
         require_vtk(scene)
@@ -111,7 +112,7 @@ def _measurements(
     work = [planned.seconds(len(truths), request.repeats) for planned in plan]
     if request.peer:
         work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
-    with progress(len(work), label="measuring", quiet=request.quiet, unit="settings", work=work) as bar:
+    with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:
         for measurement in _own(request, plan, volume, truths, rasterizer):
             yield measurement
             bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")

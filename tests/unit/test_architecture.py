@@ -39,6 +39,7 @@ COMMANDS_MAY_IMPORT = {
     "readers", "volume", "statistics",  # info
     "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
+    "png", "staging",  # reports
     "camera", "transfer",  # peers
 }  # fmt: skip
 
