@@ -18,12 +18,8 @@ from renderer.metrics import Accuracy, compare, over_background, pooled
 from renderer.octree import cut_pyramid
 from renderer.pipeline import Clock, Frame, Rasterizer, Stage, finest_level_at, render_frames
 from renderer.scene import ErrorSpec, SplatSpec
+from renderer.thumbnails import difference_thumbnail, thumbnail
 from renderer.truths import Truth
-
-# Longest side of the small pictures that are kept of each setting.
-THUMBNAIL_PX = 256
-# Differences from the truth are shown this many times as large.
-DIFFERENCE_GAIN = 8.0
 
 # What is timed once a frame, and once a cut.
 _FRAME_STAGES = ("order", "draw", "overlay", "quantize")
@@ -155,7 +151,7 @@ def measure_setting(
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
         picture = over_background(frame.radiance, background)
         accuracies.append(compare(picture, truth.picture, truth.on_volume))
-        pictures = pictures or (thumbnail(picture), thumbnail(difference_picture(picture, truth.picture)))
+        pictures = pictures or (thumbnail(picture), difference_thumbnail(picture, truth.picture))
         first_pass.append(_without_pictures(frame))
         memory.reset()
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
@@ -178,20 +174,6 @@ def measure_setting(
         picture=pictures[0],
         difference=pictures[1],
     )
-
-
-def thumbnail(picture: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
-    """[h, w, 3] in [0, 1] as 8 bits, at most THUMBNAIL_PX wide and high: means over squares of whole pixels."""
-    height, width = picture.shape[:2]
-    side = -(-max(height, width) // THUMBNAIL_PX)
-    padded = np.pad(picture, ((0, -height % side), (0, -width % side), (0, 0)), mode="edge")
-    squares = padded.reshape(padded.shape[0] // side, side, padded.shape[1] // side, side, 3)
-    return np.asarray(np.round(squares.mean(axis=(1, 3)) * 255), np.uint8)
-
-
-def difference_picture(picture: npt.NDArray[np.floating], truth: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
-    """The absolute difference times DIFFERENCE_GAIN, clipped to [0, 1]."""
-    return np.minimum(np.abs(picture - truth) * DIFFERENCE_GAIN, 1.0)
 
 
 def _timed_passes(

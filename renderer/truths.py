@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.integrator import Convergence, converged_image
-from renderer.metrics import Mask, over_background
+from renderer.metrics import Mask, Picture, over_background
 from renderer.pipeline import Clock, Rasterizer, Stage, render_frames, view_of
 from renderer.schedule import at_tolerance
 from renderer.transfer import make_transfer
@@ -22,12 +21,12 @@ _COVERED = 1 / 255
 class Truth:
     """The converged ray integral of one frame.
 
-    picture: float32 [h, w, 3], over the scene's background, clipped to [0, 1]. float32 keeps it to 6e-8.
+    picture: float64 [h, w, 3], over the scene's background, clipped to [0, 1].
     on_volume: where anything of the volume is seen.
     """
 
     frame: int
-    picture: npt.NDArray[np.float32]
+    picture: Picture
     on_volume: Mask
     convergence: Convergence
 
@@ -39,8 +38,7 @@ def find_truth(stage: Stage, frame: int, tolerance: float) -> Truth:
     image, convergence = converged_image(
         stage.volume, transfer, view_of(stage, frame), tolerance=tolerance, shading=scene.shading
     )
-    picture = over_background(image, scene.output.background).astype(np.float32)
-    return Truth(frame, picture, image[..., 3] > 0, convergence)
+    return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
 
 
 def spread_frames(frames: Sequence[int], num: int) -> list[int]:

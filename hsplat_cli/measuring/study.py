@@ -6,6 +6,7 @@ import datetime
 import time
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,12 @@ from hsplat_cli.measuring.notes import monotony_notes, scene_notes
 from hsplat_cli.measuring.options import Sweep
 from hsplat_cli.measuring.stage import prepared
 from hsplat_cli.measuring.truth import find_truths, require_something
+from hsplat_cli.peers.vtk_peer import check_vtk, measure_vtk, vtk_settings, with_transparent_border
 from hsplat_cli.progress import progress
 from hsplat_cli.report.files import check_writable, write_study
 from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
-from renderer.pipeline import Stage
+from renderer.pipeline import Stage, view_of
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
 from renderer.scene import Scene
@@ -58,7 +60,7 @@ def run_study(request: Request) -> None:
     require_page_packages()
     check_writable(request.folder)
     if request.peer:
-        require_vtk(scene)
+        check_vtk(scene)
     measurements: list[Measurement] = []
     interrupt: KeyboardInterrupt | None = None
     with GLRasterizer() as rasterizer:
@@ -113,13 +115,8 @@ def _measurements(
     if request.peer:
         work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
     with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:
-        for measurement in _own(request, plan, volume, truths, rasterizer):
-            yield measurement
-            bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
-        if request.peer is None:
-            return
-        stage = prepared(request.scene, volume)
-        for measurement in measure_vtk(stage, truths, clock=time.perf_counter, repeats=request.repeats):
+        own = _own(request, plan, volume, truths, rasterizer)
+        for measurement in chain(own, _peer(request, volume, truths)):
             yield measurement
             bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
 
@@ -145,6 +142,21 @@ def _own(
                 stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
             )
         yield replace(done[key], setting=splat_setting(scene.error, scene.splat))
+
+
+def _peer(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
+    if request.peer is None:
+        return
+    stage = prepared(request.scene, volume)
+    yield from measure_vtk(
+        volume,
+        make_transfer(request.scene.transfer_function, float(volume.spacing.min())),
+        [view_of(stage, truth.frame) for truth in truths],
+        [truth.frame for truth in truths],
+        truths,
+        request.scene.output.background,
+        repeats=request.repeats,
+    )
 
 
 def _volume_facts(volume: Volume) -> dict[str, Any]:

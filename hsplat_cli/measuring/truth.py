@@ -9,7 +9,7 @@ from hsplat_cli.progress import progress
 from renderer.errors import InputError
 from renderer.pipeline import Stage
 from renderer.study import TruthRecord
-from renderer.sweep import thumbnail
+from renderer.thumbnails import thumbnail
 from renderer.truths import Truth, find_truth
 
 

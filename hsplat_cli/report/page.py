@@ -17,7 +17,8 @@ from hsplat_cli.report.numbers import ABSENT, bytes_text, count_text, metric_tex
 from hsplat_cli.report.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, trade_figure
 from renderer.metrics import METRICS, Metric
 from renderer.study import Study, TruthRecord
-from renderer.sweep import DIFFERENCE_GAIN, Measurement
+from renderer.sweep import Measurement
+from renderer.thumbnails import DIFFERENCE_GAIN
 
 if TYPE_CHECKING:
     from markupsafe import Markup

@@ -29,7 +29,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "film": ("film encode png quantize sidecar staging", "words"),
     "contents": ("pipeline", "words volumes classification pyramid cut path splats film"),
     "study": (
-        "metrics pareto search study sweep sweep_plan tolerances trials truths",
+        "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths",
         "words checks classification pyramid cut path splats truth film contents",
     ),
 }
@@ -40,7 +40,7 @@ COMMANDS_MAY_IMPORT = {
     "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "png", "staging",  # reports
-    "camera", "transfer",  # peers
+    "camera", "thumbnails", "transfer",  # peers
 }  # fmt: skip
 
 GL_PACKAGES = {"moderngl", "OpenGL", "glcontext"}
