@@ -29,7 +29,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "film": ("film encode png quantize sidecar staging", "words"),
     "contents": ("pipeline", "words volumes classification pyramid cut path splats film"),
     "study": (
-        "metrics pareto sweep study",
+        "metrics pareto sweep thumbnails study",
         "words checks classification pyramid cut path splats truth film contents",
     ),
 }
@@ -38,6 +38,7 @@ COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema",  # without numpy: `check` answers at once
     "readers", "volume", "statistics",  # info
     "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
+    "camera", "metrics", "sweep", "thumbnails", "transfer",  # measure, and its peers
 }  # fmt: skip
 
 GL_PACKAGES = {"moderngl", "OpenGL", "glcontext"}
