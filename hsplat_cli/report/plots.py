@@ -75,7 +75,8 @@ def trade_figure(measurements: Sequence[Measurement], axis: Axis) -> Figure:
     _draw_series(axes, measurements, axis, _psnr, with_spread=True)
     _finish(axes, axis, "PSNR, dB", many_ticks=True)
     _name_series(figure, axes)
-    figure.draw_without_rendering()  # the layout is made, and labels can be placed in it
+    figure.draw_without_rendering()  # makes the layout, in which the labels then find their places
+    figure.set_layout_engine("none")
     _label_points(axes, measurements, axis, fronts, sorted(shown))
     return figure
 
