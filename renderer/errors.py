@@ -7,6 +7,7 @@ The low layer states the fact; the layer above adds the place (a file, a line). 
 from __future__ import annotations
 
 import difflib
+import importlib.util
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -92,3 +93,13 @@ def describe(
 def nearest(name: str, names: Iterable[str]) -> str | None:
     """The one of `names` that `name` was probably meant to be, or None."""
     return next(iter(difflib.get_close_matches(name, list(names), n=1, cutoff=0.6)), None)
+
+
+def require_package(package: str, *, extra: str) -> None:
+    """Raise InputError if an optional package, by the name under which it is imported, is not installed.
+
+    To be called where the work begins, and not only where the package is used at its end.
+    extra: that which brings it, of those in `pyproject.toml`.
+    """
+    if importlib.util.find_spec(package) is None:
+        raise InputError(f"the package {package} is not installed", hint=f"pip install 'hsplat[{extra}]'")

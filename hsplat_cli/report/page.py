@@ -1,0 +1,297 @@
+"""A study as one page: plots, prices, the truth, and every setting with its pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from hsplat_cli.report.costs import OWN, PEER, Cost, Price, by_series, fronts_of, prices, tool_of
+from hsplat_cli.report.html import facts_of, page_of, plot_style, png_data_uri, svg_of
+from hsplat_cli.report.numbers import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
+from hsplat_cli.report.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, trade_figure
+from renderer.metrics import METRICS, Metric
+from renderer.study import Study, TruthRecord
+from renderer.sweep import DIFFERENCE_GAIN, Measurement
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure of the page."""
+
+    svg: Markup
+    caption: str
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table; `is_text` aligns it to the left, `sorts` makes its heading a button."""
+
+    title: str
+    unit: str = ""
+    is_text: bool = False
+    sorts: bool = True
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number with the value that it is sorted by, words, the heading of its row, or a picture with its words."""
+
+    text: str
+    value: str = ""
+    is_text: bool = False
+    is_heading: bool = False
+    image: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of a table; `on_front` shades it."""
+
+    cells: Sequence[Cell]
+    on_front: bool
+
+
+@dataclass(frozen=True)
+class Table:
+    """groups: text and width in columns of what stands above the headings; none, or for all columns."""
+
+    caption: str
+    groups: Sequence[tuple[str, int]]
+    columns: Sequence[Column]
+    rows: Sequence[Row]
+
+
+def study_page(study: Study, *, date: str) -> str:
+    """The page, whole, in one file that loads nothing; the same study and date give the same text.
+
+    Raises InputError where matplotlib or jinja2 is missing only in so far as `require_page_packages` was not called.
+    """
+    measurements = study.measurements
+    return page_of(
+        "study.html",
+        title=f"What accuracy costs: {study.volume.get('name', 'a volume')}",
+        notes=study.notes,
+        facts=_facts(study, date),
+        plots=_plots(measurements),
+        prices=[_price_texts(price) for price in prices(measurements)],
+        has_peer=any(tool_of(m) == PEER for m in measurements),
+        truth_tolerance=f"{study.truth_tolerance:g}",
+        truths=[_truth_texts(truth) for truth in study.truths],
+        gain=f"{DIFFERENCE_GAIN:g}",
+        measured=_measured_table(measurements),
+        stages=_stages_table(measurements),
+        scene=yaml.safe_dump(_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
+    )
+
+
+def _facts(study: Study, date: str) -> list[tuple[str, str]]:
+    frames = ", ".join(str(truth.frame) for truth in study.truths)
+    size = study.scene.get("output", {}).get("size", ())
+    volume = facts_of({f"volume, {name}" if name != "name" else "volume": v for name, v in study.volume.items()})
+    picture = [("pictures", f"{' x '.join(map(str, size))} pixels, frames {frames}")] if size else []
+    return [*volume, *picture, *facts_of(study.machine), ("date", date)]
+
+
+def _plain(value: Any) -> Any:
+    """`value` in types that YAML has without tags."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
+
+
+# -------------------------------------------------------------------------------------------------------------- plots
+
+
+def _plots(measurements: Sequence[Measurement]) -> list[Plot]:
+    series = ", ".join(by_series(measurements))
+    plots = []
+    with plot_style():
+        for name, axis in (("time", TIME), ("splats", SPLATS)):
+            if plottable(measurements, axis):
+                alt = f"PSNR in dB over the {axis.title}, logarithmic, of {series}"
+                svg = svg_of(trade_figure(measurements, axis), name=name, alt=alt)
+                plots.append(Plot(svg, _trade_caption(measurements, axis)))
+        if plottable(measurements, TIME):
+            alt = f"PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3 over the {TIME.title}, of {series}"
+            svg = svg_of(metrics_figure(measurements), name="metrics", alt=alt)
+            plots.append(Plot(svg, "The same settings by other metrics."))
+    return plots
+
+
+def _trade_caption(measurements: Sequence[Measurement], axis: Axis) -> str:
+    """What the points' labels are, what the bars are, and what is missing."""
+    shown = plottable(measurements, axis)
+    words = []
+    for tool, front in axis.fronts(measurements).items():
+        common, _ = short_labels([measurements[i].setting.label for i in front if i in shown])
+        words += [f"{common} ({'hsplat' if tool == OWN else 'VTK'})"] if common else []
+    parts = ["Higher and further to the left is better."]
+    parts += [f"Beside the points of a front: {', '.join(words)}."] if words else []
+    parts += ["Bars reach from the first to the third quartile of the time."] if axis.spread else []
+    exact = sum(m.overall.everywhere.psnr == math.inf for m in measurements if axis.of(m) > 0)
+    parts += [f"Not shown, as equal to the truth: {exact}."] if exact else []
+    return " ".join(parts)
+
+
+# ------------------------------------------------------------------------------------------------- prices, truth
+
+
+def _price_texts(price: Price) -> dict[str, str]:
+    setting = price.setting
+    ratio = ABSENT
+    if price.peer is not None and math.isfinite(price.ratio):
+        bound = "≤ " if price.peer.is_bound else "≥ " if price.time.is_bound else ""
+        ratio = bound + ratio_text(price.ratio)
+    return {
+        "psnr": f"{price.psnr:g}",
+        "time": _cost_text(price.time, ms_text),
+        "splats": _cost_text(price.splats, count_text),
+        "peer": _cost_text(price.peer, ms_text) if price.peer else ABSENT,
+        "ratio": ratio,
+        "setting": f"{setting.series}, {setting.label}" if setting else ABSENT,
+    }
+
+
+def _cost_text(cost: Cost, text: Callable[[float], str]) -> str:
+    if math.isinf(cost.value):
+        return "not reached"
+    return f"{'≤ ' if cost.is_bound else ''}{text(cost.value)}"
+
+
+def _truth_texts(truth: TruthRecord) -> dict[str, str]:
+    record = truth.convergence
+    return {
+        "frame": str(truth.frame),
+        "image": png_data_uri(truth.picture),
+        "seconds": f"{truth.seconds:.1f}",
+        "share": f"{100 * truth.share_on_volume:.1f} %",
+        "steps": ", ".join(f"{step:g}" for step in record.step_voxels),
+        "changes": ", ".join(f"{change:.1e}" for change in record.change),
+        "pixels": ", ".join(map(count_text, record.num_pixels)),
+    }
+
+
+# ------------------------------------------------------------------------------------------------------------- tables
+
+
+def _measured_table(measurements: Sequence[Measurement]) -> Table:
+    metrics = [Column(_short(metric), metric.unit) for metric in METRICS]
+    identity = [
+        Column("picture", sorts=False),
+        Column("difference", sorts=False),
+        Column("series", is_text=True),
+        Column("setting", is_text=True),
+    ]
+    costs = [
+        Column("cells"),
+        Column("splats"),
+        Column("time", "ms"),
+        Column("quartiles", "ms"),
+        Column("once", "ms"),
+        Column("memory"),
+    ]
+    fronts = [Column("front", is_text=True)]
+    groups = [
+        ("", len(identity)),
+        ("cost of a frame", len(costs)),
+        ("over the whole picture", len(metrics)),
+        ("on the volume", len(metrics)),
+        ("", len(fronts)),
+    ]
+    time, splats = fronts_of(measurements)
+    rows = [
+        Row([*_identity_cells(m), *_cost_cells(m), *_metric_cells(m), _front_cell(i in time, i in splats)], i in time)
+        for i, m in enumerate(measurements)
+    ]
+    caption = (
+        "“Once” is done for all frames together: the cut and its splats. Memory is the most that the process held."
+    )
+    return Table(caption, groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
+
+
+def _short(metric: Metric) -> str:
+    return {"max_error": "largest", "flip_p99": "FLIP 99 %", "delta_e_share": "ΔE > 2.3"}.get(metric.name, metric.label)
+
+
+def _identity_cells(measurement: Measurement) -> list[Cell]:
+    setting = measurement.setting
+    name = f"{setting.series}, {setting.label}"
+    return [
+        Cell(f"picture of {name}", image=png_data_uri(measurement.picture)),
+        Cell(f"difference of {name} from the truth", image=png_data_uri(measurement.difference)),
+        Cell(setting.series, is_text=True),
+        Cell(setting.label, is_heading=True),
+    ]
+
+
+def _cost_cells(measurement: Measurement) -> list[Cell]:
+    low, high = measurement.frame_seconds_spread
+    once = [float(np.median(seconds)) for seconds in measurement.seconds.values()]
+    return [
+        _number(measurement.num_cells, count_text(measurement.num_cells)),
+        _number(measurement.num_splats, count_text(measurement.num_splats)),
+        _number(measurement.frame_seconds, ms_text(measurement.frame_seconds)),
+        _number(high - low, f"{ms_text(low)} – {ms_text(high)}"),
+        _number(sum(once), ms_text(sum(once))) if once else _number(None, ABSENT),
+        _number(measurement.peak_bytes, bytes_text(measurement.peak_bytes)),
+    ]
+
+
+def _metric_cells(measurement: Measurement) -> list[Cell]:
+    return [
+        _number(getattr(difference, metric.name), metric_text(metric, getattr(difference, metric.name)))
+        for difference in (measurement.overall.everywhere, measurement.overall.on_volume)
+        for metric in METRICS
+    ]
+
+
+def _front_cell(on_time: bool, on_splats: bool) -> Cell:
+    return Cell(" and ".join([*["time"] * on_time, *["splats"] * on_splats]), is_text=True)
+
+
+def _number(value: float | None, text: str) -> Cell:
+    """JavaScript spells infinity in its own way, and reads nothing as not a number."""
+    if value is None or math.isnan(value):
+        return Cell(text)
+    return Cell(text, "Infinity" if value == math.inf else repr(value))
+
+
+def _stages_table(measurements: Sequence[Measurement]) -> Table:
+    """Medians and quartiles of each stage, over frames and repetitions."""
+    times = [_stage_times(m) for m in measurements]
+    names = list(dict.fromkeys(name for stages in times for name in stages))
+    columns = [Column("series", is_text=True), Column("setting", is_text=True)]
+    columns += [Column(stage, f"ms, {'once' if is_once else 'each frame'}") for stage, is_once in names]
+    rows = []
+    for m, stages in zip(measurements, times, strict=True):
+        cells = [Cell(m.setting.series, is_text=True), Cell(m.setting.label, is_heading=True)]
+        rows.append(Row([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
+    return Table("Median, quartiles in brackets, number of repetitions.", (), columns, rows)
+
+
+def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
+    """Seconds by stage and whether it is done once for all frames."""
+    times = {(stage, True): seconds for stage, seconds in measurement.seconds.items()}
+    for sample in measurement.samples:
+        for stage, seconds in sample.seconds.items():
+            times[stage, False] = times.get((stage, False), ()) + tuple(seconds)
+    return times
+
+
+def _stage_cell(seconds: Sequence[float]) -> Cell:
+    if not seconds:
+        return _number(None, ABSENT)
+    low, median, high = (float(value) for value in np.quantile(seconds, [0.25, 0.5, 0.75]))
+    return _number(median, f"{ms_text(median)} ({ms_text(low)} – {ms_text(high)}) × {len(seconds)}")
