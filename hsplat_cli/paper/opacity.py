@@ -20,6 +20,8 @@ OPACITIES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 SHOWN_OPACITY = 0.05
 # Of alpha. A lattice of splats ripples by up to 1.1 % of the optical depth, which is 0.004 of alpha at most.
 AGREES = 0.005
+# More than this is too near to 1, in float32 and with ripple, for the opacity of a part to be found from it.
+OPAQUE = 0.9999
 # Of alpha: between level 0 and the coarsest one, this is visible at a glance.
 VISIBLE = 0.1
 
@@ -50,8 +52,9 @@ class Slab:
         return np.asarray(-np.expm1(np.log1p(-np.array(self.opacities))[:, None] * exponents))
 
     def cell_opacity(self, alphas: Float64) -> Float64:
-        """Of one cell of each level, from the alphas of the whole slab."""
-        return np.asarray(-np.expm1(np.log1p(-alphas) * 2.0 ** np.arange(self.num_levels) / self.depth))
+        """Of one cell of each level, from the alphas of the whole slab; NaN where that is too opaque to tell."""
+        depths = -np.log1p(-np.where(alphas < OPAQUE, alphas, np.nan))
+        return np.asarray(-np.expm1(-depths * 2.0 ** np.arange(self.num_levels) / self.depth))
 
 
 def make(scene: Scene, studio: Studio) -> Figure:
