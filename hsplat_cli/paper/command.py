@@ -17,7 +17,7 @@ from hsplat_cli.scene_file import load_scene
 from hsplat_cli.versions import package_versions
 from renderer.errors import InputError, SceneError
 from renderer.scene import Scene
-from renderer.staging import staged
+from renderer.staging import write_staged
 
 if TYPE_CHECKING:
     from hsplat_cli.paper.figure import Figure
@@ -72,14 +72,15 @@ def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, .
     FOLDER holds a scene file for each figure, configs/paper by default. The page says, figure by figure, what the paper
     claims, what was measured, and whether the claim was seen.
     """
+    from hsplat_cli.report.files import check_writable  # noqa: PLC0415
     from hsplat_cli.report.html import require_page_packages  # noqa: PLC0415
 
     require_page_packages()
     jobs = _jobs(folder, numbers, volume)
+    check_writable(output, [PAGE])
+    figures, text = _page(jobs, quiet=quiet)
     path = output / PAGE
-    with staged(path) as temporary:  # tried before the work; a page appears whole or not at all
-        figures, text = _page(jobs, quiet=quiet)
-        temporary.write_text(text, encoding="utf-8")
+    write_staged(path, text.encode())
     if not quiet:
         _report(figures, path)
 
@@ -128,11 +129,17 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     from hsplat_cli.paper.studio import Studio  # noqa: PLC0415
     from hsplat_cli.report.html import plot_style  # noqa: PLC0415
     from renderer.raster_gl import GLRasterizer  # noqa: PLC0415
+    from renderer.readers import read_volume  # noqa: PLC0415
 
     num_threads = os.cpu_count() or 1
     figures: list[Figure] = []
-    with GLRasterizer() as rasterizer, plot_style(), progress(len(jobs), label="paper", quiet=quiet) as bar:
-        studio = Studio(rasterizer, time.perf_counter, num_threads)
+    with (
+        GLRasterizer() as rasterizer,
+        plot_style(),
+        progress(len(jobs), label="paper", quiet=quiet, unit="figures") as bar,
+    ):
+        volumes = {job.scene.volume: read_volume(job.scene.volume) for job in jobs}  # all that cannot be read, at once
+        studio = Studio(rasterizer, volumes, time.perf_counter, num_threads)
         for job in jobs:
             make = importlib.import_module(f"hsplat_cli.paper.{job.module}").make
             figure: Figure = make(job.scene, studio)

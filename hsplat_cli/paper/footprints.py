@@ -22,7 +22,7 @@ Float64 = npt.NDArray[np.float64]
 # Angular and radial subdivisions of the fans.
 SUBDIVISIONS = ((4, 1), (6, 2), (8, 3), (12, 5), (16, 8), (32, 16))
 # Fans of at least so many triangles are expected to keep a splat's integral to this share.
-FINE_ENOUGH, INTEGRAL_SHARE = 40, 0.03
+FINE_ENOUGH, INTEGRAL_SHARE = 40, 0.05
 # Of the peak; the finest fan is expected to be this near to the smooth profile.
 SMOOTH_SHARE = 0.02
 # Rings of pixels, by their distance from the centre, in which the plot shows mean, least and largest.
@@ -144,7 +144,9 @@ def _drawn(stage: Stage, name: str, num_triangles: int, studio: Studio) -> Footp
         )
     width, height = view.size
     sigma_px = stage.scene.splat.sigma * np.cbrt(stage.volume.voxel_volume) * view.scale_px
-    distance = np.hypot(*np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)) / sigma_px
+    distance = (
+        np.hypot(*np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)) / sigma_px
+    )
     radii, profile = _smooth_profile(stage)
     smooth, alpha = np.interp(distance, radii, profile), frame.radiance[..., 3].astype(np.float64)
     end = radii[-2]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, seen, with_error, with_splat
+from hsplat_cli.paper.studio import Studio, counted, seen, with_error, with_splat
 from renderer.errors import InputError
 from renderer.pipeline import Stage
 from renderer.scene import Scene
@@ -134,7 +134,7 @@ def _drawn(
                 float(np.sqrt(np.mean(difference**2))),
             )
         )
-        pictures.append(Picture(frame.image, f"level {level}: {frame.num_cells} cells"))
+        pictures.append(Picture(frame.image, f"level {level}: {counted(frame.num_cells, 'cell')}"))
     return tuple(distances), tuple(pictures)
 
 

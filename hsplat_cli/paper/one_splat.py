@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, transfer_of, with_splat
+from hsplat_cli.paper.studio import Studio, transfer_of, with_error, with_splat
 from renderer.errors import InputError
+from renderer.pipeline import Frame
 from renderer.scene import ProceduralSource, Scene
+from renderer.scene_schema import MAX_LEVEL
 
 SIDES = (1, 2, 4, 8, 16, 32)
 # Of an optical depth: what float16 in the pyramid and float32 in the picture leave, ten times over.
 AGREES = 0.005
+# Of the optical depth of a whole picture: footprints end where 0.2 % of them is left, and pixels sample them.
+AGREES_IN_TOTAL = 0.01
 
 
 @dataclass(frozen=True)
@@ -20,11 +26,13 @@ class Splats:
     """One splat for each of SIDES, in a cube that is always as large; alphas are those of the middle of the picture.
 
     opacity: of a voxel.
+    totals: optical depth of the whole picture of the corrected splat, relative to that of its voxels, drawn one by one.
     """
 
     opacity: float
     corrected: tuple[float, ...]
     uncorrected: tuple[float, ...]
+    totals: tuple[float, ...]
     rows: tuple[Row, ...]
 
     def depth_ratios(self, alphas: tuple[float, ...]) -> tuple[float, ...]:
@@ -56,26 +64,24 @@ def measure(scene: Scene, studio: Studio) -> Splats:
             expected="volume.procedural: {name: constant, shape: [1, 1, 1]}",
         )
     length = source.shape[0] * source.spacing[0]
-    alphas: tuple[list[float], list[float]] = ([], [])
-    pictures: tuple[list[Picture], list[Picture]] = ([], [])
-    opacity = 0.0
+    rows: dict[str, list[Picture]] = {"With correction": [], "Without": [], "The voxels themselves": []}
+    corrected, uncorrected, totals, opacity = [], [], [], 0.0
     for side in SIDES:
         cube = replace(source, shape=(side, side, side), spacing=(length / side, length / side, length / side))
         stage = studio.stage(replace(scene, volume=replace(scene.volume, source=cube)))
         extinction = float(transfer_of(stage).classify(stage.volume.values.reshape(-1)[:1])[1][0])
         opacity = -math.expm1(-extinction * cube.spacing[0])
-        for k, is_corrected in enumerate((True, False)):
-            frame = studio.draw(with_splat(stage, opacity_correction=is_corrected))
-            if frame.num_cells != 1:
-                raise InputError(
-                    "figure 3 is of one splat", got=f"{frame.num_cells} splats", expected="error.finest_level: 30"
-                )
-            height, width = frame.image.shape[:2]
-            alpha = float(frame.radiance[height // 2, width // 2, 3])
-            alphas[k].append(alpha)
-            pictures[k].append(Picture(frame.image, f"{side}^3 voxels: alpha {alpha:.3f}"))
-    rows = (Row("With correction", tuple(pictures[0])), Row("Without", tuple(pictures[1])))
-    return Splats(opacity, tuple(alphas[0]), tuple(alphas[1]), rows)
+        one = with_splat(with_error(stage, finest_level=MAX_LEVEL), opacity_correction=True)
+        splat = studio.draw(one)
+        without = studio.draw(with_splat(one, opacity_correction=False))
+        voxels = studio.draw(with_error(one, finest_level=0, tolerance=((0, 0.0),)))
+        corrected.append(_middle(splat))
+        uncorrected.append(_middle(without))
+        totals.append(_total_depth(splat) / _total_depth(voxels))
+        for row, frame in zip(rows.values(), (splat, without, voxels), strict=True):
+            row.append(Picture(frame.image, f"{side}^3 voxels: alpha {_middle(frame):.3f}"))
+    shown = tuple(Row(title, tuple(pictures)) for title, pictures in rows.items())
+    return Splats(opacity, tuple(corrected), tuple(uncorrected), tuple(totals), shown)
 
 
 def judge(splats: Splats) -> tuple[Claim, ...]:
@@ -97,18 +103,40 @@ def judge(splats: Splats) -> tuple[Claim, ...]:
             f"alpha from {min(splats.uncorrected):.4f} to {max(splats.uncorrected):.4f}; at most {change:.2%} off",
             change < AGREES,
         ),
+        Claim(
+            "One splat can stand for a whole block of voxels: it adds as much to the picture as they do.",
+            f"the optical depth of the whole picture is that of the voxels drawn one by one, within {AGREES_IN_TOTAL:.0%}",
+            f"{', '.join(f'{total:.4f}' for total in splats.totals)} times as much",
+            all(abs(total - 1) < AGREES_IN_TOTAL for total in splats.totals),
+        ),
     )
+
+
+def _middle(frame: Frame) -> float:
+    height, width = frame.image.shape[:2]
+    return float(frame.radiance[height // 2, width // 2, 3])
+
+
+def _total_depth(frame: Frame) -> float:
+    """Sum over all pixels."""
+    return float(-np.log1p(-frame.radiance[..., 3].astype(np.float64)).sum())
 
 
 def _table(splats: Splats) -> Table:
     ratios = splats.depth_ratios(splats.corrected)
-    columns = (SIDES, splats.corrected, ratios, splats.uncorrected)
+    columns = (SIDES, splats.corrected, ratios, splats.uncorrected, splats.totals)
     return Table(
-        "Alpha in the middle of the splat",
-        ("voxels a side", "with correction", "exponent of (1 - alpha of one voxel)", "without correction"),
+        "Alpha in the middle of the splat, and the optical depth of the whole picture against that of the voxels",
+        (
+            "voxels a side",
+            "with correction",
+            "exponent of (1 - alpha of one voxel)",
+            "without correction",
+            "whole picture",
+        ),
         tuple(
-            (f"{side}", f"{with_correction:.4f}", f"{ratio:.3f}", f"{without:.4f}")
-            for side, with_correction, ratio, without in zip(*columns, strict=True)
+            (f"{side}", f"{with_correction:.4f}", f"{ratio:.3f}", f"{without:.4f}", f"{total:.4f}")
+            for side, with_correction, ratio, without, total in zip(*columns, strict=True)
         ),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from renderer.integrator import integrate
 from renderer.pipeline import Frame, Rasterizer, Stage, prepare, render_frames, view_of
-from renderer.scene import Color, Scene
+from renderer.scene import Color, Scene, VolumeSpec
 from renderer.transfer import TransferFunction, make_transfer
+from renderer.volume import Volume
 
 Image = npt.NDArray[np.floating[Any]]
 
@@ -24,15 +25,17 @@ FRAME_STAGES = ("order", "draw", "quantize")
 
 @dataclass(frozen=True)
 class Studio:
-    """clock: gives seconds; it is asked only for what a figure reports."""
+    """volumes: those that have been read already. clock: gives seconds."""
 
     rasterizer: Rasterizer
+    volumes: Mapping[VolumeSpec, Volume]
     clock: Callable[[], float]
     num_threads: int
 
     def stage(self, scene: Scene) -> Stage:
         """The scene with its volume and its pyramid."""
-        return prepare(scene, clock=self.clock, num_threads=self.num_threads)
+        volume = self.volumes.get(scene.volume)
+        return prepare(scene, clock=self.clock, num_threads=self.num_threads, volume=volume)
 
     def draw(self, stage: Stage) -> Frame:
         """The first frame of the film."""
@@ -85,3 +88,8 @@ def psnr_db(image: Image, truth: Image, background: Color | None) -> float:
     """Of all pixels, as they are seen; infinite for equal pictures."""
     square = float(np.mean((seen(image, background) - seen(truth, background)) ** 2))
     return -10 * math.log10(square) if square > 0 else math.inf
+
+
+def counted(num: int, noun: str) -> str:
+    """`1 cell`, `8 cells`."""
+    return f"{num} {noun}" if num == 1 else f"{num} {noun}s"
