@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 if TYPE_CHECKING:
@@ -17,27 +17,41 @@ _LINE_EVERY_PART = 0.1
 _LINE_EVERY_S = 60.0
 _LINE_AT_LEAST_S = 2.0
 
+# Of work of unequal steps the bar shows the part that is done; a number of steps a second would mean nothing.
+_BAR_OF_WORK = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
+
 
 class Progress(Protocol):
-    """Counts finished frames."""
+    """Counts finished steps."""
 
     def advance(self, note: str = "") -> None:
-        """One frame more is done; `note` is a few words about it."""
+        """One step more is done; `note` is a few words about it."""
 
 
 @contextlib.contextmanager
-def progress(total: int, *, label: str, quiet: bool) -> Iterator[Progress]:
-    """Show how many of `total` frames are done, their rate and the time remaining; nothing when `quiet`."""
+def progress(steps: int | Sequence[float], *, label: str, quiet: bool, unit: str = "frames") -> Iterator[Progress]:
+    """Show how many of the steps are done and the time remaining; nothing when `quiet`.
+
+    steps: the number of steps of equal cost, with which their rate is shown too, or the predicted work of each step,
+        not negative and in any unit, by which the time remaining is told. unit: what a step is, in the plural.
+    """
     if quiet:
         yield _Silence()
     elif sys.stderr.isatty():
         # Imported only where a bar is drawn: a plain log does not need it.
         from tqdm import tqdm  # noqa: PLC0415
 
-        with tqdm(total=total, desc=label, unit=" frames", file=sys.stderr, dynamic_ncols=True) as bar:
-            yield _Bar(bar)
+        if isinstance(steps, int):
+            with tqdm(total=steps, desc=label, unit=f" {unit}", file=sys.stderr, dynamic_ncols=True) as bar:
+                yield _Bar(bar)
+        else:
+            # Without smoothing: the rate of the last steps tells little where each is of another kind.
+            with tqdm(
+                total=sum(steps), bar_format=_BAR_OF_WORK, smoothing=0, file=sys.stderr, dynamic_ncols=True
+            ) as bar:
+                yield _BarOfWork(bar, steps, label, unit)
     else:
-        yield Lines(total, label, sys.stderr, time.monotonic)
+        yield Lines(steps, label, sys.stderr, time.monotonic, unit)
 
 
 class _Silence:
@@ -54,32 +68,64 @@ class _Bar:
         self._bar.update()
 
 
-class Lines:
-    """Progress as lines of text; `clock` gives seconds."""
+class _BarOfWork:
+    def __init__(self, bar: tqdm[Any], work: Sequence[float], label: str, unit: str) -> None:
+        self._bar, self._work, self._label, self._unit = bar, work, label, unit
+        self._done = 0
+        self._describe()
 
-    def __init__(self, total: int, label: str, stream: TextIO, clock: Callable[[], float]) -> None:
-        self._total, self._label, self._stream, self._clock = total, label, stream, clock
-        self._done = self._done_at_line = 0
+    def advance(self, note: str = "") -> None:
+        self._done += 1
+        self._bar.set_postfix_str(note, refresh=False)
+        self._bar.update(self._work[self._done - 1])
+        self._describe()
+
+    def _describe(self) -> None:
+        self._bar.set_description_str(f"{self._label} {self._done}/{len(self._work)} {self._unit}")
+
+
+class Lines:
+    """Progress as lines of text; `clock` gives seconds, the rest is as in `progress`."""
+
+    def __init__(
+        self,
+        steps: int | Sequence[float],
+        label: str,
+        stream: TextIO,
+        clock: Callable[[], float],
+        unit: str = "frames",
+    ) -> None:
+        self._has_rate = isinstance(steps, int)
+        self._work = [1.0] * steps if isinstance(steps, int) else list(steps)
+        self._label, self._stream, self._clock, self._unit = label, stream, clock, unit
+        self._total_work = sum(self._work)
+        self._done, self._done_work, self._work_at_line = 0, 0.0, 0.0
         self._start = self._time_of_line = clock()
 
     def advance(self, note: str = "") -> None:
-        """One frame more is done: a line, if one is due."""
+        """One step more is done: a line, if one is due."""
+        self._done_work += self._work[self._done]
         self._done += 1
         now = self._clock()
         if not self._is_due(now):
             return
-        self._done_at_line, self._time_of_line = self._done, now
-        rate = self._done / max(now - self._start, 1e-9)
-        parts = [f"{self._done}/{self._total} frames", f"{rate:.2f} frames/s"]
-        parts += [f"{duration((self._total - self._done) / rate)} left"] if self._done < self._total else []
-        parts += [note] if note else []
-        print(f"{self._label}: {', '.join(parts)}", file=self._stream, flush=True)
+        self._work_at_line, self._time_of_line = self._done_work, now
+        print(f"{self._label}: {', '.join(self._parts(now - self._start, note))}", file=self._stream, flush=True)
+
+    def _parts(self, elapsed: float, note: str) -> Iterator[str]:
+        yield f"{self._done}/{len(self._work)} {self._unit}"
+        if self._has_rate:
+            yield f"{self._done / max(elapsed, 1e-9):.2f} {self._unit}/s"
+        if self._done < len(self._work) and self._done_work > 0:
+            yield f"{duration(elapsed * (self._total_work - self._done_work) / self._done_work)} left"
+        if note:
+            yield note
 
     def _is_due(self, now: float) -> bool:
-        if self._done == self._total:
+        if self._done == len(self._work):
             return True
         waited = now - self._time_of_line
-        part = (self._done - self._done_at_line) / self._total
+        part = (self._done_work - self._work_at_line) / max(self._total_work, 1e-9)
         return waited >= _LINE_AT_LEAST_S and (part >= _LINE_EVERY_PART or waited >= _LINE_EVERY_S)
 
 

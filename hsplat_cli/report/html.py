@@ -99,7 +99,7 @@ def plot_style() -> Iterator[None]:
 
     # From matplotlib's defaults, not from what a user's matplotlibrc says. The backend is nobody's business here.
     defaults: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if not key.startswith("backend")}
-    with rc_context({**defaults, **_STYLE}):
+    with rc_context(defaults | _STYLE):
         yield
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,10 @@ from renderer.sweep import DIFFERENCE_GAIN, Measurement
 
 if TYPE_CHECKING:
     from markupsafe import Markup
+
+# As they are read: the one of the plots first.
+_ORDER = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
+_METRICS = sorted(METRICS, key=lambda metric: _ORDER.index(metric.name))
 
 
 @dataclass(frozen=True)
@@ -42,12 +47,12 @@ class Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """A number with the value that it is sorted by, words, the heading of its row, or a picture with its words."""
+    """A number with the value that it is sorted by, words, the heading of a row under its series, or a picture."""
 
     text: str
     value: str = ""
     is_text: bool = False
-    is_heading: bool = False
+    series: str = ""
     image: str = ""
 
 
@@ -68,6 +73,11 @@ class Table:
     columns: Sequence[Column]
     rows: Sequence[Row]
 
+    @property
+    def has_pictures(self) -> bool:
+        """Whether any cell is one."""
+        return any(cell.image for row in self.rows for cell in row.cells)
+
 
 def study_page(study: Study, *, date: str) -> str:
     """The page, whole, in one file that loads nothing; the same study and date give the same text.
@@ -77,7 +87,7 @@ def study_page(study: Study, *, date: str) -> str:
     measurements = study.measurements
     return page_of(
         "study.html",
-        title=f"What accuracy costs: {study.volume.get('name', 'a volume')}",
+        title=f"What accuracy costs: {PurePath(str(study.volume['name'])).name}",
         notes=study.notes,
         facts=_facts(study, date),
         plots=_plots(measurements),
@@ -187,12 +197,11 @@ def _truth_texts(truth: TruthRecord) -> dict[str, str]:
 
 
 def _measured_table(measurements: Sequence[Measurement]) -> Table:
-    metrics = [Column(_short(metric), metric.unit) for metric in METRICS]
+    metrics = [Column(_short(metric), metric.unit) for metric in _METRICS]
     identity = [
+        Column("setting", is_text=True),
         Column("picture", sorts=False),
         Column("difference", sorts=False),
-        Column("series", is_text=True),
-        Column("setting", is_text=True),
     ]
     costs = [
         Column("cells"),
@@ -229,10 +238,9 @@ def _identity_cells(measurement: Measurement) -> list[Cell]:
     setting = measurement.setting
     name = f"{setting.series}, {setting.label}"
     return [
+        Cell(setting.label, series=setting.series),
         Cell(f"picture of {name}", image=png_data_uri(measurement.picture)),
         Cell(f"difference of {name} from the truth", image=png_data_uri(measurement.difference)),
-        Cell(setting.series, is_text=True),
-        Cell(setting.label, is_heading=True),
     ]
 
 
@@ -253,7 +261,7 @@ def _metric_cells(measurement: Measurement) -> list[Cell]:
     return [
         _number(getattr(difference, metric.name), metric_text(metric, getattr(difference, metric.name)))
         for difference in (measurement.overall.everywhere, measurement.overall.on_volume)
-        for metric in METRICS
+        for metric in _METRICS
     ]
 
 
@@ -272,11 +280,11 @@ def _stages_table(measurements: Sequence[Measurement]) -> Table:
     """Medians and quartiles of each stage, over frames and repetitions."""
     times = [_stage_times(m) for m in measurements]
     names = list(dict.fromkeys(name for stages in times for name in stages))
-    columns = [Column("series", is_text=True), Column("setting", is_text=True)]
+    columns = [Column("setting", is_text=True)]
     columns += [Column(stage, f"ms, {'once' if is_once else 'each frame'}") for stage, is_once in names]
     rows = []
     for m, stages in zip(measurements, times, strict=True):
-        cells = [Cell(m.setting.series, is_text=True), Cell(m.setting.label, is_heading=True)]
+        cells = [Cell(m.setting.label, series=m.setting.series)]
         rows.append(Row([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
     return Table("Median, quartiles in brackets, number of repetitions.", (), columns, rows)
 

@@ -24,6 +24,7 @@ _COLORS = [LIGHT[f"series-{number}"] for number in range(1, 9)]
 _MARKERS = "osD^vP<>"
 _PEER_MARKERS = "x+1234"
 _LABEL_PT = 8.5
+_WIDTH_IN = 8.0
 
 
 @dataclass(frozen=True)
@@ -66,14 +67,14 @@ def trade_figure(measurements: Sequence[Measurement], axis: Axis) -> Figure:
     """PSNR over cost: what is not `plottable` is left out; the points of the fronts bear their labels."""
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    figure = Figure(figsize=(9.6, 5.6), layout="constrained")
+    figure = Figure(figsize=(_WIDTH_IN, 5.2), layout="constrained")
     axes = figure.subplots()
     shown = set(plottable(measurements, axis))
     fronts = {tool: [i for i in front if i in shown] for tool, front in axis.fronts(measurements).items()}
     _draw_fronts(axes, measurements, axis, fronts)
     _draw_series(axes, measurements, axis, _psnr, with_spread=True)
     _finish(axes, axis, "PSNR, dB", many_ticks=True)
-    figure.legend(loc="outside upper left", ncols=3)
+    _name_series(figure, axes)
     figure.draw_without_rendering()  # the layout is made, and labels can be placed in it
     _label_points(axes, measurements, axis, fronts, sorted(shown))
     return figure
@@ -83,7 +84,7 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
     """Further metrics over the time of a frame, a small plot for each."""
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    figure = Figure(figsize=(9.6, 7.4), layout="constrained")
+    figure = Figure(figsize=(_WIDTH_IN, 6.8), layout="constrained")
     panels = (("psnr", "on_volume"), ("ssim", "everywhere"), ("flip", "everywhere"), ("delta_e_share", "everywhere"))
     for axes, (name, pixels) in zip(figure.subplots(2, 2).flat, panels, strict=True):
         metric = next(metric for metric in METRICS if metric.name == name)
@@ -97,16 +98,18 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
         unit = "%" if scale == 100 else metric.unit
         _finish(axes, TIME, f"{title}, {unit}" if unit else title, many_ticks=False)
         axes.set_title(
-            f"{'higher' if metric.higher_is_better else 'lower'} is better", color=LIGHT["muted"], loc="right"
+            f"{'higher' if metric.higher_is_better else 'lower'} is better",
+            color=LIGHT["muted"],
+            fontsize=_LABEL_PT,
+            loc="right",
         )
-    handles, names = axes.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=3)
+    _name_series(figure, axes)
     return figure
 
 
 def _draw_fronts(axes: Axes, measurements: Sequence[Measurement], axis: Axis, fronts: dict[str, list[int]]) -> None:
     """Straight between its points, as `pareto.cost_at` interpolates: the logarithm of the cost over PSNR."""
-    styles = {
+    styles: dict[str, dict[str, Any]] = {
         OWN: {"color": LIGHT["front"], "linewidth": 9.0, "solid_capstyle": "round", "zorder": 1.0},
         PEER: {"color": LIGHT["muted"], "linewidth": 1.4, "linestyle": "--", "zorder": 1.5},
     }
@@ -176,13 +179,21 @@ def _finish(axes: Axes, axis: Axis, title: str, *, many_ticks: bool) -> None:
     if high / low < 10:  # a decade at least, so that there are ticks to read
         middle = math.sqrt(low * high)
         axes.set_xlim(middle / math.sqrt(10), middle * math.sqrt(10))
-    subs = (1.0, 2.0, 5.0) if many_ticks or high / low < 100 else (1.0,)
+    subs = (1.0, 2.0, 5.0) if many_ticks or high / low < 30 else (1.0, 3.0)
     axes.xaxis.set_major_locator(LogLocator(subs=subs))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: tick_text(value)))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(axis.title)
     axes.set_ylabel(title)
     axes.margins(y=0.08)
+
+
+def _name_series(figure: Figure, axes: Axes) -> None:
+    """A legend above the plots, in as many columns as its names leave room for."""
+    handles, names = axes.get_legend_handles_labels()
+    if names:
+        column_in = (0.6 * max(map(len, names)) + 5) * 10 / 72
+        figure.legend(handles, names, loc="outside upper left", ncols=max(1, min(3, int(_WIDTH_IN / column_in))))
 
 
 def tick_text(value: float) -> str:

@@ -52,6 +52,28 @@ def test_the_note_stands_at_the_end() -> None:
     assert stream.getvalue().endswith(", 147 k splats\n")
 
 
+def test_steps_of_unequal_work() -> None:
+    """The time remaining follows the work, the count the steps; there is no rate."""
+    clock, stream = Clock(), io.StringIO()
+    lines = Lines([1.0, 3.0, 16.0], "measure", stream, clock, "settings")
+    for seconds in (3, 9, 40):
+        clock.now += seconds
+        lines.advance(f"{seconds} s")
+    assert stream.getvalue().splitlines() == [
+        "measure: 2/3 settings, 0:48 left, 9 s",  # the first step was too small a part of the work for a line
+        "measure: 3/3 settings, 40 s",
+    ]
+
+
+def test_work_of_nothing_has_no_time() -> None:
+    clock, stream = Clock(), io.StringIO()
+    lines = Lines([0.0, 0.0], "measure", stream, clock, "settings")
+    for _ in range(2):
+        clock.now += 100
+        lines.advance()
+    assert stream.getvalue().splitlines() == ["measure: 1/2 settings", "measure: 2/2 settings"]
+
+
 @pytest.mark.parametrize(
     ("seconds", "text"),
     [(0, "0:00"), (7.4, "0:07"), (59.6, "1:00"), (754, "12:34"), (3723, "1:02:03"), (90000, "25:00:00")],
@@ -84,6 +106,20 @@ def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: 
     assert out == ""
     assert "film: 100%" in err
     assert "frames/s" in err
+
+
+def test_a_terminal_gets_a_bar_of_the_work(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with progress([1.0, 3.0], label="measure", quiet=False, unit="settings") as bar:
+        bar.advance("tolerance 1")
+        bar.advance("tolerance 0.1")
+    _, err = capsys.readouterr()
+    assert "measure 0/2 settings:   0%" in err
+    assert "measure 1/2 settings:  25%" in err
+    assert "measure 2/2 settings: 100%" in err
+    assert "tolerance 0.1]" in err
 
 
 def test_tqdm_is_not_imported_without_a_terminal() -> None:
