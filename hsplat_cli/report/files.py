@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 
 from hsplat_cli.report.html import require_page_packages
@@ -16,8 +17,9 @@ from renderer.study import Study
 FILES = ("measure.csv", "measure.json", "index.html")
 
 
-def check_writable(folder: Path) -> None:
-    """Try whether `write_study` could write into `folder`, and leave everything as it was.
+def check_writable(folder: Path, names: Sequence[str] = FILES) -> None:
+    """Try whether files of these names, by default those of `write_study`, can be written into `folder`, and leave
+    everything as it was.
 
     Raises InputError where the folder or one above it is a file, or an output is a folder; RenderError where the
     system refuses (no permission, no space).
@@ -32,7 +34,7 @@ def check_writable(folder: Path) -> None:
         )
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        for name in FILES:
+        for name in names:
             require_writable(folder / name)
     finally:
         for path in made:

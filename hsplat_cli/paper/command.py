@@ -1,0 +1,163 @@
+"""`hsplat paper`: the figures of the paper from scene files, on one page that says what was seen."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hsplat_cli.progress import progress
+from hsplat_cli.scene_file import load_scene
+from hsplat_cli.versions import package_versions
+from renderer.errors import InputError, SceneError
+from renderer.scene import Scene
+from renderer.staging import write_staged
+
+if TYPE_CHECKING:
+    from hsplat_cli.paper.figure import Figure
+
+FOLDER = Path("configs/paper")
+PAGE = "index.html"
+
+
+@dataclass(frozen=True)
+class _Recipe:
+    """Where a figure's scene is, and which module makes it; takes_volume: it is of any volume, such as a scan."""
+
+    scene: str
+    module: str
+    takes_volume: bool = False
+
+
+RECIPES = {
+    1: _Recipe("1_footprints.yaml", "footprints"),
+    2: _Recipe("2_opacity.yaml", "opacity"),
+    3: _Recipe("3_one_splat.yaml", "one_splat"),
+    4: _Recipe("4_levels.yaml", "levels"),
+    5: _Recipe("5_octrees.yaml", "octrees", takes_volume=True),
+    6: _Recipe("6_engine.yaml", "refinement", takes_volume=True),
+}
+
+# Takes the place of a scan that is not there.
+_STAND_IN = "volume={procedural: {name: engine_block, shape: [128, 128, 64], seed: 1}}"
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A figure to be made. notes: what is to be said of its scene."""
+
+    number: int
+    module: str
+    scene: Scene
+    notes: tuple[str, ...] = ()
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path), default=FOLDER)
+@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="The engine, for figures 5 and 6.")
+@click.option(
+    "--output", type=click.Path(path_type=Path), default=Path("paper"), metavar="DIR", help="Write DIR/index.html."
+)
+@click.option("--figure", "numbers", type=int, multiple=True, metavar="N", help="Make only this figure; repeatable.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, ...], quiet: bool) -> None:
+    """Reproduce the figures of the paper (Laur and Hanrahan 1991) on one page.
+
+    FOLDER holds a scene file for each figure, configs/paper by default. The page says, figure by figure, what the paper
+    claims, what was measured, and whether the claim was seen.
+    """
+    from hsplat_cli.report.files import check_writable  # noqa: PLC0415
+    from hsplat_cli.report.html import require_page_packages  # noqa: PLC0415
+
+    require_page_packages()
+    jobs = _jobs(folder, numbers, volume)
+    check_writable(output, [PAGE])
+    figures, text = _page(jobs, quiet=quiet)
+    path = output / PAGE
+    write_staged(path, text.encode())
+    if not quiet:
+        _report(figures, path)
+
+
+def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_Job]:
+    """The figures asked for, or all whose scenes are there, with their scenes read."""
+    unknown = [number for number in numbers if number not in RECIPES]
+    if unknown:
+        raise InputError(
+            "no such figure", where=f"--figure {unknown[0]}", expected=f"a number from {min(RECIPES)} to {max(RECIPES)}"
+        )
+    there = [number for number, recipe in RECIPES.items() if (folder / recipe.scene).exists()]
+    if not there:
+        raise InputError(
+            "no scene files of the paper's figures",
+            where=str(folder),
+            expected=", ".join(recipe.scene for recipe in RECIPES.values()),
+            hint="they are in configs/paper of hsplat's repository",
+        )
+    return [_job(number, folder / RECIPES[number].scene, volume) for number in sorted(set(numbers)) or there]
+
+
+def _job(number: int, path: Path, volume: Path | None) -> _Job:
+    recipe = RECIPES[number]
+    if not recipe.takes_volume:
+        return _Job(number, recipe.module, load_scene(path))
+    if volume is not None:
+        return _Job(number, recipe.module, load_scene(path, volume=volume), (f"The volume is {volume.name}.",))
+    try:
+        return _Job(number, recipe.module, load_scene(path))
+    except SceneError as error:
+        (problem, *others) = error.problems
+        if others or problem.path != "volume.file" or not problem.what.startswith("no such file"):
+            raise
+        missing = problem.got
+    note = (
+        f"There is no {Path(missing or '').name} beside the scene file: an engine block made up by a formula stands in. "
+        "The scan is drawn with --volume FILE."
+    )
+    return _Job(number, recipe.module, load_scene(path, overrides=[_STAND_IN]), (note,))
+
+
+def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
+    # Imported here: numpy, numba, matplotlib and GL take longer to load than --help may take to answer.
+    from hsplat_cli.paper.page import paper_page  # noqa: PLC0415
+    from hsplat_cli.paper.studio import Studio  # noqa: PLC0415
+    from hsplat_cli.report.html import plot_style  # noqa: PLC0415
+    from renderer.raster_gl import GLRasterizer  # noqa: PLC0415
+    from renderer.readers import read_volume  # noqa: PLC0415
+
+    num_threads = os.cpu_count() or 1
+    figures: list[Figure] = []
+    with (
+        GLRasterizer() as rasterizer,
+        plot_style(),
+        progress(len(jobs), label="paper", quiet=quiet, unit="figures") as bar,
+    ):
+        volumes = {job.scene.volume: read_volume(job.scene.volume) for job in jobs}  # all that cannot be read, at once
+        studio = Studio(rasterizer, volumes, time.perf_counter, num_threads)
+        for job in jobs:
+            make = importlib.import_module(f"hsplat_cli.paper.{job.module}").make
+            figure: Figure = make(job.scene, studio)
+            figures.append(replace(figure, notes=job.notes + figure.notes))
+            bar.advance(f"figure {job.number}")
+        return figures, paper_page(figures, facts=_facts(rasterizer.renderer_name, num_threads))
+
+
+def _facts(gl: str, num_cores: int) -> dict[str, Any]:
+    versions = package_versions()
+    return {"GL": gl, "cores": num_cores, "hsplat": versions["hsplat"], "Python": versions["python"]}
+
+
+def _report(figures: Sequence[Figure], path: Path) -> None:
+    for figure in figures:
+        for note in figure.notes:
+            if "stands in" in note:
+                click.echo(f"note: figure {figure.number}: {note}", err=True)
+        for claim in figure.claims:
+            click.echo(f"figure {figure.number}: {'seen' if claim.seen else 'NOT SEEN'}: {claim.says}")
+    click.echo(f"all of it: {path}")
