@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from hsplat_cli import main
-from hsplat_cli.measuring import study
+from hsplat_cli.measure import study
 from renderer.sweep import Measurement
 
 SCENE = """\

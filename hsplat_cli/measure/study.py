@@ -13,10 +13,10 @@ from typing import Any
 import click
 
 from hsplat_cli.machine import PeakMemory, describe_machine
-from hsplat_cli.measuring.notes import monotony_notes, scene_notes
-from hsplat_cli.measuring.options import Sweep
-from hsplat_cli.measuring.stage import prepared
-from hsplat_cli.measuring.truth import find_truths, require_something
+from hsplat_cli.measure.notes import monotony_notes, scene_notes
+from hsplat_cli.measure.options import Sweep
+from hsplat_cli.measure.stage import prepared
+from hsplat_cli.measure.truth import find_truths, require_something
 from hsplat_cli.peers.vtk_peer import check_vtk, measure_vtk, vtk_settings, with_transparent_border
 from hsplat_cli.progress import progress
 from hsplat_cli.report.files import check_writable, write_study

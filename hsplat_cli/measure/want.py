@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 
 import click
 
-from hsplat_cli.measuring.options import Want
-from hsplat_cli.measuring.stage import prepared
-from hsplat_cli.measuring.truth import find_truths, require_something
+from hsplat_cli.measure.options import Want
+from hsplat_cli.measure.stage import prepared
+from hsplat_cli.measure.truth import find_truths, require_something
 from renderer.errors import RenderError
 from renderer.pipeline import Stage
 from renderer.raster_gl import GLRasterizer

@@ -8,7 +8,7 @@ import click
 
 from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.interrupts import terminated_as_interrupted
-from hsplat_cli.measuring.options import parse_sweep, parse_want
+from hsplat_cli.measure.options import parse_sweep, parse_want
 from hsplat_cli.scene_file import load_scene
 from renderer.errors import InputError
 
@@ -66,12 +66,12 @@ def measure(
     with terminated_as_interrupted():
         if want is not None:
             # Imported where it is used: numpy takes longer to load than --help may take to answer.
-            from hsplat_cli.measuring.want import find_wanted  # noqa: PLC0415
+            from hsplat_cli.measure.want import find_wanted  # noqa: PLC0415
 
             _refuse_beside_want(context)
             find_wanted(job, parse_want(want), numbers, truth_tolerance, quiet=quiet)
             return
-        from hsplat_cli.measuring.study import Request, run_study  # noqa: PLC0415
+        from hsplat_cli.measure.study import Request, run_study  # noqa: PLC0415
 
         folder = output or Path(f"{scene.stem}.measured")
         run_study(Request(job, sweep, list(numbers) if frames else None, repeats, peer, truth_tolerance, folder, quiet))
