@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.errors import RenderError
-from renderer.integrator_kernel import Intervals, Lighting, integrate_rays
+from renderer.integrator_kernel import BRICK, HEADROOM, Intervals, Lighting, integrate_rays
 from renderer.scene import ShadingSpec
 from renderer.volume import Float64, Volume
 
@@ -166,12 +166,14 @@ def _integrate_pixels(
     intervals = _intervals(transfer)
     lighting = _lighting(shading, index_from_world)
     radiance = np.empty((pixels.size, 4))
+    bricks = np.zeros([n // BRICK + 1 for n in values.shape], np.uint8)
 
     def integrate_part(first: int) -> None:
         part = slice(first, first + _RAYS_PER_TASK)
         origins, directions, starts = world_rays(view, pixels[part])
         integrate_rays(
             values,
+            bricks,
             origins @ index_from_world[:3, :3].T + index_from_world[:3, 3],
             directions @ index_from_world[:3, :3].T,
             starts,
@@ -187,24 +189,23 @@ def _integrate_pixels(
 
 
 def _intervals(transfer: PiecewiseLinear) -> Intervals:
-    knots = np.array(transfer.values, np.float64)
+    knots = np.array(transfer.values, np.float64) * HEADROOM
     points = np.column_stack([transfer.colors, transfer.extinctions])
     rise, run = np.diff(points, axis=0), np.diff(knots)[:, None]
     slope = np.zeros((knots.size + 1, 4))
     # An interval without width is a step: no value falls into it, and its slope is never used.
     slope[1:-1] = np.divide(rise, run, out=np.zeros_like(rise), where=run > 0)
-    return Intervals(
-        knots,
-        np.concatenate([knots[:1], knots]),
-        np.concatenate([points[:1], points]),
-        slope,
-        np.concatenate([[0], np.cumsum(points[:, 3] > 0)]).astype(np.int64),
-    )
+    base = np.concatenate([points[:1], points])
+    origin = np.concatenate([knots[:1], knots])
+    num_opaque_below = np.concatenate([[0], np.cumsum(points[:, 3] > 0)])
+    return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]))
 
 
 def _lighting(shading: ShadingSpec | None, index_from_world: Float64) -> Lighting:
     spec = shading or ShadingSpec()
-    light = np.array(spec.light, np.float64)
+    x, y, z = np.array(spec.light, np.float64) / np.linalg.norm(spec.light)
     # A gradient transforms with the transposed inverse of the map of points.
-    gradient = np.ascontiguousarray(index_from_world[:3, :3].T)
-    return Lighting(shading is not None, spec.ambient, spec.diffuse, light / np.linalg.norm(light), gradient)
+    first, second, third = ((float(a), float(b), float(c)) for a, b, c in index_from_world[:3, :3].T)
+    return Lighting(
+        shading is not None, float(spec.ambient), float(spec.diffuse), (float(x), float(y), float(z)), (first, second, third)
+    )
