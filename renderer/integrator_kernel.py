@@ -20,16 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, part_of, value_at
 from renderer.jit import jit
 
 Float64 = npt.NDArray[np.float64]
 Bytes = npt.NDArray[np.uint8]
-Vector = tuple[float, float, float]
 Cell = tuple[int, int, int]
-Cubic = tuple[float, float, float, float]
 Gradient = tuple[Cubic, Cubic, Cubic]
-# The field at a cell's corners, x fastest.
-Corners = tuple[float, float, float, float, float, float, float, float]
 # Red, green, blue and optical depth gathered so far.
 Ray = tuple[float, float, float, float]
 
@@ -81,119 +78,8 @@ class Lighting(NamedTuple):
 
 
 @jit
-def _lerp(start: float, end: float, fraction: float) -> float:
-    return start + (end - start) * fraction
-
-
-@jit
-def _cubic_in_cell(corners: Corners, entry: Vector, extent: Vector) -> Cubic:
-    """The trilinear field of 8 corners along `entry + extent * t`, in cell coordinates, in powers of t."""
-    # Edges along x are linear in t, faces quadratic, the cell cubic. Only differences of corners are formed, so that a
-    # constant cell gives its value exactly, which decides on which side of a step it lies.
-    u, v, w = entry[0], entry[1], entry[2]
-    du, dv, dw = extent[0], extent[1], extent[2]
-    edge_0, edge_1 = _lerp(corners[0], corners[1], u), _lerp(corners[2], corners[3], u)
-    edge_2, edge_3 = _lerp(corners[4], corners[5], u), _lerp(corners[6], corners[7], u)
-    rise_0, rise_1 = (corners[1] - corners[0]) * du, (corners[3] - corners[2]) * du
-    rise_2, rise_3 = (corners[5] - corners[4]) * du, (corners[7] - corners[6]) * du
-    face_0, face_1 = _lerp(edge_0, edge_1, v), _lerp(edge_2, edge_3, v)
-    line_0 = _lerp(rise_0, rise_1, v) + (edge_1 - edge_0) * dv
-    line_1 = _lerp(rise_2, rise_3, v) + (edge_3 - edge_2) * dv
-    square_0, square_1 = (rise_1 - rise_0) * dv, (rise_3 - rise_2) * dv
-    return (
-        _lerp(face_0, face_1, w),
-        _lerp(line_0, line_1, w) + (face_1 - face_0) * dw,
-        _lerp(square_0, square_1, w) + (line_1 - line_0) * dw,
-        (square_1 - square_0) * dw,
-    )
-
-
-@jit
-def _at(cubic: Cubic, t: float) -> float:
-    return cubic[0] + t * (cubic[1] + t * (cubic[2] + t * cubic[3]))
-
-
-@jit
-def _part_of(cubic: Cubic, start: float, width: float) -> Cubic:
-    """The same cubic in x, with t = start + width * x."""
-    first = cubic[1] + start * (2.0 * cubic[2] + start * 3.0 * cubic[3])
-    second = cubic[2] + start * 3.0 * cubic[3]
-    return _at(cubic, start), first * width, second * width * width, cubic[3] * width * width * width
-
-
-@jit
-def _insert(splits: Float64, count: int, t: float) -> int:
-    """Insert t into the ascending splits[:count] when it lies inside the cell; return the new count."""
-    if not 0.0 < t < 1.0:
-        return count
-    slot = count
-    while slot > 0 and splits[slot - 1] > t:
-        splits[slot] = splits[slot - 1]
-        slot -= 1
-    splits[slot] = t
-    return count + 1
-
-
-@jit
-def _stationary(cubic: Cubic) -> tuple[float, float]:
-    """Where the cubic stops rising or falling, ascending; -1 where there is no such place."""
-    a, b, c = 3.0 * cubic[3], 2.0 * cubic[2], cubic[1]
-    largest = max(abs(a), abs(b), abs(c))
-    if largest == 0.0:
-        return -1.0, -1.0
-    a, b, c = a / largest, b / largest, c / largest  # their squares neither overflow nor vanish
-    square = b * b - 4.0 * a * c
-    if square <= 0.0:
-        return -1.0, -1.0
-    q = -0.5 * (b + math.copysign(math.sqrt(square), b))  # the root without cancellation
-    one = q / a if abs(q) < abs(a) else -1.0  # compared first: only quotients inside (0, 1) matter, none overflows
-    two = c / q if abs(c) < abs(q) else -1.0
-    return min(one, two), max(one, two)
-
-
-@jit
-def _crossing(cubic: Cubic, level: float, start: float, end: float) -> float:
-    """The t in [start, end], where the cubic is monotone, at which it equals `level`, which it does."""
-    rising = _at(cubic, end) > level
-    t = 0.5 * (start + end)
-    for _ in range(80):
-        excess = _at(cubic, t) - level
-        if (excess > 0.0) == rising:
-            end = t
-        else:
-            start = t
-        slope = cubic[1] + t * (2.0 * cubic[2] + t * 3.0 * cubic[3])
-        new = t - excess / slope if slope != 0.0 else -1.0
-        if not start < new < end:  # Newton left the bracket: bisect
-            new = 0.5 * (start + end)
-        if abs(new - t) <= 1e-15:
-            return new
-        t = new
-    return t
-
-
-@jit
-def _add_crossings(cubic: Cubic, levels: Float64, splits: Float64, count: int) -> int:
-    """Add to splits[:count] every t in (0, 1) at which the cubic passes through one of the ascending levels."""
-    turn_0, turn_1 = _stationary(cubic)
-    start = 0.0
-    for candidate in (turn_0, turn_1, 1.0):
-        if not start < candidate <= 1.0:
-            continue
-        at_start, at_end = _at(cubic, start), _at(cubic, candidate)
-        low, high = min(at_start, at_end), max(at_start, at_end)
-        k = np.searchsorted(levels, low, side="right")
-        while k < levels.size and levels[k] < high:
-            if k == 0 or levels[k] != levels[k - 1]:
-                count = _insert(splits, count, _crossing(cubic, levels[k], start, candidate))
-            k += 1
-        start = candidate
-    return count
-
-
-@jit
 def _light_factor(gradient: Gradient, t: float, lighting: Lighting) -> float:
-    x, y, z = _at(gradient[0], t), _at(gradient[1], t), _at(gradient[2], t)
+    x, y, z = value_at(gradient[0], t), value_at(gradient[1], t), value_at(gradient[2], t)
     largest = max(abs(x), abs(y), abs(z))
     if largest == 0.0:
         return lighting.ambient
@@ -228,12 +114,12 @@ def _integrate_piece(
 
     length, length_voxels: of the ray's way through the whole cell. max_step: in voxels, in optical depth and in pieces.
     """
-    k = np.searchsorted(intervals.knots, _at(cubic, 0.5 * (start + end)), side="right")
+    k = np.searchsorted(intervals.knots, value_at(cubic, 0.5 * (start + end)), side="right")
     row = intervals.rows[k]
     base, slope, origin = row[3], row[7], row[8]
     if base == 0.0 and slope == 0.0:
         return ray
-    value = _part_of(cubic, start, end - start)
+    value = part_of(cubic, start, end - start)
     scale = (end - start) * length
     # Optical depth per unit of x in [0, 1], a cubic; its largest Bernstein coefficient bounds it from above.
     t0 = (base + slope * (value[0] - origin)) * scale
@@ -246,14 +132,14 @@ def _integrate_piece(
     for step in range(num_steps):
         if depth_before > _LAST_DEPTH:
             break
-        d0, d1, d2, d3 = _part_of((t0, t1, t2, t3), step * width, width)
+        d0, d1, d2, d3 = part_of((t0, t1, t2, t3), step * width, width)
         # From the integrand in powers of x to its integral from 0 to x, divided by x.
         d0, d1, d2, d3 = d0 * width, d1 * width / 2.0, d2 * width / 3.0, d3 * width / 4.0
         depth = max(0.0, d0 + d1 + d2 + d3)
         # The colour of the middle times the exact opacity, plus the quadrature of what differs from that colour: a
         # constant colour is exact at every opacity.
         x = (step + 0.5) * width
-        c0, c1, c2 = _lit_color(row, _at(value, x), gradient, start + x * (end - start), lighting)
+        c0, c1, c2 = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), lighting)
         opacity = -math.expm1(-depth)
         s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
         for node in range(_NODES.size):
@@ -261,7 +147,7 @@ def _integrate_piece(
             tau = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
             weight = _WEIGHTS[node] * tau * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
             x = (step + at) * width
-            r, g, b = _lit_color(row, _at(value, x), gradient, start + x * (end - start), lighting)
+            r, g, b = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), lighting)
             s0 += weight * (r - c0)
             s1 += weight * (g - c1)
             s2 += weight * (b - c2)
@@ -343,9 +229,9 @@ def _combined(weights: Vector, gradient: Gradient) -> Cubic:
 def _world_gradient(values: Any, cell: Cell, entry: Vector, extent: Vector, lighting: Lighting) -> Gradient:
     """The gradient per world unit along the ray inside a cell."""
     in_index = (
-        _cubic_in_cell(_load_slopes(values, cell, 0), entry, extent),
-        _cubic_in_cell(_load_slopes(values, cell, 1), entry, extent),
-        _cubic_in_cell(_load_slopes(values, cell, 2), entry, extent),
+        cubic_in_cell(_load_slopes(values, cell, 0), entry, extent),
+        cubic_in_cell(_load_slopes(values, cell, 1), entry, extent),
+        cubic_in_cell(_load_slopes(values, cell, 2), entry, extent),
     )
     to_world = lighting.world_from_index_gradient
     return _combined(to_world[0], in_index), _combined(to_world[1], in_index), _combined(to_world[2], in_index)
@@ -387,16 +273,19 @@ def _integrate_cell(
     splits: Float64,
     ray: Ray,
 ) -> Ray:
-    """`ray` with one cell, its way through it being entry + extent * t, of world length `length`; splits: to work in."""
+    """`ray` with one cell, its way through it being entry + extent * t, of world length `length`.
+
+    splits: room for 3 of each knot and 3 more.
+    """
     corners = _load_corners(values, cell)
     if not _is_visible(min(corners), max(corners), intervals):
         return ray
-    cubic = _cubic_in_cell(corners, entry, extent)
-    count = _add_crossings(cubic, intervals.knots, splits, 0)
+    cubic = cubic_in_cell(corners, entry, extent)
+    count = add_crossings(cubic, intervals.knots, splits, 0)
     gradient = (cubic, cubic, cubic)  # not looked at without light
     if lighting.enabled:
         gradient = _world_gradient(values, cell, entry, extent, lighting)
-        count = _add_crossings(_combined(lighting.light, gradient), _ZERO, splits, count)
+        count = add_crossings(_combined(lighting.light, gradient), _ZERO, splits, count)
     voxels = math.sqrt(extent[0] ** 2 + extent[1] ** 2 + extent[2] ** 2)
     start = 0.0
     for piece in range(count + 1):
@@ -496,8 +385,8 @@ def integrate_rays(
 ) -> None:
     """Write premultiplied RGBA of n rays to `radiance` float64 [n, 4].
 
-    values: [z, y, x]. bricks: uint8, for each axis n // BRICK + 1 of them, 0 at first; what was found out is noted in it
-    for the next call with the same values and intervals.
+    values: [z, y, x]. bricks: uint8, for each axis n // BRICK + 1 of them, 0 at first; what was found out is noted in
+        it, for calls with the same values and intervals.
     origins, directions: float64 [n, 3] in index space, directions per world unit of length.
     starts: float64 [n], world length along the ray before which nothing counts.
     """
@@ -506,8 +395,6 @@ def integrate_rays(
     for i in range(starts.size):
         origin = (origins[i, 0], origins[i, 1], origins[i, 2])
         direction = (directions[i, 0], directions[i, 1], directions[i, 2])
-        ray = _integrate_ray(
-            values, bricks, origin, direction, starts[i], max_step, intervals, lighting, splits
-        )
+        ray = _integrate_ray(values, bricks, origin, direction, starts[i], max_step, intervals, lighting, splits)
         radiance[i, 0], radiance[i, 1], radiance[i, 2] = ray[0], ray[1], ray[2]
         radiance[i, 3] = -math.expm1(-ray[3])
