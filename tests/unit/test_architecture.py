@@ -25,7 +25,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_reference shaders", "words splats"),
-    "truth": ("integrator integrator_kernel", "words"),
+    "truth": ("cubic integrator integrator_kernel", "words"),
     "film": ("film encode png quantize sidecar staging", "words"),
     "contents": ("pipeline", "words volumes classification pyramid cut path splats film"),
     "study": (
