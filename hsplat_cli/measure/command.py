@@ -26,7 +26,7 @@ _NOT_BESIDE_WANT = ("output", "tolerances", "footprints", "measures", "correctio
 @click.option("--footprints", default="gaussian,gouraud", show_default=True, metavar="LIST", help="Also gouraud:12x4.")
 @click.option("--measures", default="optical,rms", show_default=True, metavar="LIST", help="Also rms:scalar.")
 @click.option("--corrections", default="on,off", show_default=True, metavar="LIST", help="Opacity correction.")
-@click.option("--repeats", type=click.IntRange(1, 100), default=5, show_default=True, help="Timed passes, at most.")
+@click.option("--repeats", type=click.IntRange(1, 100), default=3, show_default=True, help="Timed passes, at most.")
 @click.option("--truth-tolerance", type=float, default=1e-5, show_default=True, help="How well the truth converges.")
 @click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
