@@ -45,6 +45,8 @@ _DEPTH_BETWEEN_POINTS = 0.02
 # How wide VTK's ramps are that stand for a step, in parts of the transfer function's range: less than its tables show.
 _STEP_WIDTH = 1e-6
 
+_SCRIPT = Path(__file__).with_name("vtk_worker.py")
+
 # VTK's near plane must be in front of the eye; this part of the far plane's depth keeps float32 depths apart.
 _NEAREST_PART = 1e-4
 # A worker that has not finished a frame for so long is taken for dead.
@@ -63,7 +65,7 @@ class Truth(Protocol):
 
 
 def vtk_settings() -> tuple[Setting, ...]:
-    """What `measure_vtk` measures, in this order."""
+    """Both mappers from fine to coarse, at sample distances in units of the finest spacing, on ever fewer pixels."""
     return tuple(
         Setting(
             f"vtk {mapper}",
@@ -147,18 +149,20 @@ def measure_vtk(
     truths: Sequence[Truth],
     background: Color | None,
     *,
+    settings: Sequence[Setting],
     repeats: int,
 ) -> Iterator[Measurement]:
-    """Each of `vtk_settings()`, as soon as it is measured.
+    """Each of the settings, as soon as it is measured.
 
     volume: has a transparent border, and the truths were made from it. background: None is black.
     views, frames, truths: one for each frame.
+    settings: of `vtk_settings()`.
     repeats: times that each frame is drawn and read back, after a first one that is not counted.
 
     Raises RenderError when VTK fails, dies or hangs. Closing the iterator ends its process.
     """
     with _folder(volume, transfer, views, background, repeats) as folder, _worker(folder) as worker:
-        for setting in vtk_settings():
+        for setting in settings:
             samples, pictures = [], []
             for k, (frame, truth) in enumerate(zip(frames, truths, strict=True)):
                 seconds = worker.draw({"setting": dict(setting.options), "camera": k})
@@ -268,11 +272,10 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
 @contextmanager
 def _worker(folder: Path) -> Iterator[_Worker]:
     """VTK's process, which has ended after the block."""
-    script = Path(__file__).with_name("vtk_worker.py")
     errors = folder / "errors.txt"
     with errors.open("wb") as stream:
         process = subprocess.Popen(
-            [sys.executable, str(script), str(folder)],
+            [sys.executable, str(_SCRIPT), str(folder)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=stream,
