@@ -48,7 +48,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """A number with the value that it is sorted by, words, the heading of a row under its series, or a picture."""
+    """A number, words, the heading of a row under its series, or a picture; sorts by `value`, words by `text`."""
 
     text: str
     value: str = ""
@@ -83,7 +83,7 @@ class Table:
 def study_page(study: Study, *, date: str) -> str:
     """The page, whole, in one file that loads nothing; the same study and date give the same text.
 
-    Raises InputError where matplotlib or jinja2 is missing only in so far as `require_page_packages` was not called.
+    Needs the packages that `require_page_packages` asks for.
     """
     measurements = study.measurements
     return page_of(
@@ -215,19 +215,19 @@ def _measured_table(measurements: Sequence[Measurement]) -> Table:
     fronts = [Column("front", is_text=True)]
     groups = [
         ("", len(identity)),
-        ("cost of a frame", len(costs)),
+        ("cost", len(costs)),
         ("over the whole picture", len(metrics)),
         ("on the volume", len(metrics)),
         ("", len(fronts)),
     ]
     time, splats = fronts_of(measurements)
     rows = [
-        Row([*_identity_cells(m), *_cost_cells(m), *_metric_cells(m), _front_cell(i in time, i in splats)], i in time)
+        Row(
+            [*_identity_cells(m, i), *_cost_cells(m), *_metric_cells(m), _front_cell(i in time, i in splats)], i in time
+        )
         for i, m in enumerate(measurements)
     ]
-    caption = (
-        "“Once” is done for all frames together: the cut and its splats. Memory is the most that the process held."
-    )
+    caption = "“Once”: the cut and its splats, done for all frames together. Memory: the most that the process held."
     return Table(caption, groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
 
 
@@ -235,11 +235,11 @@ def _short(metric: Metric) -> str:
     return {"max_error": "largest", "flip_p99": "FLIP 99 %", "delta_e_share": "ΔE > 2.3"}.get(metric.name, metric.label)
 
 
-def _identity_cells(measurement: Measurement) -> list[Cell]:
+def _identity_cells(measurement: Measurement, number: int) -> list[Cell]:
     setting = measurement.setting
     name = f"{setting.series}, {setting.label}"
     return [
-        Cell(setting.label, series=setting.series),
+        Cell(setting.label, str(number), series=setting.series),
         Cell(f"picture of {name}", image=png_data_uri(measurement.picture)),
         Cell(f"difference of {name} from the truth", image=png_data_uri(measurement.difference)),
     ]
@@ -271,10 +271,10 @@ def _front_cell(on_time: bool, on_splats: bool) -> Cell:
 
 
 def _number(value: float | None, text: str) -> Cell:
-    """JavaScript spells infinity in its own way, and reads nothing as not a number."""
+    """As JavaScript reads it: infinity in its own spelling, nothing as not a number."""
     if value is None or math.isnan(value):
         return Cell(text)
-    return Cell(text, "Infinity" if value == math.inf else repr(value))
+    return Cell(text, repr(value).replace("inf", "Infinity"))
 
 
 def _stages_table(measurements: Sequence[Measurement]) -> Table:
@@ -284,8 +284,8 @@ def _stages_table(measurements: Sequence[Measurement]) -> Table:
     columns = [Column("setting", is_text=True)]
     columns += [Column(stage, f"ms, {'once' if is_once else 'each frame'}") for stage, is_once in names]
     rows = []
-    for m, stages in zip(measurements, times, strict=True):
-        cells = [Cell(m.setting.label, series=m.setting.series)]
+    for i, (m, stages) in enumerate(zip(measurements, times, strict=True)):
+        cells = [Cell(m.setting.label, str(i), series=m.setting.series)]
         rows.append(Row([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
     return Table("Median, quartiles in brackets, number of repetitions.", (), columns, rows)
 
