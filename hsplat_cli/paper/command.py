@@ -28,20 +28,24 @@ PAGE = "index.html"
 
 @dataclass(frozen=True)
 class _Recipe:
-    """Where a figure's scene is, and which module makes it; takes_volume: it is of any volume, such as a scan."""
+    """Where a figure's scene is, which module makes it, and how long that takes beside the others.
+
+    takes_volume: it is of any volume, such as a scan.
+    """
 
     scene: str
     module: str
+    work: float
     takes_volume: bool = False
 
 
 RECIPES = {
-    1: _Recipe("1_footprints.yaml", "footprints"),
-    2: _Recipe("2_opacity.yaml", "opacity"),
-    3: _Recipe("3_one_splat.yaml", "one_splat"),
-    4: _Recipe("4_levels.yaml", "levels"),
-    5: _Recipe("5_octrees.yaml", "octrees", takes_volume=True),
-    6: _Recipe("6_engine.yaml", "refinement", takes_volume=True),
+    1: _Recipe("1_footprints.yaml", "footprints", 4.0),
+    2: _Recipe("2_opacity.yaml", "opacity", 8.0),
+    3: _Recipe("3_one_splat.yaml", "one_splat", 2.0),
+    4: _Recipe("4_levels.yaml", "levels", 6.0),
+    5: _Recipe("5_octrees.yaml", "octrees", 20.0, takes_volume=True),
+    6: _Recipe("6_engine.yaml", "refinement", 40.0, takes_volume=True),
 }
 
 # Takes the place of a scan that is not there.
@@ -117,8 +121,8 @@ def _job(number: int, path: Path, volume: Path | None) -> _Job:
             raise
         missing = problem.got
     note = (
-        f"There is no {Path(missing or '').name} beside the scene file: an engine block made up by a formula stands in. "
-        "The scan is drawn with --volume FILE."
+        f"There is no {Path(missing or '').name} beside the scene file: an engine block made up by a formula stands in "
+        "for it. Give --volume FILE to have the scan."
     )
     return _Job(number, recipe.module, load_scene(path, overrides=[_STAND_IN]), (note,))
 
@@ -132,11 +136,12 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     from renderer.readers import read_volume  # noqa: PLC0415
 
     num_threads = os.cpu_count() or 1
+    work = [RECIPES[job.number].work for job in jobs]
     figures: list[Figure] = []
     with (
         GLRasterizer() as rasterizer,
         plot_style(),
-        progress(len(jobs), label="paper", quiet=quiet, unit="figures") as bar,
+        progress(work, label="paper", quiet=quiet, unit="figures") as bar,
     ):
         volumes = {job.scene.volume: read_volume(job.scene.volume) for job in jobs}  # all that cannot be read, at once
         studio = Studio(rasterizer, volumes, time.perf_counter, num_threads)

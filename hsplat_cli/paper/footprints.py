@@ -35,7 +35,7 @@ class Footprint:
 
     deviation: largest difference of a pixel's alpha from the smooth profile's, as a share of the peak of that.
     integral_error: of the sum of all alphas, relative to that of the smooth profile.
-    radii: float64 [n], of rings of pixels, in standard deviations. alphas: float64 [n, 3], mean, least and largest there.
+    radii: float64 [n], of rings of pixels, in standard deviations. alphas: float64 [n, 3], mean, least, largest there.
     """
 
     name: str
@@ -103,8 +103,8 @@ def judge(numbers: Footprints) -> tuple[Claim, ...]:
     fine = [abs(fan.integral_error) for fan in numbers.fans if fan.num_triangles >= FINE_ENOUGH]
     return (
         Claim(
-            "A splat can be drawn as a collection of Gouraud-shaded polygons, and the more of them the nearer it comes to "
-            "a smooth Gaussian footprint.",
+            "A splat can be drawn as a collection of Gouraud-shaded polygons, and the more of them the nearer it comes "
+            "to a smooth Gaussian footprint.",
             f"the largest deviation falls with every subdivision, and is under {SMOOTH_SHARE:.0%} of the peak at last",
             " > ".join(f"{deviation:.1%}" for deviation in deviations),
             all(after < before for before, after in pairwise(deviations)) and deviations[-1] < SMOOTH_SHARE,

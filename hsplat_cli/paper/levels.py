@@ -55,13 +55,15 @@ def make(scene: Scene, studio: Studio) -> Figure:
     return Figure(
         4,
         "A constant volume drawn at each level",
-        "The same block of one material, with cells of 1 voxel (level 0) to that of a single cell (the root). Numbers are "
-        f"of the inside: rays that go through at least {INSIDE_SHARE:.0%} of the longest way through the block.",
+        "The same block of one material, with cells from one voxel (level 0) to a single cell (the root). Numbers are of "
+        f"the inside: rays that go through at least {INSIDE_SHARE:.0%} of the longest way through the block.",
         judge(levels),
         rows=levels.rows,
         charts=(_chart(levels),),
-        tables=(_table("With correction, against level 0", levels.corrected),)
-        + (_table("Without correction, against level 0", levels.uncorrected),),
+        tables=(
+            _table("With correction, against level 0", levels.corrected),
+            _table("Without correction, against level 0", levels.uncorrected),
+        ),
         notes=(
             f"Verdicts are on levels 0 to {levels.num_judged - 1}, with {LEAST_CELLS} cells or more along the shortest "
             "side. Coarser ones are mostly border, blurred over the width of a cell with and without correction.",
@@ -89,9 +91,7 @@ def measure(scene: Scene, studio: Studio) -> Levels:
 def judge(levels: Levels) -> tuple[Claim, ...]:
     """What the numbers say of the paper's claims."""
     corrected, uncorrected = (part[: levels.num_judged] for part in (levels.corrected, levels.uncorrected))
-    off, off_without = (
-        [abs(distance.mean_alpha - part[0].mean_alpha) for distance in part] for part in (corrected, uncorrected)
-    )
+    off = [abs(distance.mean_alpha - corrected[0].mean_alpha) for distance in corrected]
     coarsest, coarsest_without = corrected[-1], uncorrected[-1]
     times = coarsest_without.rmse / max(coarsest.rmse, 1e-12)
     return (

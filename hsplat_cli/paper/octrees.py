@@ -67,15 +67,15 @@ def make(scene: Scene, studio: Studio) -> Figure:
     return Figure(
         5,
         "Octrees at falling error",
-        "The octrees that are fitted to the pyramid as the tolerated error falls, with the cells drawn as lines and without. "
-        "Orange cells are single voxels, redder, then bluer ones larger; lines of small cells are fainter.",
+        "The octrees that are fitted to the pyramid as the tolerated error falls, with their cells drawn as lines and "
+        "without. Orange cells are single voxels, redder, then bluer ones larger; lines of small cells are fainter.",
         judge(numbers),
         rows=numbers.rows,
         charts=(_chart(numbers),),
         tables=(_table(numbers),),
         notes=(
-            f"Where the data vary: the visible blocks of {side} x {side} x {side} voxels in order of the standard deviation "
-            "of their voxels' opacity, and of these the first and the last quarter.",
+            f"Where the data vary: the visible blocks of {side} x {side} x {side} voxels in order of the standard "
+            "deviation of their voxels' opacity, and of these the first and the last quarter.",
         ),
     )
 
@@ -135,7 +135,7 @@ def judge(numbers: Octrees) -> tuple[Claim, ...]:
 
 
 def _variation_of_blocks(stage: Stage) -> Float64:
-    """float64 [z, y, x] of blocks: the standard deviation of the opacities of their voxels, -1 where none is visible."""
+    """float64 [z, y, x] of blocks: standard deviation of the opacities of their voxels, -1 where none is visible."""
     volume, transfer, side = stage.volume, transfer_of(stage), 1 << BLOCK_LEVEL
     spacing = float(volume.spacing.min())
     shape = tuple(-(-num // side) for num in volume.values.shape)

@@ -46,8 +46,8 @@ def make(scene: Scene, studio: Studio) -> Figure:
     return Figure(
         3,
         "One splat over resolutions that are powers of two",
-        f"A cube of one material is always as large in the picture and always one splat, and stands for 1 to {SIDES[-1]} "
-        f"voxels a side, each of opacity {splats.opacity:g}.",
+        "A cube of one material is always as large in the picture and always one splat, and stands for 1 to "
+        f"{SIDES[-1]} voxels a side, each of opacity {splats.opacity:g}.",
         judge(splats),
         rows=splats.rows,
         charts=(_chart(splats),),
@@ -105,7 +105,8 @@ def judge(splats: Splats) -> tuple[Claim, ...]:
         ),
         Claim(
             "One splat can stand for a whole block of voxels: it adds as much to the picture as they do.",
-            f"the optical depth of the whole picture is that of the voxels drawn one by one, within {AGREES_IN_TOTAL:.0%}",
+            "the optical depth of the whole picture is that of the voxels drawn one by one, within "
+            f"{AGREES_IN_TOTAL:.0%}",
             f"{', '.join(f'{total:.4f}' for total in splats.totals)} times as much",
             all(abs(total - 1) < AGREES_IN_TOTAL for total in splats.totals),
         ),

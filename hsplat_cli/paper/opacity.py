@@ -46,7 +46,7 @@ class Slab:
         return self.depth.bit_length()
 
     def expected(self, *, corrected: bool) -> Float64:
-        """Closed forms: `1 - (1 - a)^depth`, and where each cell has a voxel's opacity `1 - (1 - a)^(cells in depth)`."""
+        """Closed forms: `1 - (1 - a)^depth`, and `1 - (1 - a)^(cells in depth)` where cells have a voxel's opacity."""
         num_cells = self.depth / 2.0 ** np.arange(self.num_levels)
         exponents = np.full(self.num_levels, self.depth) if corrected else num_cells
         return np.asarray(-np.expm1(np.log1p(-np.array(self.opacities))[:, None] * exponents))
@@ -68,8 +68,10 @@ def make(scene: Scene, studio: Studio) -> Figure:
         judge(slab),
         rows=slab.rows,
         charts=(_chart(slab),),
-        tables=(_table(slab, "With the correction", slab.corrected, corrected=True),)
-        + (_table(slab, "Without", slab.uncorrected, corrected=False),),
+        tables=(
+            _table(slab, "With correction", slab.corrected, corrected=True),
+            _table(slab, "Without correction", slab.uncorrected, corrected=False),
+        ),
     )
 
 

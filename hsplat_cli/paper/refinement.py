@@ -69,8 +69,8 @@ def make(scene: Scene, studio: Studio) -> Figure:
     return Figure(
         6,
         "Five times a second, in five seconds, at full resolution",
-        "One view at the tolerances that meet two times on this machine, and with a splat for every visible voxel. Times are "
-        "those of a frame of a film: order, draw and round to 8 bits, the cut being made once.",
+        "One view at the tolerances that meet two times on this machine, and with a splat for every visible voxel. Times "
+        "are those of a frame of a film: order, draw and round to 8 bits, the cut being made once.",
         judge(numbers),
         rows=numbers.rows,
         tables=(_table(numbers),),
@@ -121,15 +121,15 @@ def judge(numbers: Refinement) -> tuple[Claim, ...]:
     return (
         Claim(
             "A picture that is good enough to look around with can be drawn several times a second.",
-            f"a frame takes {FIVE_TIMES_A_SECOND:g} s or less in the median and has {USEFUL_DB:g} dB or more against the "
-            "ray integral",
+            f"a frame takes {FIVE_TIMES_A_SECOND:g} s or less in the median and has {USEFUL_DB:g} dB or more against "
+            "the ray integral",
             f"{quick.seconds:.3f} s, {quick.psnr_db:.1f} dB with {quick.num_splats} splats",
             quick.fits and quick.psnr_db >= USEFUL_DB,
         ),
         Claim(
             "Given more time, the picture is refined towards that at full resolution.",
-            "PSNR against the ray integral does not fall from each picture to the next, and rises from the first to the "
-            "last, unless all are at full resolution",
+            "PSNR against the ray integral does not fall from each picture to the next, and rises from the first to "
+            "the last, unless all are at full resolution",
             ", ".join(f"{drawing.psnr_db:.1f} dB" for drawing in numbers.drawings),
             quick.psnr_db <= middle.psnr_db <= full.psnr_db and (quick.psnr_db < full.psnr_db or quick.tolerance == 0),
         ),

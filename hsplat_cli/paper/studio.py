@@ -78,10 +78,10 @@ def with_opacity(scene: Scene, opacity: float) -> Scene:
 
 
 def seen(image: Image, background: Color | None) -> npt.NDArray[np.float64]:
-    """float64 [h, w, 3]: as it is seen, over the background (black, where that is transparent) and clipped to [0, 1]."""
+    """float64 [h, w, 3]: as it is seen, over the background (black where that is transparent), clipped to [0, 1]."""
     behind = np.array(background or (0.0, 0.0, 0.0))
     rgba = image.astype(np.float64)
-    return np.clip(rgba[..., :3] + (1 - rgba[..., 3:]) * behind, 0, 1)
+    return np.asarray(np.clip(rgba[..., :3] + (1 - rgba[..., 3:]) * behind, 0, 1))
 
 
 def psnr_db(image: Image, truth: Image, background: Color | None) -> float:
