@@ -3,8 +3,8 @@
 VTK draws in a process of its own (`vtk_worker.py`), so that its GL context and its faults stay out of this one. It is
 given lengths in units of the finest spacing and the origin at the volume's centre, because it computes in float32.
 
-What is VTK's and shows in its figures: frames of 8 bits, look-up tables in place of the transfer function, and in the
-fixed-point mapper 15 bits of opacity.
+What is VTK's and shows in its figures: look-up tables in place of the transfer function, 15 bits of opacity in the
+fixed-point mapper, and frames of 8 bits, which alone are 59 dB on the pixels that a volume covers.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import re
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.errors import InputError, RenderError
@@ -46,6 +48,8 @@ _DEPTH_BETWEEN_POINTS = 0.02
 _STEP_WIDTH = 1e-6
 
 _SCRIPT = Path(__file__).with_name("vtk_worker.py")
+# The worker's standard error stream: a pipe that nobody reads would stop it when full.
+_ERRORS = "errors.txt"
 
 # VTK's near plane must be in front of the eye; this part of the far plane's depth keeps float32 depths apart.
 _NEAREST_PART = 1e-4
@@ -53,6 +57,7 @@ _NEAREST_PART = 1e-4
 _LONGEST_SILENCE_S = 600.0
 _LONGEST_END_S = 10.0
 _NUM_LAST_LINES = 8
+_TERMINAL_COLOR = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class Truth(Protocol):
@@ -163,13 +168,14 @@ def measure_vtk(
     """
     with _folder(volume, transfer, views, background, repeats) as folder, _worker(folder) as worker:
         for setting in settings:
-            samples, pictures = [], []
+            samples: list[Sample] = []
+            small: list[npt.NDArray[np.uint8]] = []
             for k, (frame, truth) in enumerate(zip(frames, truths, strict=True)):
-                seconds = worker.draw({"setting": dict(setting.options), "camera": k})
-                picture = np.load(folder / "picture.npy", allow_pickle=False) / 255.0
+                picture, seconds = worker.draw(dict(setting.options), k)
                 accuracy = compare(picture, truth.picture, truth.on_volume)
                 samples.append(Sample(frame, None, {"draw": seconds}, accuracy))
-                pictures.append(picture)
+                if not small:
+                    small = [thumbnail(picture), difference_thumbnail(picture, truth.picture)]
             yield Measurement(
                 setting=setting,
                 num_cells=None,
@@ -177,8 +183,8 @@ def measure_vtk(
                 samples=tuple(samples),
                 overall=pooled([sample.accuracy for sample in samples]),
                 peak_bytes=None,
-                picture=thumbnail(pictures[0]),
-                difference=difference_thumbnail(pictures[0], truths[0].picture),
+                picture=small[0],
+                difference=small[1],
             )
 
 
@@ -188,9 +194,9 @@ def _folder(
 ) -> Iterator[Path]:
     """What the worker reads, in a folder that is gone after the block."""
     finest = float(volume.spacing.min())
-    voxels, lowest, span = _for_vtk(volume.values)
+    voxels, lowest, half_span = _for_vtk(volume.values)
     points = _points(transfer, finest)
-    points[:, 0] = (points[:, 0] / 2 - lowest / 2) / (span / 2)  # by halves: the difference may be infinite
+    points[:, 0] = (points[:, 0] / 2 - lowest / 2) / half_span
     job = {
         **_placed(volume),
         "points": points.tolist(),
@@ -202,22 +208,24 @@ def _folder(
         folder = Path(name)
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         np.save(folder / "voxels.npy", voxels, allow_pickle=False)
+        del voxels
         yield folder
 
 
 def _for_vtk(values: Array) -> tuple[Array, float, float]:
-    """Voxels as VTK draws them, and the (lowest, span) for which they are `(value - lowest) / span`.
+    """Voxels as VTK draws them, and the (lowest, half the span) for which they are `(value - lowest) / span`.
 
-    Types that it has no exact texture for become float32 in [0, 1], of which nothing is lost by an offset.
+    Types that it has no texture for become float32 in [0, 1], so that values far from 0 keep their differences. All is
+    reckoned in halves, because the span of float64 may be infinite.
     """
     if values.dtype.name in _NATIVE_DTYPES:
-        return values, 0.0, 1.0
+        return values, 0.0, 0.5
     lowest, highest = float(values.min()), float(values.max())
     half_span = highest / 2 - lowest / 2 or 0.5
     scaled = np.empty(values.shape, np.float32)
     for layer, of in zip(scaled, values, strict=True):  # layer by layer: there may be no memory for all in float64
         layer[...] = (of.astype(np.float64) / 2 - lowest / 2) / half_span
-    return scaled, lowest, 2 * half_span
+    return scaled, lowest, half_span
 
 
 def _points(transfer: TransferFunction, unit: float) -> Float64:
@@ -253,18 +261,17 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
     farthest = max(depth + reach, 1.0)
     nearest = max(depth - reach, view.near / finest, farthest * _NEAREST_PART)
     width, height = view.size
-    half_height = height / 2 / view.scale_px
-    is_parallel = view.projection == "orthographic"
+    half_height = height / 2 / view.scale_px  # of the picture: as a tangent in perspective, as a length otherwise
+    if view.projection == "orthographic":
+        lens = {"half_height": half_height / finest}
+    else:
+        lens = {"angle_deg": math.degrees(2 * math.atan(half_height))}
     return {
         "size": (width, height),
         "eye": eye.tolist(),
         "focus": (eye + view.forward).tolist(),
         "up": view.view_from_world[1, :3].tolist(),
-        **(
-            {"half_height": half_height / finest}
-            if is_parallel
-            else {"angle_deg": math.degrees(2 * math.atan(half_height))}
-        ),
+        **lens,
         "clipping": (nearest, max(farthest, nearest * 2)),
     }
 
@@ -272,8 +279,7 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
 @contextmanager
 def _worker(folder: Path) -> Iterator[_Worker]:
     """VTK's process, which has ended after the block."""
-    errors = folder / "errors.txt"
-    with errors.open("wb") as stream:
+    with (folder / _ERRORS).open("wb") as stream:
         process = subprocess.Popen(
             [sys.executable, str(_SCRIPT), str(folder)],
             stdin=subprocess.PIPE,
@@ -282,7 +288,7 @@ def _worker(folder: Path) -> Iterator[_Worker]:
             encoding="utf-8",
         )
     try:
-        yield _Worker(process, errors)
+        yield _Worker(process, folder)
     finally:
         process.kill()
         process.communicate()  # waits and closes the pipes
@@ -291,11 +297,11 @@ def _worker(folder: Path) -> Iterator[_Worker]:
 class _Worker:
     """One order at a time."""
 
-    def __init__(self, process: subprocess.Popen[str], errors: Path) -> None:
-        self._process, self._errors = process, errors
+    def __init__(self, process: subprocess.Popen[str], folder: Path) -> None:
+        self._process, self._folder = process, folder
 
-    def draw(self, order: dict[str, Any]) -> tuple[float, ...]:
-        """Seconds of each repetition; the picture is in the folder then."""
+    def draw(self, setting: dict[str, Any], camera: int) -> tuple[Picture, tuple[float, ...]]:
+        """The picture, and the seconds of each repetition."""
         assert self._process.stdin is not None and self._process.stdout is not None
         hung = threading.Event()
 
@@ -306,23 +312,24 @@ class _Worker:
         silence = threading.Timer(_LONGEST_SILENCE_S, give_up)
         silence.start()
         try:
-            self._process.stdin.write(json.dumps(order) + "\n")
+            self._process.stdin.write(json.dumps({"setting": setting, "camera": camera}) + "\n")
             self._process.stdin.flush()
             answer = self._process.stdout.readline()
-        except BrokenPipeError:
+        except OSError:  # a broken pipe
             answer = ""
         finally:
             silence.cancel()
-        if not answer:
-            raise self._failure(order["setting"], hung=hung.is_set())
-        return tuple(json.loads(answer)["seconds"])
+        if not answer.endswith("\n"):
+            raise self._failure(setting, hung=hung.is_set())
+        picture = np.load(self._folder / "picture.npy", allow_pickle=False) / 255.0
+        return picture, tuple(json.loads(answer)["seconds"])
 
     def _failure(self, setting: dict[str, Any], *, hung: bool) -> RenderError:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_LONGEST_END_S)  # its answers have ended, it is about to
         end = f"no answer for {_LONGEST_SILENCE_S:g} s" if hung else f"exit status {self._process.returncode}"
-        words = self._errors.read_text(encoding="utf-8", errors="replace").split("\n")
-        last = [line for line in words if line.strip()][-_NUM_LAST_LINES:]
+        words = _TERMINAL_COLOR.sub("", (self._folder / _ERRORS).read_text(encoding="utf-8", errors="replace"))
+        last = [line for line in words.splitlines() if line.strip()][-_NUM_LAST_LINES:]
         return RenderError(
             "VTK failed to draw a frame",
             where=f"vtk {setting['mapper']}, sample distance {setting['sample_distance']:g}",

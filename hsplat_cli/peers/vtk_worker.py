@@ -25,7 +25,7 @@ import numpy.typing as npt
 import vtkmodules.vtkRenderingOpenGL2
 import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  imported so that VTK finds its OpenGL classes
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkCommand, vtkOutputWindow, vtkUnsignedCharArray
+from vtkmodules.vtkCommonCore import vtkCommand, vtkLogger, vtkOutputWindow, vtkUnsignedCharArray
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import (
@@ -149,7 +149,9 @@ def _draw(window: Any, renderer: Any, repeats: int) -> tuple[npt.NDArray[np.uint
 
 
 def _fail_on_errors() -> None:
-    """VTK writes down what goes wrong and goes on with a black picture: here that is the end."""
+    """VTK writes down what goes wrong and goes on with a black picture: here that is the end, and no warning is heard,
+    as that there is no screen."""
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
     def fail(_source: object, _event: str) -> None:
         sys.stderr.flush()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
@@ -15,6 +15,7 @@ from hsplat_cli.report.costs import OWN, PEER, Cost, Price, by_series, fronts_of
 from hsplat_cli.report.html import facts_of, page_of, plot_style, png_data_uri, svg_of
 from hsplat_cli.report.numbers import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.report.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, trade_figure
+from hsplat_cli.report.tables import plain
 from renderer.metrics import METRICS, Metric
 from renderer.study import Study, TruthRecord
 from renderer.sweep import Measurement
@@ -99,7 +100,7 @@ def study_page(study: Study, *, date: str) -> str:
         gain=f"{DIFFERENCE_GAIN:g}",
         measured=_measured_table(measurements),
         stages=_stages_table(measurements),
-        scene=yaml.safe_dump(_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
+        scene=yaml.safe_dump(plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
     )
 
 
@@ -109,17 +110,6 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
     volume = facts_of({f"volume, {name}" if name != "name" else "volume": v for name, v in study.volume.items()})
     picture = [("pictures", f"{' x '.join(map(str, size))} pixels, frames {frames}")] if size else []
     return [*volume, *picture, *facts_of(study.machine), ("date", date)]
-
-
-def _plain(value: Any) -> Any:
-    """`value` in types that YAML has without tags."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
 # -------------------------------------------------------------------------------------------------------------- plots

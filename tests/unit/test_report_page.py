@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import html
 import importlib.util
 import os
 import re
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from studies import INFINITE, NAN, UNDEFINED, measure, own_series, peer_series, study_of
 
 from hsplat_cli.report.files import FILES, check_writable, write_study
@@ -129,6 +131,13 @@ def test_names_are_escaped() -> None:
 def test_rows_on_the_front_are_marked() -> None:
     assert Page(text_of("all")).rows_on_front == 6
     assert Page(text_of("undefined")).rows_on_front == 1
+
+
+def test_the_scene_can_be_pasted() -> None:
+    scene = {"volume": {"file": "a: b.nhdr"}, "error": {"tolerance": {0: 0.5, 60: 0.02}}, "size": (8, np.int64(6))}
+    text = html.unescape(study_page(study_of([], scene=scene), date=DATE))
+    (block,) = re.findall(r"<pre>(.*?)</pre>", text, re.DOTALL)
+    assert yaml.safe_load(block) == {**scene, "size": [8, 6]}
 
 
 def test_notes_come_before_everything() -> None:

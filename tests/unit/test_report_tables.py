@@ -139,7 +139,7 @@ vtk gpu
   sample distance 1         -       -    300    278 .. 368  41.00   38.00  0.9911  0.0178    0.9 %       -  T
 vtk fixed point
   sample distance 0.5       -       -    200    185 .. 245  33.00   30.00  0.9776  0.0448    2.2 %       -  T
-T: none of the same program is as fast and as exact. S: none has as few splats and is as exact.
+T: no other setting of the same program is as fast and as exact. S: none is with as few splats.
 """
 
 

@@ -123,11 +123,12 @@ def test_every_projection_and_shape_of_picture() -> None:
     require_near(measured(volume, transfer(), *views))
 
 
-def test_coarse_settings_are_worse_and_all_are_measured() -> None:
+def test_coarse_settings_are_worse() -> None:
     volume = with_transparent_border(engine(), transfer())
     view = look(volume)
     right = truth(volume, transfer(), view)
-    settings = vtk_settings()
+    labels = ("sample distance 0.5", "sample distance 4", "sample distance 0.5, 1/4 of the pixels")
+    settings = [setting for setting in vtk_settings() if setting.label in labels]
     found = measure_vtk(volume, transfer(), [view], [7], [right], BACKGROUND, settings=settings, repeats=3)
     measurements = {}
     for setting, measurement in zip(settings, found, strict=True):
@@ -140,19 +141,17 @@ def test_coarse_settings_are_worse_and_all_are_measured() -> None:
         assert measurement.overall == sample.accuracy
         measurements[setting.series, setting.label] = measurement.overall.everywhere.psnr
     for series in NEAR:
-        fine, coarse = measurements[series, "sample distance 0.5"], measurements[series, "sample distance 4"]
-        quarter = measurements[series, "sample distance 0.5, 1/4 of the pixels"]
+        fine, coarse, quarter = (measurements[series, label] for label in labels)
         assert fine > coarse + 3 and fine > quarter + 3
 
 
 @pytest.mark.parametrize(
     "affine",
     [
-        oblique((0.7, 1.0, 2.0)),
         oblique((-0.7, 1.0, 1.5)),
         oblique((1e-4, 1e-4, 2e-4)) @ np.array([[1, 0.3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]),
     ],
-    ids=["oblique", "left-handed", "sheared and tiny"],
+    ids=["left-handed", "sheared and tiny"],
 )
 def test_wherever_the_volume_lies(affine: Float64) -> None:
     volume = engine(affine=affine)
@@ -164,9 +163,7 @@ def test_wherever_the_volume_lies(affine: Float64) -> None:
     ("dtype", "low", "high"),
     [
         ("uint16", 1000, 60000),
-        ("int16", -1024, 3000),
         ("int64", -(2.0**60), 2.0**60),
-        ("float16", -1, 1),
         ("float32", -0.2, 0.2),
         ("float64", 1e8, 1e8 + 1),
         ("float64", -4e307, 4e307),
@@ -380,14 +377,18 @@ def test_a_measurement_that_is_given_up(tmp_path: Path, temporary: Path, monkeyp
     require_ended(tmp_path)
 
 
-def test_errors_of_vtk_itself_are_not_drawn_over(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """VTK says what is wrong and would go on with an empty picture: a texture of no texels cannot be made."""
+def test_errors_of_vtk_itself_are_not_drawn_over(temporary: Path) -> None:
+    """VTK says what is wrong and would go on with an empty picture: a texture without texels cannot be drawn to."""
     volume = with_transparent_border(engine(), transfer())
     view = look(volume)
     settings = [replace(finest()[0], options={"mapper": "gpu", "sample_distance": 0.5, "image_reduction": 1e9})]
     right = truth(volume, transfer(), view)
-    with pytest.raises(RenderError, match="VTK failed to draw a frame"):
+    with pytest.raises(RenderError) as caught:
         list(measure_vtk(volume, transfer(), [view], [0], [right], None, settings=settings, repeats=1))
+    _, status, *said, hint = str(caught.value).splitlines()
+    assert status == "  got: exit status 1"
+    assert said and all("ERR" in line and "\x1b" not in line for line in said)
+    assert hint == "  hint: measure without the peer"
 
 
 def test_pictures_are_upright(temporary: Path) -> None:
