@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from renderer.integrator import Convergence, converged_image
+from renderer.integrator import Convergence, Progress, converged_image
 from renderer.metrics import Mask, Picture, over_background
 from renderer.pipeline import Clock, Rasterizer, Stage, render_frames, view_of
 from renderer.schedule import at_tolerance
@@ -31,12 +31,20 @@ class Truth:
     convergence: Convergence
 
 
-def find_truth(stage: Stage, frame: int, tolerance: float) -> Truth:
-    """The truth of a frame to `tolerance` in every channel. Raises RenderError where it does not converge."""
+def find_truth(stage: Stage, frame: int, tolerance: float, *, on_progress: Progress | None = None) -> Truth:
+    """The truth of a frame to `tolerance` in every channel. Raises RenderError where it does not converge.
+
+    on_progress: told the share of the work that is done, in (0, 1].
+    """
     scene = stage.scene
     transfer = make_transfer(scene.transfer_function, float(stage.volume.spacing.min()))
     image, convergence = converged_image(
-        stage.volume, transfer, view_of(stage, frame), tolerance=tolerance, shading=scene.shading
+        stage.volume,
+        transfer,
+        view_of(stage, frame),
+        tolerance=tolerance,
+        shading=scene.shading,
+        on_progress=on_progress,
     )
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
 

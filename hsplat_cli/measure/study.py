@@ -155,6 +155,7 @@ def _peer(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator
         [truth.frame for truth in truths],
         truths,
         request.scene.output.background,
+        settings=vtk_settings(),
         repeats=request.repeats,
     )
 

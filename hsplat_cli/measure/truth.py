@@ -17,22 +17,28 @@ def find_truths(
     stage: Stage, frames: Sequence[int], tolerance: float, *, quiet: bool
 ) -> tuple[list[Truth], list[TruthRecord]]:
     """The truth of every frame, and how it came about."""
-    truths, records = [], []
-    with progress(len(frames), label="truth", quiet=quiet) as bar:
+    truths: list[Truth] = []
+    records = []
+    label = f"truth of frame{'s' * (len(frames) > 1)} {', '.join(map(str, frames))}"
+    with progress(100, label=label, quiet=quiet, unit="percent") as bar:
+        shown = 0
+
+        def show(share: float) -> None:
+            """Percent by percent; the share of a frame may fall, when it needs more than was thought."""
+            nonlocal shown
+            percent = int(100 * (len(truths) + share) / len(frames))
+            for _ in range(shown, percent):
+                bar.advance()
+            shown = max(shown, percent)
+
         for frame in frames:
             start = time.perf_counter()
-            truth = find_truth(stage, frame, tolerance)
+            truth = find_truth(stage, frame, tolerance, on_progress=show)
+            seconds = time.perf_counter() - start
             truths.append(truth)
-            records.append(
-                TruthRecord(
-                    frame,
-                    time.perf_counter() - start,
-                    truth.convergence,
-                    float(truth.on_volume.mean()),
-                    thumbnail(truth.picture),
-                )
-            )
-            bar.advance()
+            show(0.0)
+            on_volume = float(truth.on_volume.mean())
+            records.append(TruthRecord(frame, seconds, truth.convergence, on_volume, thumbnail(truth.picture)))
     return truths, records
 
 

@@ -56,7 +56,8 @@ LIST = "several with commas between them"
         ),
         (
             ("--footprints", "gouraud:2x1"),
-            f"--footprints: cannot be swept\n  got: 'gouraud:2x1'\n  expected: gaussian, gouraud or gouraud:12x4, {LIST}\n"
+            "--footprints: cannot be swept\n  got: 'gouraud:2x1'\n"
+            f"  expected: gaussian, gouraud or gouraud:12x4, {LIST}\n"
             "  hint: did you mean gouraud:12x4?\n",
         ),
         (
