@@ -39,6 +39,7 @@ COMMANDS_MAY_IMPORT = {
     "readers", "volume", "statistics",  # info
     "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
     "study", "sweep", "metrics", "pareto", "png", "staging",  # the report of measure
+    "integrator", "octree", "splats", "transfer",  # paper
 }  # fmt: skip
 
 GL_PACKAGES = {"moderngl", "OpenGL", "glcontext"}
