@@ -55,8 +55,8 @@ def make(scene: Scene, studio: Studio) -> Figure:
     return Figure(
         4,
         "A constant volume drawn at each level",
-        "The same block of one material, with cells from one voxel (level 0) to a single cell (the root). Numbers are of "
-        f"the inside: rays that go through at least {INSIDE_SHARE:.0%} of the longest way through the block.",
+        "The same block of one material, with cells from one voxel (level 0) to a single cell (the root). Numbers are "
+        f"of the inside: rays that go through at least {INSIDE_SHARE:.0%} of the longest way through the block.",
         judge(levels),
         rows=levels.rows,
         charts=(_chart(levels),),

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, counted, psnr_db, transfer_of, with_error
+from hsplat_cli.report.numbers import short_count_text
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import Stage, finest_level_at
 from renderer.scene import Scene
@@ -159,7 +160,8 @@ def _cells_in_blocks(cut: Cut, shape: tuple[int, ...]) -> Float64:
             continue
         side = 1 << (level - BLOCK_LEVEL)
         for cell in cells:
-            counts[tuple(slice(side * place, side * (place + 1)) for place in cell.tolist())] += side**-3.0
+            covered = counts[tuple(slice(side * place, side * (place + 1)) for place in cell.tolist())]
+            covered += 1 / covered.size
     return counts
 
 
@@ -199,5 +201,6 @@ def _chart(numbers: Octrees) -> Chart:
         levels = [level for level, num in enumerate(octree.cells_by_level) if num]
         counts = [octree.cells_by_level[level] for level in levels]
         axes.semilogy(levels, counts, "o-", color=color, label=f"tolerance {octree.tolerance:g}")
+    axes.yaxis.set_major_formatter(lambda count, _: short_count_text(count))
     axes.legend()
     return Chart(plot, "Cells over the level, for each tolerance", "Cells by level, at each tolerance")

@@ -69,8 +69,8 @@ def make(scene: Scene, studio: Studio) -> Figure:
     return Figure(
         6,
         "Five times a second, in five seconds, at full resolution",
-        "One view at the tolerances that meet two times on this machine, and with a splat for every visible voxel. Times "
-        "are those of a frame of a film: order, draw and round to 8 bits, the cut being made once.",
+        "One view at the tolerances that meet two times on this machine, and with a splat for every visible voxel. "
+        "Times are those of a frame of a film: order, draw and round to 8 bits, the cut being made once.",
         judge(numbers),
         rows=numbers.rows,
         tables=(_table(numbers),),

@@ -41,6 +41,7 @@ COMMANDS_MAY_IMPORT = {
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "png", "staging",  # reports
     "camera", "thumbnails", "transfer",  # peers
+    "integrator", "octree", "splats",  # paper
 }  # fmt: skip
 
 GL_PACKAGES = {"moderngl", "OpenGL", "glcontext"}

@@ -27,7 +27,7 @@ def test_the_scene_in_the_text_is_legal(document: str, tmp_path: Path) -> None:
     load_scene(tmp_path / "scene.yaml")
 
 
-@pytest.mark.parametrize("config", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("config", sorted((ROOT / "configs").rglob("*.yaml")), ids=lambda path: path.stem)
 def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: Path) -> None:
     listed = set(re.findall(r"(\w+):", _scene_in("docs/scene.md")))
     (tmp_path / "volume").mkdir()

@@ -1,0 +1,257 @@
+"""The figures of the paper: their numbers against closed forms, and verdicts that follow the numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from hsplat_cli.paper import footprints, levels, octrees, one_splat, opacity, refinement
+from hsplat_cli.paper.figure import Claim
+from hsplat_cli.paper.studio import Studio
+from hsplat_cli.scene_file import load_scene
+from renderer.camera import View
+from renderer.cell_edges import CellEdges
+from renderer.octree import cut_pyramid
+from renderer.pipeline import Rasterizer
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import Scene
+from renderer.splats import SplatBatch
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
+
+
+def scene(name: str, *overrides: str) -> Scene:
+    return load_scene(CONFIGS / name, overrides=overrides)
+
+
+def studio_of(rasterizer: Rasterizer, clock: Callable[[], float] = lambda: 0.0) -> Studio:
+    return Studio(rasterizer, {}, clock, 1)
+
+
+@pytest.fixture(scope="module")
+def studio(rasterizer: GLRasterizer) -> Studio:
+    return studio_of(rasterizer)
+
+
+def verdicts(claims: tuple[Claim, ...]) -> list[bool]:
+    return [claim.seen for claim in claims]
+
+
+# 1: footprints
+
+
+@pytest.fixture(scope="module")
+def splat_shapes(studio: Studio) -> footprints.Footprints:
+    return footprints.measure(scene("1_footprints.yaml", "output.size=[96, 96]"), studio)
+
+
+def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: footprints.Footprints) -> None:
+    """-log(1 - alpha) integrates to the optical depth of the voxel, 1 - 0.7 to start with, over its area: sigma is 0.425
+    voxels, and radii are in sigma."""
+    radius, alpha = splat_shapes.smooth[:-1].T
+    depth = -np.log1p(-alpha)
+    mass = np.trapezoid(2 * math.pi * radius * depth, radius)
+    assert mass * 0.425**2 == pytest.approx(-math.log(0.3), rel=1e-4)
+    assert np.trapezoid(math.pi * radius**3 * depth, radius) / mass == pytest.approx(1, rel=1e-3)
+
+
+def test_more_triangles_are_nearer_to_the_smooth_profile(splat_shapes: footprints.Footprints) -> None:
+    assert verdicts(footprints.judge(splat_shapes)) == [True, True]
+    assert [fan.num_triangles for fan in splat_shapes.fans] == [4, 18, 40, 108, 240, 992]
+    assert abs(splat_shapes.gaussian.integral_error) < 0.01
+
+
+def test_fans_that_do_not_converge_are_not_passed(splat_shapes: footprints.Footprints) -> None:
+    worst, *others = splat_shapes.fans
+    shuffled = replace(splat_shapes, fans=(*others, worst))
+    assert verdicts(footprints.judge(shuffled)) == [False, True]
+    off = tuple(replace(fan, integral_error=0.06) for fan in splat_shapes.fans)
+    assert verdicts(footprints.judge(replace(splat_shapes, fans=off))) == [True, False]
+
+
+# 2: opacity by resolution
+
+
+@pytest.fixture(scope="module")
+def slab(studio: Studio) -> opacity.Slab:
+    shape = "volume.procedural.shape=[32, 8, 32]"
+    return opacity.measure(scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[64, 64]"), studio)
+
+
+def test_a_slab_is_as_opaque_as_its_closed_form(slab: opacity.Slab) -> None:
+    """8 voxels of opacity a let (1 - a)^8 through; without correction a cell of 2^k is a voxel, and 8 / 2^k remain. A
+    lattice of splats ripples by 1.1 % in optical depth, so by less than 0.004 in alpha; the mean over it by less."""
+    for opacity_of_voxel, with_correction, without in zip(slab.opacities, slab.corrected, slab.uncorrected, strict=True):
+        assert with_correction == pytest.approx([1 - (1 - opacity_of_voxel) ** 8] * 4, abs=0.002)
+        assert without == pytest.approx([1 - (1 - opacity_of_voxel) ** n for n in (8, 4, 2, 1)], abs=0.002)
+    assert verdicts(opacity.judge(slab)) == [True, True]
+
+
+def test_the_opacity_of_one_cell(slab: opacity.Slab) -> None:
+    a = slab.opacities.index(0.1)
+    cells = slab.cell_opacity(slab.expected(corrected=True))
+    assert cells[a] == pytest.approx([1 - 0.9**n for n in (1, 2, 4, 8)])
+    assert slab.cell_opacity(slab.expected(corrected=False))[a] == pytest.approx([0.1] * 4)
+
+
+def test_a_slab_that_forgets_the_correction_is_not_passed(slab: opacity.Slab) -> None:
+    assert verdicts(opacity.judge(replace(slab, corrected=slab.uncorrected))) == [False, True]
+    assert verdicts(opacity.judge(replace(slab, uncorrected=slab.corrected))) == [True, False]
+
+
+# 3: one splat
+
+
+@pytest.fixture(scope="module")
+def cubes(studio: Studio) -> one_splat.Splats:
+    return one_splat.measure(scene("3_one_splat.yaml", "output.size=[64, 64]"), studio)
+
+
+def test_one_splat_for_many_voxels(cubes: one_splat.Splats) -> None:
+    """Twice the voxels in depth square the transparency; 0.1 is what configs/paper gives a voxel."""
+    assert cubes.opacity == pytest.approx(0.1)
+    through = [1 - alpha for alpha in cubes.corrected]
+    assert through[1:] == pytest.approx([one**2 for one in through[:-1]], rel=1e-3)
+    assert cubes.uncorrected == pytest.approx([cubes.corrected[0]] * 6, rel=1e-3)
+    assert verdicts(one_splat.judge(cubes)) == [True, True, True]
+
+
+def test_splats_that_stand_for_too_little_are_not_passed(cubes: one_splat.Splats) -> None:
+    wrong = replace(cubes, corrected=cubes.uncorrected, uncorrected=cubes.corrected, totals=(1.0, 0.5) * 3)
+    assert verdicts(one_splat.judge(wrong)) == [False, False, False]
+
+
+# 4: levels
+
+
+@pytest.fixture(scope="module")
+def block(studio: Studio) -> levels.Levels:
+    changes = "volume.procedural.shape=[32, 32, 32]", "camera.distance=100", "output.size=[64, 64]"
+    return levels.measure(scene("4_levels.yaml", *changes, "transfer_function.unit=0.5"), studio)
+
+
+def test_levels_of_a_constant_block(block: levels.Levels) -> None:
+    """Of optical depth 0 to 1 and a half: without correction, cells twice as wide have half the depth in all."""
+    assert block.num_judged == 4
+    assert [distance.num_cells for distance in block.corrected] == [32**3, 16**3, 8**3, 4**3, 2**3, 1]
+    assert block.corrected[0] == block.uncorrected[0]
+    assert (block.corrected[0].rmse, block.corrected[0].largest) == (0, 0)
+    deep = [-math.log1p(-distance.mean_alpha) for distance in block.uncorrected[:3]]
+    assert deep[:2] == pytest.approx([2 * deep[1], 2 * deep[2]], rel=0.1)  # a mean of alphas is no mean of depths
+    assert verdicts(levels.judge(block)) == [True, True]
+
+
+def test_levels_that_fade_with_correction_are_not_passed(block: levels.Levels) -> None:
+    assert verdicts(levels.judge(replace(block, corrected=block.uncorrected))) == [False, False]
+    assert verdicts(levels.judge(replace(block, uncorrected=block.corrected))) == [True, False]
+
+
+# 5: octrees
+
+
+STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
+
+
+@pytest.fixture(scope="module")
+def trees(studio: Studio) -> octrees.Octrees:
+    return octrees.measure(scene("5_octrees.yaml", STAND_IN, "output.size=[64, 64]"), studio)
+
+
+def test_octrees_at_falling_error(trees: octrees.Octrees) -> None:
+    assert [octree.tolerance for octree in trees.octrees] == [8, 4, 1, 0.25]
+    assert [octree.num_cells for octree in trees.octrees] == sorted(octree.num_cells for octree in trees.octrees)
+    assert trees.octrees[-1].num_cells > 300
+    assert trees.rows[0].pictures[-1].pixels.tolist() != trees.rows[1].pictures[-1].pixels.tolist()
+
+
+def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(studio: Studio) -> None:
+    stage = studio.stage(scene("5_octrees.yaml", STAND_IN))
+    variation = octrees._variation_of_blocks(stage)
+    assert variation.shape == (2, 3, 3)
+    for tolerance in (100.0, 1.0, 0.0):
+        cut = cut_pyramid(stage.pyramid, tolerance)
+        counts = octrees._cells_in_blocks(cut, variation.shape)
+        assert counts.sum() == pytest.approx(len(cut))
+        assert (counts[variation >= 0] > 0).all()
+
+
+def test_octrees_that_refine_elsewhere_are_not_passed() -> None:
+    good = [octrees.Octree(2.0 ** -k, (100 * 8**k, 10), 20.0 + k, 1.0, 5.0 + k) for k in range(3)]
+    assert verdicts(octrees.judge(octrees.Octrees(tuple(good), ()))) == [True, True]
+    steady = [replace(octree, cells_where_varied=1.0) for octree in good]
+    assert verdicts(octrees.judge(octrees.Octrees(tuple(steady), ()))) == [True, False]
+    assert verdicts(octrees.judge(octrees.Octrees(tuple(good[::-1]), ()))) == [False, True]
+    small = [replace(octree, cells_by_level=(k, 1)) for k, octree in enumerate(good)]
+    assert verdicts(octrees.judge(octrees.Octrees(tuple(small), ()))) == [True, False]
+
+
+# 6: what can be drawn in a time
+
+
+class TimedRasterizer:
+    """Takes some seconds for each splat, by its own clock, and draws nothing."""
+
+    def __init__(self, seconds_per_splat: float) -> None:
+        self.now, self._seconds_per_splat = 0.0, seconds_per_splat
+
+    def clock(self) -> float:
+        return self.now
+
+    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+        self.now += self._seconds_per_splat * len(order)
+        return np.zeros((view.size[1], view.size[0], 4), np.float32)
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
+        raise AssertionError("not asked for")
+
+
+def timed(seconds_per_splat: float) -> refinement.Refinement:
+    rasterizer = TimedRasterizer(seconds_per_splat)
+    return refinement.measure(
+        scene("6_engine.yaml", STAND_IN, "output.size=[16, 16]"), studio_of(rasterizer, rasterizer.clock)
+    )
+
+
+def test_the_finest_picture_in_a_time_is_found() -> None:
+    """The block has some 15 000 visible voxels: at a millisecond each, full resolution takes more than five seconds."""
+    quick, middle, full = timed(1e-3).drawings
+    assert full.seconds == pytest.approx(1e-3 * full.num_splats) and full.seconds > 5
+    assert quick.fits and middle.fits
+    assert quick.tolerance > middle.tolerance > full.tolerance == 0
+    assert quick.num_splats < middle.num_splats < full.num_splats
+    assert middle.seconds > 0.5 * 5
+
+
+def test_full_resolution_takes_the_place_of_what_it_is_quicker_than() -> None:
+    quick, middle, full = timed(1e-4).drawings
+    assert full.seconds < 5
+    assert quick.tolerance > 0
+    assert (middle.tolerance, middle.num_splats) == (0, full.num_splats)
+    numbers = timed(1e-6)
+    assert [drawing.tolerance for drawing in numbers.drawings] == [0, 0, 0]
+    assert math.isinf(numbers.psnr_to_full_db)
+
+
+def test_pictures_that_are_slow_or_bad_are_not_passed() -> None:
+    good = [
+        refinement.Drawing("quick", 0.2, 0.5, 0.19, 0.01, 1000, 25.0),
+        refinement.Drawing("middle", 5.0, 0.1, 4.5, 0.01, 9000, 30.0),
+        refinement.Drawing("full", None, 0.0, 12.0, 0.01, 20000, 31.0),
+    ]
+
+    def judged(**changes: dict[str, Any]) -> list[bool]:
+        drawings = tuple(replace(drawing, **changes.get(drawing.name, {})) for drawing in good)
+        return verdicts(refinement.judge(refinement.Refinement(drawings, 36.0, ())))
+
+    assert judged() == [True, True, True]
+    assert judged(quick={"seconds": 0.3}) == [False, True, True]
+    assert judged(quick={"psnr_db": 12.0}) == [False, True, True]
+    assert judged(middle={"psnr_db": 24.0}) == [True, False, True]
+    assert judged(middle={"seconds": 6.0}) == [True, True, False]
