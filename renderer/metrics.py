@@ -8,15 +8,14 @@ display-referred, so that the metrics of perception take them as sRGB. The packa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.errors import InputError
+from renderer.errors import require_package
 from renderer.quantize import require_finite
 from renderer.scene import Color
 
@@ -108,8 +107,8 @@ def compare(picture: Picture, truth: Picture, on_volume: Mask) -> Accuracy:
     picture, truth: float [h, w, 3] in [0, 1], sRGB where a metric models the eye. on_volume: bool [h, w]; where it is
         empty its figures are NaN. SSIM and FLIP look at surroundings, which may reach beyond the mask.
 
-    Raises RenderError for a value that is not finite (of which FLIP would make a perfect 0), InputError where a package
-    of the extra `measure` is missing.
+    Needs the packages that `require_measuring_packages` asks for. Raises RenderError for a value that is not finite, of
+    which FLIP would make a perfect 0.
     """
     _require_pictures(picture, truth)
     assert on_volume.shape == picture.shape[:2], (on_volume.shape, picture.shape)
@@ -157,15 +156,10 @@ def _require_pictures(*pictures: Picture) -> None:
         assert picture.min() >= 0 and picture.max() <= 1, (picture.min(), picture.max())
 
 
-@contextmanager
-def _measuring_packages() -> Iterator[None]:
-    """Around the import of what the extra `measure` installs."""
-    try:
-        yield
-    except ImportError as error:
-        raise InputError(
-            "a package that measures pictures cannot be loaded", got=str(error), hint="pip install 'hsplat[measure]'"
-        ) from error
+def require_measuring_packages() -> None:
+    """Raise InputError if a package is missing without which not all metrics can be taken."""
+    for package in ("skimage", "flip_evaluator"):
+        require_package(package, extra="measure")
 
 
 # Maps: what a metric says of each pixel, from a picture and the truth.
@@ -178,8 +172,7 @@ def _error_map(picture: Picture, truth: Picture) -> _Map:
 
 def _ssim_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: structural similarity, mean of the channels."""
-    with _measuring_packages():
-        from skimage.metrics import structural_similarity  # noqa: PLC0415
+    from skimage.metrics import structural_similarity  # noqa: PLC0415
     if min(picture.shape[:2]) < _SSIM_WINDOW_PX:
         return np.full(picture.shape[:2], np.nan)
     total = np.zeros(picture.shape[:2])
@@ -200,8 +193,7 @@ def _ssim_map(picture: Picture, truth: Picture) -> _Map:
 
 def _flip_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: the perceived difference."""
-    with _measuring_packages():
-        import flip_evaluator  # noqa: PLC0415
+    import flip_evaluator  # noqa: PLC0415
     difference, _, _ = flip_evaluator.evaluate(
         _for_flip(truth),
         _for_flip(picture),
@@ -221,8 +213,7 @@ def _for_flip(picture: Picture) -> npt.NDArray[np.float32]:
 
 def _delta_e_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: CIE 1976 colour difference."""
-    with _measuring_packages():
-        from skimage.color import deltaE_cie76, rgb2lab  # noqa: PLC0415
+    from skimage.color import deltaE_cie76, rgb2lab  # noqa: PLC0415
     # float32 resolves a colour difference to 1e-4, and takes half the time.
     return np.asarray(deltaE_cie76(*(rgb2lab(each.astype(np.float32)) for each in (truth, picture))))
 

@@ -74,7 +74,8 @@ def measure(
         from hsplat_cli.measure.study import Request, run_study  # noqa: PLC0415
 
         folder = output or Path(f"{scene.stem}.measured")
-        run_study(Request(job, sweep, list(numbers) if frames else None, repeats, peer, truth_tolerance, folder, quiet))
+        picked = list(numbers) if frames else None
+        run_study(Request(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder, quiet))
 
 
 def _refuse_beside_want(context: click.Context) -> None:

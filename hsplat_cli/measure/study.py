@@ -22,6 +22,7 @@ from hsplat_cli.progress import progress
 from hsplat_cli.report.files import check_writable, write_study
 from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
+from renderer.metrics import require_measuring_packages
 from renderer.pipeline import Stage, view_of
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
@@ -42,8 +43,12 @@ _PEER_FRAME_S = 0.4
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked for. frames: None for a few that are spread over the path. peer: "vtk" or None."""
+    """What was asked for.
 
+    name: of the scene's file. frames: None for a few that are spread over the path. peer: "vtk" or None.
+    """
+
+    name: str
     scene: Scene
     sweep: Sweep
     frames: list[int] | None
@@ -58,6 +63,7 @@ def run_study(request: Request) -> None:
     """Measure, write the report and print the table; what was measured before an interrupt is written too."""
     scene = request.scene
     require_page_packages()
+    require_measuring_packages()
     check_writable(request.folder)
     if request.peer:
         check_vtk(scene)
@@ -86,6 +92,7 @@ def run_study(request: Request) -> None:
         if interrupt:
             notes.insert(0, f"interrupted: {len(measurements)} settings had been measured")
         study = Study(
+            name=request.name,
             scene=scene_to_dict(scene),
             volume=_volume_facts(volume),
             machine=machine,

@@ -11,6 +11,7 @@ from hsplat_cli.measure.options import Want
 from hsplat_cli.measure.stage import prepared
 from hsplat_cli.measure.truth import find_truths, require_something
 from renderer.errors import RenderError
+from renderer.metrics import require_measuring_packages
 from renderer.pipeline import Stage
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
@@ -30,6 +31,7 @@ _COARSE_CELLS = 4000
 
 def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:
     """Search, and print the line. Raises RenderError where full resolution does not reach what is wanted."""
+    require_measuring_packages()
     with GLRasterizer() as rasterizer:
         stage = prepared(scene, read_volume(scene.volume))
         rungs = list(distinct_rungs(stage.pyramid, lambda tolerance: num_cells_at(stage, tolerance)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,7 +88,7 @@ def study_page(study: Study, *, date: str) -> str:
     measurements = study.measurements
     return page_of(
         "study.html",
-        title=f"What accuracy costs: {PurePath(str(study.volume['name'])).name}",
+        title=f"What accuracy costs: {study.name}",
         notes=study.notes,
         facts=_facts(study, date),
         plots=_plots(measurements),

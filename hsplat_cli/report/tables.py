@@ -95,9 +95,9 @@ def _fitted(text: str, width: int) -> str:
 def csv_text(study: Study) -> str:
     """RFC 4180: a header and one row for each measurement and frame.
 
-    Settings are `setting_*`; times are milliseconds, `frame_ms_*` of all stages of a frame together, `frame_STAGE_ms_*`
-    of each, `once_STAGE_ms_*` of what is done once for all frames; metrics are over all pixels, `volume_*` over those
-    with anything of the volume. Numbers keep their value to the last digit, `nan` and `inf` included; what does not
+    Settings have the names of their options; times are milliseconds, `frame_ms_*` of all stages of a frame together,
+    `frame_STAGE_ms_*` of each, `once_STAGE_ms_*` of what is done once for all frames; metrics are over all pixels,
+    `volume_*` over those with anything of the volume. Numbers keep their value to the last digit, `nan` and `inf` included; what does not
     exist is empty. The fronts are those of the measurement, over all its frames.
     """
     time, splats = fronts_of(study.measurements)
@@ -118,9 +118,7 @@ def csv_text(study: Study) -> str:
 
 def _identity(measurement: Measurement, sample: Sample) -> dict[str, Any]:
     setting = measurement.setting
-    return {"series": setting.series, "label": setting.label, "frame": sample.frame} | {
-        f"setting_{name}": value for name, value in setting.options.items()
-    }
+    return {"series": setting.series, "label": setting.label, "frame": sample.frame, **setting.options}
 
 
 def _frame_row(measurement: Measurement, sample: Sample) -> dict[str, Any]:

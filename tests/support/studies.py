@@ -86,6 +86,7 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
     frames = sorted({sample.frame for m in measurements for sample in m.samples})
     convergence = Convergence((0.5, 0.25), (1e-5, 3e-9), (48, 40))
     study = Study(
+        name="engine",
         scene={"volume": {"file": "engine.nhdr"}, "output": {"size": [8, 6], "background": [0.0, 0.0, 0.0]}},
         volume={"name": "engine.nhdr", "fingerprint": "0123abcd", "dtype": "uint8", "shape": (4, 5, 6)},
         machine={

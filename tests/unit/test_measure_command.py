@@ -53,7 +53,7 @@ def rows(folder: str = "scene.measured") -> list[dict[str, str]]:
 
 def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     measure(*QUICK, "--tolerances", "0.5,0.1,0")
-    found = {(row["series"], float(row["setting_tolerance"]), int(row["frame"])) for row in rows()}
+    found = {(row["series"], float(row["tolerance"]), int(row["frame"])) for row in rows()}
     series = {
         f"{footprint}, {measure}{correction}"
         for footprint in ("gaussian", "gouraud 8x3")
@@ -71,7 +71,7 @@ def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
 def test_a_finer_tolerance_draws_more_and_is_nearer_to_the_truth() -> None:
     measure(*QUICK, "--footprints", "gaussian", "--measures", "optical", "--corrections", "on")
     first = [row for row in rows() if row["frame"] == "0"]
-    tolerances = [float(row["setting_tolerance"]) for row in first]
+    tolerances = [float(row["tolerance"]) for row in first]
     assert tolerances == sorted(tolerances, reverse=True) and 0.1 in tolerances and tolerances[-1] == 0
     cells = [int(row["num_cells"]) for row in first]
     assert cells == sorted(set(cells))
@@ -118,7 +118,7 @@ def test_an_interrupt_keeps_what_was_measured(
     monkeypatch.setattr(study, "measure_setting", interrupted)
     arguments = ["measure", "scene.yaml", "--quiet", *QUICK, "--tolerances", "1,0.5,0.2,0.1"]
     assert main.run(arguments) == 130
-    assert len({row["setting_tolerance"] for row in rows()}) == 2
+    assert len({row["tolerance"] for row in rows()}) == 2
     assert "interrupted: 2 settings had been measured" in capsys.readouterr().out
 
 
@@ -147,7 +147,7 @@ def test_the_line_for_the_scene_file_keeps_its_promise(want: str, capsys: pytest
     better = 1 if name in ("psnr", "ssim") else -1
 
     def margins(at: float) -> list[float]:
-        found = [float(row[column]) for row in rows("all") if math.isclose(float(row["setting_tolerance"]), at)]
+        found = [float(row[column]) for row in rows("all") if math.isclose(float(row["tolerance"]), at)]
         return [better * (number - float(value)) for number in found]
 
     slack = {"psnr": 1.0, "rmse": 0.1 * float(value), "ssim": 0.01, "flip": 0.1 * float(value)}[name]

@@ -186,8 +186,8 @@ def test_csv_keeps_every_value(study: Study) -> None:
             assert written == [low, median, high]
             assert row[f"frame_{stage}_repetitions"] == str(len(seconds))
         assert row["once_cut_repetitions"] == ("3" if m.seconds else "")
-        assert float(row["setting_precision"]) == m.setting.options["precision"]
-        assert (row["setting_tool"], row["setting_corrected"]) == (m.setting.options["tool"], "true")
+        assert float(row["precision"]) == m.setting.options["precision"]
+        assert (row["tool"], row["corrected"]) == (m.setting.options["tool"], "true")
 
 
 def test_csv_quotes_what_needs_it() -> None:
