@@ -97,8 +97,8 @@ def csv_text(study: Study) -> str:
 
     Settings have the names of their options; times are milliseconds, `frame_ms_*` of all stages of a frame together,
     `frame_STAGE_ms_*` of each, `once_STAGE_ms_*` of what is done once for all frames; metrics are over all pixels,
-    `volume_*` over those with anything of the volume. Numbers keep their value to the last digit, `nan` and `inf` included; what does not
-    exist is empty. The fronts are those of the measurement, over all its frames.
+    `volume_*` over those with anything of the volume. Numbers keep their value to the last digit, `nan` and `inf`
+    included; what does not exist is empty. The fronts are those of the measurement, over all its frames.
     """
     time, splats = fronts_of(study.measurements)
     rows = [
