@@ -33,8 +33,8 @@ from renderer.volume import Float64, Volume
 Int64 = npt.NDArray[np.int64]
 Progress = Callable[[float], None]
 
-# Rays of one task: few enough to keep every core busy until the end and to stop soon after an interrupt (less than half
-# a second even where a ray, shaded, meets 1700 visible cells), enough that making a task is under 2 % of its work.
+# Rays of one task: few enough to keep every core busy until the end and to stop soon after an interrupt (they take some
+# milliseconds, half a second where each meets a thousand cells with light), enough to be worth a task.
 _RAYS_PER_TASK = 256
 _FIRST_STEP = 1.0
 

@@ -9,7 +9,7 @@ be missed, because no crossing is looked for by sampling.
 
 Most cells show nothing, which is found out once per *brick* of cells, when the first ray meets it. What is small is
 passed in tuples and not in arrays, because each array handed to a function is counted, atomically, in shared memory:
-two threads with a dozen arrays per cell were three times slower.
+with a dozen arrays per cell, two threads took twice as long.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ _MAX_DEPTH_CUT = 2.0**30
 # Scalars are worked with times this, which is exact, so that sums and differences of a few do not overflow.
 HEADROOM = 2.0**-8
 
-# Cells per axis of a brick, and what is known of it. Of 4^3 cells in a visible brick of two CT scans 0.7 to 0.75 were
-# visible, of 8^3 about half.
+# Cells per axis of a brick, and what is known of it. Of the cells that rays met in visible bricks of two CT scans 0.70
+# and 0.75 were visible, with bricks of 8^3 0.51 and 0.60.
 BRICK = 4
 _UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
 
@@ -242,7 +242,7 @@ def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
     """Whether any value in [low, high] has extinction."""
     first = np.searchsorted(intervals.knots, low, side="right")
     last = np.searchsorted(intervals.knots, high, side="right")
-    if first < last and intervals.rows[last, 9] > intervals.rows[first, 9]:
+    if intervals.rows[last, 9] > intervals.rows[first, 9]:
         return True
     one, two = intervals.rows[first], intervals.rows[last]
     return bool(one[3] + one[7] * (low - one[8]) > 0.0 or two[3] + two[7] * (high - two[8]) > 0.0)

@@ -252,7 +252,7 @@ def vtk_compared(trade: Series) -> list[str]:
     peers = [p for name, points in trade.items() if name.startswith("vtk") for p in points]
     best = max(p.psnr for p in peers)
     rows = []
-    for wanted in range(20, math.floor(best) + 1, 5):
+    for wanted in range(5 * math.ceil(max(min(p.psnr for p in s) for s in (own, peers)) / 5), math.floor(best) + 1, 5):
         ours, theirs = (cost_at([p.psnr for p in s], [p.ms for p in s], wanted) for s in (own, peers))
         reached = math.isfinite(ours)
         rows.append(
