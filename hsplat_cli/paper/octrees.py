@@ -11,6 +11,7 @@ import numpy.typing as npt
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, counted, psnr_db, transfer_of, with_error
 from hsplat_cli.report.numbers import short_count_text
+from renderer.errors import InputError
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import Stage, finest_level_at
 from renderer.scene import Scene
@@ -87,6 +88,8 @@ def measure(scene: Scene, studio: Studio) -> Octrees:
     truth = studio.truth(stage)
     variation = _variation_of_blocks(stage)
     visible = np.flatnonzero(variation >= 0)
+    if not visible.size:
+        raise InputError("figure 5 is of something visible", hint="raise the opacities of the transfer function")
     by_variation = visible[np.argsort(variation.reshape(-1)[visible], kind="stable")]
     quarter = max(1, len(by_variation) // 4)
     octrees, plain, overlaid = [], [], []

@@ -69,14 +69,6 @@ def with_splat(stage: Stage, **changes: Any) -> Stage:
     return replace(stage, scene=replace(stage.scene, splat=replace(stage.scene.splat, **changes)))
 
 
-def with_opacity(scene: Scene, opacity: float) -> Scene:
-    """The scene with this opacity at all control points."""
-    mapping = scene.transfer_function.mapping
-    assert isinstance(mapping, tuple), "a colormap in a scene of one material"
-    points = tuple(replace(point, opacity=opacity) for point in mapping)
-    return replace(scene, transfer_function=replace(scene.transfer_function, mapping=points))
-
-
 def seen(image: Image, background: Color | None) -> npt.NDArray[np.float64]:
     """float64 [h, w, 3]: as it is seen, over the background (black where that is transparent), clipped to [0, 1]."""
     behind = np.array(background or (0.0, 0.0, 0.0))
