@@ -82,8 +82,8 @@ def measure(scene: Scene, studio: Studio) -> Slab:
     if not (is_slab and isinstance(points, tuple)):
         raise InputError(
             "figure 2 is of a slab of one material",
-            expected="volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, x and z at least 4 y, and "
-            "transfer_function.points",
+            expected="volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, x and z at least 4 y, "
+            "and transfer_function.points",
         )
     assert isinstance(source, ProceduralSource)
     depth = source.shape[1]

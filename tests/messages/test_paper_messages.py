@@ -128,8 +128,8 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
         ),
         (
             "3_one_splat",
-            "opacity: 0.1",
-            "opacity: 0",
+            'value: 0, color: "#ffd080", opacity: 0.1}',
+            "value: 201, color: white, opacity: 0}\n    - {value: 202, color: white, opacity: 1}",
             "figure 3 is of one splat\n  got: 0 splats\n",
         ),
         (
