@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from hsplat_cli.frame_range import parse_frames
+from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.progress import progress
 from hsplat_cli.scene_file import load_scene
 from hsplat_cli.versions import package_versions
@@ -44,7 +42,7 @@ def render(
     """
     job = load_scene(scene, overrides=overrides, volume=volume, output=output)
     numbers = parse_frames(frames, job.camera.path.frames)
-    with _terminated_as_interrupted():
+    with terminated_as_interrupted():
         _render(job, numbers, quiet=quiet)
 
 
@@ -135,17 +133,3 @@ def _report(stage: Stage, records: list[dict[str, Any]], notes: Sequence[str], s
     for note in notes:
         click.echo(f"note: {note}")
     click.echo(f"how it was made: {sidecar}")
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM, as batch systems send it, unwinds like Ctrl-C, so that nothing unfinished is left."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

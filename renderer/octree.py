@@ -68,6 +68,14 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
     return _joined(pyramid, parts, cells)
 
 
+def root_error(pyramid: Pyramid) -> float:
+    """The error of the whole volume as one cell, in the measure's unit: any tolerance above draws a single splat."""
+    errors = pyramid.levels[-1].errors * (
+        pyramid.error_unit * _error_scale(pyramid, np.zeros((1, 3), np.int32), pyramid.num_levels)
+    )
+    return float(errors.max(initial=0.0))
+
+
 def visible_cells(pyramid: Pyramid, level: int) -> Int32:
     """int32 [n, 3]: all visible cells of a level from 1 to the root's, x, y, z in units of their width."""
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)

@@ -47,3 +47,9 @@ def db_per_decade(counts: Sequence[float], psnrs: Sequence[float]) -> float:
     mean_y = sum(y for _, y in points) / len(points)
     rise = sum((x - mean_x) * (y - mean_y) for x, y in points)
     return rise / sum((x - mean_x) ** 2 for x, _ in points)
+
+
+def setbacks(values: Sequence[float], *, higher_is_better: bool, least: float) -> list[int]:
+    """Where a row of values that should get better gets worse by `least` or more: the indices of the worse ones."""
+    sign = 1.0 if higher_is_better else -1.0
+    return [i for i in range(1, len(values)) if sign * (values[i - 1] - values[i]) >= least]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -20,7 +22,7 @@ def quantize(image: npt.NDArray[np.float32], background: Color | None) -> npt.ND
     Returns uint8 [h, w, 3]; without a background [h, w, 4] with straight (not premultiplied) alpha, colour 0 where the
     alpha written is 0. A value that is not finite raises RenderError.
     """
-    _require_finite(image)
+    require_finite(image)
     return _over(image, background) if background is not None else _straight(image)
 
 
@@ -54,7 +56,8 @@ def _to_8_bits(values: npt.NDArray[np.float32], scale: npt.NDArray[np.float32] |
     return np.clip(scaled, 0, _LARGEST, out=scaled)
 
 
-def _require_finite(image: npt.NDArray[np.float32]) -> None:
+def require_finite(image: npt.NDArray[np.floating[Any]]) -> None:
+    """Raise RenderError where a pixel of an image [h, w, channels] is not a number, naming the first one."""
     finite = np.isfinite(image)
     if finite.all():
         return

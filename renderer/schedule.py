@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from dataclasses import replace
 
-from renderer.scene import ErrorSpec
+from renderer.scene import ErrorSpec, Scene
 
 
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
@@ -21,3 +22,8 @@ def tolerance_at(error: ErrorSpec, frame: int) -> float:
     fraction = (frame - start) / (end - start)
     # A product of powers neither overflows nor, at fraction 0, rounds.
     return float(before ** (1.0 - fraction) * after**fraction)
+
+
+def at_tolerance(scene: Scene, tolerance: float) -> Scene:
+    """The same film at a constant tolerance."""
+    return replace(scene, error=replace(scene.error, tolerance=((0, tolerance),)))

@@ -31,13 +31,15 @@ class TruthRecord:
 
 @dataclass(frozen=True)
 class Study:
-    """measurements: in the order in which they were planned; those of a peer last.
+    """name: of the scene, as its file is called.
+    measurements: in the order in which they were planned; those of a peer last.
 
     scene: with all defaults, as `scene_to_dict` gives it. volume: name, fingerprint, dtype, shape.
     machine: processor, cores, system, driver, commit, versions: what the numbers depend on.
     notes: what a reader must know: where an error is not monotonic, what was left out, whether it was interrupted.
     """
 
+    name: str
     scene: Mapping[str, Any]
     volume: Mapping[str, Any]
     machine: Mapping[str, Any]

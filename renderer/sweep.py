@@ -1,20 +1,38 @@
-"""What a film costs and how near it comes to the truth, at each of many settings."""
+"""What a film costs and how near it comes to the truth, at each of many settings.
+
+Every setting is drawn by the loop that makes films. A first pass over the frames warms up (shaders, buffers, caches)
+and gives the pictures; the passes after it are timed.
+"""
 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.metrics import Accuracy
+from renderer.metrics import Accuracy, compare, over_background, pooled
+from renderer.octree import cut_pyramid
+from renderer.pipeline import Clock, Frame, Rasterizer, Stage, finest_level_at, render_frames
+from renderer.scene import ErrorSpec, SplatSpec
+from renderer.thumbnails import difference_thumbnail, thumbnail
+from renderer.truths import Truth
 
-# Longest side of the small pictures that are kept of each setting.
-THUMBNAIL_PX = 256
-# Differences from the truth are shown this many times as large.
-DIFFERENCE_GAIN = 8.0
+# What is timed once a frame, and once a cut.
+_FRAME_STAGES = ("order", "draw", "overlay", "quantize")
+_CUT_STAGES = ("cut", "splats")
+# A setting is not drawn again once it took this long: the median of fewer repetitions will do.
+_PATIENCE_S = 4.0
+
+
+class MemoryMeter(Protocol):
+    """Tells the most memory that the process held since it was last reset, where the system knows."""
+
+    def reset(self) -> None: ...
+    def peak_bytes(self) -> int | None: ...
 
 
 @dataclass(frozen=True)
@@ -92,3 +110,95 @@ class Measurement:
     @property
     def _all_frame_seconds(self) -> list[float]:
         return [seconds for sample in self.samples for seconds in sample.frame_seconds]
+
+
+def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
+    """What hsplat draws at a constant tolerance, named by what differs between series."""
+    footprint = "gaussian" if splat.footprint == "gaussian" else f"gouraud {splat.angular}x{splat.radial}"
+    measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
+    tolerance = error.tolerance[0][1]
+    words = [footprint, measure] + ([] if splat.opacity_correction else ["uncorrected"])
+    return Setting(
+        ", ".join(words),
+        f"tolerance {tolerance:g}",
+        {
+            "tool": "hsplat",
+            "tolerance": tolerance,
+            "footprint": footprint,
+            "measure": measure,
+            "opacity_correction": splat.opacity_correction,
+        },
+    )
+
+
+def num_cells_at(stage: Stage, tolerance: float) -> int:
+    """How many cells the film's cut has at a tolerance."""
+    return len(cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance)))
+
+
+def measure_setting(
+    stage: Stage, truths: Sequence[Truth], rasterizer: Rasterizer, *, clock: Clock, memory: MemoryMeter, repeats: int
+) -> Measurement:
+    """The film's own constant tolerance and splats, on the frames of the truths."""
+    numbers = [truth.frame for truth in truths]
+    background = stage.scene.output.background
+    peaks: list[int] = []
+    accuracies: list[Accuracy] = []
+    first_pass: list[Frame] = []
+    pictures = None
+    memory.reset()
+    for frame, truth in zip(render_frames(stage, numbers, rasterizer, clock=clock), truths, strict=True):
+        peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
+        picture = over_background(frame.radiance, background)
+        accuracies.append(compare(picture, truth.picture, truth.on_volume))
+        pictures = pictures or (thumbnail(picture), difference_thumbnail(picture, truth.picture))
+        first_pass.append(_without_pictures(frame))
+        memory.reset()
+    passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
+    assert pictures is not None, "no frames"
+    return Measurement(
+        setting=splat_setting(stage.scene.error, stage.scene.splat),
+        num_cells=first_pass[0].num_cells,
+        seconds=_repetitions([frames[0] for frames in passes], _CUT_STAGES),
+        samples=tuple(
+            Sample(
+                truth.frame,
+                first_pass[i].num_splats,
+                _repetitions([frames[i] for frames in passes], _FRAME_STAGES),
+                accuracies[i],
+            )
+            for i, truth in enumerate(truths)
+        ),
+        overall=pooled(accuracies),
+        peak_bytes=max(peaks, default=None),
+        picture=pictures[0],
+        difference=pictures[1],
+    )
+
+
+def _timed_passes(
+    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Frame]
+) -> list[list[Frame]]:
+    """Up to `repeats` passes over the frames; the first pass itself where another would try the reader's patience."""
+    spent = sum(sum(frame.seconds.values()) for frame in first_pass)
+    if spent > _PATIENCE_S:
+        return [first_pass]
+    passes: list[list[Frame]] = []
+    start = clock()
+    while len(passes) < repeats and (not passes or clock() - start < _PATIENCE_S):
+        frames = render_frames(stage, numbers, rasterizer, clock=clock)
+        passes.append([_without_pictures(frame) for frame in frames])
+    return passes
+
+
+def _without_pictures(frame: Frame) -> Frame:
+    return replace(frame, image=frame.image[:0].copy(), radiance=frame.radiance[:0].copy())
+
+
+def _repetitions(frames: Sequence[Frame], stages: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """Seconds by stage, one for each repetition of the same frame; stages that the film does not have are left out."""
+    return {
+        name: tuple(frame.seconds[name] for frame in frames)
+        for name in stages
+        if all(name in f.seconds for f in frames)
+    }

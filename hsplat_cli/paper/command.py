@@ -8,13 +8,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from hsplat_cli.interrupts import terminated_as_interrupted
+from hsplat_cli.machine import describe_machine
 from hsplat_cli.progress import progress
 from hsplat_cli.scene_file import load_scene
-from hsplat_cli.versions import package_versions
 from renderer.errors import InputError, SceneError
 from renderer.scene import Scene
 from renderer.staging import write_staged
@@ -70,10 +71,8 @@ class _Job:
         except InputError as error:
             if error.where is not None:
                 raise
-            where = str(self.path)
-            raise InputError(
-                error.what, where=where, got=error.got, expected=error.expected, hint=error.hint
-            ) from error
+            parts = {"got": error.got, "expected": error.expected, "hint": error.hint}
+            raise InputError(error.what, where=str(self.path), **parts) from error
         return replace(figure, notes=self.notes + figure.notes)
 
 
@@ -86,7 +85,7 @@ class _Job:
 @click.option("--figure", "numbers", type=int, multiple=True, metavar="N", help="Make only this figure; repeatable.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, ...], quiet: bool) -> None:
-    """Reproduce the figures of the paper (Laur and Hanrahan 1991) on one page.
+    """Reproduce the figures of Laur and Hanrahan 1991 on one page.
 
     FOLDER holds a scene file for each figure, configs/paper by default. The page says, figure by figure, what the paper
     claims, what was measured, and whether the claim was seen.
@@ -97,9 +96,10 @@ def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, .
     require_page_packages()
     jobs = _jobs(folder, numbers, volume)
     check_writable(output, [PAGE])
-    figures, text = _page(jobs, quiet=quiet)
     path = output / PAGE
-    write_staged(path, text.encode())
+    with terminated_as_interrupted():
+        figures, text = _page(jobs, quiet=quiet)
+        write_staged(path, text.encode())
     if not quiet:
         _report(jobs, figures, path)
 
@@ -167,12 +167,7 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
         for job in jobs:
             figures.append(job.make(studio))
             bar.advance(f"figure {job.number}")
-        return figures, paper_page(figures, facts=_facts(rasterizer.renderer_name, num_threads))
-
-
-def _facts(gl: str, num_cores: int) -> dict[str, Any]:
-    versions = package_versions()
-    return {"GL": gl, "cores": num_cores, "hsplat": versions["hsplat"], "Python": versions["python"]}
+        return figures, paper_page(figures, facts=describe_machine(rasterizer.renderer_name))
 
 
 def _report(jobs: Sequence[_Job], figures: Sequence[Figure], path: Path) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
@@ -15,9 +14,11 @@ from hsplat_cli.report.costs import OWN, PEER, Cost, Price, by_series, fronts_of
 from hsplat_cli.report.html import facts_of, page_of, plot_style, png_data_uri, svg_of
 from hsplat_cli.report.numbers import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.report.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, trade_figure
+from hsplat_cli.report.tables import plain
 from renderer.metrics import METRICS, Metric
 from renderer.study import Study, TruthRecord
-from renderer.sweep import DIFFERENCE_GAIN, Measurement
+from renderer.sweep import Measurement
+from renderer.thumbnails import DIFFERENCE_GAIN
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -47,7 +48,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """A number with the value that it is sorted by, words, the heading of a row under its series, or a picture."""
+    """A number, words, the heading of a row under its series, or a picture; sorts by `value`, words by `text`."""
 
     text: str
     value: str = ""
@@ -82,12 +83,12 @@ class Table:
 def study_page(study: Study, *, date: str) -> str:
     """The page, whole, in one file that loads nothing; the same study and date give the same text.
 
-    Raises InputError where matplotlib or jinja2 is missing only in so far as `require_page_packages` was not called.
+    Needs the packages that `require_page_packages` asks for.
     """
     measurements = study.measurements
     return page_of(
         "study.html",
-        title=f"What accuracy costs: {PurePath(str(study.volume['name'])).name}",
+        title=f"What accuracy costs: {study.name}",
         notes=study.notes,
         facts=_facts(study, date),
         plots=_plots(measurements),
@@ -98,7 +99,7 @@ def study_page(study: Study, *, date: str) -> str:
         gain=f"{DIFFERENCE_GAIN:g}",
         measured=_measured_table(measurements),
         stages=_stages_table(measurements),
-        scene=yaml.safe_dump(_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
+        scene=yaml.safe_dump(plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
     )
 
 
@@ -108,17 +109,6 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
     volume = facts_of({f"volume, {name}" if name != "name" else "volume": v for name, v in study.volume.items()})
     picture = [("pictures", f"{' x '.join(map(str, size))} pixels, frames {frames}")] if size else []
     return [*volume, *picture, *facts_of(study.machine), ("date", date)]
-
-
-def _plain(value: Any) -> Any:
-    """`value` in types that YAML has without tags."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
 # -------------------------------------------------------------------------------------------------------------- plots
@@ -214,19 +204,19 @@ def _measured_table(measurements: Sequence[Measurement]) -> Table:
     fronts = [Column("front", is_text=True)]
     groups = [
         ("", len(identity)),
-        ("cost of a frame", len(costs)),
+        ("cost", len(costs)),
         ("over the whole picture", len(metrics)),
         ("on the volume", len(metrics)),
         ("", len(fronts)),
     ]
     time, splats = fronts_of(measurements)
     rows = [
-        Row([*_identity_cells(m), *_cost_cells(m), *_metric_cells(m), _front_cell(i in time, i in splats)], i in time)
+        Row(
+            [*_identity_cells(m, i), *_cost_cells(m), *_metric_cells(m), _front_cell(i in time, i in splats)], i in time
+        )
         for i, m in enumerate(measurements)
     ]
-    caption = (
-        "“Once” is done for all frames together: the cut and its splats. Memory is the most that the process held."
-    )
+    caption = "“Once”: the cut and its splats, done for all frames together. Memory: the most that the process held."
     return Table(caption, groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
 
 
@@ -234,11 +224,11 @@ def _short(metric: Metric) -> str:
     return {"max_error": "largest", "flip_p99": "FLIP 99 %", "delta_e_share": "ΔE > 2.3"}.get(metric.name, metric.label)
 
 
-def _identity_cells(measurement: Measurement) -> list[Cell]:
+def _identity_cells(measurement: Measurement, number: int) -> list[Cell]:
     setting = measurement.setting
     name = f"{setting.series}, {setting.label}"
     return [
-        Cell(setting.label, series=setting.series),
+        Cell(setting.label, str(number), series=setting.series),
         Cell(f"picture of {name}", image=png_data_uri(measurement.picture)),
         Cell(f"difference of {name} from the truth", image=png_data_uri(measurement.difference)),
     ]
@@ -270,10 +260,10 @@ def _front_cell(on_time: bool, on_splats: bool) -> Cell:
 
 
 def _number(value: float | None, text: str) -> Cell:
-    """JavaScript spells infinity in its own way, and reads nothing as not a number."""
+    """As JavaScript reads it: infinity in its own spelling, nothing as not a number."""
     if value is None or math.isnan(value):
         return Cell(text)
-    return Cell(text, "Infinity" if value == math.inf else repr(value))
+    return Cell(text, repr(value).replace("inf", "Infinity"))
 
 
 def _stages_table(measurements: Sequence[Measurement]) -> Table:
@@ -283,8 +273,8 @@ def _stages_table(measurements: Sequence[Measurement]) -> Table:
     columns = [Column("setting", is_text=True)]
     columns += [Column(stage, f"ms, {'once' if is_once else 'each frame'}") for stage, is_once in names]
     rows = []
-    for m, stages in zip(measurements, times, strict=True):
-        cells = [Cell(m.setting.label, series=m.setting.series)]
+    for i, (m, stages) in enumerate(zip(measurements, times, strict=True)):
+        cells = [Cell(m.setting.label, str(i), series=m.setting.series)]
         rows.append(Row([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
     return Table("Median, quartiles in brackets, number of repetitions.", (), columns, rows)
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Float64 = npt.NDArray[np.float64]
+
 _COLORS = [LIGHT[f"series-{number}"] for number in range(1, 9)]
 _MARKERS = "osD^vP<>"
 _PEER_MARKERS = "x+1234"
@@ -75,7 +77,8 @@ def trade_figure(measurements: Sequence[Measurement], axis: Axis) -> Figure:
     _draw_series(axes, measurements, axis, _psnr, with_spread=True)
     _finish(axes, axis, "PSNR, dB", many_ticks=True)
     _name_series(figure, axes)
-    figure.draw_without_rendering()  # the layout is made, and labels can be placed in it
+    figure.draw_without_rendering()  # makes the layout, in which the labels then find their places
+    figure.set_layout_engine("none")
     _label_points(axes, measurements, axis, fronts, sorted(shown))
     return figure
 
@@ -137,7 +140,7 @@ def _draw_series(
         costs, values = np.array([axis.of(m) for m in shown]), [value(m) for m in shown]
         if with_spread and axis.spread:
             low, high = np.array([axis.spread(m) for m in shown]).T
-            # The median of many frames may lie outside of no quartile, but rounding may say so.
+            # Rounding may put a quartile on the wrong side of the median.
             bars = np.maximum([costs - low, high - costs], 0)
             axes.errorbar(costs, values, xerr=bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
         axes.plot(costs, values, label=series, **style)
@@ -217,24 +220,15 @@ def short_labels(labels: Sequence[str]) -> tuple[str, list[str]]:
 def _label_points(
     axes: Axes, measurements: Sequence[Measurement], axis: Axis, fronts: dict[str, list[int]], shown: Sequence[int]
 ) -> None:
-    """Beside each point of a front its label, where it covers as little as possible of points, curves and labels."""
-
-    def pixel(i: int) -> npt.NDArray[np.float64]:
-        place = axes.transData.transform((axis.of(measurements[i]), _psnr(measurements[i])))
-        return np.asarray(place, np.float64)
-
+    """Beside each point of a front its label, where it covers as little as possible of all that is drawn."""
     scale = axes.figure.dpi / 72
-    taken = np.concatenate(
-        [
-            _along([pixel(i) for i in members if i in shown])
-            for members in (*by_series(measurements).values(), *fronts.values())
-        ]
-    )
     frame = axes.get_window_extent()
+    taken = _drawn_px(axes, measurements, axis, fronts, shown)
     for tool, front in fronts.items():
         for i, text in zip(front, short_labels([measurements[i].setting.label for i in front])[1], strict=True):
             size = np.array([0.56 * _LABEL_PT * len(text), 0.9 * _LABEL_PT]) * scale
-            centers = [pixel(i) + offset for offset in _offsets(size, scale)]
+            point = axes.transData.transform((axis.of(measurements[i]), _psnr(measurements[i])))
+            centers = [point + offset for offset in _offsets(size, scale)]
             inside = [c for c in centers if frame.contains(*(c - size / 2)) and frame.contains(*(c + size / 2))]
             best = min(inside or centers, key=lambda center: _num_covered(taken, center, size + 2 * scale))
             axes.annotate(
@@ -251,7 +245,20 @@ def _label_points(
             taken = np.concatenate([taken, np.repeat(best + np.stack([columns, rows], -1).reshape(-1, 2), 4, axis=0)])
 
 
-def _offsets(size: npt.NDArray[np.float64], scale: float) -> list[npt.NDArray[np.float64]]:
+def _drawn_px(
+    axes: Axes, measurements: Sequence[Measurement], axis: Axis, fronts: dict[str, list[int]], shown: Sequence[int]
+) -> Float64:
+    """Float64 [n, 2]: pixels along the curves of series and fronts and along the bars."""
+    lines = [
+        [(axis.of(measurements[i]), _psnr(measurements[i])) for i in members if i in shown]
+        for members in (*by_series(measurements).values(), *fronts.values())
+    ]
+    if axis.spread:
+        lines += [[(cost, _psnr(measurements[i])) for cost in axis.spread(measurements[i])] for i in shown]
+    return np.concatenate([_along(axes.transData.transform(line)) for line in lines if line])
+
+
+def _offsets(size: Float64, scale: float) -> list[Float64]:
     """Centres of a label around its point, those that are read most easily first."""
     directions = [(-1, 1), (1, -1), (0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1)]
     return [
@@ -261,15 +268,13 @@ def _offsets(size: npt.NDArray[np.float64], scale: float) -> list[npt.NDArray[np
     ]
 
 
-def _num_covered(taken: npt.NDArray[np.float64], center: npt.NDArray[np.float64], size: npt.NDArray[np.float64]) -> int:
+def _num_covered(taken: Float64, center: Float64, size: Float64) -> int:
     return int(np.sum(np.all(np.abs(taken - center) <= size / 2, axis=1)))
 
 
-def _along(points: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
-    """Float64 [n, 2]: points about 2 px apart along the line through some, and these themselves several times."""
-    if not points:
-        return np.empty((0, 2))
-    parts = [np.repeat(np.array(points), 4, axis=0)]
+def _along(points: Float64) -> Float64:
+    """Float64 [n, 2]: points about 2 px apart on the line through some [m, 2], and these themselves several times."""
+    parts = [np.repeat(points, 4, axis=0)]
     for start, end in itertools.pairwise(points):
         num = max(2, int(np.linalg.norm(end - start) / 2))
         parts.append(start + np.linspace(0, 1, num)[:, None] * (end - start))

@@ -76,11 +76,12 @@ def terminal_table(study: Study) -> str:
         aligned = [cell.rjust(width) for cell, width in zip(cells, widths, strict=True)]
         return _GAP.join([label.ljust(label_width), *aligned, mark]).rstrip()
 
-    lines = [line("" if k == 0 else "setting", [c.heading[k] for c in _COLUMNS], ("", "front")[k]) for k in range(2)]
+    above, headings = zip(*(column.heading for column in _COLUMNS), strict=True)
+    lines = [line("", above, ""), line("setting", headings, "front")]
     for series, members in by_series(measurements).items():
         lines.append(_fitted(series, TERMINAL_COLUMNS))
         lines += [line(labels[i], texts[i], marks[i]) for i in members]
-    lines += ["T: none of the same program is as fast and as exact. S: none has as few splats and is as exact."]
+    lines.append("T: no other setting of the same program is as fast and as exact. S: none is with as few splats.")
     return "".join(f"{text}\n" for text in lines)
 
 
@@ -94,10 +95,10 @@ def _fitted(text: str, width: int) -> str:
 def csv_text(study: Study) -> str:
     """RFC 4180: a header and one row for each measurement and frame.
 
-    Settings are `setting_*`; times are milliseconds, `frame_ms_*` of all stages of a frame together, `frame_STAGE_ms_*`
-    of each, `once_STAGE_ms_*` of what is done once for all frames; metrics are over all pixels, `volume_*` over those
-    with anything of the volume. Numbers keep their value to the last digit, `nan` and `inf` included; what does not
-    exist is empty. The fronts are those of the measurement, over all its frames.
+    Settings have the names of their options; times are milliseconds, `frame_ms_*` of all stages of a frame together,
+    `frame_STAGE_ms_*` of each, `once_STAGE_ms_*` of what is done once for all frames; metrics are over all pixels,
+    `volume_*` over those with anything of the volume. Numbers keep their value to the last digit, `nan` and `inf`
+    included; what does not exist is empty. The fronts are those of the measurement, over all its frames.
     """
     time, splats = fronts_of(study.measurements)
     rows = [
@@ -117,9 +118,7 @@ def csv_text(study: Study) -> str:
 
 def _identity(measurement: Measurement, sample: Sample) -> dict[str, Any]:
     setting = measurement.setting
-    return {"series": setting.series, "label": setting.label, "frame": sample.frame} | {
-        f"setting_{name}": value for name, value in setting.options.items()
-    }
+    return {"series": setting.series, "label": setting.label, "frame": sample.frame, **setting.options}
 
 
 def _frame_row(measurement: Measurement, sample: Sample) -> dict[str, Any]:
@@ -198,7 +197,7 @@ def json_text(study: Study, *, date: str) -> str:
             for number, m in enumerate(study.measurements)
         ],
     }
-    return json.dumps(_jsonable(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _truth_record(truth: TruthRecord) -> dict[str, Any]:
@@ -236,14 +235,14 @@ def _measurement_record(measurement: Measurement) -> dict[str, Any]:
     }
 
 
-def _jsonable(value: Any) -> Any:
-    """`value` in plain types, null for the numbers that JSON does not have."""
+def plain(value: Any) -> Any:
+    """`value` in the types that JSON and YAML have; None for NaN and infinities, which JSON has not."""
     if isinstance(value, Mapping):
-        return {str(key): _jsonable(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (np.generic, np.ndarray)):
-        return _jsonable(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, (list, tuple)):
-        return [_jsonable(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, (bool, int, str)) else str(value)

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hsplat_cli.machine import commit
 from renderer.camera_paths import make_view
 from renderer.octree import cut_pyramid
 from renderer.pipeline import prepare, render_frames
@@ -56,7 +57,7 @@ def main() -> None:
         _memory_child(arguments.memory_child)
         return
     with GLRasterizer() as rasterizer:
-        print(f"{rasterizer.renderer_name}; {platform.machine()}, {os.cpu_count()} cores; commit {_commit()}")
+        print(f"{rasterizer.renderer_name}; {platform.machine()}, {os.cpu_count()} cores; commit {commit()}")
         bench_pyramid()
         bench_frame(rasterizer)
     bench_memory()
@@ -201,17 +202,6 @@ def _timed(function: Callable[[], object], times: int) -> tuple[float, float]:
         walls.append(time.perf_counter() - wall)
         cpus.append(time.process_time() - cpu)
     return statistics.median(walls), statistics.median(cpus)
-
-
-def _commit() -> str:
-    """The commit that is measured; without git, as from an archive, there is none to tell."""
-    try:
-        done = subprocess.run(
-            ["git", "describe", "--always", "--dirty"], check=False, cwd=ROOT, capture_output=True, text=True
-        )
-    except FileNotFoundError:
-        return "unknown"
-    return done.stdout.strip() or "unknown"
 
 
 if __name__ == "__main__":

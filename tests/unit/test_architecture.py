@@ -25,11 +25,11 @@ ROOMS: dict[str, tuple[str, str]] = {
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_reference shaders", "words splats"),
-    "truth": ("integrator integrator_kernel", "words"),
+    "truth": ("cubic integrator integrator_kernel", "words"),
     "film": ("film encode png quantize sidecar staging", "words"),
     "contents": ("pipeline", "words volumes classification pyramid cut path splats film"),
     "study": (
-        "metrics pareto sweep study",
+        "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths",
         "words checks classification pyramid cut path splats truth film contents",
     ),
 }
@@ -38,8 +38,10 @@ COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema",  # without numpy: `check` answers at once
     "readers", "volume", "statistics",  # info
     "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
-    "study", "sweep", "metrics", "pareto", "png", "staging",  # the report of measure
-    "integrator", "octree", "splats", "transfer",  # paper
+    "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
+    "png", "staging",  # reports
+    "camera", "thumbnails", "transfer",  # peers
+    "integrator", "octree", "splats",  # paper
 }  # fmt: skip
 
 GL_PACKAGES = {"moderngl", "OpenGL", "glcontext"}

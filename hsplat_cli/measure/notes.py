@@ -1,0 +1,57 @@
+"""What a reader of measurements must know and might not see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from renderer.scene import Scene
+
+if TYPE_CHECKING:
+    from renderer.sweep import Measurement
+
+# Smaller setbacks are not told: they are below the digits that are shown.
+_LEAST_SETBACK = {"psnr": 0.01, "ssim": 1e-4, "flip": 1e-4}
+
+
+def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
+    """Where what is measured is not what the scene says."""
+    notes = []
+    if len(scene.error.tolerance) > 1:
+        notes.append("the scene changes its tolerance over the film; here each tolerance is measured by itself")
+    if scene.output.background is None:
+        notes.append("the scene's background is transparent; pictures are compared over black")
+    if has_transparent_border:
+        notes.append(
+            "the outermost layer of voxels was made transparent, for VTK's volumes end half a voxel earlier; "
+            "the truth, hsplat and VTK all draw that same volume"
+        )
+    return notes
+
+
+def monotony_notes(measurements: Sequence[Measurement]) -> list[str]:
+    """Which series do not always get better as the tolerance falls, by which metric, and by how much at worst."""
+    from renderer.metrics import METRICS  # noqa: PLC0415
+    from renderer.pareto import setbacks  # noqa: PLC0415
+
+    series: dict[str, list[Measurement]] = {}
+    for measurement in measurements:
+        if "tolerance" in measurement.setting.options:
+            series.setdefault(measurement.setting.series, []).append(measurement)
+    notes = []
+    for name, points in series.items():
+        points.sort(key=lambda point: -float(point.setting.options["tolerance"]))
+        for metric in METRICS:
+            if metric.name not in _LEAST_SETBACK:
+                continue
+            values = [float(getattr(point.overall.everywhere, metric.name)) for point in points]
+            worse = setbacks(values, higher_is_better=metric.higher_is_better, least=_LEAST_SETBACK[metric.name])
+            if worse:
+                at = max(worse, key=lambda i: abs(values[i] - values[i - 1]))
+                unit = f" {metric.unit}" if metric.unit else ""
+                times = "once" if len(worse) == 1 else f"{len(worse)} times, at most"
+                notes.append(
+                    f"{name}: {metric.label} gets worse as the tolerance falls, {times} from {values[at - 1]:.4g} to "
+                    f"{values[at]:.4g}{unit} between {points[at - 1].setting.label} and {points[at].setting.label}"
+                )
+    return notes

@@ -1,0 +1,126 @@
+"""The lists that `hsplat measure` is told on its command line: what to sweep, and how exact is wanted."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
+
+from renderer.errors import InputError
+from renderer.scene import ErrorSpec, Scene, SplatSpec
+from renderer.schema import did_you_mean, listed, show
+
+T = TypeVar("T")
+
+# The finest mesh of a Gouraud footprint that a scene may ask for.
+_MOST_ANGULAR, _MOST_RADIAL = 64, 32
+
+_MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
+_CORRECTIONS = {"on": True, "off": False}
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What is combined with what.
+
+    errors: one for each measure; their tolerance is not looked at. splats: each footprint, corrected or not.
+    tolerances: None for a choice that suits the volume.
+    """
+
+    errors: tuple[ErrorSpec, ...]
+    splats: tuple[SplatSpec, ...]
+    tolerances: tuple[float, ...] | None
+
+
+@dataclass(frozen=True)
+class Want:
+    """An accuracy over all pixels: a metric's name and the value to be reached."""
+
+    name: Literal["psnr", "rmse", "ssim", "flip"]
+    value: float
+
+    def __str__(self) -> str:
+        return self.of(self.value)
+
+    def of(self, value: float) -> str:
+        """A value of this metric with its name and unit."""
+        return f"{self.name} {value:.2f} dB" if self.name == "psnr" else f"{self.name} {value:.4g}"
+
+    def margin(self, value: float) -> float:
+        """How much better than wanted a value is; negative where it is worse, or no number."""
+        margin = value - self.value if self.name in ("psnr", "ssim") else self.value - value
+        return -math.inf if math.isnan(margin) else margin
+
+
+def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measures: str, corrections: str) -> Sweep:
+    """What to sweep, from lists with commas. Raises InputError with the name of the option."""
+    are_corrected = _items("--corrections", corrections, _CORRECTIONS.get, list(_CORRECTIONS))
+    footprint_names = ["gaussian", "gouraud", "gouraud:12x4"]
+    shapes = _items("--footprints", footprints, lambda word: _footprint(word, scene.splat), footprint_names)
+    pairs = _items("--measures", measures, _MEASURES.get, list(_MEASURES))
+    return Sweep(
+        errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
+        splats=tuple(replace(shape, opacity_correction=is_on) for is_on in are_corrected for shape in shapes),
+        tolerances=None if tolerances is None else _items("--tolerances", tolerances, _tolerance, ["0.5", "0.1", "0"]),
+    )
+
+
+def parse_want(text: str) -> Want:
+    """`psnr=38`, `rmse=0.01`, `ssim=0.95` or `flip=0.02`."""
+    expected = "psnr=38, rmse=0.01, ssim=0.95, flip=0.02 or other values of these"
+    name, _, number = (part.strip() for part in text.partition("="))
+    value = _number(number)
+    if name not in ("psnr", "rmse", "ssim", "flip") or value is None:
+        raise InputError("not an accuracy that can be wanted", where="--want", got=show(text), expected=expected)
+    most = 200.0 if name == "psnr" else 1.0
+    if not 0 < value <= most:
+        raise InputError(
+            f"out of the range of {name}", where="--want", got=show(text), expected=f"more than 0 and at most {most:g}"
+        )
+    return Want(name, value)  # type: ignore[arg-type]
+
+
+def _items(option: str, text: str, parse: Callable[[str], T | None], examples: list[str]) -> tuple[T, ...]:
+    """The parsed words between the commas, each once; `parse` gives None for what it cannot read."""
+    found: dict[T, None] = {}
+    for word in (part.strip() for part in text.split(",")):
+        item = parse(word)
+        if item is None:
+            raise InputError(
+                "cannot be swept",
+                where=option,
+                got=show(word),
+                expected=f"{listed(examples)}, several with commas between them",
+                hint=did_you_mean(word, examples),
+            )
+        found[item] = None
+    return tuple(found)
+
+
+def _footprint(word: str, splat: SplatSpec) -> SplatSpec | None:
+    """`gaussian`, `gouraud` with the scene's subdivisions, or `gouraud:AxR` with A angular and R radial ones."""
+    if word in ("gaussian", "gouraud"):
+        return replace(splat, footprint=word)  # type: ignore[arg-type]
+    match = re.fullmatch(r"gouraud:(\d{1,3})x(\d{1,3})", word)
+    if match is None:
+        return None
+    angular, radial = map(int, match.groups())
+    if not (3 <= angular <= _MOST_ANGULAR and 1 <= radial <= _MOST_RADIAL):
+        return None
+    return replace(splat, footprint="gouraud", angular=angular, radial=radial)
+
+
+def _tolerance(word: str) -> float | None:
+    value = _number(word)
+    return value if value is not None and value >= 0 else None
+
+
+def _number(word: str) -> float | None:
+    """A finite number, else None."""
+    try:
+        value = float(word)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

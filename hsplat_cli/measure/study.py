@@ -1,0 +1,184 @@
+"""A sweep from a scene to its report: plan, truth, measurements, files, and what is said meanwhile."""
+
+from __future__ import annotations
+
+import datetime
+import time
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hsplat_cli.machine import PeakMemory, describe_machine
+from hsplat_cli.measure.notes import monotony_notes, scene_notes
+from hsplat_cli.measure.options import Sweep
+from hsplat_cli.measure.stage import prepared
+from hsplat_cli.measure.truth import find_truths, require_something
+from hsplat_cli.peers.vtk_peer import check_vtk, measure_vtk, vtk_settings, with_transparent_border
+from hsplat_cli.progress import progress
+from hsplat_cli.report.files import check_writable, write_study
+from hsplat_cli.report.html import require_page_packages
+from hsplat_cli.report.tables import terminal_table
+from renderer.metrics import require_measuring_packages
+from renderer.pipeline import Stage, view_of
+from renderer.raster_gl import GLRasterizer
+from renderer.readers import read_volume
+from renderer.scene import Scene
+from renderer.scene_schema import scene_to_dict
+from renderer.study import Study
+from renderer.sweep import Measurement, measure_setting, splat_setting
+from renderer.sweep_plan import Planned, plan_sweep
+from renderer.transfer import make_transfer
+from renderer.truths import Truth, spread_frames
+from renderer.volume import Volume
+
+# Frames of the path that are measured when none are asked for.
+_NUM_FRAMES = 3
+# Seconds that a frame of a peer takes, about: for the time remaining.
+_PEER_FRAME_S = 0.4
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for.
+
+    name: of the scene's file. frames: None for a few that are spread over the path. peer: "vtk" or None.
+    """
+
+    name: str
+    scene: Scene
+    sweep: Sweep
+    frames: list[int] | None
+    repeats: int
+    peer: str | None
+    truth_tolerance: float
+    folder: Path
+    quiet: bool
+
+
+def run_study(request: Request) -> None:
+    """Measure, write the report and print the table; what was measured before an interrupt is written too."""
+    scene = request.scene
+    require_page_packages()
+    require_measuring_packages()
+    check_writable(request.folder)
+    if request.peer:
+        check_vtk(scene)
+    measurements: list[Measurement] = []
+    interrupt: KeyboardInterrupt | None = None
+    with GLRasterizer() as rasterizer:
+        volume = _volume(request)
+        frames = request.frames or spread_frames(range(scene.camera.path.frames), _NUM_FRAMES)
+        truths, records = find_truths(prepared(scene, volume), frames, request.truth_tolerance, quiet=request.quiet)
+        require_something(truths)
+        plan = plan_sweep(
+            scene,
+            lambda planned: prepared(planned, volume),
+            request.sweep.errors,
+            request.sweep.splats,
+            request.sweep.tolerances,
+        )
+        try:
+            for measurement in _measurements(request, plan, volume, truths, rasterizer):
+                measurements.append(measurement)
+        except KeyboardInterrupt as error:
+            interrupt = error
+        machine = describe_machine(rasterizer.renderer_name)
+    if measurements:
+        notes = scene_notes(scene, has_transparent_border=request.peer is not None)
+        if interrupt:
+            notes.insert(0, f"interrupted: {len(measurements)} settings had been measured")
+        study = Study(
+            name=request.name,
+            scene=scene_to_dict(scene),
+            volume=_volume_facts(volume),
+            machine=machine,
+            truth_tolerance=request.truth_tolerance,
+            truths=tuple(records),
+            measurements=tuple(measurements),
+            notes=(*notes, *monotony_notes(measurements)),
+        )
+        _write_and_print(study, request.folder)
+    if interrupt:
+        raise interrupt
+
+
+def _volume(request: Request) -> Volume:
+    """The scene's volume; its border is transparent where a peer is measured whose volumes end earlier."""
+    volume = read_volume(request.scene.volume)
+    if request.peer is None:
+        return volume
+    return with_transparent_border(volume, make_transfer(request.scene.transfer_function, float(volume.spacing.min())))
+
+
+def _measurements(
+    request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequence[Truth], rasterizer: GLRasterizer
+) -> Iterator[Measurement]:
+    """hsplat's settings and then the peer's, with the time remaining."""
+    work = [planned.seconds(len(truths), request.repeats) for planned in plan]
+    if request.peer:
+        work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
+    with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:
+        own = _own(request, plan, volume, truths, rasterizer)
+        for measurement in chain(own, _peer(request, volume, truths)):
+            yield measurement
+            bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
+
+
+def _own(
+    request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequence[Truth], rasterizer: GLRasterizer
+) -> Iterator[Measurement]:
+    """One pyramid at a time is in memory; pictures known to be equal are drawn once."""
+    memory = PeakMemory()
+    done: dict[Hashable, Measurement] = {}
+    stage: Stage | None = None
+    for planned in plan:
+        scene, key = planned.scene, planned.picture_key()
+        if key not in done:
+            if stage is None or (stage.scene.error.measure, stage.scene.error.of) != (
+                scene.error.measure,
+                scene.error.of,
+            ):
+                stage = None
+                stage = prepared(scene, volume)
+            stage = replace(stage, scene=scene)
+            done[key] = measure_setting(
+                stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
+            )
+        yield replace(done[key], setting=splat_setting(scene.error, scene.splat))
+
+
+def _peer(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
+    if request.peer is None:
+        return
+    stage = prepared(request.scene, volume)
+    yield from measure_vtk(
+        volume,
+        make_transfer(request.scene.transfer_function, float(volume.spacing.min())),
+        [view_of(stage, truth.frame) for truth in truths],
+        [truth.frame for truth in truths],
+        truths,
+        request.scene.output.background,
+        settings=vtk_settings(),
+        repeats=request.repeats,
+    )
+
+
+def _volume_facts(volume: Volume) -> dict[str, Any]:
+    return {
+        "name": volume.name,
+        "fingerprint": volume.fingerprint,
+        "dtype": str(volume.values.dtype),
+        "shape": volume.shape_xyz,
+    }
+
+
+def _write_and_print(study: Study, folder: Path) -> None:
+    paths = write_study(study, folder, date=datetime.date.today().isoformat())
+    click.echo(terminal_table(study))
+    for note in study.notes:
+        click.echo(f"note: {note}")
+    click.echo("written: " + ", ".join(map(str, paths)))

@@ -1,0 +1,53 @@
+"""The truth of some frames, with progress: the long wait before anything can be measured."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from hsplat_cli.progress import progress
+from renderer.errors import InputError
+from renderer.pipeline import Stage
+from renderer.study import TruthRecord
+from renderer.thumbnails import thumbnail
+from renderer.truths import Truth, find_truth
+
+
+def find_truths(
+    stage: Stage, frames: Sequence[int], tolerance: float, *, quiet: bool
+) -> tuple[list[Truth], list[TruthRecord]]:
+    """The truth of every frame, and how it came about."""
+    truths: list[Truth] = []
+    records = []
+    label = f"truth of frame{'s' * (len(frames) > 1)} {', '.join(map(str, frames))}"
+    with progress(100, label=label, quiet=quiet, unit="percent") as bar:
+        shown = 0
+
+        def show(share: float) -> None:
+            """Percent by percent; the share of a frame may fall, when it needs more than was thought."""
+            nonlocal shown
+            percent = int(100 * (len(truths) + share) / len(frames))
+            for _ in range(shown, percent):
+                bar.advance()
+            shown = max(shown, percent)
+
+        for frame in frames:
+            start = time.perf_counter()
+            truth = find_truth(stage, frame, tolerance, on_progress=show)
+            seconds = time.perf_counter() - start
+            truths.append(truth)
+            show(0.0)
+            on_volume = float(truth.on_volume.mean())
+            records.append(TruthRecord(frame, seconds, truth.convergence, on_volume, thumbnail(truth.picture)))
+    return truths, records
+
+
+def require_something(truths: Sequence[Truth]) -> None:
+    """Raise InputError where nothing of the volume is seen on any of the frames."""
+    if not any(truth.on_volume.any() for truth in truths):
+        raise InputError(
+            "the scene draws nothing, so there is nothing to measure",
+            got=f"{len(truths)} frame{'s' * (len(truths) > 1)} without anything of the volume",
+            expected="a volume in view, and a transfer function that shows some of it",
+            hint="`hsplat info` shows which values there are",
+        )

@@ -1,0 +1,80 @@
+"""What a sweep is going to draw, and about how long that will take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+
+from renderer.pipeline import Stage
+from renderer.scene import ErrorSpec, Scene, SplatSpec
+from renderer.schedule import at_tolerance
+from renderer.sweep import num_cells_at
+from renderer.tolerances import spread_tolerances
+
+# Tolerances of a series when none are asked for.
+_MOST_TOLERANCES = 10
+# Seconds, on a software renderer with two cores: only the ratios matter, for the time remaining.
+_PER_SPLAT, _PER_TRIANGLE, _PER_PICTURE = 1e-6, 1.2e-7, 0.4
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One setting to be measured: the scene at its constant tolerance and with its splats, and the cells of its cut."""
+
+    scene: Scene
+    num_cells: int
+
+    @property
+    def tolerance(self) -> float:
+        """The constant one."""
+        return self.scene.error.tolerance[0][1]
+
+    def picture_key(self) -> Hashable:
+        """Equal for settings whose pictures are equal: single voxels need no correction and have no error."""
+        error, splat = self.scene.error, self.scene.splat
+        if self.tolerance == 0 and error.finest_level == 0:
+            return replace(splat, opacity_correction=True)
+        return error, splat
+
+    def seconds(self, num_frames: int, repeats: int) -> float:
+        """About how long it takes to measure."""
+        splat = self.scene.splat
+        per_splat = _PER_SPLAT + (
+            _PER_TRIANGLE * splat.angular * (2 * splat.radial - 1) if splat.footprint == "gouraud" else 0.0
+        )
+        a_pass = num_frames * self.num_cells * per_splat
+        passes = 1 + repeats if a_pass * repeats < 4.0 else 1
+        return num_frames * _PER_PICTURE + passes * a_pass
+
+
+def plan_sweep(
+    scene: Scene,
+    stage_of: Callable[[Scene], Stage],
+    errors: Sequence[ErrorSpec],
+    splats: Sequence[SplatSpec],
+    tolerances: Sequence[float] | None,
+) -> list[Planned]:
+    """Every error measure, with all splats, at all tolerances, from coarse to fine.
+
+    stage_of: prepares a scene; called once for each measure.
+    tolerances: None for a spread that suits each pyramid, with the scene's own first one among it.
+    """
+    plan: list[Planned] = []
+    for error in errors:
+        stage = stage_of(replace(scene, error=error))
+
+        def num_cells(tolerance: float, stage: Stage = stage) -> int:
+            return num_cells_at(stage, tolerance)
+
+        chosen = set(
+            tolerances if tolerances is not None else spread_tolerances(stage.pyramid, num_cells, _MOST_TOLERANCES)
+        )
+        if tolerances is None and (error.measure, error.of) == (scene.error.measure, scene.error.of):
+            chosen.add(scene.error.tolerance[0][1])
+        counts = {tolerance: num_cells(tolerance) for tolerance in sorted(chosen, reverse=True)}
+        plan += [
+            Planned(at_tolerance(replace(scene, error=error, splat=splat), tolerance), num)
+            for splat in splats
+            for tolerance, num in counts.items()
+        ]
+    return plan

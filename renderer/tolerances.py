@@ -1,0 +1,96 @@
+"""Tolerances worth trying: round numbers between the coarsest cut of a pyramid and its finest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+from renderer.octree import root_error
+from renderer.pyramid import Pyramid
+
+NumCells = Callable[[float], int]
+
+# A cut of fewer cells than this, or than this part of the finest, is a blur that nobody asks about.
+_FEWEST_CELLS = 64
+_FEWEST_PART = 1e-3
+# A tolerance is worth a place of its own when its cut has this many times the cells of the one before.
+_LEAST_GROWTH = 1.1
+# Between cuts that differ by less a search need not choose.
+_CLEARLY_MORE = 1.03
+# From here on a cut is as good as the finest.
+_NEARLY_ALL = 0.9
+# Below any error that a pyramid can hold.
+SMALLEST = 1e-300
+# float16 errors span fewer decades; what is below is not there.
+_MAX_DECADES = 12
+
+
+def ladder(pyramid: Pyramid) -> Iterator[float]:
+    """1, 2 and 5 times the powers of ten, downward from the first tolerance at which the whole is a single cell.
+
+    Ends after 12 decades; empty for a pyramid whose root has no error, where every tolerance draws one cell.
+    """
+    top = root_error(pyramid)
+    if top == 0:
+        return
+    exponent = math.floor(math.log10(top)) + 1
+    rungs = (float(f"{digit}e{exponent - i}") for i in range(_MAX_DECADES) for digit in (5, 2, 1))
+    last_above = 0.0
+    for rung in rungs:
+        if rung > top:
+            last_above = rung
+            continue
+        if last_above:
+            yield last_above
+            last_above = 0.0
+        yield rung
+
+
+def distinct_rungs(pyramid: Pyramid, num_cells: NumCells) -> Iterator[float]:
+    """The rungs of the ladder at which clearly more is drawn than at the one before, to where nearly all is."""
+    before, all_cells = 0.0, num_cells(SMALLEST)
+    for tolerance in ladder(pyramid):
+        num = num_cells(tolerance)
+        if num > _CLEARLY_MORE * before:
+            yield tolerance
+            before = num
+        if _CLEARLY_MORE * before >= all_cells:
+            return
+
+
+def spread_tolerances(pyramid: Pyramid, num_cells: NumCells, most: int) -> tuple[float, ...]:
+    """At most `most` tolerances, falling, that between them show how a film gets better; the last is 0.
+
+    num_cells: how many cells are drawn at a tolerance; not falling as the tolerance falls.
+    """
+    all_cells = num_cells(0.0)
+    fewest = max(_FEWEST_CELLS, _FEWEST_PART * all_cells)
+    found: list[float] = []
+    before = 0
+    for tolerance in ladder(pyramid):
+        num = num_cells(tolerance)
+        if num > _NEARLY_ALL * all_cells:
+            break
+        if num >= fewest and num >= _LEAST_GROWTH * before:
+            found.append(tolerance)
+            before = num
+    return (*_thinned(found, most - 1), 0.0)
+
+
+def _thinned(items: list[float], most: int) -> list[float]:
+    """At most `most` of them, evenly spread, the first and the last included."""
+    if len(items) <= most:
+        return items
+    return [items[round(i * (len(items) - 1) / (most - 1))] for i in range(most)]
+
+
+def two_digit_numbers(coarsest: float, finest: float) -> list[float]:
+    """The numbers of two significant digits from `coarsest` down to `finest`, both > 0: at most 11 % apart.
+
+    A tolerance found among them is the number itself, not one that is rounded when it is written into a scene.
+    """
+    low, high = math.floor(math.log10(finest)), math.floor(math.log10(coarsest))
+    numbers = (
+        float(f"{digits}e{exponent - 1}") for exponent in range(high, low - 1, -1) for digits in range(99, 9, -1)
+    )
+    return [number for number in numbers if finest <= number <= coarsest]

@@ -1,0 +1,70 @@
+"""The truth of a frame, as pictures are compared with it; and which frames are worth comparing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from renderer.integrator import Convergence, Progress, converged_image
+from renderer.metrics import Mask, Picture, over_background
+from renderer.pipeline import Clock, Rasterizer, Stage, render_frames, view_of
+from renderer.schedule import at_tolerance
+from renderer.transfer import make_transfer
+
+# A pixel is covered by the volume when it has this opacity, the least that 8 bits show.
+_COVERED = 1 / 255
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The converged ray integral of one frame.
+
+    picture: float64 [h, w, 3], over the scene's background, clipped to [0, 1].
+    on_volume: where anything of the volume is seen.
+    """
+
+    frame: int
+    picture: Picture
+    on_volume: Mask
+    convergence: Convergence
+
+
+def find_truth(stage: Stage, frame: int, tolerance: float, *, on_progress: Progress | None = None) -> Truth:
+    """The truth of a frame to `tolerance` in every channel. Raises RenderError where it does not converge.
+
+    on_progress: told the share of the work that is done, in (0, 1].
+    """
+    scene = stage.scene
+    transfer = make_transfer(scene.transfer_function, float(stage.volume.spacing.min()))
+    image, convergence = converged_image(
+        stage.volume,
+        transfer,
+        view_of(stage, frame),
+        tolerance=tolerance,
+        shading=scene.shading,
+        on_progress=on_progress,
+    )
+    return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
+
+
+def spread_frames(frames: Sequence[int], num: int) -> list[int]:
+    """At most `num` of the frames, evenly spread, as over a loop: the last is not the first again."""
+    num = min(num, len(frames))
+    return [frames[i * len(frames) // num] for i in range(num)]
+
+
+def extreme_frames(
+    stage: Stage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock
+) -> tuple[int, int]:
+    """The frames on which the volume covers the smallest and the largest part of the picture.
+
+    Found by drawing them all at a (coarse) tolerance. The first of several equal ones.
+    """
+    coarse = replace(stage, scene=at_tolerance(stage.scene, tolerance))
+    covered = [
+        int(np.count_nonzero(frame.radiance[..., 3] >= _COVERED))
+        for frame in render_frames(coarse, frames, rasterizer, clock=clock)
+    ]
+    return frames[int(np.argmin(covered))], frames[int(np.argmax(covered))]

@@ -1,0 +1,251 @@
+"""The metrics against closed forms and published values, their masks, their pools and their errors."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import astuple, fields
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from renderer.errors import InputError, RenderError
+from renderer.metrics import (
+    FLIP_PIXELS_PER_DEGREE,
+    METRICS,
+    Accuracy,
+    Difference,
+    compare,
+    over_background,
+    pooled,
+    require_measuring_packages,
+    single,
+)
+
+Float64 = npt.NDArray[np.float64]
+
+# Sums of some thousand float64.
+EXACT = 1e-12
+
+
+def grey(value: float, height: int = 24, width: int = 32) -> Float64:
+    return np.full((height, width, 3), value)
+
+
+def noisy(seed: int, height: int = 24, width: int = 32) -> Float64:
+    return np.random.default_rng(seed).random((height, width, 3))
+
+
+def everywhere(picture: Float64, truth: Float64) -> Difference:
+    return compare(picture, truth, np.ones(picture.shape[:2], bool)).everywhere
+
+
+def test_every_metric_is_described_and_in_order() -> None:
+    assert [metric.name for metric in METRICS] == [field.name for field in fields(Difference)]
+
+
+def test_equal_pictures() -> None:
+    assert everywhere(noisy(1), noisy(1)) == Difference(0.0, 0.0, math.inf, 1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("offset", [0.1, -0.1, 0.003])
+def test_a_constant_offset(offset: float) -> None:
+    found = everywhere(grey(0.5 + offset), grey(0.5))
+    assert found.rmse == pytest.approx(abs(offset), abs=EXACT)
+    assert found.max_error == pytest.approx(abs(offset), abs=EXACT)
+    assert found.psnr == pytest.approx(-20 * math.log10(abs(offset)), abs=1e-9)
+    # Without variance only the term of the means is left (Wang et al. 2004, equation 6, K1 = 0.01).
+    a, b = 0.5 + offset, 0.5
+    assert found.ssim == pytest.approx((2 * a * b + 1e-4) / (a * a + b * b + 1e-4), abs=EXACT)
+
+
+def test_one_pixel_of_many() -> None:
+    picture = grey(0.5)
+    picture[7, 9, 1] = 0.9
+    found = everywhere(picture, grey(0.5))
+    assert found.rmse == pytest.approx(0.4 / math.sqrt(picture.size), abs=EXACT)
+    assert found.max_error == pytest.approx(0.4, abs=EXACT)
+    assert found.delta_e_share == 1 / (24 * 32)
+
+
+def luminance_of(lightness: float) -> float:
+    """CIE 1976: relative luminance, for lightnesses over 8."""
+    return ((lightness + 16) / 116) ** 3
+
+
+def srgb(linear: float) -> float:
+    """IEC 61966-2-1, for values over 0.0031308."""
+    return 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+@pytest.mark.parametrize(("difference", "share"), [(2.25, 0.0), (2.35, 1.0)])
+def test_the_just_noticeable_difference(difference: float, share: float) -> None:
+    """Greys differ in lightness alone, so that their colour difference is that of L*."""
+    picture, truth = (grey(srgb(luminance_of(lightness))) for lightness in (50 + difference, 50))
+    assert single("delta_e_share", picture, truth) == share
+
+
+def test_flip_of_black_and_white_and_of_green_and_blue() -> None:
+    """Opposite colours are as far apart as can be; black and white a little less, by the metric's definition of its
+    largest difference as that of green and blue (Andersson et al. 2020, section 3.1.3)."""
+    green, blue = grey(0.0), grey(0.0)
+    green[..., 1] = blue[..., 2] = 1.0
+    assert single("flip", green, blue) == pytest.approx(1.0, abs=1e-6)  # float32 inside
+    assert single("flip", grey(0.0), grey(1.0)) == pytest.approx(0.967, abs=5e-4)
+    assert single("flip_p99", grey(0.0), grey(1.0)) == pytest.approx(0.967, abs=5e-4)
+
+
+def test_flip_takes_its_pictures_as_srgb() -> None:
+    """Half of white, as a display value, is nearer to black for the eye than half of the light would be."""
+    assert single("flip", grey(0.5), grey(0.0)) < single("flip", grey(srgb(0.5)), grey(0.0))
+
+
+def test_flip_is_seen_from_its_own_distance() -> None:
+    assert pytest.approx(67.0206, abs=1e-4) == FLIP_PIXELS_PER_DEGREE
+
+
+@pytest.mark.parametrize("name", [metric.name for metric in METRICS])
+def test_symmetric_in_the_two_pictures(name: str) -> None:
+    one, other = noisy(1), noisy(2)
+    assert single(name, one, other) == pytest.approx(single(name, other, one), abs=1e-6)  # float32 inside FLIP
+
+
+@pytest.mark.parametrize("name", [metric.name for metric in METRICS])
+def test_turned_pictures_are_as_different(name: str) -> None:
+    one, other = noisy(1), noisy(2)
+    turned = single(name, np.rot90(one), np.rot90(other))
+    assert turned == pytest.approx(single(name, one, other), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", [metric.name for metric in METRICS])
+def test_more_noise_is_never_better(name: str) -> None:
+    truth, noise = noisy(1) * 0.5 + 0.25, noisy(2) - 0.5
+    figures = [single(name, truth + amount * noise, truth) for amount in (0.01, 0.05, 0.4)]
+    better = next(metric.higher_is_better for metric in METRICS if metric.name == name)
+    assert figures == sorted(figures, reverse=better)
+
+
+@pytest.mark.parametrize("name", [metric.name for metric in METRICS])
+def test_a_single_metric_is_that_of_the_comparison(name: str) -> None:
+    assert single(name, noisy(1), noisy(2)) == getattr(everywhere(noisy(1), noisy(2)), name)
+
+
+def test_a_mask_of_all_pixels_changes_nothing() -> None:
+    found = compare(noisy(1), noisy(2), np.ones((24, 32), bool))
+    assert found.on_volume == found.everywhere
+
+
+def test_an_empty_mask_has_no_figures() -> None:
+    found = compare(noisy(1), noisy(2), np.zeros((24, 32), bool))
+    assert all(math.isnan(figure) for figure in astuple(found.on_volume))
+    assert not any(math.isnan(figure) for figure in astuple(found.everywhere))
+
+
+def test_noise_far_from_the_mask_changes_nothing_on_it() -> None:
+    """Far: beyond the reach of SSIM's window (5 pixels) and of FLIP's filters (about 10)."""
+    truth = noisy(1, 40, 40)
+    picture = np.clip(truth + 0.02, 0, 1)
+    mask = np.zeros((40, 40), bool)
+    mask[:12] = True
+    disturbed = picture.copy()
+    disturbed[30:] = noisy(3, 10, 40)
+    calm, rough = compare(picture, truth, mask), compare(disturbed, truth, mask)
+    assert rough.on_volume == calm.on_volume
+    assert rough.everywhere.psnr < calm.everywhere.psnr
+    assert rough.everywhere.ssim < calm.everywhere.ssim
+    assert rough.everywhere.flip > calm.everywhere.flip
+
+
+@pytest.mark.parametrize("size", [(1, 1), (5, 300), (300, 5), (10, 10)])
+def test_pictures_smaller_than_the_window_have_no_ssim(size: tuple[int, int]) -> None:
+    found = everywhere(noisy(1, *size), noisy(2, *size))
+    assert math.isnan(found.ssim)
+    assert all(math.isfinite(figure) for figure in astuple(found)[:3] + astuple(found)[4:])
+
+
+def test_a_picture_as_small_as_the_window_has_ssim() -> None:
+    assert -1 < single("ssim", noisy(1, 11, 11), noisy(2, 11, 11)) < 1
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+@pytest.mark.parametrize("first", [True, False])
+def test_what_is_not_a_number_is_an_error(wrong: float, first: bool) -> None:
+    bad = grey(0.5)
+    bad[3, 4, 0] = wrong
+    pair = (bad, grey(0.5)) if first else (grey(0.5), bad)
+    with pytest.raises(RenderError, match="1 of 768 pixels, the first at row 3, column 4"):
+        compare(*pair, np.ones((24, 32), bool))
+    with pytest.raises(RenderError, match="row 3, column 4"):
+        single("flip", *pair)
+
+
+def test_pictures_stay_as_they_are() -> None:
+    """Also those that may not be written, and those that do not lie in one piece."""
+    one, other = noisy(1, 48, 64)[::2, ::2], noisy(2, 48, 64)[::2, ::2]
+    before = one.copy(), other.copy()
+    one.flags.writeable = other.flags.writeable = False
+    found = everywhere(one, other)
+    assert np.array_equal(one, before[0]) and np.array_equal(other, before[1])
+    assert found == everywhere(*before)
+
+
+def test_threads_do_not_change_the_figures() -> None:
+    pairs = [(noisy(i), noisy(i + 50)) for i in range(8)]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda pair: everywhere(*pair), pairs))
+    assert together == [everywhere(*pair) for pair in pairs]
+
+
+def test_premultiplied_over_a_background() -> None:
+    radiance = np.array([[[0.2, 0.0, 0.1, 0.5], [0.0, 0.0, 0.0, 0.0], [1.5, 1.0, 0.0, 1.0]]], np.float32)
+    over = over_background(radiance, (1.0, 0.5, 0.0))
+    assert over.dtype == np.float64
+    # float32 inputs
+    assert over[0] == pytest.approx(np.array([[0.7, 0.25, 0.1], [1.0, 0.5, 0.0], [1.0, 1.0, 0.0]]), abs=1e-7)
+    assert np.array_equal(over_background(radiance, None), over_background(radiance, (0.0, 0.0, 0.0)))
+
+
+def test_a_film_frame_that_is_not_a_number_is_an_error() -> None:
+    radiance = np.zeros((2, 3, 4), np.float32)
+    radiance[1, 2, 3] = math.nan
+    with pytest.raises(RenderError, match="row 1, column 2"):
+        over_background(radiance, None)
+
+
+def test_frames_pool_their_squares() -> None:
+    pictures, truths = [grey(0.6), grey(0.7), noisy(3)], [grey(0.5), grey(0.5), noisy(4)]
+    mask = np.ones((24, 32), bool)
+    each = [compare(picture, truth, mask) for picture, truth in zip(pictures, truths, strict=True)]
+    side_by_side = everywhere(np.concatenate(pictures, 1), np.concatenate(truths, 1))
+    found = pooled(each).everywhere
+    for name in ("rmse", "max_error", "psnr", "delta_e_share"):
+        assert getattr(found, name) == pytest.approx(getattr(side_by_side, name), abs=1e-9)
+    for name in ("ssim", "flip", "flip_p99"):
+        assert getattr(found, name) == pytest.approx(
+            np.mean([getattr(one.everywhere, name) for one in each]), abs=EXACT
+        )
+    assert pooled(each).on_volume == found
+    assert pooled(each[:1]) == each[0]
+
+
+def test_frames_without_figures_are_left_out_of_the_pool() -> None:
+    seen = compare(noisy(1), noisy(2), np.ones((24, 32), bool))
+    empty = compare(noisy(3), noisy(4), np.zeros((24, 32), bool))
+    assert pooled([seen, empty]).on_volume == seen.on_volume
+    assert all(math.isnan(figure) for figure in astuple(pooled([empty, empty]).on_volume))
+
+
+def test_equal_frames_pool_to_an_infinite_psnr() -> None:
+    equal = compare(noisy(1), noisy(1), np.ones((24, 32), bool))
+    assert pooled([equal, equal]) == Accuracy(equal.everywhere, equal.everywhere)
+
+
+@pytest.mark.parametrize("package", ["skimage", "flip_evaluator"])
+def test_a_missing_package(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == package else find_spec(name))
+    with pytest.raises(InputError) as caught:
+        require_measuring_packages()
+    assert str(caught.value) == f"the package {package} is not installed\n  hint: pip install 'hsplat[measure]'"

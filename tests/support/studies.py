@@ -1,0 +1,104 @@
+"""Studies made by hand, for the tests of what is written about them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from renderer.integrator import Convergence
+from renderer.metrics import Accuracy, Difference
+from renderer.study import Study, TruthRecord
+from renderer.sweep import Measurement, Sample, Setting
+
+NAN = float("nan")
+INFINITE = float("inf")
+
+
+def difference(psnr: float) -> Difference:
+    """A difference of some PSNR, the other figures falling with it."""
+    rmse = 10 ** (-psnr / 20)
+    return Difference(rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse)
+
+
+def accuracy(psnr: float) -> Accuracy:
+    """3 dB worse on the volume."""
+    return Accuracy(difference(psnr), difference(psnr - 3))
+
+
+UNDEFINED = Accuracy(*[Difference(*[NAN] * len(dataclasses.fields(Difference)))] * 2)
+
+
+def measure(
+    label: str,
+    frame_ms: float,
+    num_splats: int | None,
+    quality: float | Accuracy,
+    *,
+    series: str = "gaussian, optical",
+    tool: str = "hsplat",
+    frames: Sequence[int] = (0, 7),
+) -> Measurement:
+    """One setting of `quality` (PSNR in dB, or everything), drawn three times on each frame, in `frame_ms` or so."""
+    is_own = tool == "hsplat"
+    result = quality if isinstance(quality, Accuracy) else accuracy(quality)
+    times = tuple(frame_ms / 1000 * part for part in (0.9, 1.0, 1.3))
+    stages = (
+        {"order": tuple(t / 4 for t in times), "draw": tuple(t * 3 / 4 for t in times)} if is_own else {"render": times}
+    )
+    level = np.uint8(40) if num_splats is None else np.uint8(num_splats % 251)
+    picture = np.full((6, 8, 3), level, np.uint8)
+    return Measurement(
+        Setting(series, label, {"tool": tool, "precision": float(label.rsplit(maxsplit=1)[-1]), "corrected": True}),
+        num_splats and 2 * num_splats,
+        {"cut": (0.01, 0.011, 0.012)} if is_own else {},
+        tuple(Sample(frame, num_splats, stages, result) for frame in frames),
+        result,
+        800_000_000 if is_own else None,
+        picture,
+        picture // 2,
+    )
+
+
+def own_series() -> list[Measurement]:
+    """Four points, of which that of tolerance 0.2 is dominated in time by 0.1, and in splats by none."""
+    return [
+        measure("tolerance 1", 10, 1000, 22),
+        measure("tolerance 0.2", 90, 3000, 27),
+        measure("tolerance 0.1", 40, 5000, 31.5),
+        measure("tolerance 0", 400, 90000, 36),
+    ]
+
+
+def peer_series() -> list[Measurement]:
+    """Of the peer: no splats, no cells, one stage."""
+    return [
+        measure("sample distance 2", 100, None, 29, series="vtk gpu", tool="vtk"),
+        measure("sample distance 1", 300, None, 41, series="vtk gpu", tool="vtk"),
+        measure("sample distance 0.5", 200, None, 33, series="vtk fixed point", tool="vtk"),
+    ]
+
+
+def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
+    """A study of these measurements, on a machine and a scene that do not matter."""
+    frames = sorted({sample.frame for m in measurements for sample in m.samples})
+    convergence = Convergence((0.5, 0.25), (1e-5, 3e-9), (48, 40))
+    study = Study(
+        name="engine",
+        scene={"volume": {"file": "engine.nhdr"}, "output": {"size": [8, 6], "background": [0.0, 0.0, 0.0]}},
+        volume={"name": "engine.nhdr", "fingerprint": "0123abcd", "dtype": "uint8", "shape": (4, 5, 6)},
+        machine={
+            "processor": "a processor",
+            "cores": 2,
+            "driver": "llvmpipe",
+            "commit": "abc1234",
+            "versions": {"numpy": "2"},
+        },
+        truth_tolerance=1e-4,
+        truths=tuple(TruthRecord(f, 1.5, convergence, 0.4, np.full((6, 8, 3), 9, np.uint8)) for f in frames),
+        measurements=tuple(measurements),
+        notes=("the error rises from tolerance 0.2 to 0.1",),
+    )
+    return dataclasses.replace(study, **changes)

@@ -1,0 +1,155 @@
+"""`hsplat measure` from the scene file to the report, and to the line for the scene file."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from hsplat_cli import main
+from hsplat_cli.measure import study
+from renderer.sweep import Measurement
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [32, 32, 16]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.1}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 8, elevation: 20}
+error:
+  tolerance: 0.1
+output:
+  file: film.mp4
+  size: [48, 32]
+"""
+QUICK = ("--repeats", "1", "--frames", "0:8:4")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+def measure(*arguments: str) -> None:
+    assert main.run(["measure", "scene.yaml", "--quiet", *arguments]) == 0
+
+
+def rows(folder: str = "scene.measured") -> list[dict[str, str]]:
+    with (Path(folder) / "measure.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
+    measure(*QUICK, "--tolerances", "0.5,0.1,0")
+    found = {(row["series"], float(row["tolerance"]), int(row["frame"])) for row in rows()}
+    series = {
+        f"{footprint}, {measure}{correction}"
+        for footprint in ("gaussian", "gouraud 8x3")
+        for measure in ("optical", "rms")
+        for correction in ("", ", uncorrected")
+    }
+    assert found == {(name, tolerance, frame) for name in series for tolerance in (0.5, 0.1, 0.0) for frame in (0, 4)}
+    assert sorted(path.name for path in (folder / "scene.measured").iterdir()) == [
+        "index.html",
+        "measure.csv",
+        "measure.json",
+    ]
+
+
+def test_a_finer_tolerance_draws_more_and_is_nearer_to_the_truth() -> None:
+    measure(*QUICK, "--footprints", "gaussian", "--measures", "optical", "--corrections", "on")
+    first = [row for row in rows() if row["frame"] == "0"]
+    tolerances = [float(row["tolerance"]) for row in first]
+    assert tolerances == sorted(tolerances, reverse=True) and 0.1 in tolerances and tolerances[-1] == 0
+    cells = [int(row["num_cells"]) for row in first]
+    assert cells == sorted(set(cells))
+    assert float(first[-1]["psnr_db"]) > float(first[0]["psnr_db"]) + 3
+
+
+def test_single_voxels_are_drawn_once_for_all_measures_and_corrections(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Measurement] = []
+
+    def remember(*arguments: Any, **options: Any) -> Measurement:
+        drawn.append(measured := measure_setting(*arguments, **options))
+        return measured
+
+    measure_setting = study.measure_setting
+    monkeypatch.setattr(study, "measure_setting", remember)
+    measure(*QUICK, "--tolerances", "0", "--footprints", "gaussian")
+    assert len(drawn) == 1
+    assert len({row["series"] for row in rows()}) == 4
+    assert len({row["psnr_db"] for row in rows() if row["frame"] == "0"}) == 1
+
+
+def test_the_json_says_what_was_measured_on_what() -> None:
+    measure(*QUICK, "--tolerances", "0.1", "--footprints", "gouraud:6x2", "--measures", "rms:scalar", "--output", "out")
+    data = json.loads((Path("out") / "measure.json").read_text("utf-8"))
+    assert data["scene"]["output"]["size"] == [48, 32]
+    assert data["machine"]["cores"] >= 1 and data["machine"]["driver"] and data["machine"]["versions"]["numpy"]
+    series = {measurement["series"] for measurement in data["measurements"]}
+    assert series == {"gouraud 6x2, rms of scalar", "gouraud 6x2, rms of scalar, uncorrected"}
+
+
+def test_an_interrupt_keeps_what_was_measured(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    num = 0
+
+    def interrupted(*arguments: Any, **options: Any) -> Measurement:
+        nonlocal num
+        num += 1
+        if num == 3:
+            raise KeyboardInterrupt
+        return measure_setting(*arguments, **options)
+
+    measure_setting = study.measure_setting
+    monkeypatch.setattr(study, "measure_setting", interrupted)
+    arguments = ["measure", "scene.yaml", "--quiet", *QUICK, "--tolerances", "1,0.5,0.2,0.1"]
+    assert main.run(arguments) == 130
+    assert len({row["tolerance"] for row in rows()}) == 2
+    assert "interrupted: 2 settings had been measured" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("want", ["psnr=27", "rmse=0.05", "ssim=0.9", "flip=0.11"])
+def test_the_line_for_the_scene_file_keeps_its_promise(want: str, capsys: pytest.CaptureFixture[str]) -> None:
+    measure("--want", want)
+    line, comment = capsys.readouterr().out.splitlines()
+    tolerance = yaml.safe_load(line)["error"]["tolerance"]
+    assert tolerance > 0
+    assert comment.startswith("# ")
+    name, value = want.split("=")
+    column = "psnr_db" if name == "psnr" else name
+    every = (
+        "--repeats",
+        "1",
+        "--frames",
+        ":",
+        "--footprints",
+        "gaussian",
+        "--measures",
+        "optical",
+        "--corrections",
+        "on",
+    )
+    measure(*every, "--tolerances", f"{tolerance},{2.5 * tolerance}", "--output", "all")
+    better = 1 if name in ("psnr", "ssim") else -1
+
+    def margins(at: float) -> list[float]:
+        found = [float(row[column]) for row in rows("all") if math.isclose(float(row["tolerance"]), at)]
+        return [better * (number - float(value)) for number in found]
+
+    slack = {"psnr": 1.0, "rmse": 0.1 * float(value), "ssim": 0.01, "flip": 0.1 * float(value)}[name]
+    assert len(margins(tolerance)) == 8 and min(margins(tolerance)) > -slack
+    assert min(margins(2.5 * tolerance)) < 0  # a much coarser one would not do

@@ -1,0 +1,54 @@
+"""Fronts, prices between settings, slopes and setbacks."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from renderer.pareto import cost_at, db_per_decade, pareto_front, setbacks
+
+numbers = st.floats(0, 10) | st.just(math.nan)
+
+
+@given(st.lists(st.tuples(numbers, numbers), max_size=12))
+def test_nothing_beats_the_front_and_something_beats_the_rest(points: list[tuple[float, float]]) -> None:
+    front = pareto_front([cost for cost, _ in points], [error for _, error in points])
+    whole = [i for i, point in enumerate(points) if not any(map(math.isnan, point))]
+
+    def beats(i: int, j: int) -> bool:
+        return all(a <= b for a, b in zip(points[i], points[j], strict=True)) and points[i] != points[j]
+
+    assert set(front) <= set(whole)
+    assert not any(beats(i, j) for i in whole for j in front)
+    kept = {points[j] for j in front}
+    assert all(points[i] in kept or any(beats(j, i) for j in front) for i in whole)
+    assert len(kept) == len(front)
+    assert [points[i][0] for i in front] == sorted(points[i][0] for i in front)
+
+
+def test_the_price_between_two_settings_is_log_linear() -> None:
+    psnrs, costs = [30.0, 40.0, 35.0], [1.0, 100.0, 500.0]  # the last one is beaten
+    assert cost_at(psnrs, costs, 35.0) == pytest.approx(10.0)
+    assert cost_at(psnrs, costs, 40.0) == 100.0
+    assert cost_at(psnrs, costs, 20.0) == 1.0
+    assert cost_at(psnrs, costs, 41.0) == math.inf
+    assert cost_at([], [], 30.0) == math.inf
+
+
+def test_a_perfect_picture_is_the_price_of_what_nothing_else_reaches() -> None:
+    assert cost_at([30.0, math.inf], [1.0, 7.0], 60.0) == 7.0
+
+
+def test_decibels_per_tenfold_of_splats() -> None:
+    assert db_per_decade([10, 100, 1000], [20, 26, 32]) == pytest.approx(6.0)
+    assert db_per_decade([10, 100, 0, 1000], [20, 26, 5, 32]) == pytest.approx(6.0)
+    assert math.isnan(db_per_decade([10, 10], [20, 30]))
+
+
+def test_setbacks_of_either_direction() -> None:
+    assert setbacks([30.0, 31.0, 30.5, 30.495], higher_is_better=True, least=0.01) == [2]
+    assert setbacks([0.3, 0.1, 0.2], higher_is_better=False, least=0.01) == [2]
+    assert setbacks([math.nan, 1.0, math.nan], higher_is_better=True, least=0.01) == []

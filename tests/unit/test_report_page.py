@@ -1,0 +1,311 @@
+"""The page and the files of a report: sound HTML that loads nothing, the same every time, whole or not there."""
+
+from __future__ import annotations
+
+import errno
+import html
+import importlib.util
+import os
+import re
+from collections import Counter
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from studies import INFINITE, NAN, UNDEFINED, measure, own_series, peer_series, study_of
+
+from hsplat_cli.report.files import FILES, check_writable, write_study
+from hsplat_cli.report.html import PALETTE, facts_of, plot_style, png_data_uri, svg_of
+from hsplat_cli.report.page import study_page
+from hsplat_cli.report.plots import TIME, metrics_figure, short_labels, tick_text, trade_figure
+from renderer.errors import InputError, RenderError
+from renderer.study import Study
+
+DATE = "2030-01-02"
+VOID = {"meta", "img", "br", "hr", "input"}
+EVIL = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
+
+
+class Page(HTMLParser):
+    """Tags, attributes and texts of a page; an element that is not closed in its place is an AssertionError."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self._open: list[str] = []
+        self.tags: Counter[str] = Counter()
+        self.attributes: list[tuple[str, str, str]] = []
+        self.words: list[str] = []
+        self.rows_on_front = 0
+        self.feed(text)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_startendtag(tag, attrs)
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags[tag] += 1
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        self.rows_on_front += (tag, ("class", "front")) in [(tag, attribute) for attribute in attrs] and tag == "tr"
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag, self.getpos()
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    def values(self, name: str) -> list[str]:
+        return [value for _, attribute, value in self.attributes if attribute == name]
+
+
+CASES = {
+    "all": study_of([*own_series(), *peer_series()]),
+    "nothing measured": study_of([], notes=()),
+    "undefined": study_of([measure("tolerance 1", 10, 0, UNDEFINED), measure("tolerance 0", 20, 5, INFINITE)]),
+    "only the peer, once exact": study_of(
+        [*peer_series(), measure("sample distance 0", 900, None, INFINITE, series="vtk gpu", tool="vtk")]
+    ),
+    "evil, one measurement of one frame": study_of(
+        [measure(f"{EVIL} 1", 12, 500, 30, series=EVIL, frames=(5,))],
+        volume={"name": EVIL, EVIL: EVIL},
+        scene={"output": {"size": [8, 6]}, "volume": {"file": EVIL}},
+        machine={EVIL: {EVIL: EVIL}},
+        notes=(EVIL,),
+    ),
+}
+
+
+@cache
+def text_of(case: str) -> str:
+    """Its page, which takes a second to make."""
+    return study_page(CASES[case], date=DATE)
+
+
+@pytest.fixture(params=CASES, ids=lambda name: name.replace(" ", "-"))
+def case(request: pytest.FixtureRequest) -> tuple[Study, str]:
+    return CASES[request.param], text_of(request.param)
+
+
+def test_the_page_is_sound_and_loads_nothing(case: tuple[Study, str]) -> None:
+    text = case[1]
+    page = Page(text)
+    assert page.tags["html"] == page.tags["body"] == page.tags["h1"] == 1
+    assert page.tags["link"] == page.tags["iframe"] == page.tags["object"] == page.tags["base"] == 0
+    assert page.tags["script"] == 1 and page.values("src") == [v for v in page.values("src") if v.startswith("data:")]
+    assert "@import" not in text and "http:" not in text and "https:" not in text
+    ids = page.values("id")
+    assert len(ids) == len(set(ids))
+    references = page.values("href") + re.findall(r"url\(([^)]*)\)", text)
+    assert {reference.removeprefix("#") for reference in references} <= set(ids)
+
+
+def test_pictures_and_tables_can_be_heard(case: tuple[Study, str]) -> None:
+    page = Page(case[1])
+    assert page.tags["img"] == sum(
+        tag == "img" and name == "alt" and value != "" for tag, name, value in page.attributes
+    )
+    assert page.tags["th"] == len(page.values("scope"))
+    assert page.tags["svg"] == sum(tag == "svg" and name == "aria-label" for tag, name, _ in page.attributes)
+
+
+def test_every_setting_has_its_row(case: tuple[Study, str]) -> None:
+    study, text = case
+    page = Page(text)
+    assert page.tags["img"] == len(study.truths) + 2 * len(study.measurements)
+    for m in study.measurements:
+        assert m.setting.label in page.words or m.setting.label.strip() in (word.strip() for word in page.words)
+
+
+def test_names_are_escaped() -> None:
+    text = text_of("evil, one measurement of one frame")
+    assert "alert('x')</script>" not in text
+    assert "{{ 7 * 7 }}" in text
+    assert any("$x^2$" in word for word in Page(text).words)
+
+
+def test_rows_on_the_front_are_marked() -> None:
+    assert Page(text_of("all")).rows_on_front == 6
+    assert Page(text_of("undefined")).rows_on_front == 1
+
+
+def test_the_scene_can_be_pasted() -> None:
+    scene = {"volume": {"file": "a: b.nhdr"}, "error": {"tolerance": {0: 0.5, 60: 0.02}}, "size": (8, np.int64(6))}
+    text = html.unescape(study_page(study_of([], scene=scene), date=DATE))
+    (block,) = re.findall(r"<pre>(.*?)</pre>", text, re.DOTALL)
+    assert yaml.safe_load(block) == {**scene, "size": [8, 6]}
+
+
+def test_notes_come_before_everything() -> None:
+    text = text_of("all")
+    assert text.index("the error rises") < text.index("<svg")
+
+
+def test_prices_stand_against_the_peer() -> None:
+    words = " ".join(" ".join(Page(text_of("all")).words).split())
+    assert "25 15.5 1 933 ≤ 100 ≤ 6.45 gaussian, optical, tolerance 0.1" in words
+    assert "40 not reached not reached 285 - -" in words
+    assert "times as long" not in " ".join(Page(text_of("evil, one measurement of one frame")).words)
+
+
+def test_what_cannot_be_plotted_is_counted() -> None:
+    assert "Not shown, as equal to the truth: 1." in text_of("only the peer, once exact")
+    nothing = text_of("undefined")
+    assert "<svg" not in nothing and "Nothing was measured that could be plotted." in nothing
+
+
+def test_plots_have_a_curve_for_each_series_and_both_fronts() -> None:
+    with plot_style():
+        axes = trade_figure(CASES["all"].measurements, TIME).axes[0]
+    curves = {str(line.get_label()): line for line in axes.lines}
+    assert {"gaussian, optical", "vtk gpu", "vtk fixed point"} <= set(curves)
+    own, peer = curves["Pareto front of hsplat"], curves["front of VTK, between its settings"]
+    assert list(own.get_ydata()) == [22, 31.5, 36] and list(peer.get_ydata()) == [29, 33, 41]
+    assert list(own.get_xdata()) == pytest.approx([10, 40, 400])
+    assert (axes.get_xscale(), axes.get_xlabel(), axes.get_ylabel()) == ("log", "time of a frame, ms", "PSNR, dB")
+    assert {"1", "0.1", "0", "2", "0.5"} <= {text.get_text() for text in axes.texts}
+
+
+def test_every_axis_has_a_title() -> None:
+    with plot_style():
+        panels = metrics_figure(CASES["all"].measurements).axes
+    assert [axes.get_ylabel() for axes in panels] == [
+        "PSNR on the volume, dB",
+        "SSIM",
+        "FLIP",
+        "pixels with Delta-E over 2.3, %",
+    ]
+    assert {axes.get_xlabel() for axes in panels} == {"time of a frame, ms"}
+
+
+def test_labels_do_not_cover_each_other() -> None:
+    crowd = [measure(f"tolerance {9 - k}", 10 + k / 2, 10 + k, 30 + k / 8, series=f"series {k}") for k in range(9)]
+    with plot_style():
+        figure = trade_figure(crowd, TIME)
+        figure.draw_without_rendering()
+        boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert len(boxes) == 9
+    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+
+
+def test_colours_follow_the_page() -> None:
+    with plot_style():
+        svg = svg_of(trade_figure(own_series(), TIME), name="plot", alt='a "plot"')
+    assert "var(--series-1)" in svg
+    assert not any(light in svg for light, _ in PALETTE.values())
+    assert 'aria-label="a &#34;plot&#34;"' in svg
+
+
+def test_a_users_matplotlib_settings_change_nothing() -> None:
+    from matplotlib import rc_context  # noqa: PLC0415
+
+    def draw() -> str:
+        with plot_style():
+            return svg_of(trade_figure(own_series(), TIME), name="plot", alt="")
+
+    plain = draw()
+    with rc_context({"axes.grid": False, "lines.linewidth": 9, "svg.fonttype": "path"}):
+        assert draw() == plain
+
+
+@pytest.mark.parametrize(
+    ("labels", "expected"),
+    [
+        (["tolerance 1", "tolerance 0.1"], ("tolerance", ["1", "0.1"])),
+        (["tolerance 1"], ("tolerance", ["1"])),
+        (["sample distance 1", "sample rate 2"], ("sample", ["distance 1", "rate 2"])),
+        (["a", "b"], ("", ["a", "b"])),
+        ([], ("", [])),
+    ],
+)
+def test_short_labels(labels: list[str], expected: tuple[str, list[str]]) -> None:
+    assert short_labels(labels) == expected
+
+
+def test_small_texts() -> None:
+    assert [tick_text(v) for v in (0.5, 5000, 2e4, 1e6, 5e9)] == ["0.5", "5000", "20 k", "1 M", "5 G"]
+    assert facts_of({"a_b": (1, 2), "c": {"d": None}}) == [("a b", "1 x 2"), ("c", "d unknown")]
+    assert png_data_uri(np.zeros((1, 1, 3), np.uint8)).startswith("data:image/png;base64,iVBORw0KGgo")
+
+
+# -------------------------------------------------------------------------------------------------------------- files
+
+
+def test_three_files_the_same_every_time(tmp_path: Path) -> None:
+    paths = write_study(CASES["only the peer, once exact"], tmp_path / "new" / "a", date=DATE)
+    assert paths == [tmp_path / "new" / "a" / name for name in FILES]
+    assert sorted(paths) == sorted((tmp_path / "new" / "a").iterdir())
+    assert paths[-1].read_text("utf-8") == text_of("only the peer, once exact")
+
+
+def test_trying_leaves_nothing(tmp_path: Path) -> None:
+    check_writable(tmp_path / "a" / "b")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "index.html").write_text("before", "utf-8")
+    check_writable(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
+    assert (tmp_path / "index.html").read_text("utf-8") == "before"
+
+
+def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(InputError) as caught:
+        check_writable(file)
+    assert str(caught.value) == (
+        f"{file}: the folder of the report is a file\n"
+        "  got: a file\n  expected: a folder, or a name that is free\n  hint: name another folder"
+    )
+    with pytest.raises(InputError) as caught:
+        check_writable(file / "below")
+    assert str(caught.value) == f"{file}/below/measure.csv: the folder of the output is a file\n  got: {file}"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_an_output_that_is_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "index.html").mkdir()
+    with pytest.raises(InputError, match="the output is a folder"):
+        check_writable(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
+
+
+def test_a_folder_without_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    with pytest.raises(RenderError, match="no permission to write here"):
+        check_writable(tmp_path / "a")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_study(CASES["nothing measured"], tmp_path, date=DATE)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def fill(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", fill)
+    with pytest.raises(RenderError, match="the disk is full"):
+        write_study(CASES["undefined"], tmp_path, date=DATE)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("missing", ["jinja2", "matplotlib"])
+def test_a_missing_package(missing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == missing else find(name))
+    with pytest.raises(InputError) as caught:
+        write_study(CASES["all"], tmp_path, date=DATE)
+    assert str(caught.value) == f"the package {missing} is not installed\n  hint: pip install 'hsplat[measure]'"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_sort_as_numbers() -> None:
+    page = Page(text_of("undefined"))
+    assert "Infinity" in page.values("data-value") and str(NAN) not in page.values("data-value")

@@ -1,0 +1,404 @@
+"""VTK on our scenes: its finest pictures are near the truth wherever the volume lies, and its failures are reported."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from hsplat_cli.peers import vtk_peer
+from hsplat_cli.peers.vtk_peer import check_vtk, measure_vtk, vtk_settings, with_transparent_border
+from renderer.camera import View
+from renderer.camera_paths import make_view
+from renderer.errors import InputError, RenderError
+from renderer.integrator import integrate
+from renderer.metrics import Mask, Picture, over_background
+from renderer.procedural import procedural_values
+from renderer.scene import CameraSpec, ProceduralSource, Scene, ShadingSpec, TurntablePath
+from renderer.scene_schema import parse_scene
+from renderer.sweep import Measurement, Setting
+from renderer.transfer import TransferFunction
+from renderer.volume import Float64, Volume, make_volume
+
+SHAPE = (36, 30, 24)
+BACKGROUND = (0.2, 0.4, 0.6)  # whole levels of 8 bits
+
+# dB of VTK's finest settings. Seen: 57 to 58 and 49 to 53; 8 bits alone are 58.9, and a picture of this volume that
+# fills the frame and is a tenth of a voxel aside has 54.6, a quarter 46.7.
+NEAR = {"vtk gpu": 54.0, "vtk fixed point": 46.5}
+
+
+@dataclass(frozen=True)
+class Truth:
+    picture: Picture
+    on_volume: Mask
+
+
+def transfer(low: float = 0.0, high: float = 255.0, unit: float = 1.0) -> TransferFunction:
+    """Transparent up to a fifth of the way from low to high."""
+    values = low + (high - low) * np.array([0.0, 0.2, 0.5, 1.0])
+    colors = np.array([[0.0, 0.0, 0.0], [0.2, 0.3, 0.9], [0.9, 0.6, 0.2], [1.0, 0.9, 0.8]])
+    return TransferFunction(values, colors, np.array([0.0, 0.0, 0.05, 0.3]) / unit, unit)
+
+
+def engine(dtype: str = "uint8", low: float = 0.0, high: float = 255.0, affine: Float64 | None = None) -> Volume:
+    """A phantom, its grey values stretched from [0, 255] to [low, high] of another type."""
+    values = procedural_values(ProceduralSource("engine_block", SHAPE))
+    stretched = low + values / 255.0 * ((high - low) * (1 - 1e-6)) if dtype != "uint8" else values
+    return make_volume(np.ascontiguousarray(stretched.astype(dtype)), np.eye(4) if affine is None else affine, "engine")
+
+
+def look(volume: Volume, size: tuple[int, int] = (72, 54), **camera: object) -> View:
+    """The whole volume, from above and from the side."""
+    distance = 2.2 * float(np.linalg.norm(volume.world_from_index[:3, :3] @ np.array(volume.shape_xyz)))
+    spec = CameraSpec(TurntablePath(1, 27.0, 31.0), **camera)  # type: ignore[arg-type]
+    x, y, z = volume.centre
+    return make_view(spec, 0, (x, y, z), distance, size)
+
+
+def truth(volume: Volume, of: TransferFunction, view: View) -> Truth:
+    radiance = integrate(volume, of, view, step_voxels=1.0)
+    return Truth(over_background(radiance, BACKGROUND), radiance[..., 3] > 0)
+
+
+def finest() -> list[Setting]:
+    return [next(setting for setting in vtk_settings() if setting.series == series) for series in NEAR]
+
+
+def measured(volume: Volume, of: TransferFunction, *views: View) -> list[Measurement]:
+    bordered = with_transparent_border(volume, of)
+    truths = [truth(bordered, of, view) for view in views]
+    frames = range(len(views))
+    return list(measure_vtk(bordered, of, views, frames, truths, BACKGROUND, settings=finest(), repeats=1))
+
+
+def require_near(measurements: list[Measurement]) -> None:
+    for measurement in measurements:
+        for sample in measurement.samples:
+            assert sample.accuracy.everywhere.psnr > NEAR[measurement.setting.series], sample.frame
+
+
+def oblique(columns: tuple[float, float, float]) -> Float64:
+    """Turned about two axes, columns scaled, and far from the origin."""
+    a, b = math.radians(25), math.radians(-40)
+    about_z = np.array([[math.cos(a), -math.sin(a), 0], [math.sin(a), math.cos(a), 0], [0, 0, 1]])
+    about_x = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
+    affine = np.eye(4)
+    affine[:3, :3] = about_z @ about_x * columns
+    affine[:3, 3] = [1e5, -300.0, 2000.0]
+    return affine
+
+
+def test_settings_have_names_of_their_own() -> None:
+    settings = vtk_settings()
+    assert len({(setting.series, setting.label) for setting in settings}) == len(settings) == 20
+    assert {setting.options["tool"] for setting in settings} == {"vtk"}
+    assert settings[4] == Setting(
+        "vtk gpu",
+        "sample distance 0.5, 1/4 of the pixels",
+        {"tool": "vtk", "mapper": "gpu", "sample_distance": 0.5, "image_reduction": 2},
+    )
+
+
+def test_every_projection_and_shape_of_picture() -> None:
+    """Also with the front cut off, and with the eye inside."""
+    volume = engine()
+    view = look(volume)
+    depth = float(np.linalg.norm(view.eye - volume.centre))
+    views = [
+        view,
+        look(volume, projection="orthographic"),
+        look(volume, (50, 110)),
+        replace(view, near=depth - 6),
+        replace(look(volume, projection="orthographic"), near=depth - 6),
+        make_view(CameraSpec(TurntablePath(1, 27.0), field_of_view=60), 0, (17.5, 14.5, 11.5), 30.0, (72, 54)),
+    ]
+    require_near(measured(volume, transfer(), *views))
+
+
+def test_coarse_settings_are_worse() -> None:
+    volume = with_transparent_border(engine(), transfer())
+    view = look(volume)
+    right = truth(volume, transfer(), view)
+    labels = ("sample distance 0.5", "sample distance 4", "sample distance 0.5, 1/4 of the pixels")
+    settings = [setting for setting in vtk_settings() if setting.label in labels]
+    found = measure_vtk(volume, transfer(), [view], [7], [right], BACKGROUND, settings=settings, repeats=3)
+    measurements = {}
+    for setting, measurement in zip(settings, found, strict=True):
+        assert measurement.setting is setting
+        assert measurement.num_cells is None and measurement.num_splats is None
+        (sample,) = measurement.samples
+        assert sample.frame == 7
+        assert len(sample.frame_seconds) == 3 and min(sample.frame_seconds) > 0
+        assert measurement.picture.shape == measurement.difference.shape == (54, 72, 3)
+        assert measurement.overall == sample.accuracy
+        measurements[setting.series, setting.label] = measurement.overall.everywhere.psnr
+    for series in NEAR:
+        fine, coarse, quarter = (measurements[series, label] for label in labels)
+        assert fine > coarse + 3 and fine > quarter + 3
+
+
+@pytest.mark.parametrize(
+    "affine",
+    [
+        oblique((-0.7, 1.0, 1.5)),
+        oblique((1e-4, 1e-4, 2e-4)) @ np.array([[1, 0.3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]),
+    ],
+    ids=["left-handed", "sheared and tiny"],
+)
+def test_wherever_the_volume_lies(affine: Float64) -> None:
+    volume = engine(affine=affine)
+    views = [look(volume), look(volume, projection="orthographic")]
+    require_near(measured(volume, transfer(unit=float(volume.spacing.min())), *views))
+
+
+@pytest.mark.parametrize(
+    ("dtype", "low", "high"),
+    [
+        ("uint16", 1000, 60000),
+        ("int64", -(2.0**60), 2.0**60),
+        ("float32", -0.2, 0.2),
+        ("float64", 1e8, 1e8 + 1),
+        ("float64", -4e307, 4e307),
+    ],
+)
+def test_every_kind_of_voxel(dtype: str, low: float, high: float) -> None:
+    volume = engine(dtype, low, high)
+    require_near(measured(volume, transfer(low, high), look(volume)))
+
+
+def test_a_narrow_window_in_a_wide_range_and_a_step() -> None:
+    """VTK looks values up in tables, wide enough for a window of 1 % of them: 8 bits would leave it 3 entries.
+
+    Seen: 41.9 to 48.2 dB, 4 dB more with half the sample distance, so that it is the steps and not the tables.
+    """
+    colors = np.array([[1.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]])
+    window = np.array([0.0, 95.0, 95.5, 96.0, 1000.0]) * 1000
+    volume = engine("float32", 0, 255e3)
+    narrow = TransferFunction(window, colors, np.array([0.0, 0.0, 0.4, 0.0, 0.0]), 1.0)
+    for measurement in measured(volume, narrow, look(volume)):
+        assert measurement.overall.everywhere.psnr > 39
+    step = TransferFunction(np.array([0.0, 90, 90, 255]), colors[:4], np.array([0.0, 0.0, 0.2, 0.2]), 1.0)
+    for measurement in measured(engine(), step, look(engine())):
+        assert measurement.overall.everywhere.psnr > 39
+
+
+def test_a_view_of_nothing_is_the_background() -> None:
+    volume = engine()
+    view = look(volume)
+    away = replace(view, view_from_world=np.diag([-1.0, 1.0, -1.0, 1.0]) @ view.view_from_world)
+    for measurement in measured(volume, transfer(), away):
+        assert measurement.overall.everywhere.max_error < 1e-12
+        assert math.isnan(measurement.overall.on_volume.psnr)
+
+
+def test_the_border_is_all_that_changes() -> None:
+    volume = engine(affine=oblique((0.7, 1.0, 2.0)))
+    bordered = with_transparent_border(volume, transfer())
+    inner = (slice(1, -1),) * 3
+    assert bordered.values.dtype == volume.values.dtype
+    assert np.array_equal(bordered.values[inner], volume.values[inner])
+    border = np.ones(bordered.values.shape, bool)
+    border[inner] = False
+    assert set(bordered.values[border].tolist()) == {int(volume.values.min())}
+    assert np.array_equal(bordered.world_from_index, volume.world_from_index)
+    assert bordered.name == "engine with a transparent border"
+    again = make_volume(bordered.values.copy(), volume.world_from_index, "another name")
+    assert bordered.fingerprint == again.fingerprint != volume.fingerprint
+
+
+def border_value(dtype: str, held: list[float], values: list[float], extinctions: list[float]) -> float:
+    voxels = np.resize(np.array(held, dtype), (3, 3, 3))
+    of = TransferFunction(np.array(values, float), np.zeros((len(values), 3)), np.array(extinctions, float), 1.0)
+    bordered = with_transparent_border(make_volume(voxels, np.eye(4), "scan"), of)
+    value = bordered.values[0, 0, 0]
+    assert of.classify(np.array([value]))[1] == 0
+    return float(value)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "held", "values", "extinctions", "expected"),
+    [
+        ("uint8", [3, 90], [0, 60, 255], [0, 0, 1], 3),  # the lowest
+        ("uint8", [3, 90], [0, 60, 80], [1, 1, 0], 90),  # the highest
+        ("int16", [3, 90], [40.4, 41.2, 41.6, 42.4], [1, 0, 0, 1], None),  # no whole number
+        ("int16", [3, 90], [40.4, 40.8, 41.6, 42.4], [1, 0, 0, 1], 41),  # the one whole number
+        ("int16", [3, 90], [40, 40, 41, 41], [1, 0, 0, 1], 40),  # between steps: the lower one belongs to it
+        ("int16", [3, 90], [-2000, -1000, 200], [0, 1, 1], -2000),  # beyond what the volume holds
+        ("uint8", [3, 90], [-2000, -1000, 200], [0, 1, 1], None),  # and beyond its type
+        ("uint64", [3, 90], [10, 1e30], [1, 0], None),
+        ("float32", [3, 90], [40.1, 40.1, 41, 41], [1, 0, 0, 1], None),
+        ("float64", [3, 90], [0, 50, 100], [1, 0, 1], 50),  # a single point
+    ],
+)
+def test_the_value_of_the_border(
+    dtype: str, held: list[float], values: list[float], extinctions: list[float], expected: float | None
+) -> None:
+    if expected is not None:
+        assert border_value(dtype, held, values, extinctions) == expected
+    elif dtype == "float32":
+        assert 40.1 <= border_value(dtype, held, values, extinctions) < 41
+    else:
+        with pytest.raises(InputError, match="hides no value"):
+            border_value(dtype, held, values, extinctions)
+
+
+def test_what_is_said_where_no_value_is_hidden() -> None:
+    with pytest.raises(InputError) as caught:
+        border_value("uint8", [3, 90], [0, 255], [0.5, 1])
+    assert str(caught.value) == (
+        "scan: the transfer function hides no value, so that the volume cannot be given the transparent border that a "
+        "comparison with VTK needs\n"
+        "  expected: an opacity of 0 at some value of type uint8\n"
+        "  hint: measure without the peer"
+    )
+
+
+def test_what_is_said_of_a_thin_volume() -> None:
+    with pytest.raises(InputError) as caught:
+        with_transparent_border(make_volume(np.zeros((2, 5, 4), np.uint8), np.eye(4), "scan"), transfer())
+    assert str(caught.value) == (
+        "scan: the volume is too thin to be compared with VTK, which draws nothing beyond the outer voxel centres\n"
+        "  got: 4 x 5 x 2\n"
+        "  expected: at least 3 voxels along each axis"
+    )
+
+
+def scene() -> Scene:
+    return parse_scene(
+        {
+            "volume": {"procedural": {"name": "engine_block", "shape": [24, 24, 24]}},
+            "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 0.1}]},
+            "camera": {"path": {"type": "turntable", "frames": 4}},
+            "output": {"file": "film.mp4"},
+        },
+        base=Path(),
+    )
+
+
+def test_what_is_said_of_shading() -> None:
+    check_vtk(scene())
+    with pytest.raises(InputError) as caught:
+        check_vtk(replace(scene(), shading=ShadingSpec()))
+    assert str(caught.value) == (
+        "shading: VTK cannot be compared on a scene with shading: its light is another model\n"
+        "  hint: measure without the peer, or without shading"
+    )
+
+
+def test_what_is_said_without_vtk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(vtk_peer.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(InputError) as caught:
+        check_vtk(scene())
+    assert str(caught.value) == "--peer vtk: VTK is not installed\n  hint: pip install 'hsplat[vtk]'"
+
+
+# Stands in for a worker: leaves its process number, then does what it is told, then waits for ever.
+STAND_IN = """\
+import json, os, sys, time
+import numpy as np
+folder = sys.argv[1]
+with open({pid!r}, "w") as stream:
+    stream.write(str(os.getpid()))
+sys.stdin.readline()
+{action}
+sys.stdin.readline()
+time.sleep(600)
+"""
+DRAW = """\
+np.save(os.path.join(folder, "picture.npy"), np.zeros((54, 72, 3), np.uint8))
+print('{"seconds": [0.5]}', flush=True)
+"""
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Where temporary files go; none may be left."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    yield folder
+    assert list(folder.iterdir()) == []
+
+
+def with_stand_in(action: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Measurement]:
+    script = folder / "worker.py"
+    script.write_text(STAND_IN.format(pid=str(folder / "pid"), action=action), encoding="utf-8")
+    monkeypatch.setattr(vtk_peer, "_SCRIPT", script)
+    volume = with_transparent_border(engine(), transfer())
+    view = look(volume)
+    right = Truth(np.zeros((54, 72, 3)), np.ones((54, 72), bool))
+    return measure_vtk(volume, transfer(), [view], [0], [right], None, settings=finest(), repeats=1)
+
+
+def require_ended(folder: Path) -> None:
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((folder / "pid").read_text(encoding="utf-8")), 0)
+
+
+def test_a_worker_that_dies(tmp_path: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    action = "for i in range(20): print('line', i, file=sys.stderr)\nsys.stderr.flush()\nos.abort()"
+    with pytest.raises(RenderError) as caught:
+        next(with_stand_in(action, tmp_path, monkeypatch))
+    lines = "".join(f"\n    line {i}" for i in range(12, 20))
+    assert str(caught.value) == (
+        f"vtk gpu, sample distance 0.5: VTK failed to draw a frame\n  got: exit status -6{lines}\n"
+        "  hint: measure without the peer"
+    )
+    require_ended(tmp_path)
+
+
+def test_a_worker_that_hangs(tmp_path: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(vtk_peer, "_LONGEST_SILENCE_S", 1.5)
+    with pytest.raises(RenderError) as caught:
+        next(with_stand_in("", tmp_path, monkeypatch))
+    assert str(caught.value) == (
+        "vtk gpu, sample distance 0.5: VTK failed to draw a frame\n  got: no answer for 1.5 s\n"
+        "  hint: measure without the peer"
+    )
+    require_ended(tmp_path)
+
+
+def test_a_measurement_that_is_given_up(tmp_path: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As by an interrupt: it unwinds through the generator."""
+    measurements = with_stand_in(DRAW, tmp_path, monkeypatch)
+    first = next(measurements)
+    assert first.frame_seconds == 0.5
+    assert first.overall.everywhere.psnr == math.inf
+    assert list(temporary.iterdir()) != []
+    measurements.close()  # type: ignore[attr-defined]
+    require_ended(tmp_path)
+
+
+def test_errors_of_vtk_itself_are_not_drawn_over(temporary: Path) -> None:
+    """VTK says what is wrong and would go on with an empty picture: a texture without texels cannot be drawn to."""
+    volume = with_transparent_border(engine(), transfer())
+    view = look(volume)
+    settings = [replace(finest()[0], options={"mapper": "gpu", "sample_distance": 0.5, "image_reduction": 1e9})]
+    right = truth(volume, transfer(), view)
+    with pytest.raises(RenderError) as caught:
+        list(measure_vtk(volume, transfer(), [view], [0], [right], None, settings=settings, repeats=1))
+    _, status, *said, hint = str(caught.value).splitlines()
+    assert status == "  got: exit status 1"
+    assert said and all("ERR" in line and "\x1b" not in line for line in said)
+    assert hint == "  hint: measure without the peer"
+
+
+def test_pictures_are_upright(temporary: Path) -> None:
+    """Only the upper left quarter of the volume, as seen, has anything in it."""
+    values: npt.NDArray[np.uint8] = np.zeros((16, 16, 16), np.uint8)
+    values[9:, :, :7] = 200
+    volume = make_volume(values, np.eye(4), "corner")
+    view = make_view(CameraSpec(TurntablePath(1)), 0, (7.5, 7.5, 7.5), 60.0, (40, 40))
+    for measurement in measured(volume, transfer(), view):
+        upper_left = measurement.picture[:20, :20]
+        is_background = np.all(measurement.picture == np.array(BACKGROUND) * 255, axis=2)
+        assert not np.all(upper_left == np.array(BACKGROUND) * 255)
+        assert is_background[20:].all() and is_background[:, 20:].all()
