@@ -132,7 +132,7 @@ def heading(study: dict[str, Any]) -> list[str]:
     return [
         "# What was found",
         "",
-        "Written by `python tests/bench/findings.py DATA`, which measures with `hsplat measure`. Errors are against the "
+        "Written by `python tests/bench/findings.py DATA`, which runs `hsplat measure`. Errors are against the "
         f"converged ray integral, over {len(study['truths'])} frames of each path; times are medians of warm frames, "
         "from the order of the splats to 8 bits, without cut and encoding.",
         "",
