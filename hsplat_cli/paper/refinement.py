@@ -146,7 +146,7 @@ def judge(numbers: Refinement) -> tuple[Claim, ...]:
 
 
 def _finest_within(stage: Stage, budget: float, studio: Studio) -> tuple[float, float]:
-    """The smallest tolerance found whose frames take no longer, and what they take; the coarsest where none does."""
+    """The smallest tolerance found whose frames take no longer, and what they take; a coarse one where none does."""
     finest, coarsest = math.log(FINEST), math.log(COARSEST)
     for _ in range(NUM_HALVINGS):
         middle = (finest + coarsest) / 2
@@ -154,13 +154,12 @@ def _finest_within(stage: Stage, budget: float, studio: Studio) -> tuple[float, 
             coarsest = middle
         else:
             finest = middle
-    tolerance, seconds = math.exp(coarsest), math.inf
-    for _ in range(NUM_TRIES):
-        tolerance = float(f"{tolerance:.3g}")
+    tolerance, seconds = 0.0, math.inf
+    for k in range(NUM_TRIES):
+        tolerance = float(f"{math.exp(coarsest) * COARSER**k:.3g}")
         seconds = _seconds_at(stage, tolerance, studio, REPETITIONS)
         if seconds <= budget:
             break
-        tolerance *= COARSER
     return tolerance, seconds
 
 

@@ -231,6 +231,13 @@ def test_the_finest_picture_in_a_time_is_found() -> None:
     assert middle.seconds > 0.5 * 5
 
 
+def test_a_machine_that_is_too_slow_is_not_passed() -> None:
+    numbers = timed(10.0)
+    assert numbers.drawings[0].seconds == pytest.approx(10 * numbers.drawings[0].num_splats)
+    assert not numbers.drawings[0].fits
+    assert verdicts(refinement.judge(numbers))[0] is False
+
+
 def test_full_resolution_takes_the_place_of_what_it_is_quicker_than() -> None:
     quick, middle, full = timed(1e-4).drawings
     assert full.seconds < 5
