@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from renderer.jit import jit
 from renderer.octree import Cut
 
 Float64 = npt.NDArray[np.float64]
@@ -52,14 +53,13 @@ def make_cell_edges(cut: Cut) -> CellEdges:
     edges, shape = volume.world_from_index[:3, :3], np.array(volume.shape_xyz)
     length = 0.5 * float(np.linalg.norm(edges * shape))
     parts = [np.empty((0, 7), np.float32)]
-    for level in np.unique(cut.levels)[::-1]:
-        lattice = _lattice_edges(cut.cells[cut.levels == level].astype(np.int64))
-        part = np.empty((len(lattice), 7), np.float32)
-        for end in (0, 1):
-            corners = np.minimum(lattice[:, end] << int(level), shape)
-            part[:, 3 * end : 3 * end + 3] = (corners - shape / 2) @ (edges.T / length)
-        part[:, 6] = level
-        parts.append(part)
+    for level in np.unique(cut.levels)[::-1].tolist():
+        cells = cut.cells[cut.levels == level].astype(np.int64)
+        num_corners = cells.max(axis=0) + 2
+        for axis in range(3):
+            starts = _starts(cells, num_corners, axis)
+            parts.append(np.empty((len(starts), 7), np.float32))
+            _fill_edges(starts, num_corners, axis, level, shape, edges / length, parts[-1])
     vertices = np.concatenate(parts)
     vertices.flags.writeable = False
     return CellEdges(vertices, float(np.linalg.norm(edges, axis=0).min()) / length, volume.centre, length)
@@ -70,15 +70,41 @@ def level_colors() -> Float64:
     return np.array([list(bytes.fromhex(color[1:])) for color in LEVEL_COLORS]) / 255
 
 
-def _lattice_edges(cells: Int64) -> Int64:
-    """int64 [n, 2, 3]: start and end of every edge of some cells of one level, each once, in units of their width."""
-    num_corners = cells.max(axis=0) + 2
-    found = []
-    for axis in range(3):
-        across = [other for other in range(3) if other != axis]
-        starts = np.repeat(cells, 4, axis=0).reshape(-1, 4, 3)
-        starts[:, :, across] += [[0, 0], [1, 0], [0, 1], [1, 1]]
-        codes = np.unique(np.ravel_multi_index(tuple(starts.reshape(-1, 3).T), tuple(num_corners)))
-        start = np.column_stack(np.unravel_index(codes, tuple(num_corners)))
-        found.append(np.stack([start, start + np.eye(3, dtype=np.int64)[axis]], axis=1))
-    return np.concatenate(found)
+def _starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
+    """int64 [n]: where edges along an axis begin, each place once and in ascending order.
+
+    Places are numbered on the lattice of the cells' corners, x fastest; cells are int64 [m, 3] in units of their width.
+    """
+    strides = np.array([1, num_corners[0], num_corners[0] * num_corners[1]])
+    side, other_side = np.delete(strides, axis)
+    places = np.sort(((cells @ strides)[:, None] + [0, side, other_side, side + other_side]).reshape(-1))
+    return np.asarray(places[np.concatenate([[True], places[1:] != places[:-1]])])
+
+
+@jit
+def _fill_edges(
+    starts: Int64,
+    num_corners: Int64,
+    axis: int,
+    level: int,
+    shape: Int64,
+    model_from_index: Float64,
+    vertices: npt.NDArray[np.float32],
+) -> None:
+    """Both ends of each edge, held to the volume, and its level."""
+    corner = np.empty(3)
+    for i in range(len(starts)):
+        place = starts[i]
+        for end in range(2):
+            rest = place
+            for k in range(3):
+                index = rest % num_corners[k] + (end if k == axis else 0)
+                corner[k] = min(index << level, shape[k]) - 0.5 * shape[k]
+                rest //= num_corners[k]
+            for row in range(3):
+                vertices[i, 3 * end + row] = (
+                    model_from_index[row, 0] * corner[0]
+                    + model_from_index[row, 1] * corner[1]
+                    + model_from_index[row, 2] * corner[2]
+                )
+        vertices[i, 6] = level

@@ -113,8 +113,9 @@ class GLRasterizer:
             program["level_colors"].write(level_colors().astype(np.float32))
             lines = self._context.vertex_array(program, [(self._splats, EDGE_FORMAT, *EDGE_NAMES)])
             num_at_once = BATCH_SIZE * VERTEX_BYTES // EDGE_BYTES
-            for first in range(0, len(edges), num_at_once):
-                batch = edges.vertices[first : first + num_at_once]
+            vertices = edges.vertices[: _num_large_enough(edges, camera)]
+            for first in range(0, len(vertices), num_at_once):
+                batch = vertices[first : first + num_at_once]
                 self._splats.orphan()
                 self._splats.write(batch)
                 lines.render(moderngl.TRIANGLES, vertices=6, instances=len(batch))
@@ -239,6 +240,14 @@ def _create_context() -> Any:
         expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
         hint=f"on Debian or Ubuntu: apt-get install {PACKAGES}",
     ) from failures[0]
+
+
+def _num_large_enough(edges: CellEdges, camera: ModelView) -> int:
+    """How many of the edges, coarse levels first, may be of cells of LEAST_SIDE_PX; the model's radius is 1."""
+    eye_distance = float(np.linalg.norm(camera.view_from_model[:, 3]))
+    nearest = max(eye_distance - 1, camera.near, 1e-5) if camera.perspective else 1.0
+    sides_px = edges.voxel_side * np.exp2(edges.vertices[:, 6]) * (camera.scale_px / nearest)
+    return int(np.count_nonzero(sides_px >= LEAST_SIDE_PX))
 
 
 def _set_camera(program: Any, camera: ModelView) -> None:

@@ -8,19 +8,21 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from hsplat_cli.interrupts import terminated_as_interrupted
+from hsplat_cli.machine import describe_machine
 from hsplat_cli.progress import progress
 from hsplat_cli.scene_file import load_scene
-from hsplat_cli.versions import package_versions
 from renderer.errors import InputError, SceneError
 from renderer.scene import Scene
 from renderer.staging import write_staged
 
 if TYPE_CHECKING:
     from hsplat_cli.paper.figure import Figure
+    from hsplat_cli.paper.studio import Studio
 
 FOLDER = Path("configs/paper")
 PAGE = "index.html"
@@ -54,12 +56,24 @@ _STAND_IN = "volume={procedural: {name: engine_block, shape: [128, 128, 64], see
 
 @dataclass(frozen=True)
 class _Job:
-    """A figure to be made. notes: what is to be said of its scene."""
+    """A figure to be made. path: of its scene; notes: what is to be said of that."""
 
     number: int
-    module: str
+    path: Path
     scene: Scene
     notes: tuple[str, ...] = ()
+
+    def make(self, studio: Studio) -> Figure:
+        """Draw and measure it."""
+        module = importlib.import_module(f"hsplat_cli.paper.{RECIPES[self.number].module}")
+        try:
+            figure: Figure = module.make(self.scene, studio)
+        except InputError as error:
+            if error.where is not None:
+                raise
+            parts = {"got": error.got, "expected": error.expected, "hint": error.hint}
+            raise InputError(error.what, where=str(self.path), **parts) from error
+        return replace(figure, notes=self.notes + figure.notes)
 
 
 @click.command()
@@ -71,7 +85,7 @@ class _Job:
 @click.option("--figure", "numbers", type=int, multiple=True, metavar="N", help="Make only this figure; repeatable.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, ...], quiet: bool) -> None:
-    """Reproduce the figures of the paper (Laur and Hanrahan 1991) on one page.
+    """Reproduce the figures of Laur and Hanrahan 1991 on one page.
 
     FOLDER holds a scene file for each figure, configs/paper by default. The page says, figure by figure, what the paper
     claims, what was measured, and whether the claim was seen.
@@ -82,11 +96,12 @@ def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, .
     require_page_packages()
     jobs = _jobs(folder, numbers, volume)
     check_writable(output, [PAGE])
-    figures, text = _page(jobs, quiet=quiet)
     path = output / PAGE
-    write_staged(path, text.encode())
+    with terminated_as_interrupted():
+        figures, text = _page(jobs, quiet=quiet)
+        write_staged(path, text.encode())
     if not quiet:
-        _report(figures, path)
+        _report(jobs, figures, path)
 
 
 def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_Job]:
@@ -104,17 +119,21 @@ def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_Jo
             expected=", ".join(recipe.scene for recipe in RECIPES.values()),
             hint="they are in configs/paper of hsplat's repository",
         )
+    for number in numbers:
+        if number not in there:
+            expected = str(folder / RECIPES[number].scene)
+            raise InputError("there is no scene of this figure", where=f"--figure {number}", expected=expected)
     return [_job(number, folder / RECIPES[number].scene, volume) for number in sorted(set(numbers)) or there]
 
 
 def _job(number: int, path: Path, volume: Path | None) -> _Job:
     recipe = RECIPES[number]
     if not recipe.takes_volume:
-        return _Job(number, recipe.module, load_scene(path))
+        return _Job(number, path, load_scene(path))
     if volume is not None:
-        return _Job(number, recipe.module, load_scene(path, volume=volume), (f"The volume is {volume.name}.",))
+        return _Job(number, path, load_scene(path, volume=volume), (f"The volume is {volume.name}.",))
     try:
-        return _Job(number, recipe.module, load_scene(path))
+        return _Job(number, path, load_scene(path))
     except SceneError as error:
         (problem, *others) = error.problems
         if others or problem.path != "volume.file" or not problem.what.startswith("no such file"):
@@ -124,7 +143,7 @@ def _job(number: int, path: Path, volume: Path | None) -> _Job:
         f"There is no {Path(missing or '').name} beside the scene file: an engine block made up by a formula stands in "
         "for it. Give --volume FILE to have the scan."
     )
-    return _Job(number, recipe.module, load_scene(path, overrides=[_STAND_IN]), (note,))
+    return _Job(number, path, load_scene(path, overrides=[_STAND_IN]), (note,))
 
 
 def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
@@ -146,23 +165,15 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
         volumes = {job.scene.volume: read_volume(job.scene.volume) for job in jobs}  # all that cannot be read, at once
         studio = Studio(rasterizer, volumes, time.perf_counter, num_threads)
         for job in jobs:
-            make = importlib.import_module(f"hsplat_cli.paper.{job.module}").make
-            figure: Figure = make(job.scene, studio)
-            figures.append(replace(figure, notes=job.notes + figure.notes))
+            figures.append(job.make(studio))
             bar.advance(f"figure {job.number}")
-        return figures, paper_page(figures, facts=_facts(rasterizer.renderer_name, num_threads))
+        return figures, paper_page(figures, facts=describe_machine(rasterizer.renderer_name))
 
 
-def _facts(gl: str, num_cores: int) -> dict[str, Any]:
-    versions = package_versions()
-    return {"GL": gl, "cores": num_cores, "hsplat": versions["hsplat"], "Python": versions["python"]}
-
-
-def _report(figures: Sequence[Figure], path: Path) -> None:
+def _report(jobs: Sequence[_Job], figures: Sequence[Figure], path: Path) -> None:
+    for note in dict.fromkeys(note for job in jobs for note in job.notes):
+        click.echo(f"note: {note}")
     for figure in figures:
-        for note in figure.notes:
-            if "stands in" in note:
-                click.echo(f"note: figure {figure.number}: {note}", err=True)
         for claim in figure.claims:
             click.echo(f"figure {figure.number}: {'seen' if claim.seen else 'NOT SEEN'}: {claim.says}")
     click.echo(f"all of it: {path}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -80,7 +80,7 @@ def make(scene: Scene, studio: Studio) -> Figure:
         ),
         notes=(
             "The Gaussian of hsplat is a little broader in the middle than a plain one: two zeros in its spectrum keep "
-            "lattices of splats from rippling. Its integral is exact; its deviation here is that difference.",
+            "lattices of splats from rippling. It adds up to the same optical depth; its deviation is that difference.",
         ),
     )
 
@@ -186,8 +186,6 @@ def _profiles(numbers: Footprints) -> Chart:
 
 
 def _meshes(scene: Scene) -> Chart:
-    from dataclasses import replace  # noqa: PLC0415
-
     from hsplat_cli.paper.plots import SERIES, new_plots  # noqa: PLC0415
 
     plot, all_axes = new_plots(len(SUBDIVISIONS), side=1.6)

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, counted, seen, with_error, with_splat
+from hsplat_cli.paper.studio import Studio, counted, with_error, with_splat
 from renderer.errors import InputError
+from renderer.metrics import over_background
 from renderer.pipeline import Stage
 from renderer.scene import Scene
 
@@ -121,7 +122,7 @@ def _drawn(
     first, distances, pictures = None, [], []
     for level in range(stage.pyramid.num_levels + 1):
         frame = studio.draw(with_error(stage, finest_level=level))
-        rgb = seen(frame.radiance, background)
+        rgb = over_background(frame.radiance, background)
         first = rgb if first is None else first
         difference = np.abs(rgb - first)
         distances.append(

@@ -9,8 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, counted, psnr_db, transfer_of, with_error
+from hsplat_cli.paper.studio import Studio, counted, transfer_of, with_error
 from hsplat_cli.report.numbers import short_count_text
+from renderer.errors import InputError
+from renderer.metrics import over_background, single
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import Stage, finest_level_at
 from renderer.scene import Scene
@@ -84,9 +86,12 @@ def make(scene: Scene, studio: Studio) -> Figure:
 def measure(scene: Scene, studio: Studio) -> Octrees:
     """Cut at all tolerances, draw with and without lines, and compare with the ray integral."""
     stage = studio.stage(scene)
-    truth = studio.truth(stage)
+    background = scene.output.background
+    truth = over_background(studio.truth(stage), background)
     variation = _variation_of_blocks(stage)
     visible = np.flatnonzero(variation >= 0)
+    if not visible.size:
+        raise InputError("figure 5 is of something visible", hint="raise the opacities of the transfer function")
     by_variation = visible[np.argsort(variation.reshape(-1)[visible], kind="stable")]
     quarter = max(1, len(by_variation) // 4)
     octrees, plain, overlaid = [], [], []
@@ -101,7 +106,7 @@ def measure(scene: Scene, studio: Studio) -> Octrees:
             Octree(
                 tolerance,
                 tuple(np.bincount(cut.levels, minlength=stage.pyramid.num_levels + 1).tolist()),
-                psnr_db(without.radiance, truth, scene.output.background),
+                single("psnr", over_background(without.radiance, background), truth),
                 float(in_blocks[by_variation[:quarter]].mean()),
                 float(in_blocks[by_variation[-quarter:]].mean()),
             )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, transfer_of, with_error, with_splat
+from hsplat_cli.paper.studio import Studio, counted, transfer_of, with_error, with_splat
 from renderer.errors import InputError
 from renderer.pipeline import Frame
 from renderer.scene import ProceduralSource, Scene
@@ -73,6 +73,8 @@ def measure(scene: Scene, studio: Studio) -> Splats:
         opacity = -math.expm1(-extinction * cube.spacing[0])
         one = with_splat(with_error(stage, finest_level=MAX_LEVEL), opacity_correction=True)
         splat = studio.draw(one)
+        if splat.num_splats != 1:
+            raise InputError("figure 3 is of one splat", got=counted(splat.num_splats, "splat"))
         without = studio.draw(with_splat(one, opacity_correction=False))
         voxels = studio.draw(with_error(one, finest_level=0, tolerance=((0, 0.0),)))
         corrected.append(_middle(splat))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, with_error, with_opacity, with_splat
+from hsplat_cli.paper.studio import Studio, with_error, with_splat
 from renderer.errors import InputError
 from renderer.pipeline import Stage, view_of
 from renderer.scene import ProceduralSource, Scene
@@ -77,18 +77,22 @@ def make(scene: Scene, studio: Studio) -> Figure:
 
 def measure(scene: Scene, studio: Studio) -> Slab:
     """Draw the slab with voxels of all opacities and cells of all levels."""
-    source = scene.volume.source
-    if not (isinstance(source, ProceduralSource) and source.name == "constant" and _is_slab(source.shape)):
+    source, points = scene.volume.source, scene.transfer_function.mapping
+    is_slab = isinstance(source, ProceduralSource) and source.name == "constant" and _is_slab(source.shape)
+    if not (is_slab and isinstance(points, tuple)):
         raise InputError(
             "figure 2 is of a slab of one material",
-            expected="volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, x and z at least 4 y",
+            expected="volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, x and z at least 4 y, "
+            "and transfer_function.points",
         )
+    assert isinstance(source, ProceduralSource)
     depth = source.shape[1]
     levels = range(depth.bit_length())
     alphas = np.empty((2, len(OPACITIES), len(levels)))
     pictures: tuple[list[Picture], list[Picture]] = ([], [])
     for i, opacity in enumerate(OPACITIES):
-        stage = studio.stage(with_opacity(scene, opacity))
+        mapping = tuple(replace(point, opacity=opacity) for point in points)
+        stage = studio.stage(replace(scene, transfer_function=replace(scene.transfer_function, mapping=mapping)))
         for k, is_corrected in enumerate((True, False)):
             for level in levels:
                 drawn = with_splat(with_error(stage, finest_level=level), opacity_correction=is_corrected)

@@ -6,12 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from hsplat_cli.paper.figure import Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Image, Studio, psnr_db, seen, with_error
+from hsplat_cli.paper.figure import Claim, Figure, Picture, Pixels, Row, Table
+from hsplat_cli.paper.studio import Studio, with_error
+from renderer.metrics import over_background, single
 from renderer.pipeline import Stage
-from renderer.scene import Color, Scene
-from renderer.sweep import DIFFERENCE_GAIN
+from renderer.scene import Scene
+from renderer.thumbnails import DIFFERENCE_GAIN
 
 FIVE_TIMES_A_SECOND, FIVE_SECONDS = 0.2, 5.0
 # What is looked for is a little faster than needed, because no two frames take the same time.
@@ -81,9 +83,10 @@ def make(scene: Scene, studio: Studio) -> Figure:
 def measure(scene: Scene, studio: Studio) -> Refinement:
     """Find the tolerances by timing, draw, and compare with the ray integral."""
     stage = studio.stage(scene)
-    truth, background = studio.truth(stage), scene.output.background
+    background = scene.output.background
+    truth = over_background(studio.truth(stage), background)
     full_seconds = _seconds_at(stage, 0.0, studio, QUICK_REPETITIONS)
-    drawings, images, pictures, differences = [], [], [], []
+    drawings, seen, pictures, differences = [], [], [], []
     for name, budget in (
         ("five times a second", FIVE_TIMES_A_SECOND),
         ("in five seconds", FIVE_SECONDS),
@@ -94,6 +97,7 @@ def measure(scene: Scene, studio: Studio) -> Refinement:
         else:
             tolerance, seconds = _finest_within(stage, budget, studio)
         frame = studio.draw(with_error(stage, tolerance=((0, tolerance),)))
+        seen.append(over_background(frame.radiance, background))
         drawing = Drawing(
             name,
             budget,
@@ -101,17 +105,16 @@ def measure(scene: Scene, studio: Studio) -> Refinement:
             seconds,
             frame.seconds["cut"] + frame.seconds["splats"],
             frame.num_splats,
-            psnr_db(frame.radiance, truth, background),
+            single("psnr", seen[-1], truth),
         )
         drawings.append(drawing)
-        images.append(frame.radiance)
         pictures.append(Picture(frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
-        differences.append(Picture(_difference(frame.radiance, truth, background), name))
+        differences.append(Picture(_amplified(np.abs(seen[-1] - truth)), name))
     rows = (
         Row("The pictures", tuple(pictures)),
         Row(f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}", tuple(differences)),
     )
-    return Refinement(tuple(drawings), psnr_db(images[1], images[2], background), rows)
+    return Refinement(tuple(drawings), single("psnr", seen[1], seen[2]), rows)
 
 
 def judge(numbers: Refinement) -> tuple[Claim, ...]:
@@ -143,7 +146,7 @@ def judge(numbers: Refinement) -> tuple[Claim, ...]:
 
 
 def _finest_within(stage: Stage, budget: float, studio: Studio) -> tuple[float, float]:
-    """The smallest tolerance found whose frames take no longer, and what they take; the coarsest where none does."""
+    """The smallest tolerance found whose frames take no longer, and what they take; a coarse one where none does."""
     finest, coarsest = math.log(FINEST), math.log(COARSEST)
     for _ in range(NUM_HALVINGS):
         middle = (finest + coarsest) / 2
@@ -151,13 +154,12 @@ def _finest_within(stage: Stage, budget: float, studio: Studio) -> tuple[float, 
             coarsest = middle
         else:
             finest = middle
-    tolerance, seconds = math.exp(coarsest), math.inf
-    for _ in range(NUM_TRIES):
-        tolerance = float(f"{tolerance:.3g}")
+    tolerance, seconds = 0.0, math.inf
+    for k in range(NUM_TRIES):
+        tolerance = float(f"{math.exp(coarsest) * COARSER**k:.3g}")
         seconds = _seconds_at(stage, tolerance, studio, REPETITIONS)
         if seconds <= budget:
             break
-        tolerance *= COARSER
     return tolerance, seconds
 
 
@@ -165,12 +167,9 @@ def _seconds_at(stage: Stage, tolerance: float, studio: Studio, repetitions: int
     return studio.frame_seconds(with_error(stage, tolerance=((0, tolerance),)), repetitions=repetitions)
 
 
-def _difference(
-    image: Image, truth: Image, background: Color | None
-) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """uint8 [h, w, 3]: the absolute difference as it is seen, amplified."""
-    difference = np.abs(seen(image, background) - seen(truth, background))
-    return np.asarray(np.clip(DIFFERENCE_GAIN * difference, 0, 1) * 255 + 0.5, np.uint8)
+def _amplified(difference: npt.NDArray[np.float64]) -> Pixels:
+    """Times DIFFERENCE_GAIN, as a picture."""
+    return np.asarray(np.minimum(DIFFERENCE_GAIN * difference, 1) * 255 + 0.5, np.uint8)
 
 
 def _table(numbers: Refinement) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy.typing as npt
 
 from renderer.integrator import integrate
 from renderer.pipeline import Frame, Rasterizer, Stage, prepare, render_frames, view_of
-from renderer.scene import Color, Scene, VolumeSpec
+from renderer.scene import Scene, VolumeSpec
 from renderer.transfer import TransferFunction, make_transfer
 from renderer.volume import Volume
 
@@ -67,27 +66,6 @@ def with_error(stage: Stage, **changes: Any) -> Stage:
 def with_splat(stage: Stage, **changes: Any) -> Stage:
     """The stage with other fields of its SplatSpec."""
     return replace(stage, scene=replace(stage.scene, splat=replace(stage.scene.splat, **changes)))
-
-
-def with_opacity(scene: Scene, opacity: float) -> Scene:
-    """The scene with this opacity at all control points."""
-    mapping = scene.transfer_function.mapping
-    assert isinstance(mapping, tuple), "a colormap in a scene of one material"
-    points = tuple(replace(point, opacity=opacity) for point in mapping)
-    return replace(scene, transfer_function=replace(scene.transfer_function, mapping=points))
-
-
-def seen(image: Image, background: Color | None) -> npt.NDArray[np.float64]:
-    """float64 [h, w, 3]: as it is seen, over the background (black where that is transparent), clipped to [0, 1]."""
-    behind = np.array(background or (0.0, 0.0, 0.0))
-    rgba = image.astype(np.float64)
-    return np.asarray(np.clip(rgba[..., :3] + (1 - rgba[..., 3:]) * behind, 0, 1))
-
-
-def psnr_db(image: Image, truth: Image, background: Color | None) -> float:
-    """Of all pixels, as they are seen; infinite for equal pictures."""
-    square = float(np.mean((seen(image, background) - seen(truth, background)) ** 2))
-    return -10 * math.log10(square) if square > 0 else math.inf
 
 
 def counted(num: int, noun: str) -> str:

@@ -9,7 +9,7 @@ uniform vec2 size_px;
 uniform float near_depth;
 uniform float voxel_side;
 uniform float cover;             // opacity of a cell's lines, by its side in pixels times that in model units
-uniform vec3 level_colors[10];
+uniform vec3 level_colors[10];   // cell_edges.LEVEL_COLORS
 
 in vec3 start;
 in vec3 end;

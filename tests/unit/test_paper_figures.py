@@ -53,8 +53,8 @@ def splat_shapes(studio: Studio) -> footprints.Footprints:
 
 
 def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: footprints.Footprints) -> None:
-    """-log(1 - alpha) integrates to the optical depth of the voxel, 1 - 0.7 to start with, over its area: sigma is 0.425
-    voxels, and radii are in sigma."""
+    """-log(1 - alpha) integrates to that of the voxel, of opacity 0.7, over its area; sigma, the unit of the radii, is
+    0.425 voxels."""
     radius, alpha = splat_shapes.smooth[:-1].T
     depth = -np.log1p(-alpha)
     mass = np.trapezoid(2 * math.pi * radius * depth, radius)
@@ -88,7 +88,9 @@ def slab(studio: Studio) -> opacity.Slab:
 def test_a_slab_is_as_opaque_as_its_closed_form(slab: opacity.Slab) -> None:
     """8 voxels of opacity a let (1 - a)^8 through; without correction a cell of 2^k is a voxel, and 8 / 2^k remain. A
     lattice of splats ripples by 1.1 % in optical depth, so by less than 0.004 in alpha; the mean over it by less."""
-    for opacity_of_voxel, with_correction, without in zip(slab.opacities, slab.corrected, slab.uncorrected, strict=True):
+    for opacity_of_voxel, with_correction, without in zip(
+        slab.opacities, slab.corrected, slab.uncorrected, strict=True
+    ):
         assert with_correction == pytest.approx([1 - (1 - opacity_of_voxel) ** 8] * 4, abs=0.002)
         assert without == pytest.approx([1 - (1 - opacity_of_voxel) ** n for n in (8, 4, 2, 1)], abs=0.002)
     assert verdicts(opacity.judge(slab)) == [True, True]
@@ -183,7 +185,7 @@ def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(studio: Stu
 
 
 def test_octrees_that_refine_elsewhere_are_not_passed() -> None:
-    good = [octrees.Octree(2.0 ** -k, (100 * 8**k, 10), 20.0 + k, 1.0, 5.0 + k) for k in range(3)]
+    good = [octrees.Octree(2.0**-k, (100 * 8**k, 10), 20.0 + k, 1.0, 5.0 + k) for k in range(3)]
     assert verdicts(octrees.judge(octrees.Octrees(tuple(good), ()))) == [True, True]
     steady = [replace(octree, cells_where_varied=1.0) for octree in good]
     assert verdicts(octrees.judge(octrees.Octrees(tuple(steady), ()))) == [True, False]
@@ -227,6 +229,13 @@ def test_the_finest_picture_in_a_time_is_found() -> None:
     assert quick.tolerance > middle.tolerance > full.tolerance == 0
     assert quick.num_splats < middle.num_splats < full.num_splats
     assert middle.seconds > 0.5 * 5
+
+
+def test_a_machine_that_is_too_slow_is_not_passed() -> None:
+    numbers = timed(10.0)
+    assert numbers.drawings[0].seconds == pytest.approx(10 * numbers.drawings[0].num_splats)
+    assert not numbers.drawings[0].fits
+    assert verdicts(refinement.judge(numbers))[0] is False
 
 
 def test_full_resolution_takes_the_place_of_what_it_is_quicker_than() -> None:

@@ -1,0 +1,76 @@
+"""`hsplat paper` from the command line: the page that it writes."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from hsplat_cli import main
+from hsplat_cli.paper.command import RECIPES
+from hsplat_cli.scene_file import load_scene
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the scenes of figures 3 and 5, small ones."""
+    for number, old, new in ((3, "size: [128, 128]", "size: [32, 32]"), (5, "size: [384, 384]", "size: [32, 32]")):
+        name = RECIPES[number].scene
+        text = (CONFIGS / name).read_text("utf-8")
+        assert old in text
+        (tmp_path / name).write_text(text.replace(old, new), "utf-8")
+    return tmp_path
+
+
+def test_every_figure_has_its_scene() -> None:
+    assert {path.name for path in CONFIGS.iterdir()} == {recipe.scene for recipe in RECIPES.values()}
+    for recipe in RECIPES.values():
+        load_scene(CONFIGS / recipe.scene, volume=CONFIGS if recipe.takes_volume else None)
+
+
+def test_the_page_is_one_file_that_loads_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = folder / "new" / "paper"
+    assert main.run(["paper", str(folder), "--output", str(output)]) == 0
+    assert [path.name for path in output.iterdir()] == ["index.html"]
+    page = (output / "index.html").read_text("utf-8")
+    assert set(re.findall(r'<section id="figure-(\d)">', page)) == {"3", "5"}
+    references = re.findall(r'\b(?:src|href)="([^"]{,20})', page)
+    assert references
+    assert {reference.partition(":")[0] for reference in references if not reference.startswith("#")} == {"data"}
+    assert not re.search(r"@import|url\((?!#)|<script|<link|<iframe", page)
+    assert page.count("<img") == 3 * 6 + 2 * 4
+    said = capsys.readouterr()
+    assert "figure 3: seen: " in said.out
+    assert f"all of it: {output / 'index.html'}\n" in said.out
+    assert "There is no engine.nhdr beside the scene file" in page
+    assert "There is no engine.nhdr beside the scene file" in said.out
+    assert "paper: 2/2 figures" in said.err
+
+
+def test_some_figures_only_and_quietly(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["paper", str(folder), "--output", str(folder), "--figure", "3", "--figure", "3", "--quiet"]
+    assert main.run(arguments) == 0
+    assert re.findall(r'<section id="figure-(\d)">', (folder / "index.html").read_text("utf-8")) == ["3"]
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_volume_of_ones_own(folder: Path) -> None:
+    scan = folder / "my scan.npy"
+    shutil.copy(_volume(folder), scan)
+    arguments = ["paper", str(folder), "--output", str(folder), "--figure", "5", "--volume", str(scan), "--quiet"]
+    assert main.run(arguments) == 0
+    assert "The volume is my scan.npy." in (folder / "index.html").read_text("utf-8")
+
+
+def _volume(folder: Path) -> Path:
+    import numpy as np  # noqa: PLC0415
+
+    path = folder / "scan.npy"
+    values = np.zeros((12, 16, 20), np.uint8)
+    values[3:9, 4:12, 5:15] = np.linspace(90, 255, 10).astype(np.uint8)
+    np.save(path, values)
+    return path
