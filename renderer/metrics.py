@@ -173,6 +173,7 @@ def _error_map(picture: Picture, truth: Picture) -> _Map:
 def _ssim_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: structural similarity, mean of the channels."""
     from skimage.metrics import structural_similarity  # noqa: PLC0415
+
     if min(picture.shape[:2]) < _SSIM_WINDOW_PX:
         return np.full(picture.shape[:2], np.nan)
     total = np.zeros(picture.shape[:2])
@@ -194,6 +195,7 @@ def _ssim_map(picture: Picture, truth: Picture) -> _Map:
 def _flip_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: the perceived difference."""
     import flip_evaluator  # noqa: PLC0415
+
     difference, _, _ = flip_evaluator.evaluate(
         _for_flip(truth),
         _for_flip(picture),
@@ -214,6 +216,7 @@ def _for_flip(picture: Picture) -> npt.NDArray[np.float32]:
 def _delta_e_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: CIE 1976 colour difference."""
     from skimage.color import deltaE_cie76, rgb2lab  # noqa: PLC0415
+
     # float32 resolves a colour difference to 1e-4, and takes half the time.
     return np.asarray(deltaE_cie76(*(rgb2lab(each.astype(np.float32)) for each in (truth, picture))))
 

@@ -49,7 +49,7 @@ def measure(
     want: str | None,
     quiet: bool,
 ) -> None:
-    """Measure what a scene costs, and how near to the truth it comes, at each tolerance.
+    """Measure what a scene costs and how near to the truth it comes.
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """

@@ -67,26 +67,19 @@ def run_study(request: Request) -> None:
     check_writable(request.folder)
     if request.peer:
         check_vtk(scene)
+    with GLRasterizer() as rasterizer:  # tried before a voxel is read
+        machine = describe_machine(rasterizer.renderer_name)
+    volume = _volume(request)
+    frames = request.frames or spread_frames(range(scene.camera.path.frames), _NUM_FRAMES)
+    truths, records = find_truths(prepared(scene, volume), frames, request.truth_tolerance, quiet=request.quiet)
+    require_something(truths)
     measurements: list[Measurement] = []
     interrupt: KeyboardInterrupt | None = None
-    with GLRasterizer() as rasterizer:
-        volume = _volume(request)
-        frames = request.frames or spread_frames(range(scene.camera.path.frames), _NUM_FRAMES)
-        truths, records = find_truths(prepared(scene, volume), frames, request.truth_tolerance, quiet=request.quiet)
-        require_something(truths)
-        plan = plan_sweep(
-            scene,
-            lambda planned: prepared(planned, volume),
-            request.sweep.errors,
-            request.sweep.splats,
-            request.sweep.tolerances,
-        )
-        try:
-            for measurement in _measurements(request, plan, volume, truths, rasterizer):
-                measurements.append(measurement)
-        except KeyboardInterrupt as error:
-            interrupt = error
-        machine = describe_machine(rasterizer.renderer_name)
+    try:
+        for measurement in _measurements(request, volume, truths):
+            measurements.append(measurement)
+    except KeyboardInterrupt as error:
+        interrupt = error
     if measurements:
         notes = scene_notes(scene, has_transparent_border=request.peer is not None)
         if interrupt:
@@ -114,41 +107,47 @@ def _volume(request: Request) -> Volume:
     return with_transparent_border(volume, make_transfer(request.scene.transfer_function, float(volume.spacing.min())))
 
 
-def _measurements(
-    request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequence[Truth], rasterizer: GLRasterizer
-) -> Iterator[Measurement]:
+def _measurements(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
     """hsplat's settings and then the peer's, with the time remaining."""
+    sweep = request.sweep
+    plan = plan_sweep(
+        request.scene, lambda scene: prepared(scene, volume), sweep.errors, sweep.splats, sweep.tolerances
+    )
     work = [planned.seconds(len(truths), request.repeats) for planned in plan]
     if request.peer:
         work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
     with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:
-        own = _own(request, plan, volume, truths, rasterizer)
-        for measurement in chain(own, _peer(request, volume, truths)):
+        for measurement in chain(_own(request, plan, volume, truths), _peer(request, volume, truths)):
             yield measurement
             bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
 
 
-def _own(
-    request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequence[Truth], rasterizer: GLRasterizer
-) -> Iterator[Measurement]:
-    """One pyramid at a time is in memory; pictures known to be equal are drawn once."""
+def _own(request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
+    """One pyramid at a time is in memory; pictures known to be equal are drawn once.
+
+    Every setting has a GL context of its own: a software driver keeps what the largest picture took, which would be
+    counted as the memory of all that come after it.
+    """
     memory = PeakMemory()
     done: dict[Hashable, Measurement] = {}
     stage: Stage | None = None
     for planned in plan:
         scene, key = planned.scene, planned.picture_key()
         if key not in done:
-            if stage is None or (stage.scene.error.measure, stage.scene.error.of) != (
-                scene.error.measure,
-                scene.error.of,
-            ):
+            if stage is None or _pyramid_key(stage.scene) != _pyramid_key(scene):
                 stage = None
                 stage = prepared(scene, volume)
             stage = replace(stage, scene=scene)
-            done[key] = measure_setting(
-                stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
-            )
+            with GLRasterizer() as rasterizer:
+                done[key] = measure_setting(
+                    stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
+                )
         yield replace(done[key], setting=splat_setting(scene.error, scene.splat))
+
+
+def _pyramid_key(scene: Scene) -> Hashable:
+    """Scenes of one study that are equal in this have the same pyramid."""
+    return scene.error.measure, scene.error.of
 
 
 def _peer(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:

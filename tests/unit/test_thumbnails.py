@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.sweep import DIFFERENCE_GAIN, THUMBNAIL_PX
-from renderer.thumbnails import difference_thumbnail, thumbnail
+from renderer.thumbnails import DIFFERENCE_GAIN, THUMBNAIL_PX, difference_thumbnail, thumbnail
 
 
 @pytest.mark.parametrize(
