@@ -10,7 +10,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.versions import package_versions
+from hsplat_cli.versions import MEASURING, package_versions
 
 _ROOT = Path(__file__).resolve().parents[1]
 
@@ -23,7 +23,7 @@ def describe_machine(driver: str) -> dict[str, Any]:
         "system": platform.platform(),
         "driver": driver,
         "commit": commit(),
-        "versions": package_versions(),
+        "versions": package_versions(*MEASURING),
     }
 
 

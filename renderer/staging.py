@@ -20,8 +20,9 @@ def staged(path: Path) -> Iterator[Path]:
     left as it was. What the operating system refuses becomes InputError (the name cannot be a file) or RenderError (no
     space, no permission); an OSError raised by the block itself passes unchanged, see `explained`.
     """
-    temporary = _create_temporary(path)
-    try:
+    temporary = _temporary_of(path)
+    try:  # before the file is there: an interrupt may come at any time
+        _create(temporary, path)
         yield temporary
         with explained(path):
             os.replace(temporary, path)
@@ -39,9 +40,12 @@ def write_staged(path: Path, content: bytes) -> None:
 
 def require_writable(path: Path) -> None:
     """Make the folder of `path` and try to write there, leaving no file; errors as in `staged`."""
-    temporary = _create_temporary(path)
-    with explained(path):
-        temporary.unlink()
+    temporary = _temporary_of(path)
+    try:
+        _create(temporary, path)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
 
 
 @contextlib.contextmanager
@@ -68,12 +72,14 @@ def write_error(error: OSError, path: Path) -> HsplatError:
     return RenderError("the output cannot be written", where=where, got=error.strerror or str(error))
 
 
-def _create_temporary(path: Path) -> Path:
+def _temporary_of(path: Path) -> Path:
     # The process id keeps two programs that write the same output from sharing a temporary file.
-    temporary = path.with_name(f".{path.name}.partial-{os.getpid()}")
+    return path.with_name(f".{path.name}.partial-{os.getpid()}")
+
+
+def _create(temporary: Path, path: Path) -> None:
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         temporary.touch()
-    return temporary
