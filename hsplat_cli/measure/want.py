@@ -50,13 +50,13 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
             on_trial=_teller(want, quiet=quiet),
         )
         tolerance = coarsest_tolerance(trials, rungs, probes, checks)
-        tried = probes if tolerance is None else [*probes, *checks]
+        tried = [*probes, *checks]
         worst = trials.worst(tolerance or 0.0, tried)
     if tolerance is None:
         raise RenderError(
             "the accuracy that is wanted is beyond full resolution",
             where=f"--want {want.name}={want.value:g}",
-            got=f"{want.of(worst.value)} on frame {worst.frame}, with one splat for each of {worst.num_cells} voxels",
+            got=f"{want.of(worst.value)} on frame {worst.frame}, with {worst.num_cells} splats at tolerance 0",
             expected=str(want),
             hint="want less; what limits it is told in docs/accuracy.md",
         )
