@@ -40,7 +40,7 @@ class Setting:
     """One way to draw the film: a point of a series.
 
     series: the curve that it belongs to: "gaussian, optical", "gouraud 8x3, rms, uncorrected", "vtk gpu".
-    label: which point of it: "tolerance 0.1", "sample distance 0.5".
+    label: which point of it: "tolerance 0.1", "step 0.5".
     options: the choices by name, numbers and short words, for tables: tool, tolerance, footprint, ...
     """
 
