@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.progress import progress
@@ -49,13 +50,11 @@ def render(
 def _render(scene: Scene, numbers: Sequence[int], *, quiet: bool) -> None:
     # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
     from renderer.film import open_film  # noqa: PLC0415
-    from renderer.jit import has_compiled_before  # noqa: PLC0415
     from renderer.pipeline import prepare, render_frames  # noqa: PLC0415
     from renderer.raster_gl import GLRasterizer  # noqa: PLC0415
     from renderer.sidecar import sidecar_path, write_sidecar  # noqa: PLC0415
 
-    if not (quiet or has_compiled_before()):
-        click.echo("compiling for this machine: the first run takes some seconds longer", err=True)
+    tell_first_run(quiet=quiet)
     start, records = time.perf_counter(), []
     # What can fail early does: the output and the GL context are tried before a voxel is read.
     with open_film(scene.output, numbers) as film, GLRasterizer() as rasterizer:

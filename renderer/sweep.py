@@ -22,7 +22,7 @@ from renderer.thumbnails import difference_thumbnail, thumbnail
 from renderer.truths import Truth
 
 # What is timed once a frame, and once a cut.
-_FRAME_STAGES = ("order", "draw", "overlay", "quantize")
+_FRAME_STAGES = ("order", "draw", "quantize")
 _CUT_STAGES = ("cut", "splats")
 # A setting is not drawn again once it took this long: the median of fewer repetitions will do.
 _PATIENCE_S = 4.0
@@ -40,7 +40,7 @@ class Setting:
     """One way to draw the film: a point of a series.
 
     series: the curve that it belongs to: "gaussian, optical", "gouraud 8x3, rms, uncorrected", "vtk gpu".
-    label: which point of it: "tolerance 0.1", "sample distance 0.5".
+    label: which point of it: "tolerance 0.1", "step 0.5".
     options: the choices by name, numbers and short words, for tables: tool, tolerance, footprint, ...
     """
 
@@ -73,7 +73,8 @@ class Measurement:
     """One setting on some frames.
 
     num_cells: of its cut; None for a peer.
-    seconds: what is done once for many frames (cut, splats), by stage, one for each repetition; empty for a peer.
+    seconds: what is done once for many frames (pyramid, cut, splats), by stage, one for each repetition; empty for a
+        peer.
     samples: one for each frame.
     overall: the accuracy over all frames together.
     peak_bytes: the most memory that the process held meanwhile; None where the system does not tell.
@@ -159,7 +160,7 @@ def measure_setting(
     return Measurement(
         setting=splat_setting(stage.scene.error, stage.scene.splat),
         num_cells=first_pass[0].num_cells,
-        seconds=_repetitions([frames[0] for frames in passes], _CUT_STAGES),
+        seconds={"pyramid": (stage.seconds["pyramid"],)} | _repetitions([frames[0] for frames in passes], _CUT_STAGES),
         samples=tuple(
             Sample(
                 truth.frame,

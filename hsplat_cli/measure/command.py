@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -53,7 +54,7 @@ def measure(
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
-    job = load_scene(scene, overrides=overrides, volume=volume)
+    job = replace(load_scene(scene, overrides=overrides, volume=volume), overlay="none")  # lines are no error
     numbers = parse_frames(frames, job.camera.path.frames)
     if not 0 < truth_tolerance < 1:
         raise InputError(

@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.machine import PeakMemory, describe_machine
 from hsplat_cli.measure.notes import monotony_notes, scene_notes
 from hsplat_cli.measure.options import Sweep
@@ -67,6 +68,7 @@ def run_study(request: Request) -> None:
     check_writable(request.folder)
     if request.peer:
         check_vtk(scene)
+    tell_first_run(quiet=request.quiet)
     with GLRasterizer() as rasterizer:  # tried before a voxel is read
         machine = describe_machine(rasterizer.renderer_name)
     volume = _volume(request)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import click
 
+from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.measure.options import Want
 from hsplat_cli.measure.stage import prepared
 from hsplat_cli.measure.truth import find_truths, require_something
@@ -32,6 +33,7 @@ _COARSE_CELLS = 4000
 def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:
     """Search, and print the line. Raises RenderError where full resolution does not reach what is wanted."""
     require_measuring_packages()
+    tell_first_run(quiet=quiet)
     with GLRasterizer() as rasterizer:
         stage = prepared(scene, read_volume(scene.volume))
         rungs = list(distinct_rungs(stage.pyramid, lambda tolerance: num_cells_at(stage, tolerance)))
@@ -48,13 +50,13 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
             on_trial=_teller(want, quiet=quiet),
         )
         tolerance = coarsest_tolerance(trials, rungs, probes, checks)
-        tried = probes if tolerance is None else [*probes, *checks]
+        tried = [*probes, *checks]
         worst = trials.worst(tolerance or 0.0, tried)
     if tolerance is None:
         raise RenderError(
             "the accuracy that is wanted is beyond full resolution",
             where=f"--want {want.name}={want.value:g}",
-            got=f"{want.of(worst.value)} on frame {worst.frame}, with one splat for each of {worst.num_cells} voxels",
+            got=f"{want.of(worst.value)} on frame {worst.frame}, with {worst.num_cells} splats at tolerance 0",
             expected=str(want),
             hint="want less; what limits it is told in docs/accuracy.md",
         )

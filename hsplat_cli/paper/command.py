@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.progress import progress
@@ -154,6 +155,7 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     from renderer.raster_gl import GLRasterizer  # noqa: PLC0415
     from renderer.readers import read_volume  # noqa: PLC0415
 
+    tell_first_run(quiet=quiet)
     num_threads = os.cpu_count() or 1
     work = [RECIPES[job.number].work for job in jobs]
     figures: list[Figure] = []

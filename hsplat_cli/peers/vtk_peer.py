@@ -70,11 +70,11 @@ class Truth(Protocol):
 
 
 def vtk_settings() -> tuple[Setting, ...]:
-    """Both mappers from fine to coarse, at sample distances in units of the finest spacing, on ever fewer pixels."""
+    """Both mappers from fine to coarse: steps along the ray, in units of the finest spacing, on ever fewer pixels."""
     return tuple(
         Setting(
             f"vtk {mapper}",
-            f"sample distance {distance:g}" + (f", 1/{reduction**2} of the pixels" if reduction > 1 else ""),
+            f"step {distance:g}" + (f", 1/{reduction**2} px" if reduction > 1 else ""),
             {"tool": "vtk", "mapper": mapper, "sample_distance": distance, "image_reduction": reduction},
         )
         for mapper, reductions in _IMAGE_REDUCTIONS.items()

@@ -102,7 +102,7 @@ def test_settings_have_names_of_their_own() -> None:
     assert {setting.options["tool"] for setting in settings} == {"vtk"}
     assert settings[4] == Setting(
         "vtk gpu",
-        "sample distance 0.5, 1/4 of the pixels",
+        "step 0.5, 1/4 px",
         {"tool": "vtk", "mapper": "gpu", "sample_distance": 0.5, "image_reduction": 2},
     )
 
@@ -127,7 +127,7 @@ def test_coarse_settings_are_worse() -> None:
     volume = with_transparent_border(engine(), transfer())
     view = look(volume)
     right = truth(volume, transfer(), view)
-    labels = ("sample distance 0.5", "sample distance 4", "sample distance 0.5, 1/4 of the pixels")
+    labels = ("step 0.5", "step 4", "step 0.5, 1/4 px")
     settings = [setting for setting in vtk_settings() if setting.label in labels]
     found = measure_vtk(volume, transfer(), [view], [7], [right], BACKGROUND, settings=settings, repeats=3)
     measurements = {}
@@ -349,7 +349,7 @@ def test_a_worker_that_dies(tmp_path: Path, temporary: Path, monkeypatch: pytest
         next(with_stand_in(action, tmp_path, monkeypatch))
     lines = "".join(f"\n    line {i}" for i in range(12, 20))
     assert str(caught.value) == (
-        f"vtk gpu, sample distance 0.5: VTK failed to draw a frame\n  got: exit status -6{lines}\n"
+        f"vtk gpu, step 0.5: VTK failed to draw a frame\n  got: exit status -6{lines}\n"
         "  hint: measure without the peer"
     )
     require_ended(tmp_path)
@@ -360,7 +360,7 @@ def test_a_worker_that_hangs(tmp_path: Path, temporary: Path, monkeypatch: pytes
     with pytest.raises(RenderError) as caught:
         next(with_stand_in("", tmp_path, monkeypatch))
     assert str(caught.value) == (
-        "vtk gpu, sample distance 0.5: VTK failed to draw a frame\n  got: no answer for 1.5 s\n"
+        "vtk gpu, step 0.5: VTK failed to draw a frame\n  got: no answer for 1.5 s\n"
         "  hint: measure without the peer"
     )
     require_ended(tmp_path)

@@ -1,0 +1,55 @@
+"""What measured numbers depend on, and the memory that is counted with them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsplat_cli import machine
+
+MEGABYTE = 1 << 20
+
+
+def test_the_machine_is_described_in_plain_words() -> None:
+    facts = machine.describe_machine("a driver")
+    assert facts["driver"] == "a driver"
+    assert facts["processor"] and facts["system"] and facts["cores"] >= 1
+    assert {"python", "numpy", "moderngl", "flip-evaluator", "scikit-image", "vtk"} <= set(facts["versions"])
+    json.dumps(facts)
+
+
+def test_sources_without_a_repository_have_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "_ROOT", tmp_path)
+    assert machine.commit() == "unknown"
+
+
+def test_without_git_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / ".git").mkdir()
+    monkeypatch.setattr(machine, "_ROOT", tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert machine.commit() == "unknown"
+
+
+def test_the_peak_is_that_since_the_reset() -> None:
+    memory = machine.PeakMemory()
+    memory.reset()
+    before = memory.peak_bytes()
+    assert before is not None
+    large = np.ones(128 * MEGABYTE, np.uint8)
+    with_it = memory.peak_bytes()
+    assert with_it is not None and with_it - before > 120 * MEGABYTE
+    del large
+    assert memory.peak_bytes() == with_it
+    memory.reset()
+    after = memory.peak_bytes()
+    assert after is not None and after < with_it - 100 * MEGABYTE
+
+
+def test_where_the_system_does_not_tell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine.PeakMemory, "_RESET", tmp_path / "missing" / "file")
+    memory = machine.PeakMemory()
+    memory.reset()
+    assert memory.peak_bytes() is None

@@ -1,0 +1,183 @@
+"""One setting measured: which passes are timed, and what is made of them; and what a sweep is going to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from renderer.camera import View
+from renderer.cell_edges import CellEdges
+from renderer.integrator import Convergence
+from renderer.metrics import compare, pooled
+from renderer.pipeline import Stage, prepare
+from renderer.scene import (
+    CameraSpec,
+    ControlPoint,
+    ErrorSpec,
+    OutputSpec,
+    ProceduralSource,
+    Scene,
+    SplatSpec,
+    TransferSpec,
+    TurntablePath,
+    VolumeSpec,
+)
+from renderer.splats import SplatBatch
+from renderer.sweep import measure_setting, num_cells_at
+from renderer.sweep_plan import plan_sweep
+from renderer.truths import Truth, extreme_frames, spread_frames
+
+FRAMES = (0, 5)
+RMS = ErrorSpec(measure="rms")
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    points = ControlPoint(50.0, (0.0, 0.0, 0.0), 0.0), ControlPoint(255.0, (1.0, 1.0, 1.0), 0.6)
+    scene = Scene(
+        volume=VolumeSpec(ProceduralSource("engine_block", (24, 24, 12))),
+        transfer_function=TransferSpec(points, 1.0),
+        camera=CameraSpec(TurntablePath(8, elevation=20.0)),
+        output=OutputSpec(Path("unused.mp4"), size=(20, 16)),
+    )
+    return prepare(scene, clock=lambda: 0.0, num_threads=1)
+
+
+class Grey:
+    """Draws a grey that tells the frames apart, and remembers when."""
+
+    def __init__(self) -> None:
+        self.eyes: list[tuple[float, ...]] = []
+
+    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+        self.eyes.append(tuple(view.eye))
+        image = np.full((view.size[1], view.size[0], 4), 0.25, np.float32)
+        image[..., 3] = 1.0 if len(set(self.eyes)) == 1 else 0.5
+        return image
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
+        raise AssertionError("no overlay was asked for")
+
+
+class Memory:
+    """300 bytes from the reset on, then 100 more at every look."""
+
+    def __init__(self) -> None:
+        self._bytes = 0
+
+    def reset(self) -> None:
+        self._bytes = 200
+
+    def peak_bytes(self) -> int:
+        self._bytes += 100
+        return self._bytes
+
+
+def truths() -> list[Truth]:
+    on_volume = np.zeros((16, 20), bool)
+    on_volume[4:12, 5:15] = True
+    convergence = Convergence((0.5,), (0.0,), (320,))
+    return [Truth(frame, np.full((16, 20, 3), 0.25 + frame / 100), on_volume, convergence) for frame in FRAMES]
+
+
+def ticking(seconds: float) -> Callable[[], float]:
+    ticks = count()
+    return lambda: seconds * next(ticks)
+
+
+def test_the_first_pass_warms_up_and_gives_the_pictures(stage: Stage) -> None:
+    grey = Grey()
+    found = measure_setting(stage, truths(), grey, clock=ticking(1e-3), memory=Memory(), repeats=3)
+    assert len(grey.eyes) == 2 * (1 + 3)
+    expected = [compare(np.full((16, 20, 3), 0.25), truth.picture, truth.on_volume) for truth in truths()]
+    assert [sample.accuracy for sample in found.samples] == expected
+    assert found.overall == pooled(expected)
+    assert found.peak_bytes == 300
+    assert [sample.frame for sample in found.samples] == list(FRAMES)
+    for sample in found.samples:
+        assert {name: len(times) for name, times in sample.seconds.items()} == {"order": 3, "draw": 3, "quantize": 3}
+        assert sample.frame_seconds == pytest.approx([3e-3] * 3)
+    assert {name: len(times) for name, times in found.seconds.items()} == {"pyramid": 1, "cut": 3, "splats": 3}
+    assert found.frame_seconds == pytest.approx(3e-3)
+    assert found.num_cells == found.num_splats == num_cells_at(stage, 0.1)
+    assert (found.picture == 64).all() and (found.difference == 0).all()
+
+
+def test_what_takes_long_is_drawn_once(stage: Stage) -> None:
+    grey = Grey()
+    found = measure_setting(stage, truths(), grey, clock=ticking(1.0), memory=Memory(), repeats=3)
+    assert len(grey.eyes) == 2
+    assert [len(sample.frame_seconds) for sample in found.samples] == [1, 1]
+
+
+def test_repetitions_end_with_the_patience(stage: Stage) -> None:
+    """A pass takes 12 ticks of the clock, 2.4 seconds here: two passes are over the four that are waited for."""
+    grey = Grey()
+    measure_setting(stage, truths(), grey, clock=ticking(0.2), memory=Memory(), repeats=9)
+    assert 2 * (1 + 1) < len(grey.eyes) < 2 * (1 + 9)
+
+
+def test_a_plan_goes_through_all_combinations_from_coarse_to_fine(stage: Stage) -> None:
+    prepared: list[str] = []
+
+    def stage_of(scene: Scene) -> Stage:
+        prepared.append(scene.error.measure)
+        return prepare(scene, clock=lambda: 0.0, num_threads=1, volume=stage.volume)
+
+    splats = [SplatSpec(), SplatSpec(footprint="gouraud"), SplatSpec(opacity_correction=False)]
+    plan = plan_sweep(stage.scene, stage_of, [ErrorSpec(), RMS], splats, [0.1, 0.0, 0.5])
+    assert prepared == ["optical", "rms"]
+    assert [(p.scene.error.measure, p.scene.splat, p.tolerance) for p in plan] == [
+        (measure, splat, tolerance) for measure in prepared for splat in splats for tolerance in (0.5, 0.1, 0.0)
+    ]
+    assert all(p.num_cells == num_cells_at(stage, p.tolerance) for p in plan if p.scene.error.measure == "optical")
+    # At tolerance 0 the six series have two pictures: one for each footprint.
+    assert len({p.picture_key() for p in plan}) == 2 * 3 * 2 + 2
+    slow, quick = (next(p for p in plan if p.scene.splat == splat and p.tolerance == 0) for splat in splats[1::-1])
+    assert slow.seconds(3, 5) > quick.seconds(3, 5) > 0
+
+
+def test_correction_matters_where_no_voxels_are_drawn(stage: Stage) -> None:
+    error = replace(stage.scene.error, finest_level=1)
+    splats = [SplatSpec(), SplatSpec(opacity_correction=False)]
+    plan = plan_sweep(replace(stage.scene, error=error), lambda _: stage, [error], splats, [0.0])
+    assert len({p.picture_key() for p in plan}) == 2
+
+
+def test_the_scenes_own_tolerance_is_among_those_that_are_chosen(stage: Stage) -> None:
+    scene = replace(stage.scene, error=ErrorSpec(tolerance=((0, 0.123),)))
+    plan = plan_sweep(scene, lambda _: stage, [scene.error, RMS], [SplatSpec()], None)
+    own = [p.tolerance for p in plan if p.scene.error.measure == "optical"]
+    assert 0.123 in own and 0.0 in own and len(own) <= 11
+    assert 0.123 not in [p.tolerance for p in plan if p.scene.error.measure == "rms"]
+
+
+@pytest.mark.parametrize(
+    ("frames", "num", "found"),
+    [(range(120), 3, [0, 40, 80]), (range(2), 3, [0, 1]), (range(1), 3, [0]), ([7, 9, 11, 30], 2, [7, 11])],
+)
+def test_frames_spread_over_a_loop(frames: range | list[int], num: int, found: list[int]) -> None:
+    assert spread_frames(frames, num) == found
+
+
+class Growing:
+    """Covers a part of the picture that depends on where the eye is."""
+
+    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+        image = np.zeros((view.size[1], view.size[0], 4), np.float32)
+        image[: 1 + int(7 * (1 + view.forward[0])), :, 3] = 1.0
+        return image
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
+        raise AssertionError("no overlay was asked for")
+
+
+def test_the_smallest_and_the_largest_picture(stage: Stage) -> None:
+    """The eye of this turntable goes from -y over +x to +y, so that it looks along -x on frame 2 and along x on 6."""
+    assert extreme_frames(stage, range(8), 1.0, Growing(), clock=lambda: 0.0) == (2, 6)
