@@ -74,16 +74,16 @@ def main() -> None:
     parser.add_argument("--studies", type=Path)
     arguments = parser.parse_args()
     parts: list[str] = []
+    summary: list[tuple[str, ...]] = []
     with tempfile.TemporaryDirectory() as folder:
         for subject in SUBJECTS:
             studies = (arguments.studies or Path(folder)) / subject.name
             trade = study_of(subject, arguments.data, studies / "trade", TRADE)
             meshes = study_of(subject, arguments.data, studies / "meshes", meshes_at(series_of(trade)))
-            if not parts:
-                parts += heading(trade)
             plot(subject, series_of(trade))
+            summary.append(in_short(subject, series_of(trade), series_of(meshes)))
             parts += section(subject, trade, series_of(trade), series_of(meshes))
-    PAGE.write_text("\n".join(parts).rstrip() + "\n", "utf-8")
+    PAGE.write_text("\n".join([*heading(trade), *table(SUMMARY, summary), *parts]).rstrip() + "\n", "utf-8")
 
 
 def study_of(subject: Subject, data: Path, folder: Path, options: Sequence[str]) -> dict[str, Any]:
@@ -176,6 +176,40 @@ def section(subject: Subject, study: dict[str, Any], trade: Series, meshes: Seri
     ]
 
 
+SUMMARY = (
+    "",
+    "best PSNR",
+    "best of VTK",
+    "a tenfold of splats",
+    "splats for 1 dB below the best",
+    "correction gains",
+    "gouraud 8x3 against gaussian",
+)
+
+
+def in_short(subject: Subject, trade: Series, meshes: Series) -> tuple[str, ...]:
+    """A line of the table at the head of the page, of `optical` where nothing else is said."""
+    own = trade["gaussian, optical"]
+    psnrs, counts = [p.psnr for p in own], [p.splats for p in own]
+    enough = cost_at(psnrs, counts, max(psnrs) - 1)
+    mesh = {p.tolerance: p.psnr for p in meshes["gouraud 8x3, optical"]}
+    return (
+        subject.title.partition(",")[0],
+        db(max(psnrs)),
+        db(max(p.psnr for name, points in trade.items() if name.startswith("vtk") for p in points)),
+        f"{db_per_decade(counts, psnrs):.1f} dB",
+        f"{enough:.0f} of {counts[-1]:.0f}",
+        f"{statistics.fmean(gains(trade, 'optical')):+.1f} dB",
+        f"{statistics.fmean(mesh[p.tolerance] - p.psnr for p in meshes['gaussian, optical']):+.2f} dB",
+    )
+
+
+def gains(trade: Series, measure: str) -> list[float]:
+    """What the opacity correction gains in dB, at each tolerance above 0."""
+    without = {p.tolerance: p for p in trade[f"gaussian, {measure}, uncorrected"]}
+    return [p.psnr - without[p.tolerance].psnr for p in trade[f"gaussian, {measure}"] if p.tolerance > 0]
+
+
 def splats_buy(trade: Series) -> list[str]:
     """How many dB each tenfold of splats buys: the slope of a straight line, and where it flattens."""
     lines = []
@@ -211,9 +245,8 @@ def corrections_compared(trade: Series) -> list[str]:
     """PSNR without the opacity correction, at the same tolerances."""
     rows = []
     for measure in ("optical", "rms"):
-        without = {p.tolerance: p for p in trade[f"gaussian, {measure}, uncorrected"]}
-        gains = [p.psnr - without[p.tolerance].psnr for p in trade[f"gaussian, {measure}"] if p.tolerance > 0]
-        rows.append((f"`{measure}`", f"{statistics.fmean(gains):+.1f} dB", f"{min(gains):+.1f}", f"{max(gains):+.1f}"))
+        found = gains(trade, measure)
+        rows.append((f"`{measure}`", f"{statistics.fmean(found):+.1f} dB", f"{min(found):+.1f}", f"{max(found):+.1f}"))
     return [
         "**With and without opacity correction.** What the correction gains, over the tolerances above 0:",
         "",
@@ -280,6 +313,8 @@ def levels(*series: Sequence[Point]) -> Iterator[int]:
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """In Markdown, with an empty line behind."""
+    if not rows:
+        return ["There is no accuracy to compare at: the series have none in common.", ""]
     return [f"| {' | '.join(row)} |" for row in (header, ["---"] * len(header), *rows)] + [""]
 
 
