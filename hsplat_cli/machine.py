@@ -48,9 +48,13 @@ class PeakMemory:
     def __init__(self) -> None:
         self._is_known = False
 
+    def trim(self) -> None:
+        """Give freed memory back to the system, where the C library can: a large setting would count with the next."""
+        with contextlib.suppress(OSError, AttributeError, TypeError):  # no such library, no such function
+            ctypes.CDLL(None).malloc_trim(0)
+
     def reset(self) -> None:
-        """Start counting anew, without what was freed but is still held for later."""
-        _trim_heap()
+        """Start counting anew."""
         try:
             self._RESET.write_text("5")
             self._is_known = True
@@ -62,12 +66,6 @@ class PeakMemory:
         if not self._is_known:
             return None
         return int(self._STATUS.read_text().partition("VmHWM:")[2].split()[0]) * 1024
-
-
-def _trim_heap() -> None:
-    """Give freed memory back to the system, where the C library can: a large setting would be counted with the next."""
-    with contextlib.suppress(OSError, AttributeError):  # no such library, no such function
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _processor() -> str:

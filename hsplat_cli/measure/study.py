@@ -135,16 +135,17 @@ def _own(request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequ
     stage: Stage | None = None
     for planned in plan:
         scene, key = planned.scene, planned.picture_key()
+        if stage is None or _pyramid_key(stage.scene) != _pyramid_key(scene):
+            stage = None
+            stage = prepared(scene, volume)
+        stage = replace(stage, scene=scene)
         if key not in done:
-            if stage is None or _pyramid_key(stage.scene) != _pyramid_key(scene):
-                stage = None
-                stage = prepared(scene, volume)
-            stage = replace(stage, scene=scene)
             with GLRasterizer() as rasterizer:
                 done[key] = measure_setting(
                     stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
                 )
-        yield replace(done[key], setting=splat_setting(scene.error, scene.splat))
+        setting = splat_setting(scene.error, scene.splat)
+        yield replace(done[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
 
 
 def _pyramid_key(scene: Scene) -> Hashable:

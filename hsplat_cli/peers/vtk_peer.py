@@ -179,6 +179,7 @@ def measure_vtk(
             yield Measurement(
                 setting=setting,
                 num_cells=None,
+                pyramid_seconds=None,
                 seconds={},
                 samples=tuple(samples),
                 overall=pooled([sample.accuracy for sample in samples]),

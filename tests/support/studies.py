@@ -53,6 +53,7 @@ def measure(
     return Measurement(
         Setting(series, label, {"tool": tool, "precision": float(label.rsplit(maxsplit=1)[-1]), "corrected": True}),
         num_splats and 2 * num_splats,
+        0.25 if is_own else None,
         {"cut": (0.01, 0.011, 0.012)} if is_own else {},
         tuple(Sample(frame, num_splats, stages, result) for frame in frames),
         result,

@@ -42,7 +42,8 @@ def test_the_peak_is_that_since_the_reset() -> None:
     with_it = memory.peak_bytes()
     assert with_it is not None and with_it - before > 120 * MEGABYTE
     del large
-    assert memory.peak_bytes() == with_it
+    memory.trim()
+    assert memory.peak_bytes() == pytest.approx(with_it, abs=MEGABYTE)  # a peak stays
     memory.reset()
     after = memory.peak_bytes()
     assert after is not None and after < with_it - 100 * MEGABYTE
