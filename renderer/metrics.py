@@ -29,7 +29,7 @@ FLIP_PIXELS_PER_DEGREE = 0.7 * 3840 / 0.7 * math.pi / 180
 NOTICEABLE_DELTA_E = 2.3
 # Of Wang et al. 2004; the window is what scikit-image makes of it, 3.5 deviations to each side.
 _SSIM_SIGMA_PX = 1.5
-_SSIM_WINDOW_PX = 11
+SSIM_WINDOW_PX = 11
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ def _ssim_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: structural similarity, mean of the channels."""
     from skimage.metrics import structural_similarity  # noqa: PLC0415
 
-    if min(picture.shape[:2]) < _SSIM_WINDOW_PX:
+    if min(picture.shape[:2]) < SSIM_WINDOW_PX:
         return np.full(picture.shape[:2], np.nan)
     total = np.zeros(picture.shape[:2])
     # Channel by channel in one piece: the filters take twice as long along strided rows.

@@ -36,7 +36,7 @@ class Planned:
             return replace(splat, opacity_correction=True)
         return error, splat
 
-    def seconds(self, num_frames: int, repeats: int) -> float:
+    def predicted_seconds(self, num_frames: int, repeats: int) -> float:
         """About how long it takes to measure."""
         splat = self.scene.splat
         per_splat = _PER_SPLAT + (

@@ -28,10 +28,11 @@ _MAX_DECADES = 12
 def ladder(pyramid: Pyramid) -> Iterator[float]:
     """1, 2 and 5 times the powers of ten, downward from the first tolerance at which the whole is a single cell.
 
-    Ends after 12 decades; empty for a pyramid whose root has no error, where every tolerance draws one cell.
+    Ends after 12 decades. A pyramid whose root has no error is one cell at any tolerance, such as 1.
     """
     top = root_error(pyramid)
     if top == 0:
+        yield 1.0
         return
     exponent = math.floor(math.log10(top)) + 1
     rungs = (float(f"{digit}e{exponent - i}") for i in range(_MAX_DECADES) for digit in (5, 2, 1))
@@ -63,6 +64,8 @@ def spread_tolerances(pyramid: Pyramid, num_cells: NumCells, most: int) -> tuple
 
     num_cells: how many cells are drawn at a tolerance; not falling as the tolerance falls.
     """
+    if root_error(pyramid) == 0:
+        return 1.0, 0.0
     all_cells = num_cells(0.0)
     fewest = max(_FEWEST_CELLS, _FEWEST_PART * all_cells)
     found: list[float] = []

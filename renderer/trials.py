@@ -92,7 +92,10 @@ def coarsest_tolerance(
     while True:
         tolerance = coarsest_good(is_good, rungs)
         bad = None if tolerance is None else trials.first_bad(tolerance, checks)
-        if bad is None or not tolerance:
-            return tolerance if bad is None else None
+        if bad is None:
+            return tolerance
+        if tolerance == 0:
+            return None
+        assert tolerance is not None, "no frame was bad"
         worst_first.insert(0, bad)
         rungs = [tolerance, *(rung for rung in rungs if rung < tolerance)]

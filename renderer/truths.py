@@ -10,6 +10,7 @@ import numpy as np
 from renderer.integrator import Convergence, Progress, converged_image
 from renderer.metrics import Mask, Picture, over_background
 from renderer.pipeline import Clock, Rasterizer, Stage, render_frames, view_of
+from renderer.scene import KeyframePath, RockerPath, TurntablePath
 from renderer.schedule import at_tolerance
 from renderer.transfer import make_transfer
 
@@ -49,10 +50,16 @@ def find_truth(stage: Stage, frame: int, tolerance: float, *, on_progress: Progr
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
 
 
-def spread_frames(frames: Sequence[int], num: int) -> list[int]:
-    """At most `num` of the frames, evenly spread, as over a loop: the last is not the first again."""
+def is_loop(path: TurntablePath | RockerPath | KeyframePath) -> bool:
+    """Whether the last frame of a path leads back to the first."""
+    return not isinstance(path, KeyframePath) or path.loop
+
+
+def spread_frames(frames: Sequence[int], num: int, *, is_loop: bool) -> list[int]:
+    """At most `num` of the frames, evenly spread: over a loop, whose last frame is near the first, or to both ends."""
     num = min(num, len(frames))
-    return [frames[i * len(frames) // num] for i in range(num)]
+    span = len(frames) if is_loop or num == 1 else len(frames) - 1
+    return [frames[i * span // (num if is_loop or num == 1 else num - 1)] for i in range(num)]
 
 
 def extreme_frames(

@@ -23,6 +23,7 @@ from hsplat_cli.progress import progress
 from hsplat_cli.report.files import check_writable, write_study
 from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
+from renderer.errors import HsplatError
 from renderer.metrics import require_measuring_packages
 from renderer.pipeline import Stage, view_of
 from renderer.raster_gl import GLRasterizer
@@ -33,7 +34,7 @@ from renderer.study import Study
 from renderer.sweep import Measurement, measure_setting, splat_setting
 from renderer.sweep_plan import Planned, plan_sweep
 from renderer.transfer import make_transfer
-from renderer.truths import Truth, spread_frames
+from renderer.truths import Truth, is_loop, spread_frames
 from renderer.volume import Volume
 
 # Frames of the path that are measured when none are asked for.
@@ -61,7 +62,7 @@ class Request:
 
 
 def run_study(request: Request) -> None:
-    """Measure, write the report and print the table; what was measured before an interrupt is written too."""
+    """Measure, write the report and print the table; what was measured before an interrupt or error is written too."""
     scene = request.scene
     require_page_packages()
     require_measuring_packages()
@@ -72,20 +73,22 @@ def run_study(request: Request) -> None:
     with GLRasterizer() as rasterizer:  # tried before a voxel is read
         machine = describe_machine(rasterizer.renderer_name)
     volume = _volume(request)
-    frames = request.frames or spread_frames(range(scene.camera.path.frames), _NUM_FRAMES)
+    path = scene.camera.path
+    frames = request.frames or spread_frames(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
     truths, records = find_truths(prepared(scene, volume), frames, request.truth_tolerance, quiet=request.quiet)
     require_something(truths)
     measurements: list[Measurement] = []
-    interrupt: KeyboardInterrupt | None = None
+    end: KeyboardInterrupt | HsplatError | None = None
     try:
         for measurement in _measurements(request, volume, truths):
             measurements.append(measurement)
-    except KeyboardInterrupt as error:
-        interrupt = error
+    except (KeyboardInterrupt, HsplatError) as error:
+        end = error
     if measurements:
         notes = scene_notes(scene, has_transparent_border=request.peer is not None)
-        if interrupt:
-            notes.insert(0, f"interrupted: {len(measurements)} settings had been measured")
+        if end:
+            why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
+            notes.insert(0, f"{why}: {len(measurements)} settings had been measured")
         study = Study(
             name=request.name,
             scene=scene_to_dict(scene),
@@ -97,8 +100,8 @@ def run_study(request: Request) -> None:
             notes=(*notes, *monotony_notes(measurements)),
         )
         _write_and_print(study, request.folder)
-    if interrupt:
-        raise interrupt
+    if end:
+        raise end
 
 
 def _volume(request: Request) -> Volume:
@@ -115,7 +118,7 @@ def _measurements(request: Request, volume: Volume, truths: Sequence[Truth]) -> 
     plan = plan_sweep(
         request.scene, lambda scene: prepared(scene, volume), sweep.errors, sweep.splats, sweep.tolerances
     )
-    work = [planned.seconds(len(truths), request.repeats) for planned in plan]
+    work = [planned.predicted_seconds(len(truths), request.repeats) for planned in plan]
     if request.peer:
         work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
     with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:

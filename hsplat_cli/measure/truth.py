@@ -20,7 +20,7 @@ def find_truths(
     truths: list[Truth] = []
     records = []
     label = f"truth of frame{'s' * (len(frames) > 1)} {', '.join(map(str, frames))}"
-    with progress(100, label=label, quiet=quiet, unit="percent") as bar:
+    with progress([1.0] * 100, label=label, quiet=quiet, unit="percent") as bar:
         shown = 0
 
         def show(share: float) -> None:

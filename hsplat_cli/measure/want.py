@@ -11,8 +11,8 @@ from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.measure.options import Want
 from hsplat_cli.measure.stage import prepared
 from hsplat_cli.measure.truth import find_truths, require_something
-from renderer.errors import RenderError
-from renderer.metrics import require_measuring_packages
+from renderer.errors import InputError, RenderError
+from renderer.metrics import SSIM_WINDOW_PX, require_measuring_packages
 from renderer.pipeline import Stage
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
@@ -20,7 +20,7 @@ from renderer.scene import Scene
 from renderer.sweep import num_cells_at
 from renderer.tolerances import distinct_rungs
 from renderer.trials import Trial, Trials, coarsest_tolerance
-from renderer.truths import Truth, extreme_frames, spread_frames
+from renderer.truths import Truth, extreme_frames, is_loop, spread_frames
 
 # Frames that are probed, besides those with the smallest and the largest picture; as many lie between them as a check.
 _NUM_PROBES = 4
@@ -32,7 +32,7 @@ _COARSE_CELLS = 4000
 
 def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:
     """Search, and print the line. Raises RenderError where full resolution does not reach what is wanted."""
-    require_measuring_packages()
+    _require_measurable(scene, want)
     tell_first_run(quiet=quiet)
     with GLRasterizer() as rasterizer:
         stage = prepared(scene, read_volume(scene.volume))
@@ -67,12 +67,27 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
     )
 
 
+def _require_measurable(scene: Scene, want: Want) -> None:
+    if want.name in ("ssim", "flip"):
+        require_measuring_packages()
+    if want.name == "ssim" and min(scene.output.size) < SSIM_WINDOW_PX:
+        raise InputError(
+            "the picture is too small for SSIM",
+            where="output.size",
+            got=" x ".join(map(str, scene.output.size)),
+            expected=f"at least {SSIM_WINDOW_PX} pixels each way",
+            hint="want a psnr, rmse or flip",
+        )
+
+
 def _frames_to_try(
     stage: Stage, numbers: Sequence[int], rungs: Sequence[float], rasterizer: GLRasterizer
 ) -> tuple[list[int], list[int]]:
     """Probes: the largest picture first, for it is usually the worst; and checks, half-way between the spread ones."""
-    between = spread_frames(numbers, 2 * _NUM_PROBES)
-    looked_at = spread_frames(numbers, _MOST_LOOKED_AT)
+    path = stage.scene.camera.path
+    closed = is_loop(path) and len(numbers) == path.frames
+    between = spread_frames(numbers, 2 * _NUM_PROBES, is_loop=closed)
+    looked_at = spread_frames(numbers, _MOST_LOOKED_AT, is_loop=closed)
     coarse = next((rung for rung in rungs if num_cells_at(stage, rung) >= _COARSE_CELLS), 0.0)
     smallest, largest = extreme_frames(stage, looked_at, coarse, rasterizer, clock=time.perf_counter)
     probes = list(dict.fromkeys([largest, *between[::2], smallest]))

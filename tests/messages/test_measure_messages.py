@@ -115,6 +115,14 @@ def test_a_scene_that_draws_nothing(measure, want: tuple[str, ...]) -> None:  # 
     )
 
 
+def test_a_picture_too_small_for_ssim(measure) -> None:  # type: ignore[no-untyped-def]
+    assert measure("--want", "ssim=0.9", "--set", "output.size=[32, 10]") == (
+        2,
+        "output.size: the picture is too small for SSIM\n  got: 32 x 10\n  expected: at least 11 pixels each way\n"
+        "  hint: want a psnr, rmse or flip\n",
+    )
+
+
 def test_an_accuracy_beyond_full_resolution(measure) -> None:  # type: ignore[no-untyped-def]
     code, said = measure("--want", "psnr=150")
     assert code == 1

@@ -13,6 +13,7 @@ import yaml
 
 from hsplat_cli import main
 from hsplat_cli.measure import study
+from renderer.errors import RenderError
 from renderer.sweep import Measurement
 
 SCENE = """\
@@ -102,24 +103,38 @@ def test_the_json_says_what_was_measured_on_what() -> None:
     assert series == {"gouraud 6x2, rms of scalar", "gouraud 6x2, rms of scalar, uncorrected"}
 
 
-def test_an_interrupt_keeps_what_was_measured(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("end", "code", "note"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted: 2 settings had been measured"),
+        (RenderError("the device is gone"), 1, "ended by an error (the device is gone): 2 settings had been measured"),
+    ],
+)
+def test_what_was_measured_before_the_end_is_kept(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], end: BaseException, code: int, note: str
 ) -> None:
     num = 0
 
-    def interrupted(*arguments: Any, **options: Any) -> Measurement:
+    def ending(*arguments: Any, **options: Any) -> Measurement:
         nonlocal num
         num += 1
         if num == 3:
-            raise KeyboardInterrupt
+            raise end
         return measure_setting(*arguments, **options)
 
     measure_setting = study.measure_setting
-    monkeypatch.setattr(study, "measure_setting", interrupted)
+    monkeypatch.setattr(study, "measure_setting", ending)
     arguments = ["measure", "scene.yaml", "--quiet", *QUICK, "--tolerances", "1,0.5,0.2,0.1"]
-    assert main.run(arguments) == 130
+    assert main.run(arguments) == code
     assert len({row["tolerance"] for row in rows()}) == 2
-    assert "interrupted: 2 settings had been measured" in capsys.readouterr().out
+    assert note in capsys.readouterr().out
+
+
+def test_an_even_volume_needs_a_single_splat(capsys: pytest.CaptureFixture[str]) -> None:
+    measure("--want", "psnr=8", "--set", "volume.procedural.name=constant")
+    line, comment = capsys.readouterr().out.splitlines()
+    assert line == "error: {measure: optical, tolerance: 1}"
+    assert "; 1 cells; " in comment
 
 
 @pytest.mark.parametrize("want", ["psnr=27", "rmse=0.05", "ssim=0.9", "flip=0.11"])

@@ -144,7 +144,7 @@ def test_a_plan_goes_through_all_combinations_from_coarse_to_fine(stage: Stage) 
     # At tolerance 0 the six series have two pictures: one for each footprint.
     assert len({p.picture_key() for p in plan}) == 2 * 3 * 2 + 2
     slow, quick = (next(p for p in plan if p.scene.splat == splat and p.tolerance == 0) for splat in splats[1::-1])
-    assert slow.seconds(3, 5) > quick.seconds(3, 5) > 0
+    assert slow.predicted_seconds(3, 5) > quick.predicted_seconds(3, 5) > 0
 
 
 def test_correction_matters_where_no_voxels_are_drawn(stage: Stage) -> None:
@@ -163,11 +163,20 @@ def test_the_scenes_own_tolerance_is_among_those_that_are_chosen(stage: Stage) -
 
 
 @pytest.mark.parametrize(
-    ("frames", "num", "found"),
-    [(range(120), 3, [0, 40, 80]), (range(2), 3, [0, 1]), (range(1), 3, [0]), ([7, 9, 11, 30], 2, [7, 11])],
+    ("frames", "num", "is_loop", "found"),
+    [
+        (range(120), 3, True, [0, 40, 80]),
+        (range(121), 3, False, [0, 60, 120]),
+        (range(2), 3, True, [0, 1]),
+        (range(2), 3, False, [0, 1]),
+        (range(1), 3, False, [0]),
+        ([7, 9, 11, 30], 2, True, [7, 11]),
+        ([7, 9, 11, 30], 2, False, [7, 30]),
+        ([7, 9, 11, 30], 1, False, [7]),
+    ],
 )
-def test_frames_spread_over_a_loop(frames: range | list[int], num: int, found: list[int]) -> None:
-    assert spread_frames(frames, num) == found
+def test_frames_spread_over_a_path(frames: range | list[int], num: int, is_loop: bool, found: list[int]) -> None:
+    assert spread_frames(frames, num, is_loop=is_loop) == found
 
 
 class Growing:
