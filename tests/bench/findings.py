@@ -148,8 +148,8 @@ def heading(study: dict[str, Any]) -> list[str]:
         f"Commit {machine['commit']}, {study['date']}; {machine['processor']}, {machine['cores']} cores; "
         f"{machine['driver']}; {machine['system']}.",
         "",
-        "The outermost layer of voxels is transparent, for VTK's volumes end half a voxel earlier; it is as scanned where "
-        "the footprints are compared. VTK's frames have 8 bits, which alone limits them to about 59 dB.",
+        "The outermost layer of voxels is transparent, for VTK's volumes end half a voxel earlier; it is as scanned "
+        "where the footprints are compared. VTK's frames have 8 bits, which alone limits them to about 59 dB.",
         "",
         "In short, of Gaussian splats with the `optical` measure:",
         "",
