@@ -21,12 +21,22 @@ _NOT_BESIDE_WANT = ("output", "tolerances", "footprints", "measures", "correctio
 @click.argument("scene", type=click.Path(path_type=Path))
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
-@click.option("--output", type=click.Path(path_type=Path), metavar="FOLDER", help="Write the report there.")
+@click.option(
+    "--output", type=click.Path(path_type=Path), metavar="FOLDER", help="Write the report there, not to SCENE.measured."
+)
 @click.option("--frames", metavar="A:B:STEP", help="Measure on these frames; by default on three of the path.")
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
-@click.option("--footprints", default="gaussian,gouraud", show_default=True, metavar="LIST", help="Also gouraud:12x4.")
-@click.option("--measures", default="optical,rms", show_default=True, metavar="LIST", help="Also rms:scalar.")
-@click.option("--corrections", default="on,off", show_default=True, metavar="LIST", help="Opacity correction.")
+@click.option(
+    "--footprints",
+    default="gaussian,gouraud",
+    show_default=True,
+    metavar="LIST",
+    help="Of gaussian, gouraud and gouraud:AxR.",
+)
+@click.option(
+    "--measures", default="optical,rms", show_default=True, metavar="LIST", help="Of optical, rms and rms:scalar."
+)
+@click.option("--corrections", default="on,off", show_default=True, metavar="LIST", help="Of opacity: on, off.")
 @click.option("--repeats", type=click.IntRange(1, 100), default=3, show_default=True, help="Timed passes, at most.")
 @click.option("--truth-tolerance", type=float, default=1e-5, show_default=True, help="How well the truth converges.")
 @click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
