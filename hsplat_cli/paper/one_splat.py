@@ -129,7 +129,7 @@ def _require_depths(frames: Sequence[Frame], side: int, opacity: float) -> None:
     if largest >= OPAQUE:
         raise InputError(
             "figure 3 is of splats that can be seen through",
-            got=f"alpha {largest:.6f} for a cube of {side}^3 voxels of opacity {opacity:.3g}",
+            got=f"alpha {largest:.6g} for a cube of {side}^3 voxels of opacity {opacity:.3g}",
             expected=f"alpha below {OPAQUE:g} for cubes of up to {SIDES[-1]}^3 voxels",
             hint="lower the opacities of the transfer function",
         )

@@ -20,6 +20,8 @@ OPACITIES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 SHOWN_OPACITY = 0.05
 # Of alpha. A lattice of splats ripples by up to 1.1 % of the optical depth, which is 0.004 of alpha at most.
 AGREES = 0.005
+# Pixels of one voxel each would all sample the ripple at the same place of its period: no mean evens that out.
+LEAST_VOXEL_PX = 1.5
 # Of alpha: between level 0 and the coarsest one, this is visible at a glance.
 VISIBLE = 0.1
 
@@ -141,18 +143,17 @@ def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
     """Rows and columns of the middle, as wide as a cell of the last level: whole periods of the lattice of every level,
     out of reach of the border, since a footprint ends 1.4 cells from its centre.
 
-    Raises InputError where pixels are larger than voxels, which a mean over a few of them does not even out, or where
-    the middle does not fit in the picture.
+    Raises InputError where voxels are too small in the picture, or the middle does not fit in it.
     """
     view = view_of(stage, 0)
     voxel_px = view.scale_px * float(stage.volume.spacing.min())
     width, height = view.size
     half = round(depth * voxel_px / 2)
-    if voxel_px < 1 or half > min(width, height) // 2:
+    if voxel_px < LEAST_VOXEL_PX or half > min(width, height) // 2:
         raise InputError(
-            f"figure 2 is of the middle {depth} x {depth} voxels of a slab, in pixels that are no larger than voxels",
+            f"figure 2 is of the middle {depth} x {depth} voxels of a slab, in pixels that are smaller than voxels",
             got=f"voxels of {voxel_px:.3g} pixels in a picture of {width} x {height} pixels",
-            expected=f"voxels of 1 pixel or more, {depth} of them in the height and in the width of the picture",
+            expected=f"voxels of {LEAST_VOXEL_PX:g} pixels or more, {depth} of them in its height and in its width",
             hint="output.size sets how many pixels there are, camera.distance how many voxels they show",
         )
     row, column = height // 2, width // 2

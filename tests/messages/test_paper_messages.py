@@ -150,18 +150,18 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "2_opacity",
             "size: [128, 128]",
             "size: [8, 8]",
-            "figure 2 is of the middle 16 x 16 voxels of a slab, in pixels that are no larger than voxels\n"
+            "figure 2 is of the middle 16 x 16 voxels of a slab, in pixels that are smaller than voxels\n"
             "  got: voxels of 0.125 pixels in a picture of 8 x 8 pixels\n"
-            "  expected: voxels of 1 pixel or more, 16 of them in the height and in the width of the picture\n"
+            "  expected: voxels of 1.5 pixels or more, 16 of them in its height and in its width\n"
             "  hint: output.size sets how many pixels there are, camera.distance how many voxels they show\n",
         ),
         (
             "2_opacity",
             "size: [128, 128]",
             "size: [16, 128]",
-            "figure 2 is of the middle 16 x 16 voxels of a slab, in pixels that are no larger than voxels\n"
+            "figure 2 is of the middle 16 x 16 voxels of a slab, in pixels that are smaller than voxels\n"
             "  got: voxels of 2 pixels in a picture of 16 x 128 pixels\n"
-            "  expected: voxels of 1 pixel or more, 16 of them in the height and in the width of the picture\n"
+            "  expected: voxels of 1.5 pixels or more, 16 of them in its height and in its width\n"
             "  hint: output.size sets how many pixels there are, camera.distance how many voxels they show\n",
         ),
         (
@@ -169,7 +169,7 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "opacity: 0.1}",
             "opacity: 0.6}",
             "figure 3 is of splats that can be seen through\n"
-            "  got: alpha 0.999987 for a cube of 16^3 voxels of opacity 0.6\n"
+            "  got: alpha 1 for a cube of 16^3 voxels of opacity 0.6\n"
             "  expected: alpha below 0.9999 for cubes of up to 32^3 voxels\n"
             "  hint: lower the opacities of the transfer function\n",
         ),

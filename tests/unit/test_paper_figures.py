@@ -47,7 +47,8 @@ def verdicts(claims: tuple[Claim, ...]) -> list[bool]:
 
 
 def test_the_truth_of_a_shaded_scene_has_converged(studio: Studio) -> None:
-    """Where light is added, a step of a voxel leaves an error, which half the tolerance's hundredth must not see."""
+    """Asked for a hundred times as exactly, it is the same within the tolerance. Steps of a voxel would not do, as they
+    do without shading: the light factor is no polynomial."""
     changes = "shading={}", "output.size=[16, 16]"
     stage = studio.stage(scene("5_octrees.yaml", STAND_IN, *changes))
     finer = find_truth(stage, 0, TRUTH_TOLERANCE / 100).picture
@@ -118,10 +119,10 @@ def test_a_slab_that_forgets_the_correction_is_not_passed(slab: opacity.Slab) ->
     assert verdicts(opacity.judge(replace(slab, uncorrected=slab.corrected))) == [True, False]
 
 
-def test_a_slab_in_pixels_of_a_voxels_size(studio: Studio) -> None:
-    """The least that figure 2 takes."""
+def test_a_slab_of_the_smallest_voxels_that_are_taken(studio: Studio) -> None:
+    """48 pixels show 32 voxels."""
     shape = "volume.procedural.shape=[32, 8, 32]"
-    slab = opacity.measure(scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[32, 32]"), studio)
+    slab = opacity.measure(scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[48, 48]"), studio)
     assert verdicts(opacity.judge(slab)) == [True, True]
 
 
