@@ -21,8 +21,8 @@ from renderer.scene import ErrorSpec, SplatSpec
 from renderer.thumbnails import difference_thumbnail, thumbnail
 from renderer.truths import Truth
 
-# What is timed once a frame, and once a cut.
-_FRAME_STAGES = ("order", "draw", "quantize")
+# What is timed once a frame, and once a cut, which stays while the tolerance does.
+FRAME_STAGES = ("order", "draw", "quantize")
 _CUT_STAGES = ("cut", "splats")
 # A setting is not drawn again once it took this long: the median of fewer repetitions will do.
 _PATIENCE_S = 4.0
@@ -170,7 +170,7 @@ def measure_setting(
             Sample(
                 truth.frame,
                 first_pass[i].num_splats,
-                _repetitions([frames[i] for frames in passes], _FRAME_STAGES),
+                _repetitions([frames[i] for frames in passes], FRAME_STAGES),
                 accuracies[i],
             )
             for i, truth in enumerate(truths)

@@ -164,7 +164,8 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
         plot_style(),
         progress(work, label="paper", quiet=quiet, unit="figures") as bar,
     ):
-        volumes = {job.scene.volume: read_volume(job.scene.volume) for job in jobs}  # all that cannot be read, at once
+        # Before any figure is drawn, so that a volume that cannot be read costs no wait.
+        volumes = {job.scene.volume: read_volume(job.scene.volume) for job in jobs}
         studio = Studio(rasterizer, volumes, time.perf_counter, num_threads)
         for job in jobs:
             figures.append(job.make(studio))

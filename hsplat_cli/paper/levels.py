@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, counted, with_error, with_splat
+from hsplat_cli.paper.studio import Studio, counted, transfer_of, with_error, with_splat
 from renderer.errors import InputError
+from renderer.integrator import integrate
 from renderer.metrics import over_background
-from renderer.pipeline import Stage
+from renderer.pipeline import Stage, view_of
 from renderer.scene import Scene
 
 # Pixels whose ray goes through at least this share of the longest way through the volume are its inside.
@@ -19,6 +20,8 @@ INSIDE_SHARE = 0.5
 # Verdicts are on the levels with at least this many cells along the shortest side: fewer are mostly border, which
 # footprints blur over a cell's width whatever their opacity is.
 LEAST_CELLS = 4
+# Of voxels, so that verdicts are on two levels or more.
+LEAST_SIDE = 2 * LEAST_CELLS
 # Of alpha, in the mean over the inside.
 AGREES = 0.03
 # Without correction, the coarsest level judged is expected to be so many times as far from level 0 as with.
@@ -78,7 +81,18 @@ def measure(scene: Scene, studio: Studio) -> Levels:
     values = stage.volume.values
     if values.min() != values.max():
         raise InputError("figure 4 is of a volume of one material", hint="volume.procedural: {name: constant, ...}")
-    alpha = studio.truth(stage)[..., 3]
+    if min(stage.volume.shape_xyz) < LEAST_SIDE:
+        raise InputError(
+            "figure 4 compares levels, and this volume is too small for two of them",
+            got=" x ".join(map(str, stage.volume.shape_xyz)) + " voxels",
+            expected=f"{LEAST_SIDE} or more along every side",
+        )
+    alpha = integrate(stage.volume, transfer_of(stage), view_of(stage, 0), step_voxels=1.0)[..., 3]
+    if not alpha.any():
+        raise InputError(
+            "figure 4 is of something visible",
+            hint="raise the opacities of the transfer function, or point the camera at the volume",
+        )
     way = -np.log1p(-np.minimum(alpha, 1 - 1e-12))
     inside = way >= INSIDE_SHARE * way.max()
     corrected, row = _drawn(with_splat(stage, opacity_correction=True), inside, studio)

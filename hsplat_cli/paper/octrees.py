@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -51,7 +52,9 @@ class Octree:
 
     @property
     def times(self) -> float:
-        """How many times the cells there are where the data vary."""
+        """How many times the cells there are where the data vary; 1 where there are none in either."""
+        if not self.cells_where_steady:
+            return math.inf if self.cells_where_varied else 1.0
         return self.cells_where_varied / self.cells_where_steady
 
 
@@ -85,9 +88,17 @@ def make(scene: Scene, studio: Studio) -> Figure:
 
 def measure(scene: Scene, studio: Studio) -> Octrees:
     """Cut at all tolerances, draw with and without lines, and compare with the ray integral."""
+    base = scene.error.tolerance[0][1]
+    if base == 0:
+        raise InputError(
+            "figure 5 is of multiples of the scene's tolerance",
+            got="error.tolerance: 0",
+            expected="a number above 0",
+            hint="give the tolerance of the third of its four octrees, such as 1",
+        )
     stage = studio.stage(scene)
     background = scene.output.background
-    truth = over_background(studio.truth(stage), background)
+    truth = studio.truth(stage)
     variation = _variation_of_blocks(stage)
     visible = np.flatnonzero(variation >= 0)
     if not visible.size:
@@ -96,7 +107,7 @@ def measure(scene: Scene, studio: Studio) -> Octrees:
     quarter = max(1, len(by_variation) // 4)
     octrees, plain, overlaid = [], [], []
     for factor in FACTORS:
-        tolerance = factor * scene.error.tolerance[0][1]
+        tolerance = factor * base
         drawn = with_error(stage, tolerance=((0, tolerance),))
         without = studio.draw(replace(drawn, scene=replace(drawn.scene, overlay="none")))
         with_lines = studio.draw(replace(drawn, scene=replace(drawn.scene, overlay="octree")))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, counted, transfer_of, with_error, with_splat
+from hsplat_cli.paper.studio import OPAQUE, Studio, counted, transfer_of, with_error, with_splat
 from renderer.errors import InputError
 from renderer.pipeline import Frame
 from renderer.scene import ProceduralSource, Scene
@@ -77,6 +78,7 @@ def measure(scene: Scene, studio: Studio) -> Splats:
             raise InputError("figure 3 is of one splat", got=counted(splat.num_splats, "splat"))
         without = studio.draw(with_splat(one, opacity_correction=False))
         voxels = studio.draw(with_error(one, finest_level=0, tolerance=((0, 0.0),)))
+        _require_depths((splat, without, voxels), side, opacity)
         corrected.append(_middle(splat))
         uncorrected.append(_middle(without))
         totals.append(_total_depth(splat) / _total_depth(voxels))
@@ -113,6 +115,24 @@ def judge(splats: Splats) -> tuple[Claim, ...]:
             all(abs(total - 1) < AGREES_IN_TOTAL for total in splats.totals),
         ),
     )
+
+
+def _require_depths(frames: Sequence[Frame], side: int, opacity: float) -> None:
+    """Raises InputError where optical depths cannot be told from the alphas."""
+    if any(_middle(frame) == 0 for frame in frames):
+        raise InputError(
+            "figure 3 is of a splat in the middle of the picture",
+            got="alpha 0 in the middle",
+            hint="camera.target: visible",
+        )
+    largest = max(float(frame.radiance[..., 3].max()) for frame in frames)
+    if largest >= OPAQUE:
+        raise InputError(
+            "figure 3 is of splats that can be seen through",
+            got=f"alpha {largest:.6g} for a cube of {side}^3 voxels of opacity {opacity:.3g}",
+            expected=f"alpha below {OPAQUE:g} for cubes of up to {SIDES[-1]}^3 voxels",
+            hint="lower the opacities of the transfer function",
+        )
 
 
 def _middle(frame: Frame) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, with_error, with_splat
+from hsplat_cli.paper.studio import OPAQUE, Studio, with_error, with_splat
 from renderer.errors import InputError
 from renderer.pipeline import Stage, view_of
 from renderer.scene import ProceduralSource, Scene
@@ -20,8 +20,8 @@ OPACITIES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 SHOWN_OPACITY = 0.05
 # Of alpha. A lattice of splats ripples by up to 1.1 % of the optical depth, which is 0.004 of alpha at most.
 AGREES = 0.005
-# More than this is too near to 1, in float32 and with ripple, for the opacity of a part to be found from it.
-OPAQUE = 0.9999
+# Pixels of one voxel each would all sample the ripple at the same place of its period: no mean evens that out.
+LEAST_VOXEL_PX = 1.5
 # Of alpha: between level 0 and the coarsest one, this is visible at a glance.
 VISIBLE = 0.1
 
@@ -93,11 +93,12 @@ def measure(scene: Scene, studio: Studio) -> Slab:
     for i, opacity in enumerate(OPACITIES):
         mapping = tuple(replace(point, opacity=opacity) for point in points)
         stage = studio.stage(replace(scene, transfer_function=replace(scene.transfer_function, mapping=mapping)))
+        middle = _middle(stage, depth)
         for k, is_corrected in enumerate((True, False)):
             for level in levels:
                 drawn = with_splat(with_error(stage, finest_level=level), opacity_correction=is_corrected)
                 frame = studio.draw(drawn)
-                alphas[k, i, level] = _middle(drawn, frame.radiance[..., 3], depth)
+                alphas[k, i, level] = frame.radiance[..., 3][middle].mean(dtype=np.float64)
                 if opacity == SHOWN_OPACITY:
                     caption = f"level {level}: alpha {alphas[k, i, level]:.3f}"
                     pictures[k].append(Picture(frame.image, caption))
@@ -138,12 +139,25 @@ def _is_slab(shape: tuple[int, int, int]) -> bool:
     return y & (y - 1) == 0 and min(x, z) >= 4 * y
 
 
-def _middle(stage: Stage, alpha: npt.NDArray[np.float32], depth: int) -> float:
-    """Mean over the middle, as wide as a cell of the last level: whole periods of the lattice of every level, out of
-    reach of the border, since a footprint ends 1.4 cells from its centre."""
-    half = round(depth * view_of(stage, 0).scale_px * float(stage.volume.spacing.min()) / 2)
-    row, column = alpha.shape[0] // 2, alpha.shape[1] // 2
-    return float(alpha[row - half : row + half, column - half : column + half].mean(dtype=np.float64))
+def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
+    """Rows and columns of the middle, as wide as a cell of the last level: whole periods of the lattice of every level,
+    out of reach of the border, since a footprint ends 1.4 cells from its centre.
+
+    Raises InputError where voxels are too small in the picture, or the middle does not fit in it.
+    """
+    view = view_of(stage, 0)
+    voxel_px = view.scale_px * float(stage.volume.spacing.min())
+    width, height = view.size
+    half = round(depth * voxel_px / 2)
+    if voxel_px < LEAST_VOXEL_PX or half > min(width, height) // 2:
+        raise InputError(
+            f"figure 2 is of the middle {depth} x {depth} voxels of a slab, in pixels that are smaller than voxels",
+            got=f"voxels of {voxel_px:.3g} pixels in a picture of {width} x {height} pixels",
+            expected=f"voxels of {LEAST_VOXEL_PX:g} pixels or more, {depth} of them in its height and in its width",
+            hint="output.size sets how many pixels there are, camera.distance how many voxels they show",
+        )
+    row, column = height // 2, width // 2
+    return slice(row - half, row + half), slice(column - half, column + half)
 
 
 def _table(slab: Slab, caption: str, alphas: Float64, *, corrected: bool) -> Table:

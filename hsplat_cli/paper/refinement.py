@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-from hsplat_cli.paper.figure import Claim, Figure, Picture, Pixels, Row, Table
+from hsplat_cli.paper.figure import Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, with_error
 from renderer.metrics import over_background, single
 from renderer.pipeline import Stage
 from renderer.scene import Scene
-from renderer.thumbnails import DIFFERENCE_GAIN
+from renderer.thumbnails import DIFFERENCE_GAIN, difference_picture
 
 FIVE_TIMES_A_SECOND, FIVE_SECONDS = 0.2, 5.0
 # What is looked for is a little faster than needed, because no two frames take the same time.
@@ -84,7 +81,7 @@ def measure(scene: Scene, studio: Studio) -> Refinement:
     """Find the tolerances by timing, draw, and compare with the ray integral."""
     stage = studio.stage(scene)
     background = scene.output.background
-    truth = over_background(studio.truth(stage), background)
+    truth = studio.truth(stage)
     full_seconds = _seconds_at(stage, 0.0, studio, QUICK_REPETITIONS)
     drawings, seen, pictures, differences = [], [], [], []
     for name, budget in (
@@ -109,7 +106,7 @@ def measure(scene: Scene, studio: Studio) -> Refinement:
         )
         drawings.append(drawing)
         pictures.append(Picture(frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
-        differences.append(Picture(_amplified(np.abs(seen[-1] - truth)), name))
+        differences.append(Picture(difference_picture(seen[-1], truth), name))
     rows = (
         Row("The pictures", tuple(pictures)),
         Row(f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}", tuple(differences)),
@@ -165,11 +162,6 @@ def _finest_within(stage: Stage, budget: float, studio: Studio) -> tuple[float, 
 
 def _seconds_at(stage: Stage, tolerance: float, studio: Studio, repetitions: int) -> float:
     return studio.frame_seconds(with_error(stage, tolerance=((0, tolerance),)), repetitions=repetitions)
-
-
-def _amplified(difference: npt.NDArray[np.float64]) -> Pixels:
-    """Times DIFFERENCE_GAIN, as a picture."""
-    return np.asarray(np.minimum(DIFFERENCE_GAIN * difference, 1) * 255 + 0.5, np.uint8)
 
 
 def _table(numbers: Refinement) -> Table:

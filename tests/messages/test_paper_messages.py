@@ -146,6 +146,65 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "{name: marschner_lobb, shape: [8, 8, 8]}",
             "figure 4 is of a volume of one material\n  hint: volume.procedural: {name: constant, ...}\n",
         ),
+        (
+            "2_opacity",
+            "size: [128, 128]",
+            "size: [8, 8]",
+            "figure 2 is of the middle 16 x 16 voxels of a slab, in pixels that are smaller than voxels\n"
+            "  got: voxels of 0.125 pixels in a picture of 8 x 8 pixels\n"
+            "  expected: voxels of 1.5 pixels or more, 16 of them in its height and in its width\n"
+            "  hint: output.size sets how many pixels there are, camera.distance how many voxels they show\n",
+        ),
+        (
+            "2_opacity",
+            "size: [128, 128]",
+            "size: [16, 128]",
+            "figure 2 is of the middle 16 x 16 voxels of a slab, in pixels that are smaller than voxels\n"
+            "  got: voxels of 2 pixels in a picture of 16 x 128 pixels\n"
+            "  expected: voxels of 1.5 pixels or more, 16 of them in its height and in its width\n"
+            "  hint: output.size sets how many pixels there are, camera.distance how many voxels they show\n",
+        ),
+        (
+            "3_one_splat",
+            "opacity: 0.1}",
+            "opacity: 0.6}",
+            "figure 3 is of splats that can be seen through\n"
+            "  got: alpha 1 for a cube of 16^3 voxels of opacity 0.6\n"
+            "  expected: alpha below 0.9999 for cubes of up to 32^3 voxels\n"
+            "  hint: lower the opacities of the transfer function\n",
+        ),
+        (
+            "3_one_splat",
+            "target: visible",
+            "target: [1.5, 0, 0]",
+            "figure 3 is of a splat in the middle of the picture\n"
+            "  got: alpha 0 in the middle\n"
+            "  hint: camera.target: visible\n",
+        ),
+        (
+            "4_levels",
+            "shape: [64, 64, 64]",
+            "shape: [3, 3, 3]",
+            "figure 4 compares levels, and this volume is too small for two of them\n"
+            "  got: 3 x 3 x 3 voxels\n"
+            "  expected: 8 or more along every side\n",
+        ),
+        (
+            "4_levels",
+            'value: 0, color: "#a0d0ff", opacity: 0.02}',
+            "value: 201, color: white, opacity: 0}\n    - {value: 202, color: white, opacity: 1}",
+            "figure 4 is of something visible\n"
+            "  hint: raise the opacities of the transfer function, or point the camera at the volume\n",
+        ),
+        (
+            "5_octrees",
+            "tolerance: 1 ",
+            "tolerance: 0 ",
+            "figure 5 is of multiples of the scene's tolerance\n"
+            "  got: error.tolerance: 0\n"
+            "  expected: a number above 0\n"
+            "  hint: give the tolerance of the third of its four octrees, such as 1\n",
+        ),
     ],
 )
 def test_a_scene_of_something_else(fails: Fails, name: str, old: str, new: str, message: str) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from hsplat_cli.paper import footprints, levels, octrees, one_splat, opacity, refinement
 from hsplat_cli.paper.figure import Claim
-from hsplat_cli.paper.studio import Studio
+from hsplat_cli.paper.studio import TRUTH_TOLERANCE, Studio
 from hsplat_cli.scene_file import load_scene
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
@@ -23,8 +23,10 @@ from renderer.pipeline import Rasterizer
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import Scene
 from renderer.splats import SplatBatch
+from renderer.truths import find_truth
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
+STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
 
 
 def scene(name: str, *overrides: str) -> Scene:
@@ -42,6 +44,15 @@ def studio(rasterizer: GLRasterizer) -> Studio:
 
 def verdicts(claims: tuple[Claim, ...]) -> list[bool]:
     return [claim.seen for claim in claims]
+
+
+def test_the_truth_of_a_shaded_scene_has_converged(studio: Studio) -> None:
+    """Asked for a hundred times as exactly, it is the same within the tolerance. Steps of a voxel would not do, as they
+    do without shading: the light factor is no polynomial."""
+    changes = "shading={}", "output.size=[16, 16]"
+    stage = studio.stage(scene("5_octrees.yaml", STAND_IN, *changes))
+    finer = find_truth(stage, 0, TRUTH_TOLERANCE / 100).picture
+    assert np.abs(studio.truth(stage) - finer).max() < TRUTH_TOLERANCE
 
 
 # 1: footprints
@@ -108,6 +119,13 @@ def test_a_slab_that_forgets_the_correction_is_not_passed(slab: opacity.Slab) ->
     assert verdicts(opacity.judge(replace(slab, uncorrected=slab.corrected))) == [True, False]
 
 
+def test_a_slab_of_the_smallest_voxels_that_are_taken(studio: Studio) -> None:
+    """48 pixels show 32 voxels."""
+    shape = "volume.procedural.shape=[32, 8, 32]"
+    slab = opacity.measure(scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[48, 48]"), studio)
+    assert verdicts(opacity.judge(slab)) == [True, True]
+
+
 # 3: one splat
 
 
@@ -158,9 +176,6 @@ def test_levels_that_fade_with_correction_are_not_passed(block: levels.Levels) -
 # 5: octrees
 
 
-STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
-
-
 @pytest.fixture(scope="module")
 def trees(studio: Studio) -> octrees.Octrees:
     return octrees.measure(scene("5_octrees.yaml", STAND_IN, "output.size=[64, 64]"), studio)
@@ -192,6 +207,13 @@ def test_octrees_that_refine_elsewhere_are_not_passed() -> None:
     assert verdicts(octrees.judge(octrees.Octrees(tuple(good[::-1]), ()))) == [False, True]
     small = [replace(octree, cells_by_level=(k, 1)) for k, octree in enumerate(good)]
     assert verdicts(octrees.judge(octrees.Octrees(tuple(small), ()))) == [True, False]
+
+
+def test_blocks_without_cells_are_no_division_by_zero() -> None:
+    def times(steady: float, varied: float) -> float:
+        return octrees.Octree(1.0, (100,), 20.0, steady, varied).times
+
+    assert (times(2.0, 5.0), times(0.0, 5.0), times(0.0, 0.0)) == (2.5, math.inf, 1.0)
 
 
 # 6: what can be drawn in a time

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.thumbnails import DIFFERENCE_GAIN, THUMBNAIL_PX, difference_thumbnail, thumbnail
+from renderer.thumbnails import DIFFERENCE_GAIN, THUMBNAIL_PX, difference_picture, difference_thumbnail, thumbnail
 
 
 @pytest.mark.parametrize(
@@ -27,4 +27,10 @@ def test_blocks_are_means() -> None:
 def test_differences_are_amplified_and_have_no_sign() -> None:
     truth = np.full((4, 4, 3), 0.5)
     picture = truth + np.array([0.05, -0.05, 0.4])
-    assert np.all(difference_thumbnail(picture, truth) == [round(0.05 * DIFFERENCE_GAIN * 255)] * 2 + [255])
+    amplified = [round(0.05 * DIFFERENCE_GAIN * 255)] * 2 + [255]
+    assert np.all(difference_thumbnail(picture, truth) == amplified)
+    assert np.all(difference_picture(picture, truth) == amplified)
+
+
+def test_a_picture_of_differences_keeps_its_size() -> None:
+    assert difference_picture(np.zeros((3, 300, 3)), np.ones((3, 300, 3))).shape == (3, 300, 3)
