@@ -54,7 +54,7 @@ _ERRORS = "errors.txt"
 
 # VTK's near plane must be in front of the eye; this part of the far plane's depth keeps float32 depths apart.
 _NEAREST_PART = 1e-4
-# A worker that has not finished a frame for so long is taken for dead.
+# A worker that has not finished a frame, or told what VTK it has, for so long is taken for dead.
 _LONGEST_SILENCE_S = 600.0
 _LONGEST_START_S = 120.0
 _LONGEST_END_S = 10.0
