@@ -35,7 +35,8 @@ class Study:
     measurements: in the order in which they were planned; those of a peer last.
 
     scene: with all defaults, as `scene_to_dict` gives it. volume: name, fingerprint, dtype, shape.
-    machine: processor, cores, system, driver, commit, versions: what the numbers depend on.
+    machine: processor, cores, system, driver, commit, versions: what the numbers depend on; and, where there is a peer,
+        `peer`: its name, version and driver.
     notes: what a reader must know: where an error is not monotonic, what was left out, whether it was interrupted.
     """
 

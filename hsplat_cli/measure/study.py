@@ -18,7 +18,13 @@ from hsplat_cli.measure.notes import monotony_notes, scene_notes
 from hsplat_cli.measure.options import Sweep
 from hsplat_cli.measure.stage import prepared
 from hsplat_cli.measure.truth import find_truths, require_something
-from hsplat_cli.peers.vtk_peer import check_vtk, measure_vtk, vtk_settings, with_transparent_border
+from hsplat_cli.peers.vtk_peer import (
+    check_vtk,
+    describe_vtk,
+    measure_vtk,
+    vtk_settings,
+    with_transparent_border,
+)
 from hsplat_cli.progress import progress
 from hsplat_cli.report.files import check_writable, write_study
 from hsplat_cli.report.html import require_page_packages
@@ -72,6 +78,8 @@ def run_study(request: Request) -> None:
     tell_first_run(quiet=request.quiet)
     with GLRasterizer() as rasterizer:  # tried before a voxel is read
         machine = describe_machine(rasterizer.renderer_name)
+    if request.peer:
+        machine["peer"] = {"name": request.peer, **describe_vtk()}
     volume = _volume(request)
     path = scene.camera.path
     frames = request.frames or spread_frames(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
@@ -164,7 +172,6 @@ def _peer(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator
         volume,
         make_transfer(request.scene.transfer_function, float(volume.spacing.min())),
         [view_of(stage, truth.frame) for truth in truths],
-        [truth.frame for truth in truths],
         truths,
         request.scene.output.background,
         settings=vtk_settings(),

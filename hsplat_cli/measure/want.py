@@ -63,7 +63,7 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
     click.echo(_line(scene, tolerance))
     click.echo(
         f"# {want.of(worst.value)} or better on the frames {', '.join(map(str, sorted(tried)))}; "
-        f"{worst.num_cells} cells; frame {worst.frame} is the worst"
+        f"{_cells(worst)}; frame {worst.frame} is the worst"
     )
 
 
@@ -111,9 +111,13 @@ def _teller(want: Want, *, quiet: bool) -> Callable[[Trial], None]:
     def tell(trial: Trial) -> None:
         if not quiet:
             what = f"tolerance {trial.tolerance:g}: {want.of(trial.value)} on frame {trial.frame}"
-            click.echo(f"{what}, {trial.num_cells} cells", err=True)
+            click.echo(f"{what}, {_cells(trial)}", err=True)
 
     return tell
+
+
+def _cells(trial: Trial) -> str:
+    return "1 cell" if trial.num_cells == 1 else f"{trial.num_cells} cells"
 
 
 def _line(scene: Scene, tolerance: float) -> str:

@@ -9,7 +9,6 @@ fixed-point mapper, and frames of 8 bits, which alone are 59 dB on the pixels th
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 import re
@@ -20,18 +19,20 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.camera import View
-from renderer.errors import InputError, RenderError
-from renderer.metrics import Mask, Picture, compare, pooled
+from renderer.errors import InputError, RenderError, require_package
+from renderer.metrics import Accuracy, Picture, compare, pooled
 from renderer.scene import Color, Scene
+from renderer.staging import explained
 from renderer.sweep import Measurement, Sample, Setting
 from renderer.thumbnails import difference_thumbnail, thumbnail
 from renderer.transfer import TransferFunction
+from renderer.truths import Truth
 from renderer.volume import Array, Float64, Volume, make_volume
 
 # Sample distances, in units of the finest spacing, and the part of the pixels that are drawn, 1 of n x n.
@@ -53,20 +54,12 @@ _ERRORS = "errors.txt"
 
 # VTK's near plane must be in front of the eye; this part of the far plane's depth keeps float32 depths apart.
 _NEAREST_PART = 1e-4
-# A worker that has not finished a frame for so long is taken for dead.
+# A worker that has not finished a frame, or told what VTK it has, for so long is taken for dead.
 _LONGEST_SILENCE_S = 600.0
+_LONGEST_START_S = 120.0
 _LONGEST_END_S = 10.0
 _NUM_LAST_LINES = 8
 _TERMINAL_COLOR = re.compile(r"\x1b\[[0-9;]*m")
-
-
-class Truth(Protocol):
-    """What a frame is compared with: the picture, float64 [h, w, 3], and bool [h, w], where the volume is seen."""
-
-    @property
-    def picture(self) -> Picture: ...
-    @property
-    def on_volume(self) -> Mask: ...
 
 
 def vtk_settings() -> tuple[Setting, ...]:
@@ -85,14 +78,32 @@ def vtk_settings() -> tuple[Setting, ...]:
 
 def check_vtk(scene: Scene) -> None:
     """Raise InputError where VTK is not installed, or would draw another thing than the scene asks for."""
-    if importlib.util.find_spec("vtkmodules") is None:
-        raise InputError("VTK is not installed", where="--peer vtk", hint="pip install 'hsplat[vtk]'")
+    require_package("vtk", extra="vtk")
     if scene.shading is not None:
         raise InputError(
             "VTK cannot be compared on a scene with shading: its light is another model",
             where="shading",
             hint="measure without the peer, or without shading",
         )
+
+
+def describe_vtk() -> dict[str, str]:
+    """VTK's `version`, and the `driver` that it draws with. Raises RenderError where it has none, dies or hangs."""
+    try:
+        done = subprocess.run(
+            [sys.executable, str(_SCRIPT)],
+            check=True,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=_LONGEST_START_S,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise _failed("VTK does not start", "--peer vtk", f"no answer for {error.timeout:g} s", "") from error
+    except subprocess.CalledProcessError as error:
+        raise _failed("VTK does not start", "--peer vtk", f"exit status {error.returncode}", error.stderr) from error
+    return dict(json.loads(done.stdout))
 
 
 def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volume:
@@ -150,7 +161,6 @@ def measure_vtk(
     volume: Volume,
     transfer: TransferFunction,
     views: Sequence[View],
-    frames: Sequence[int],
     truths: Sequence[Truth],
     background: Color | None,
     *,
@@ -160,29 +170,35 @@ def measure_vtk(
     """Each of the settings, as soon as it is measured.
 
     volume: has a transparent border, and the truths were made from it. background: None is black.
-    views, frames, truths: one for each frame.
+    views, truths: one for each frame.
     settings: of `vtk_settings()`.
-    repeats: times that each frame is drawn and read back, after a first one that is not counted.
+    repeats: passes over the frames that are timed, drawing and reading back, after a first one that warms up and gives
+        the pictures: the order in which hsplat's own are measured.
 
     Raises RenderError when VTK fails, dies or hangs. Closing the iterator ends its process.
     """
-    with _folder(volume, transfer, views, background, repeats) as folder, _worker(folder) as worker:
+    with _folder(volume, transfer, views, background) as folder, _worker(folder) as worker:
         for setting in settings:
-            samples: list[Sample] = []
+            options = dict(setting.options)
+            accuracies: list[Accuracy] = []
             small: list[npt.NDArray[np.uint8]] = []
-            for k, (frame, truth) in enumerate(zip(frames, truths, strict=True)):
-                picture, seconds = worker.draw(dict(setting.options), k)
-                accuracy = compare(picture, truth.picture, truth.on_volume)
-                samples.append(Sample(frame, None, {"draw": seconds}, accuracy))
-                if not small:
-                    small = [thumbnail(picture), difference_thumbnail(picture, truth.picture)]
+            for k, truth in enumerate(truths):
+                worker.draw(options, k)
+                picture = worker.picture()
+                accuracies.append(compare(picture, truth.picture, truth.on_volume))
+                small = small or [thumbnail(picture), difference_thumbnail(picture, truth.picture)]
+            passes = [[worker.draw(options, k) for k in range(len(truths))] for _ in range(repeats)]
+            times = zip(*passes, strict=True)
             yield Measurement(
                 setting=setting,
                 num_cells=None,
                 pyramid_seconds=None,
                 seconds={},
-                samples=tuple(samples),
-                overall=pooled([sample.accuracy for sample in samples]),
+                samples=tuple(
+                    Sample(truth.frame, None, {"draw": seconds}, accuracy)
+                    for truth, seconds, accuracy in zip(truths, times, accuracies, strict=True)
+                ),
+                overall=pooled(accuracies),
                 peak_bytes=None,
                 picture=small[0],
                 difference=small[1],
@@ -191,7 +207,7 @@ def measure_vtk(
 
 @contextmanager
 def _folder(
-    volume: Volume, transfer: TransferFunction, views: Sequence[View], background: Color | None, repeats: int
+    volume: Volume, transfer: TransferFunction, views: Sequence[View], background: Color | None
 ) -> Iterator[Path]:
     """What the worker reads, in a folder that is gone after the block."""
     finest = float(volume.spacing.min())
@@ -203,12 +219,12 @@ def _folder(
         "points": points.tolist(),
         "background": background or (0.0, 0.0, 0.0),
         "cameras": [_camera(volume, view) for view in views],
-        "repeats": repeats,
     }
     with tempfile.TemporaryDirectory(prefix="hsplat-vtk-") as name:
         folder = Path(name)
-        (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
-        np.save(folder / "voxels.npy", voxels, allow_pickle=False)
+        with explained(folder):
+            (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
+            np.save(folder / "voxels.npy", voxels, allow_pickle=False)
         del voxels
         yield folder
 
@@ -301,8 +317,8 @@ class _Worker:
     def __init__(self, process: subprocess.Popen[str], folder: Path) -> None:
         self._process, self._folder = process, folder
 
-    def draw(self, setting: dict[str, Any], camera: int) -> tuple[Picture, tuple[float, ...]]:
-        """The picture, and the seconds of each repetition."""
+    def draw(self, setting: dict[str, Any], camera: int) -> float:
+        """Draw a frame, once, and return the seconds that it took."""
         assert self._process.stdin is not None and self._process.stdout is not None
         hung = threading.Event()
 
@@ -322,18 +338,22 @@ class _Worker:
             silence.cancel()
         if not answer.endswith("\n"):
             raise self._failure(setting, hung=hung.is_set())
-        picture = np.load(self._folder / "picture.npy", allow_pickle=False) / 255.0
-        return picture, tuple(json.loads(answer)["seconds"])
+        return float(json.loads(answer)["seconds"])
+
+    def picture(self) -> Picture:
+        """That which was drawn last."""
+        return np.asarray(np.load(self._folder / "picture.npy", allow_pickle=False) / 255.0)
 
     def _failure(self, setting: dict[str, Any], *, hung: bool) -> RenderError:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_LONGEST_END_S)  # its answers have ended, it is about to
         end = f"no answer for {_LONGEST_SILENCE_S:g} s" if hung else f"exit status {self._process.returncode}"
-        words = _TERMINAL_COLOR.sub("", (self._folder / _ERRORS).read_text(encoding="utf-8", errors="replace"))
-        last = [line for line in words.splitlines() if line.strip()][-_NUM_LAST_LINES:]
-        return RenderError(
-            "VTK failed to draw a frame",
-            where=f"vtk {setting['mapper']}, sample distance {setting['sample_distance']:g}",
-            got="\n    ".join([end, *last]),
-            hint="measure without the peer",
-        )
+        words = (self._folder / _ERRORS).read_text(encoding="utf-8", errors="replace")
+        where = f"vtk {setting['mapper']}, step {setting['sample_distance']:g}"
+        return _failed("VTK failed to draw a frame", where, end, words)
+
+
+def _failed(what: str, where: str, end: str, words: str) -> RenderError:
+    """How its process ended, and the last of the words that it left on its standard error stream."""
+    last = [line for line in _TERMINAL_COLOR.sub("", words).splitlines() if line.strip()][-_NUM_LAST_LINES:]
+    return RenderError(what, where=where, got="\n    ".join([end, *last]), hint="measure without the peer")

@@ -1,4 +1,4 @@
-"""Draws with VTK, in a process of its own: `python vtk_worker.py FOLDER`.
+"""Draws with VTK, in a process of its own: `python vtk_worker.py FOLDER`; without FOLDER it tells what VTK that is.
 
 Imports nothing of hsplat; `hsplat_cli.peers.vtk_peer` is the other side. FOLDER holds
 
@@ -6,8 +6,8 @@ Imports nothing of hsplat; `hsplat_cli.peers.vtk_peer` is the other side. FOLDER
     voxels.npy     [z, y, x], of a type that VTK draws as it is
 
 Each line on the standard input stream orders one frame, `{"setting": {...}, "camera": 0}`. It is written to
-`picture.npy`, uint8 [h, w, 3], row 0 at the top, and answered by `{"seconds": [...]}`, one for each repetition. Between
-the orders nothing runs here, and when they end so does the process.
+`picture.npy`, uint8 [h, w, 3], row 0 at the top, and answered by `{"seconds": 0.5}`, those of drawing it. Between the
+orders nothing runs here, and when they end so does the process. The first frame of a setting compiles and uploads.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy.typing as npt
 import vtkmodules.vtkRenderingOpenGL2
 import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  imported so that VTK finds its OpenGL classes
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkCommand, vtkLogger, vtkOutputWindow, vtkUnsignedCharArray
+from vtkmodules.vtkCommonCore import vtkCommand, vtkLogger, vtkOutputWindow, vtkUnsignedCharArray, vtkVersion
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import (
@@ -56,9 +56,19 @@ def main(folder: Path, orders: Iterable[str], answers: IO[str]) -> None:
             current = order["setting"]
             window, renderer = _make_window(job, _make_volume(job, look, _make_mapper(order["setting"], image)))
         _aim(window, renderer, job["cameras"][order["camera"]])
-        picture, seconds = _draw(window, renderer, job["repeats"])
+        picture, seconds = _draw(window, renderer)
         np.save(folder / "picture.npy", picture, allow_pickle=False)
         print(json.dumps({"seconds": seconds}), file=answers, flush=True)
+
+
+def describe() -> dict[str, str]:
+    """VTK's version, and the GL renderer that its windows are drawn with."""
+    window = vtkRenderWindow()
+    window.SetOffScreenRendering(1)
+    window.Render()
+    lines = [line.partition("OpenGL renderer string:")[2].strip() for line in window.ReportCapabilities().splitlines()]
+    window.Finalize()
+    return {"version": vtkVersion.GetVTKVersion(), "driver": "".join(lines) or "unknown"}
 
 
 def _make_image(voxels: npt.NDArray[Any], spacing: list[float]) -> Any:
@@ -134,18 +144,17 @@ def _aim(window: Any, renderer: Any, view: Json) -> None:
     camera.SetClippingRange(view["clipping"])
 
 
-def _draw(window: Any, renderer: Any, repeats: int) -> tuple[npt.NDArray[np.uint8], list[float]]:
-    """The picture, and the seconds of each repetition after a first one that compiles and uploads."""
+def _draw(window: Any, renderer: Any) -> tuple[npt.NDArray[np.uint8], float]:
+    """The picture, and the seconds that it took to draw it and to read it back."""
     width, height = window.GetSize()
-    pixels, seconds = vtkUnsignedCharArray(), []
-    for _ in range(1 + repeats):
-        renderer.GetActiveCamera().Modified()
-        start = time.perf_counter()
-        window.Render()
-        # Not by vtkWindowToImageFilter, which would draw the frame a second time.
-        window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
-        seconds.append(time.perf_counter() - start)
-    return vtk_to_numpy(pixels).reshape(height, width, 3)[::-1], seconds[1:]
+    pixels = vtkUnsignedCharArray()
+    renderer.GetActiveCamera().Modified()
+    start = time.perf_counter()
+    window.Render()
+    # Not by vtkWindowToImageFilter, which would draw the frame a second time.
+    window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
+    seconds = time.perf_counter() - start
+    return vtk_to_numpy(pixels).reshape(height, width, 3)[::-1], seconds
 
 
 def _fail_on_errors() -> None:
@@ -165,4 +174,7 @@ if __name__ == "__main__":
     with open(os.dup(1), "w", encoding="utf-8") as stream:
         os.dup2(2, 1)
         _fail_on_errors()
-        main(Path(sys.argv[1]), sys.stdin, stream)
+        if len(sys.argv) > 1:
+            main(Path(sys.argv[1]), sys.stdin, stream)
+        else:
+            print(json.dumps(describe()), file=stream)

@@ -94,6 +94,7 @@ def study_page(study: Study, *, date: str) -> str:
         plots=_plots(measurements),
         prices=[_price_texts(price) for price in prices(measurements)],
         has_peer=any(tool_of(m) == PEER for m in measurements),
+        is_shaded=study.scene.get("shading") is not None,
         truth_tolerance=f"{study.truth_tolerance:g}",
         truths=[_truth_texts(truth) for truth in study.truths],
         gain=f"{DIFFERENCE_GAIN:g}",
@@ -216,7 +217,10 @@ def _measured_table(measurements: Sequence[Measurement]) -> Table:
         )
         for i, m in enumerate(measurements)
     ]
-    caption = "“Once”: the cut and its splats, done for all frames together. Memory: the most that the process held."
+    caption = (
+        "“Once”: the cut and its splats, done for all frames together, without the pyramid, which is under "
+        "“Time by stage”. Memory: the most that the process held."
+    )
     return Table(caption, groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
 
 
@@ -267,7 +271,7 @@ def _number(value: float | None, text: str) -> Cell:
 
 
 def _stages_table(measurements: Sequence[Measurement]) -> Table:
-    """Medians and quartiles of each stage, over frames and repetitions."""
+    """Medians and quartiles of each stage, over frames and repetitions together."""
     times = [_stage_times(m) for m in measurements]
     names = list(dict.fromkeys(name for stages in times for name in stages))
     columns = [Column("setting", is_text=True)]
@@ -276,12 +280,19 @@ def _stages_table(measurements: Sequence[Measurement]) -> Table:
     for i, (m, stages) in enumerate(zip(measurements, times, strict=True)):
         cells = [Cell(m.setting.label, str(i), series=m.setting.series)]
         rows.append(Row([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
-    return Table("Median, quartiles in brackets, number of repetitions.", (), columns, rows)
+    caption = (
+        "Median, quartiles in brackets, × how many times it was timed: on all frames together for what is done for "
+        "each frame. The pyramid is built once and serves all settings of the same error measure."
+    )
+    return Table(caption, (), columns, rows)
 
 
 def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
     """Seconds by stage and whether it is done once for all frames."""
-    times = {(stage, True): seconds for stage, seconds in measurement.seconds.items()}
+    times: dict[tuple[str, bool], tuple[float, ...]] = {}
+    if measurement.pyramid_seconds is not None:
+        times["pyramid", True] = (measurement.pyramid_seconds,)
+    times |= {(stage, True): seconds for stage, seconds in measurement.seconds.items()}
     for sample in measurement.samples:
         for stage, seconds in sample.seconds.items():
             times[stage, False] = times.get((stage, False), ()) + tuple(seconds)
@@ -291,5 +302,7 @@ def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float
 def _stage_cell(seconds: Sequence[float]) -> Cell:
     if not seconds:
         return _number(None, ABSENT)
+    if len(seconds) == 1:
+        return _number(seconds[0], f"{ms_text(seconds[0])} × 1")
     low, median, high = (float(value) for value in np.quantile(seconds, [0.25, 0.5, 0.75]))
     return _number(median, f"{ms_text(median)} ({ms_text(low)} – {ms_text(high)}) × {len(seconds)}")

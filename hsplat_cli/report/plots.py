@@ -134,16 +134,29 @@ def _draw_series(
     styles = {OWN: _own_styles(), PEER: _peer_styles()}
     for series, members in by_series(measurements).items():
         style = next(styles[tool_of(measurements[members[0]])])
-        shown = [m for m in (measurements[i] for i in members) if 0 < axis.of(m) < math.inf and math.isfinite(value(m))]
-        if not shown:
-            continue
-        costs, values = np.array([axis.of(m) for m in shown]), [value(m) for m in shown]
-        if with_spread and axis.spread:
-            low, high = np.array([axis.spread(m) for m in shown]).T
-            # Rounding may put a quartile on the wrong side of the median.
-            bars = np.maximum([costs - low, high - costs], 0)
-            axes.errorbar(costs, values, xerr=bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
-        axes.plot(costs, values, label=series, **style)
+        name: str | None = series
+        for curve in _curves(measurements, members):
+            shown = [
+                m for m in (measurements[i] for i in curve) if 0 < axis.of(m) < math.inf and math.isfinite(value(m))
+            ]
+            if not shown:
+                continue
+            costs, values = np.array([axis.of(m) for m in shown]), [value(m) for m in shown]
+            if with_spread and axis.spread:
+                low, high = np.array([axis.spread(m) for m in shown]).T
+                # Rounding may put a quartile on the wrong side of the median.
+                bars = np.maximum([costs - low, high - costs], 0)
+                axes.errorbar(costs, values, xerr=bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
+            axes.plot(costs, values, label=name, **style)
+            name = None  # it stands in the legend once
+
+
+def _curves(measurements: Sequence[Measurement], members: Sequence[int]) -> list[list[int]]:
+    """The members of a series by curve: the peer's settings run from fine to coarse at each of its image reductions."""
+    curves: dict[object, list[int]] = {}
+    for i in members:
+        curves.setdefault(measurements[i].setting.options.get("image_reduction"), []).append(i)
+    return list(curves.values())
 
 
 def _own_styles() -> Iterator[dict[str, Any]]:
@@ -249,9 +262,10 @@ def _drawn_px(
     axes: Axes, measurements: Sequence[Measurement], axis: Axis, fronts: dict[str, list[int]], shown: Sequence[int]
 ) -> Float64:
     """Float64 [n, 2]: pixels along the curves of series and fronts and along the bars."""
+    curves = [curve for members in by_series(measurements).values() for curve in _curves(measurements, members)]
     lines = [
-        [(axis.of(measurements[i]), _psnr(measurements[i])) for i in members if i in shown]
-        for members in (*by_series(measurements).values(), *fronts.values())
+        [(axis.of(measurements[i]), _psnr(measurements[i])) for i in line if i in shown]
+        for line in (*curves, *fronts.values())
     ]
     if axis.spread:
         lines += [[(cost, _psnr(measurements[i])) for cost in axis.spread(measurements[i])] for i in shown]

@@ -24,7 +24,7 @@ TERMINAL_COLUMNS = 120
 _GAP = "  "
 _NULL_MEANS = (
     "what is not defined, not known or infinite; a psnr is infinite where the rmse is 0, "
-    "num_cells and num_splats are null for a program that draws none"
+    "num_cells, num_splats and pyramid_seconds are null for a program that has none"
 )
 
 
@@ -96,9 +96,10 @@ def csv_text(study: Study) -> str:
     """RFC 4180: a header and one row for each measurement and frame.
 
     Settings have the names of their options; times are milliseconds, `frame_ms_*` of all stages of a frame together,
-    `frame_STAGE_ms_*` of each, `once_STAGE_ms_*` of what is done once for all frames; metrics are over all pixels,
-    `volume_*` over those with anything of the volume. Numbers keep their value to the last digit, `nan` and `inf`
-    included; what does not exist is empty. The fronts are those of the measurement, over all its frames.
+    `frame_STAGE_ms_*` of each, `once_STAGE_ms_*` of what is done once for all frames, `pyramid_ms` of building the
+    pyramid, timed once; metrics are over all pixels, `volume_*` over those with anything of the volume. Numbers keep
+    their value to the last digit, `nan` and `inf` included; what does not exist is empty. The fronts are those of the
+    measurement, over all its frames.
     """
     time, splats = fronts_of(study.measurements)
     rows = [
@@ -132,7 +133,8 @@ def _frame_row(measurement: Measurement, sample: Sample) -> dict[str, Any]:
         row |= _times_row(f"frame_{stage}", seconds)
     for stage, seconds in measurement.seconds.items():
         row |= _times_row(f"once_{stage}", seconds)
-    return row
+    seconds_once = measurement.pyramid_seconds
+    return row | {"pyramid_ms": None if seconds_once is None else 1000 * seconds_once}
 
 
 def _accuracy_row(accuracy: Accuracy) -> dict[str, float]:
@@ -221,6 +223,7 @@ def _measurement_record(measurement: Measurement) -> dict[str, Any]:
             "quartiles": measurement.frame_seconds_spread,
         },
         "once_seconds": measurement.seconds,
+        "pyramid_seconds": measurement.pyramid_seconds,
         "peak_bytes": measurement.peak_bytes,
         "overall": asdict(measurement.overall),
         "samples": [

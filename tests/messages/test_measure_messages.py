@@ -160,7 +160,7 @@ def test_vtk_missing(measure, monkeypatch: pytest.MonkeyPatch) -> None:  # type:
     )
     assert measure("--peer", "vtk") == (
         2,
-        "--peer vtk: VTK is not installed\n  hint: pip install 'hsplat[vtk]'\n",
+        "the package vtk is not installed\n  hint: pip install 'hsplat[vtk]'\n",
     )
 
 

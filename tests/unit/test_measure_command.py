@@ -13,6 +13,7 @@ import yaml
 
 from hsplat_cli import main
 from hsplat_cli.measure import study
+from hsplat_cli.peers.vtk_peer import describe_vtk, vtk_settings
 from renderer.errors import RenderError
 from renderer.sweep import Measurement
 
@@ -103,6 +104,22 @@ def test_the_json_says_what_was_measured_on_what() -> None:
     assert series == {"gouraud 6x2, rms of scalar", "gouraud 6x2, rms of scalar, uncorrected"}
 
 
+def test_a_peer_is_measured_beside(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """The report says which it was, what drew it, and what puts it at a disadvantage."""
+    monkeypatch.setattr(study, "vtk_settings", lambda: vtk_settings()[3:4])
+    only = ("--tolerances", "0.5", "--footprints", "gaussian", "--measures", "optical", "--corrections", "on")
+    measure(*QUICK, *only, "--peer", "vtk")
+    data = json.loads((Path("scene.measured") / "measure.json").read_text("utf-8"))
+    assert [measurement["series"] for measurement in data["measurements"]] == ["gaussian, optical", "vtk gpu"]
+    own, peer = (measurement["pyramid_seconds"] for measurement in data["measurements"])
+    assert own > 0 and peer is None
+    assert data["machine"]["peer"] == {"name": "vtk", **describe_vtk()}
+    assert (
+        "note: VTK's frames are of 8 bits and are compared as they are, hsplat's before they are rounded to that; the "
+        "rounding alone limits a picture to about 59 dB where the volume is seen\n"
+    ) in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("end", "code", "note"),
     [
@@ -134,7 +151,7 @@ def test_an_even_volume_needs_a_single_splat(capsys: pytest.CaptureFixture[str])
     measure("--want", "psnr=5", "--set", "volume.procedural.name=constant")
     line, comment = capsys.readouterr().out.splitlines()
     assert line == "error: {measure: optical, tolerance: 1}"
-    assert "; 1 cells; " in comment
+    assert "; 1 cell; " in comment
 
 
 @pytest.mark.parametrize("want", ["psnr=27", "rmse=0.05", "ssim=0.9", "flip=0.11"])

@@ -8,6 +8,7 @@ import importlib.util
 import os
 import re
 from collections import Counter
+from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
@@ -152,6 +153,29 @@ def test_prices_stand_against_the_peer() -> None:
     assert "times as long" not in " ".join(Page(text_of("evil, one measurement of one frame")).words)
 
 
+def test_stages_say_how_often_they_were_timed() -> None:
+    """The pyramid once, the cut in every repetition, the order in every repetition on both frames."""
+    text = " ".join(" ".join(Page(text_of("all")).words).split())
+    stages = text[text.index("Time by stage Median") :]
+    assert "× how many times it was timed: on all frames together" in stages
+    assert "pyramid ms, once cut ms, once order ms, each frame" in stages
+    assert "tolerance 1 250 × 1 11.0 (10.5 – 11.5) × 3 2.50 (2.31 – 3.06) × 6" in stages
+    assert "vtk gpu sample distance 2 - - - - 100 " in stages
+
+
+def test_how_the_truth_converged_depends_on_shading() -> None:
+    plain, shaded = (study_page(study_of([], scene={"shading": of}), date=DATE) for of in (None, {"ambient": 0.3}))
+    assert "until one halving changed none of its channels by 0.0001." in plain
+    assert "until two halvings in a row changed none of its channels by 0.0001:" in shaded
+    assert "in a row" not in plain + text_of("all") and "one halving" not in shaded
+
+
+def test_the_peers_rounding_is_told() -> None:
+    told = "limits a picture to about 59 dB"
+    assert told in text_of("all") and told in text_of("only the peer, once exact")
+    assert told not in text_of("undefined")
+
+
 def test_what_cannot_be_plotted_is_counted() -> None:
     assert "Not shown, as equal to the truth: 1." in text_of("only the peer, once exact")
     nothing = text_of("undefined")
@@ -168,6 +192,22 @@ def test_plots_have_a_curve_for_each_series_and_both_fronts() -> None:
     assert list(own.get_xdata()) == pytest.approx([10, 40, 400])
     assert (axes.get_xscale(), axes.get_xlabel(), axes.get_ylabel()) == ("log", "time of a frame, ms", "PSNR, dB")
     assert {"1", "0.1", "0", "2", "0.5"} <= {text.get_text() for text in axes.texts}
+
+
+def test_the_peers_curves_do_not_run_from_one_image_reduction_to_the_next() -> None:
+    points = [
+        (measure(f"step {step}", ms, None, quality, series="vtk gpu", tool="vtk"), reduction)
+        for step, ms, quality, reduction in ((1, 40, 41, 1), (2, 20, 35, 1), (1, 30, 33, 2), (2, 15, 30, 2))
+    ]
+    measurements = [
+        replace(m, setting=replace(m.setting, options={**m.setting.options, "image_reduction": reduction}))
+        for m, reduction in points
+    ]
+    with plot_style():
+        (axes,) = trade_figure(measurements, TIME).axes
+    curves = [line for line in axes.lines if line.get_marker() == "x"]
+    assert [list(line.get_ydata()) for line in curves] == [[41, 35], [33, 30]]
+    assert axes.get_legend_handles_labels()[1].count("vtk gpu") == 1
 
 
 def test_every_axis_has_a_title() -> None:

@@ -186,6 +186,7 @@ def test_csv_keeps_every_value(study: Study) -> None:
             assert written == [low, median, high]
             assert row[f"frame_{stage}_repetitions"] == str(len(seconds))
         assert row["once_cut_repetitions"] == ("3" if m.seconds else "")
+        assert row["pyramid_ms"] == ("" if m.pyramid_seconds is None else "250.0")
         assert float(row["precision"]) == m.setting.options["precision"]
         assert (row["tool"], row["corrected"]) == (m.setting.options["tool"], "true")
 
@@ -215,6 +216,7 @@ def test_json_has_everything_but_the_pictures() -> None:
         assert written["options"] == m.setting.options
         assert written["num_splats"] == m.num_splats
         assert written["overall"]["on_volume"]["flip_p99"] == m.overall.on_volume.flip_p99
+        assert written["pyramid_seconds"] == m.pyramid_seconds
         assert written["once_seconds"] == {stage: list(s) for stage, s in m.seconds.items()}
         assert [s["seconds"] for s in written["samples"]] == [
             {stage: list(seconds) for stage, seconds in sample.seconds.items()} for sample in m.samples

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import importlib.util
 import math
 import os
+import re
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +17,18 @@ import numpy.typing as npt
 import pytest
 
 from hsplat_cli.peers import vtk_peer
-from hsplat_cli.peers.vtk_peer import check_vtk, measure_vtk, vtk_settings, with_transparent_border
+from hsplat_cli.peers.vtk_peer import check_vtk, describe_vtk, measure_vtk, vtk_settings, with_transparent_border
 from renderer.camera import View
 from renderer.camera_paths import make_view
 from renderer.errors import InputError, RenderError
-from renderer.integrator import integrate
-from renderer.metrics import Mask, Picture, over_background
+from renderer.integrator import Convergence, integrate
+from renderer.metrics import over_background
 from renderer.procedural import procedural_values
 from renderer.scene import CameraSpec, ProceduralSource, Scene, ShadingSpec, TurntablePath
 from renderer.scene_schema import parse_scene
 from renderer.sweep import Measurement, Setting
 from renderer.transfer import TransferFunction
+from renderer.truths import Truth
 from renderer.volume import Float64, Volume, make_volume
 
 SHAPE = (36, 30, 24)
@@ -35,10 +39,8 @@ BACKGROUND = (0.2, 0.4, 0.6)  # whole levels of 8 bits
 NEAR = {"vtk gpu": 54.0, "vtk fixed point": 46.5}
 
 
-@dataclass(frozen=True)
-class Truth:
-    picture: Picture
-    on_volume: Mask
+# How a truth converged matters nowhere here.
+CONVERGENCE = Convergence((), (), ())
 
 
 def transfer(low: float = 0.0, high: float = 255.0, unit: float = 1.0) -> TransferFunction:
@@ -63,9 +65,9 @@ def look(volume: Volume, size: tuple[int, int] = (72, 54), **camera: object) -> 
     return make_view(spec, 0, (x, y, z), distance, size)
 
 
-def truth(volume: Volume, of: TransferFunction, view: View) -> Truth:
+def truth(volume: Volume, of: TransferFunction, view: View, frame: int = 0) -> Truth:
     radiance = integrate(volume, of, view, step_voxels=1.0)
-    return Truth(over_background(radiance, BACKGROUND), radiance[..., 3] > 0)
+    return Truth(frame, over_background(radiance, BACKGROUND), radiance[..., 3] > 0, CONVERGENCE)
 
 
 def finest() -> list[Setting]:
@@ -74,9 +76,8 @@ def finest() -> list[Setting]:
 
 def measured(volume: Volume, of: TransferFunction, *views: View) -> list[Measurement]:
     bordered = with_transparent_border(volume, of)
-    truths = [truth(bordered, of, view) for view in views]
-    frames = range(len(views))
-    return list(measure_vtk(bordered, of, views, frames, truths, BACKGROUND, settings=finest(), repeats=1))
+    truths = [truth(bordered, of, view, frame) for frame, view in enumerate(views)]
+    return list(measure_vtk(bordered, of, views, truths, BACKGROUND, settings=finest(), repeats=1))
 
 
 def require_near(measurements: list[Measurement]) -> None:
@@ -126,10 +127,10 @@ def test_every_projection_and_shape_of_picture() -> None:
 def test_coarse_settings_are_worse() -> None:
     volume = with_transparent_border(engine(), transfer())
     view = look(volume)
-    right = truth(volume, transfer(), view)
+    right = truth(volume, transfer(), view, 7)
     labels = ("step 0.5", "step 4", "step 0.5, 1/4 px")
     settings = [setting for setting in vtk_settings() if setting.label in labels]
-    found = measure_vtk(volume, transfer(), [view], [7], [right], BACKGROUND, settings=settings, repeats=3)
+    found = measure_vtk(volume, transfer(), [view], [right], BACKGROUND, settings=settings, repeats=3)
     measurements = {}
     for setting, measurement in zip(settings, found, strict=True):
         assert measurement.setting is setting
@@ -294,10 +295,10 @@ def test_what_is_said_of_shading() -> None:
 
 
 def test_what_is_said_without_vtk(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(vtk_peer.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError) as caught:
         check_vtk(scene())
-    assert str(caught.value) == "--peer vtk: VTK is not installed\n  hint: pip install 'hsplat[vtk]'"
+    assert str(caught.value) == "the package vtk is not installed\n  hint: pip install 'hsplat[vtk]'"
 
 
 # Stands in for a worker: leaves its process number, then does what it is told, then waits for ever.
@@ -314,7 +315,9 @@ time.sleep(600)
 """
 DRAW = """\
 np.save(os.path.join(folder, "picture.npy"), np.zeros((54, 72, 3), np.uint8))
-print('{"seconds": [0.5]}', flush=True)
+print('{"seconds": 9}', flush=True)
+sys.stdin.readline()
+print('{"seconds": 0.5}', flush=True)
 """
 
 
@@ -334,8 +337,8 @@ def with_stand_in(action: str, folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(vtk_peer, "_SCRIPT", script)
     volume = with_transparent_border(engine(), transfer())
     view = look(volume)
-    right = Truth(np.zeros((54, 72, 3)), np.ones((54, 72), bool))
-    return measure_vtk(volume, transfer(), [view], [0], [right], None, settings=finest(), repeats=1)
+    right = Truth(0, np.zeros((54, 72, 3)), np.ones((54, 72), bool), CONVERGENCE)
+    return measure_vtk(volume, transfer(), [view], [right], None, settings=finest(), repeats=1)
 
 
 def require_ended(folder: Path) -> None:
@@ -375,6 +378,63 @@ def test_a_measurement_that_is_given_up(tmp_path: Path, temporary: Path, monkeyp
     require_ended(tmp_path)
 
 
+def test_repetitions_go_over_all_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As hsplat's own, so that neither finds in its caches what the other does not."""
+    drawn: list[int] = []
+
+    def draw(_worker: object, _setting: object, camera: int) -> float:
+        drawn.append(camera)
+        return float(len(drawn))
+
+    monkeypatch.setattr(vtk_peer._Worker, "draw", draw)
+    monkeypatch.setattr(vtk_peer._Worker, "picture", lambda _worker: np.zeros((54, 72, 3)))
+    volume = with_transparent_border(engine(), transfer())
+    view = look(volume)
+    truths = [Truth(frame, np.zeros((54, 72, 3)), np.ones((54, 72), bool), CONVERGENCE) for frame in (4, 9)]
+    settings = finest()[:1]
+    (found,) = measure_vtk(volume, transfer(), [view, view], truths, None, settings=settings, repeats=3)
+    assert drawn == [0, 1, 0, 1, 0, 1, 0, 1]
+    assert {sample.frame: sample.seconds["draw"] for sample in found.samples} == {4: (3, 5, 7), 9: (4, 6, 8)}
+
+
+def test_a_full_disk(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(np, "save", fill)
+    with pytest.raises(RenderError) as caught:
+        measured(engine(), transfer(), look(engine()))
+    where = re.escape(str(temporary / "hsplat-vtk-")) + r"\w+"
+    said = f"{where}: the disk is full\n  hint: free some space, or write to another disk"
+    assert re.fullmatch(said, str(caught.value))
+
+
+def test_what_vtk_is_and_draws_with() -> None:
+    from vtkmodules.vtkCommonCore import vtkVersion  # noqa: PLC0415
+
+    found = describe_vtk()
+    assert found.keys() == {"version", "driver"}
+    assert found["version"] == vtkVersion.GetVTKVersion()
+    assert found["driver"] not in ("", "unknown")
+
+
+@pytest.mark.parametrize(
+    ("action", "got"),
+    [
+        ("print('no screen', file=sys.stderr); sys.exit(3)", "exit status 3\n    no screen"),
+        ("time.sleep(600)", "no answer for 1.5 s"),
+    ],
+)
+def test_a_vtk_that_does_not_start(action: str, got: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = tmp_path / "worker.py"
+    script.write_text(f"import sys, time\n{action}\n", encoding="utf-8")
+    monkeypatch.setattr(vtk_peer, "_SCRIPT", script)
+    monkeypatch.setattr(vtk_peer, "_LONGEST_START_S", 1.5)
+    with pytest.raises(RenderError) as caught:
+        describe_vtk()
+    assert str(caught.value) == f"--peer vtk: VTK does not start\n  got: {got}\n  hint: measure without the peer"
+
+
 def test_errors_of_vtk_itself_are_not_drawn_over(temporary: Path) -> None:
     """VTK says what is wrong and would go on with an empty picture: a texture without texels cannot be drawn to."""
     volume = with_transparent_border(engine(), transfer())
@@ -382,7 +442,7 @@ def test_errors_of_vtk_itself_are_not_drawn_over(temporary: Path) -> None:
     settings = [replace(finest()[0], options={"mapper": "gpu", "sample_distance": 0.5, "image_reduction": 1e9})]
     right = truth(volume, transfer(), view)
     with pytest.raises(RenderError) as caught:
-        list(measure_vtk(volume, transfer(), [view], [0], [right], None, settings=settings, repeats=1))
+        list(measure_vtk(volume, transfer(), [view], [right], None, settings=settings, repeats=1))
     _, status, *said, hint = str(caught.value).splitlines()
     assert status == "  got: exit status 1"
     assert said and all("ERR" in line and "\x1b" not in line for line in said)
