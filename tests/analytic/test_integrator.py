@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-# float64 sums over a few hundred cells.
 from ray_integrals import (
     COLORFUL,
     EXACT,

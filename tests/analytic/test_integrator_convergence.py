@@ -11,8 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-# float64 sums over a few hundred cells.
 from ray_integrals import (
     COLORFUL,
     look,
