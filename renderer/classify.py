@@ -86,7 +86,7 @@ def make_classifier(
     volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None, *, opacity: bool
 ) -> Classifier:
     """Prepare classification of this volume's voxels, in opacities or in extinctions."""
-    finest_spacing = float(volume.spacing.min())
+    finest_spacing = volume.finest_spacing
     lighting = None
     if shading:
         light = np.array(shading.light, np.float64)

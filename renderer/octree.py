@@ -93,7 +93,7 @@ def _error_scale(pyramid: Pyramid, cells: Int32, level: int) -> Float64:
     volume = pyramid.volume
     extents = cell_extents(cells, level, volume.shape_xyz)
     num_voxels = extents[:, 0] * extents[:, 1] * extents[:, 2]
-    return np.asarray(np.cbrt(num_voxels * volume.voxel_volume) / volume.spacing.min())
+    return np.asarray(np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing)
 
 
 def _extinctions(pyramid: Pyramid, means: Float32) -> Float32:

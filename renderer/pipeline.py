@@ -98,7 +98,7 @@ def prepare(scene: Scene, *, clock: Clock, num_threads: int, volume: Volume | No
     watch = Stopwatch(clock)
     volume = read_volume(scene.volume) if volume is None else volume
     watch.lap("read")
-    transfer = make_transfer(scene.transfer_function, float(volume.spacing.min()))
+    transfer = make_transfer(scene.transfer_function, volume.finest_spacing)
     pyramid = build_pyramid(
         volume, transfer, spec=scene.pyramid, error=scene.error, shading=scene.shading, num_threads=num_threads
     )

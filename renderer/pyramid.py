@@ -128,7 +128,7 @@ def build_pyramid(
         mean_unit=plan.mean_unit,
         error_unit=plan.error_unit,
         classifier=depths,
-        deepest=float(volume.spacing.min()) * transfer.max_extinction,
+        deepest=volume.finest_spacing * transfer.max_extinction,
         volume=volume,
         average=spec.average,
         measure=error.measure,
@@ -169,7 +169,7 @@ def _make_plan(
     volume: Volume, transfer: TransferFunction, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
 ) -> _Plan:
     opacity, of_opacity = spec.average == "opacity", error.measure == "rms"
-    depth = float(volume.spacing.min()) * transfer.max_extinction
+    depth = volume.finest_spacing * transfer.max_extinction
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
 
     def unit(of_opacity: bool) -> float:

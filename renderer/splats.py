@@ -145,7 +145,7 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
     shape = np.array(volume.shape_xyz)
     length = 0.5 * float(np.linalg.norm(edges * shape))
     # Depths are over the finest spacing; a cell of n voxels has the optical area depth / spacing * n * voxel volume.
-    area_unit = volume.voxel_volume / float(volume.spacing.min()) / length**2
+    area_unit = volume.voxel_volume / volume.finest_spacing / length**2
     codes = _shape_codes(cut)
     used, shapes = np.unique(codes, return_inverse=True)
     extents_of_shape = _extents_of_codes(used, shape)

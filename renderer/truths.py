@@ -38,7 +38,7 @@ def find_truth(stage: Stage, frame: int, tolerance: float, *, on_progress: Progr
     on_progress: told the share of the work that is done, in (0, 1].
     """
     scene = stage.scene
-    transfer = make_transfer(scene.transfer_function, float(stage.volume.spacing.min()))
+    transfer = make_transfer(scene.transfer_function, stage.volume.finest_spacing)
     image, convergence = converged_image(
         stage.volume,
         transfer,

@@ -41,6 +41,11 @@ class Volume:
         return np.asarray(np.linalg.norm(self.world_from_index[:3, :3], axis=0), np.float64)
 
     @property
+    def finest_spacing(self) -> float:
+        """The smallest of the spacings, the length that optical depths inside are over."""
+        return float(self.spacing.min())
+
+    @property
     def voxel_volume(self) -> float:
         """World volume of one voxel."""
         return abs(float(np.linalg.det(self.world_from_index[:3, :3])))

@@ -117,7 +117,7 @@ def _volume(request: Request) -> Volume:
     volume = read_volume(request.scene.volume)
     if request.peer is None:
         return volume
-    return with_transparent_border(volume, make_transfer(request.scene.transfer_function, float(volume.spacing.min())))
+    return with_transparent_border(volume, make_transfer(request.scene.transfer_function, volume.finest_spacing))
 
 
 def _measurements(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
@@ -170,7 +170,7 @@ def _peer(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator
     stage = prepared(request.scene, volume)
     yield from measure_vtk(
         volume,
-        make_transfer(request.scene.transfer_function, float(volume.spacing.min())),
+        make_transfer(request.scene.transfer_function, volume.finest_spacing),
         [view_of(stage, truth.frame) for truth in truths],
         truths,
         request.scene.output.background,

@@ -154,7 +154,7 @@ def judge(numbers: Octrees) -> tuple[Claim, ...]:
 def _variation_of_blocks(stage: Stage) -> Float64:
     """float64 [z, y, x] of blocks: standard deviation of the opacities of their voxels, -1 where none is visible."""
     volume, transfer, side = stage.volume, transfer_of(stage), 1 << BLOCK_LEVEL
-    spacing = float(volume.spacing.min())
+    spacing = volume.finest_spacing
     shape = tuple(-(-num // side) for num in volume.values.shape)
     variation = np.full(shape, -1.0)
     for z in range(shape[0]):  # a slab of blocks at a time, which bounds the float64 temporaries

@@ -146,7 +146,7 @@ def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
     Raises InputError where voxels are too small in the picture, or the middle does not fit in it.
     """
     view = view_of(stage, 0)
-    voxel_px = view.scale_px * float(stage.volume.spacing.min())
+    voxel_px = view.scale_px * stage.volume.finest_spacing
     width, height = view.size
     half = round(depth * voxel_px / 2)
     if voxel_px < LEAST_VOXEL_PX or half > min(width, height) // 2:

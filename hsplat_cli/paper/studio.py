@@ -52,7 +52,7 @@ class Studio:
 
 def transfer_of(stage: Stage) -> TransferFunction:
     """The transfer function, with its opacities as extinctions of the volume's world units."""
-    return make_transfer(stage.scene.transfer_function, float(stage.volume.spacing.min()))
+    return make_transfer(stage.scene.transfer_function, stage.volume.finest_spacing)
 
 
 def with_error(stage: Stage, **changes: Any) -> Stage:

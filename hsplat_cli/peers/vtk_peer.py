@@ -210,7 +210,7 @@ def _folder(
     volume: Volume, transfer: TransferFunction, views: Sequence[View], background: Color | None
 ) -> Iterator[Path]:
     """What the worker reads, in a folder that is gone after the block."""
-    finest = float(volume.spacing.min())
+    finest = volume.finest_spacing
     voxels, lowest, half_span = _for_vtk(volume.values)
     points = _points(transfer, finest)
     points[:, 0] = (points[:, 0] / 2 - lowest / 2) / half_span
@@ -262,7 +262,7 @@ def _points(transfer: TransferFunction, unit: float) -> Float64:
 
 def _placed(volume: Volume) -> dict[str, Any]:
     """Where the voxels lie: spacing along the image's axes, and float [4][4] from there to the world of the job."""
-    finest = volume.spacing.min()
+    finest = volume.finest_spacing
     world_from_image = np.eye(4)
     world_from_image[:3, :3] = volume.world_from_index[:3, :3] / volume.spacing
     world_from_image[:3, 3] = (volume.world_from_index[:3, 3] - volume.centre) / finest
@@ -271,7 +271,7 @@ def _placed(volume: Volume) -> dict[str, Any]:
 
 def _camera(volume: Volume, view: View) -> dict[str, Any]:
     """A View in VTK's words, in the world of the job."""
-    finest = float(volume.spacing.min())
+    finest = volume.finest_spacing
     eye = (view.eye - volume.centre) / finest
     half_extent = np.abs(volume.world_from_index[:3, :3]) @ np.array(volume.shape_xyz) / 2 / finest
     depth, reach = float(-eye @ view.forward), float(np.linalg.norm(half_extent))

@@ -145,7 +145,7 @@ def constant(shape: tuple[int, int, int], affine: Float64 | None = None) -> Volu
 def extinction_of(volume: Volume, opacity: float) -> float:
     """Of a constant block, by the definition of the transfer function in `cut_of`: linear from 128 to 255."""
     low, high = -math.log1p(-opacity / 3), -math.log1p(-opacity)
-    return (low + (200 - 128) / (255 - 128) * (high - low)) / float(volume.spacing.min())
+    return (low + (200 - 128) / (255 - 128) * (high - low)) / volume.finest_spacing
 
 
 DIRECTIONS = {

@@ -97,7 +97,7 @@ def cut_of(volume: Volume, opacity: float, *, level: int = 0, tolerance: float =
         ControlPoint(128.0, (0.4, 0.9, 0.3), opacity / 3),
         ControlPoint(255.0, (1.0, 0.3, 0.1), opacity),
     )
-    transfer = make_transfer(TransferSpec(points, unit), float(volume.spacing.min()))
+    transfer = make_transfer(TransferSpec(points, unit), volume.finest_spacing)
     pyramid = build_pyramid(volume, transfer, spec=PyramidSpec(precision="single"), error=ErrorSpec(), num_threads=1)
     return cut_pyramid(pyramid, tolerance, finest_level=level)
 

@@ -1,0 +1,133 @@
+"""What the tests of the ray integral share: fields, views, and sums to hold it against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.camera import Float64, View
+from renderer.camera_paths import make_view
+from renderer.integrator import integrate, world_rays
+from renderer.scene import (
+    CameraSpec,
+    ShadingSpec,
+    TurntablePath,
+    Vector,
+)
+from renderer.volume import Volume
+
+# float64 sums over a few hundred cells.
+EXACT = 1e-13
+
+
+@dataclass(frozen=True)
+class Transfer:
+    values: Float64
+    colors: Float64
+    extinctions: Float64
+
+
+def transfer(*points: tuple[float, tuple[float, float, float], float]) -> Transfer:
+    values, colors, extinctions = zip(*points, strict=True)
+    return Transfer(np.array(values, float), np.array(colors, float), np.array(extinctions, float))
+
+
+def volume(values: npt.ArrayLike, world_from_index: Float64 | None = None) -> Volume:
+    voxels = np.array(values, float)
+    voxels.flags.writeable = False  # as in every Volume; the kernels are compiled for that
+    return Volume(voxels, np.eye(4) if world_from_index is None else world_from_index, "test", "")
+
+
+def oblique() -> Float64:
+    """Anisotropic, rotated, sheared and shifted."""
+    affine = np.eye(4)
+    affine[:3, :3] = [[1.0, 0.3, 0.0], [-0.4, 0.7, 0.2], [0.1, 0.0, 2.5]]
+    affine[:3, 3] = [3.0, -1.0, 0.5]
+    return affine
+
+
+def look(target: Vector, distance: float, size: tuple[int, int] = (24, 16), **camera: object) -> View:
+    path = camera.pop("path", TurntablePath(1, 37.0, 21.0))
+    return make_view(CameraSpec(path, **camera), 0, target, distance, size)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Span:
+    """Where each pixel's ray enters the volume and leaves it, by the six half-spaces.
+
+    index_at_start, index_per_length: [pixels, 3], the ray in index space. length: [pixels], world.
+    """
+
+    index_at_start: Float64
+    index_per_length: Float64
+    length: Float64
+
+
+def ray_spans(of: Volume, view: View) -> Span:
+    origins, directions, starts = world_rays(view, np.arange(view.size[0] * view.size[1]))
+    enter, leave = starts.copy(), np.full(starts.shape, np.inf)
+    index_from_world = np.linalg.inv(of.world_from_index)
+    at = origins @ index_from_world[:3, :3].T + index_from_world[:3, 3]
+    speed = directions @ index_from_world[:3, :3].T
+    for axis in range(3):
+        near, far = np.sort(
+            [(-0.5 - at[:, axis]) / speed[:, axis], (of.shape_xyz[axis] - 0.5 - at[:, axis]) / speed[:, axis]], axis=0
+        )
+        enter, leave = np.maximum(enter, near), np.minimum(leave, far)
+    return Span(at + enter[:, None] * speed, speed, np.maximum(leave - enter, 0.0))
+
+
+def riemann(of: Volume, tf: Transfer, view: View, num_steps: int, shading: ShadingSpec | None = None) -> Float64:
+    """The same integral by nothing but the definition: `num_steps` midpoints per ray, field and gradient from numpy."""
+    values = of.values.astype(float)
+    gradients = [np.gradient(values, axis=2 - axis) for axis in range(3)]
+    index_from_world = np.linalg.inv(of.world_from_index)
+    origins, directions, starts = world_rays(view, np.arange(view.size[0] * view.size[1]))
+    origins, directions = (
+        origins @ index_from_world[:3, :3].T + index_from_world[:3, 3],
+        directions @ index_from_world[:3, :3].T,
+    )
+    image = np.zeros((len(starts), 4))
+    shape = np.array(of.shape_xyz)
+    for i, (origin, direction, start) in enumerate(zip(origins, directions, starts, strict=True)):
+        near, far = np.sort([(-0.5 - origin) / direction, (shape - 0.5 - origin) / direction], axis=0)
+        enter, leave = max(start, near.max()), far.min()
+        if not enter < leave:
+            continue
+        ds = (leave - enter) / num_steps
+        index = np.clip(origin + (enter + (np.arange(num_steps) + 0.5) * ds)[:, None] * direction, 0, shape - 1)
+        field = interpolate(values, index)
+        color = np.stack([np.interp(field, tf.values, tf.colors[:, k]) for k in range(3)], axis=1)
+        if shading is not None:
+            gradient = np.stack([interpolate(g, index) for g in gradients], axis=1) @ index_from_world[:3, :3]
+            cosine = (
+                -gradient @ (np.array(shading.light) / np.linalg.norm(shading.light)) / np.linalg.norm(gradient, axis=1)
+            )
+            color *= (shading.ambient + shading.diffuse * np.maximum(0.0, cosine))[:, None]
+        depth = np.interp(field, tf.values, tf.extinctions) * ds
+        before = np.cumsum(depth) - depth
+        image[i, :3] = (np.exp(-before) * -np.expm1(-depth)) @ color
+        image[i, 3] = -np.expm1(-depth.sum())
+    return image.reshape(view.size[1], view.size[0], 4)
+
+
+def interpolate(values: Float64, index: Float64) -> Float64:
+    """Trilinear interpolation at [n, 3] points (x, y, z)."""
+    low = np.minimum(np.floor(index).astype(int), np.array(values.shape[::-1]) - 2)
+    total = np.zeros(len(index))
+    for corner in np.ndindex(2, 2, 2):
+        x, y, z = (low + corner).T
+        total += np.prod(np.where(corner, index - low, 1 - (index - low)), axis=1) * values[z, y, x]
+    return total
+
+
+COLORFUL = transfer((-0.5, (1, 0, 0.5), 0.2), (0.3, (0, 1, 0.2), 0.9), (0.8, (0.3, 0.2, 1), 0.0), (1.5, (1, 1, 0), 1.3))
+
+
+def along_z(values: list[float], tf: Transfer, step_voxels: float = 1.0, spacing: float = 1.0) -> Float64:
+    """One ray along -z, from the last of a column of voxels to the first."""
+    column = volume(np.reshape(values, (-1, 1, 1)), np.diag([1.0, 1.0, spacing, 1.0]))
+    view = look((0.0, 0.0, 0.0), 100.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))
+    return integrate(column, tf, view, step_voxels=step_voxels)[0, 0]
