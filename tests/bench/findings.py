@@ -74,20 +74,26 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("--studies", type=Path)
     arguments = parser.parse_args()
-    parts: list[str] = []
-    summary: list[tuple[str, ...]] = []
-    origins: set[tuple[str, ...]] = set()
     with tempfile.TemporaryDirectory() as folder:
-        for subject in SUBJECTS:
-            studies = (arguments.studies or Path(folder)) / subject.name
-            trade = study_of(subject, arguments.data, studies / "trade", TRADE)
-            meshes = study_of(subject, arguments.data, studies / "meshes", meshes_at(series_of(trade)))
-            origins |= {origin(trade), origin(meshes)}
-            plot(subject, series_of(trade))
-            summary.append(in_short(subject, series_of(trade), series_of(meshes)))
-            parts += section(subject, trade, series_of(trade), series_of(meshes))
+        studies = arguments.studies or Path(folder)
+        found = [measured(subject, arguments.data, studies / subject.name) for subject in SUBJECTS]
+    origins = {origin(study) for pair in found for study in pair}
     assert len(origins) == 1, f"numbers of several commits or machines: {origins}"
-    PAGE.write_text("\n".join([*heading(trade), *table(SUMMARY, summary), *parts]).rstrip() + "\n", "utf-8")
+    # Nothing is written before all is measured: a changed page would be a changed commit.
+    summary: list[tuple[str, ...]] = []
+    parts: list[str] = []
+    for subject, (trade, meshes) in zip(SUBJECTS, found, strict=True):
+        plot(subject, series_of(trade))
+        summary.append(in_short(subject, series_of(trade), series_of(meshes)))
+        parts += section(subject, trade, series_of(trade), series_of(meshes))
+    page = [*heading(found[0][0]), *table(SUMMARY, summary), *parts]
+    PAGE.write_text("\n".join(page).rstrip() + "\n", "utf-8")
+
+
+def measured(subject: Subject, data: Path, studies: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The trade of Gaussians and of VTK, and the paper's footprint against Gaussians where it is affordable."""
+    trade = study_of(subject, data, studies / "trade", TRADE)
+    return trade, study_of(subject, data, studies / "meshes", meshes_at(series_of(trade)))
 
 
 def study_of(subject: Subject, data: Path, folder: Path, options: Sequence[str]) -> dict[str, Any]:
