@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from renderer.raster_gl import GLRasterizer
@@ -52,3 +53,10 @@ def rasterizer() -> Iterator[GLRasterizer]:
     """The one GL context of the run. Where there is none this is an error, not a skip."""
     with GLRasterizer() as gl:
         yield gl
+
+
+@pytest.fixture(autouse=True)
+def _loud_arithmetic() -> Iterator[None]:
+    """Overflow, division by zero and invalid operations are errors in every test; underflow to 0 is right."""
+    with np.errstate(over="raise", divide="raise", invalid="raise"):
+        yield

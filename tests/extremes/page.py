@@ -1,0 +1,65 @@
+"""Writes docs/numerics.md, every extreme with the worst error measured: `python tests/extremes/page.py [FILE]`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+
+from extremes import CASES_ON_PAGE, Extreme, Section  # noqa: E402
+
+from hsplat_cli.machine import commit  # noqa: E402
+from renderer.raster_gl import GLRasterizer  # noqa: E402
+
+INTRODUCTION = """# Numerics: what happens at the extremes
+
+Each row is an input at the edge of what is legal, the method that makes it safe, the worst error seen on it, and the
+bound that the tests hold it to. References are exact arithmetic (fractions, mpmath), closed forms, or float64 where its
+own error is far below the bound. Float32 has `u = 2^-24 = 6e-8`, half precision `2^-11 = 5e-4`.
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "numerics.md")
+    parser.add_argument("--cases", type=int, default=CASES_ON_PAGE, help="random cases of each extreme")
+    arguments = parser.parse_args()
+    with GLRasterizer() as rasterizer:
+        device = rasterizer.renderer_name
+    lines = [INTRODUCTION]
+    with np.errstate(over="raise", divide="raise", invalid="raise"):
+        for section in sections():
+            lines += [f"## {section.title}", "", "| extreme | what makes it safe | measured | worst | bound |"]
+            lines += ["|---|---|---|---|---|", *(_row(extreme, arguments.cases) for extreme in section.extremes), ""]
+            lines += [section.notes, ""] if section.notes else []
+    how = f"{arguments.cases} random cases a row, at commit {commit()} on {device}"
+    lines.append(f"Written by `python tests/extremes/page.py`, {how}.")
+    arguments.file.write_text("\n".join(lines) + "\n")
+
+
+def sections() -> list[Section]:
+    """Those of the test modules beside this file, in the order of their numbers of appearance: by file name."""
+    found = []
+    for path in sorted(Path(__file__).parent.glob("test_*.py")):
+        spec = importlib.util.spec_from_file_location(path.stem, path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        found.append(module.SECTION)
+    return found
+
+
+def _row(extreme: Extreme, cases: int) -> str:
+    worst = extreme.measure(cases)
+    print(f"{extreme.name}: {worst:.2g} ({extreme.bound:g})", flush=True)
+    return f"| {extreme.name} | {extreme.method} | {extreme.quantity} | {worst:.2g} | {extreme.bound:g} |"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+"""Inputs at the edge of what is legal, with the error that is allowed there: tested, and listed in docs/numerics.md.
+
+A module `tests/extremes/test_*.py` holds one `Section`; its rows are both the tests and, measured over more random
+cases, the table that `python tests/extremes/page.py` writes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+# Random cases of each extreme: few in the tests, more for the page.
+CASES_IN_TESTS = 20
+CASES_ON_PAGE = 400
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """One row: an extreme input and the worst error on it.
+
+    name: the input, in a few words. method: what makes it safe. quantity: what `measure` returns, with its unit, such
+    as "relative error". bound: the most it may be.
+    measure: the worst of so many random cases, from a seed of its own: the same number on every run of a machine.
+    """
+
+    name: str
+    method: str
+    quantity: str
+    bound: float
+    measure: Callable[[int], float]
+
+    def __str__(self) -> str:
+        return self.name
+
+    def check(self) -> None:
+        """The error is within the bound; not being a number is not."""
+        worst = self.measure(CASES_IN_TESTS)
+        assert not math.isnan(worst), f"{self.name}: the {self.quantity} is not a number"
+        assert worst <= self.bound, f"{self.name}: {self.quantity} {worst:.3g}, not at most {self.bound:g}"
+
+
+@dataclass(frozen=True)
+class Section:
+    """One heading of the page. notes: a paragraph of Markdown below its table, or nothing."""
+
+    title: str
+    extremes: tuple[Extreme, ...]
+    notes: str = ""
