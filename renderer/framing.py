@@ -17,7 +17,6 @@ import numpy as np
 from renderer.camera import Float64, View
 from renderer.camera_paths import camera_pose
 from renderer.errors import InputError
-from renderer.octree import visible_cells
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
 from renderer.volume import Volume
@@ -83,26 +82,21 @@ def visible_points(pyramid: Pyramid) -> Float64:
     """float64 [n, 3]: world positions of corners of visible cells, with the same extremes in every direction as all of
     them; the corners of the whole volume where nothing is visible.
 
-    The cells are 1/128 of the volume or smaller, down to two voxels.
+    The cells are 1/128 of the volume or smaller, down to two voxels (`Pyramid.occupied`).
     """
-    volume = pyramid.volume
+    volume, level = pyramid.volume, pyramid.occupied_level
     shape = np.array(volume.shape_xyz)
-    level = max(1, pyramid.num_levels - 7)
-    cells = visible_cells(pyramid, level)
-    if len(cells) == 0:
+    rows = pyramid.occupied.any(axis=2)
+    if not rows.any():
         corners = np.stack(np.meshgrid(*([-0.5, n - 0.5] for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
         return _to_world(volume, corners)
     # Of all corners on a line along x only the first and the last can be extreme.
-    num_y, num_z = (shape[1:] - 1 >> level) + 2
-    first = np.full((num_z, num_y), np.iinfo(np.int32).max, np.int32)
-    last = np.full((num_z, num_y), -1, np.int32)
-    for dz in (0, 1):
-        for dy in (0, 1):
-            line = cells[:, 2] + dz, cells[:, 1] + dy
-            np.minimum.at(first, line, cells[:, 0])
-            np.maximum.at(last, line, cells[:, 0] + 1)
-    z, y = np.nonzero(last >= 0)
-    corners = np.concatenate([np.column_stack([x[z, y], y, z]) for x in (first, last)])
+    z, y = np.nonzero(rows)
+    first = pyramid.occupied.argmax(axis=2)[z, y]
+    last = pyramid.occupied.shape[2] - pyramid.occupied[..., ::-1].argmax(axis=2)[z, y]
+    corners = np.concatenate(
+        [np.column_stack([x, y + dy, z + dz]) for x in (first, last) for dy in (0, 1) for dz in (0, 1)]
+    )
     return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
 
 

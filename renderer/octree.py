@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.classify import Codes, Lighting, Segments, classify_voxel, voxel_codes
 from renderer.jit import jit
-from renderer.pyramid import Pyramid, cell_extents
+from renderer.pyramid import Pyramid, cell_extents, error_scale
 from renderer.volume import Volume
 
 Float32 = npt.NDArray[np.float32]
@@ -52,13 +52,18 @@ class _Leaves(NamedTuple):
 
 
 def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) -> Cut:
-    """The coarsest cells whose error is below `tolerance` (in the measure's unit); none finer than `finest_level`."""
+    """The coarsest cells whose error is below `tolerance` (in the measure's unit); none finer than `finest_level`.
+
+    Neither may be below what the pyramid was built for.
+    """
+    assert tolerance >= pyramid.least_tolerance, "no pyramid for this tolerance"
+    assert finest_level >= pyramid.finest_level, "no pyramid for this level"
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     nodes = np.arange(len(cells))
     parts = []
     for number in range(pyramid.num_levels, 0, -1):
         level = pyramid.levels[number - 1]
-        errors = level.errors[nodes] * (pyramid.error_unit * _error_scale(pyramid, cells, number))
+        errors = level.errors[nodes] * _error_scale(pyramid, cells, number)
         is_leaf = errors < tolerance if number > finest_level else np.ones(len(nodes), np.bool_)
         means = level.means[nodes[is_leaf]].astype(np.float32) * np.float32(pyramid.mean_unit)
         parts.append(_Leaves(number, cells[is_leaf], _extinctions(pyramid, means)))
@@ -70,30 +75,14 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
 
 def root_error(pyramid: Pyramid) -> float:
     """The error of the whole volume as one cell, in the measure's unit: any tolerance above draws a single splat."""
-    errors = pyramid.levels[-1].errors * (
-        pyramid.error_unit * _error_scale(pyramid, np.zeros((1, 3), np.int32), pyramid.num_levels)
-    )
+    errors = pyramid.levels[-1].errors * _error_scale(pyramid, np.zeros((1, 3), np.int32), pyramid.num_levels)
     return float(errors.max(initial=0.0))
 
 
-def visible_cells(pyramid: Pyramid, level: int) -> Int32:
-    """int32 [n, 3]: all visible cells of a level from 1 to the root's, x, y, z in units of their width."""
-    cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
-    nodes = np.arange(len(cells))
-    for above in pyramid.levels[: level - 1 : -1]:
-        nodes, cells = _children(nodes, cells, above.masks, above.first_children)
-    return cells
-
-
 def _error_scale(pyramid: Pyramid, cells: Int32, level: int) -> Float64:
-    """What a node's root of variance is multiplied by, [n] or []: for `optical` the cell's side, the cube root of its
-    world volume, in units of the finest spacing (which the channels carry); 1 for `rms`."""
-    if pyramid.measure == "rms":
-        return np.ones(())
-    volume = pyramid.volume
-    extents = cell_extents(cells, level, volume.shape_xyz)
-    num_voxels = extents[:, 0] * extents[:, 1] * extents[:, 2]
-    return np.asarray(np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing)
+    """What the stored errors of these cells are in units of, [n] or []; see `renderer.pyramid.error_scale`."""
+    num_voxels = cell_extents(cells, level, pyramid.volume.shape_xyz).prod(axis=1)
+    return np.asarray(error_scale(pyramid.volume, pyramid.measure, num_voxels) * pyramid.error_unit)
 
 
 def _extinctions(pyramid: Pyramid, means: Float32) -> Float32:

@@ -22,7 +22,7 @@ from renderer.pyramid import Pyramid, build_pyramid
 from renderer.quantize import quantize
 from renderer.readers import read_volume
 from renderer.scene import Scene, Vector
-from renderer.schedule import tolerance_at
+from renderer.schedule import least_tolerance, tolerance_at
 from renderer.splats import SplatBatch, make_splats
 from renderer.transfer import make_transfer
 from renderer.volume import Float64, Volume
@@ -90,17 +90,27 @@ class Stopwatch:
         self._last = now
 
 
-def prepare(scene: Scene, *, clock: Clock, num_threads: int, volume: Volume | None = None) -> Stage:
+def prepare(
+    scene: Scene, *, clock: Clock, num_threads: int, volume: Volume | None = None, any_tolerance: bool = False
+) -> Stage:
     """Read the volume, build the pyramid, frame what is visible. Raises InputError for a volume that cannot be used.
 
-    A `volume` that is given is drawn in place of the scene's, which is then not read.
+    A `volume` that is given is drawn in place of the scene's, which is then not read. The pyramid has what the scene's
+    schedule can ask for; with `any_tolerance` it serves every tolerance and level.
     """
     watch = Stopwatch(clock)
     volume = read_volume(scene.volume) if volume is None else volume
     watch.lap("read")
     transfer = make_transfer(scene.transfer_function, volume.finest_spacing)
     pyramid = build_pyramid(
-        volume, transfer, spec=scene.pyramid, error=scene.error, shading=scene.shading, num_threads=num_threads
+        volume,
+        transfer,
+        spec=scene.pyramid,
+        error=scene.error,
+        shading=scene.shading,
+        num_threads=num_threads,
+        least_tolerance=0.0 if any_tolerance else least_tolerance(scene.error),
+        finest_level=0 if any_tolerance else scene.error.finest_level,
     )
     watch.lap("pyramid")
     points = visible_points(pyramid)
@@ -124,11 +134,11 @@ def finest_level_at(stage: Stage, tolerance: float) -> int:
 def render_frames(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock) -> Iterator[Frame]:
     """Draw these frames of the film, in this order. A cut and its splats are used again while the tolerance stays."""
     scene = stage.scene
-    tolerance, cut, splats, edges = -1.0, None, None, None
+    tolerance, splats, boxes, edges = -1.0, None, None, None
     for number in frames:
         watch = Stopwatch(clock)
-        if cut is None or splats is None or tolerance_at(scene.error, number) != tolerance:
-            cut = splats = edges = None  # let go of the old ones first
+        if splats is None or tolerance_at(scene.error, number) != tolerance:
+            splats = boxes = edges = None  # let go of the old ones first
             tolerance = tolerance_at(scene.error, number)
             cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
             watch.lap("cut")
@@ -137,22 +147,24 @@ def render_frames(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *
             if scene.overlay == "octree":
                 edges = make_cell_edges(cut)
                 watch.lap("overlay")
-        yield _draw(stage, number, tolerance, cut, splats, edges, rasterizer, watch)
+            boxes = cut if scene.splat.order == "boxes" else None  # nothing else looks at the cells again
+            del cut
+        yield _draw(stage, number, tolerance, splats, boxes, edges, rasterizer, watch)
 
 
 def _draw(
     stage: Stage,
     number: int,
     tolerance: float,
-    cut: Cut,
     splats: SplatBatch,
+    boxes: Cut | None,
     edges: CellEdges | None,
     rasterizer: Rasterizer,
     watch: Stopwatch,
 ) -> Frame:
     scene = stage.scene
     view = view_of(stage, number)
-    order = visible_order(splats, cut, view, scene.splat.order)
+    order = visible_order(splats, boxes, view, scene.splat.order)
     watch.lap("order")
     image = rasterizer.rasterize(splats, order, view)
     watch.lap("draw")
@@ -163,7 +175,7 @@ def _draw(
         watch.lap("overlay")
     pixels = quantize(image, scene.output.background)
     watch.lap("quantize")
-    return Frame(number, pixels, image, tolerance, len(cut), len(order), watch.seconds)
+    return Frame(number, pixels, image, tolerance, len(splats), len(order), watch.seconds)
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:

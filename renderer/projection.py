@@ -67,8 +67,8 @@ def longest_sigma(batch: SplatBatch) -> Float64:
     return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
-def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.NDArray[np.uint32]:
-    """uint32 [k]: the splats that can touch the image, back to front."""
+def visible_order(batch: SplatBatch, cut: Cut | None, view: View, order: str) -> npt.NDArray[np.uint32]:
+    """uint32 [k]: the splats that can touch the image, back to front; only `order` boxes needs their cut."""
     camera = model_view(batch, view)
     reach = batch.footprint.cutoff * longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
@@ -78,6 +78,7 @@ def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.ND
         camera.scale_px, half_width, half_height, camera.slope_limit, camera.near, depths, seen,
     )  # fmt: skip
     if order == "boxes":
+        assert cut is not None, "boxes without a cut"
         back_to_front = box_order(cut, view)
         return back_to_front[seen[back_to_front]].astype(np.uint32)
     indices = np.flatnonzero(seen).astype(np.uint32)

@@ -9,6 +9,8 @@ root of the channels' summed variance (Laur and Hanrahan 1991, section 3: the RM
     rms, scalar       s                   in data units
 
 Only visible nodes are stored: every level is one list in Morton order, so that the children of a node lie together.
+Blocks that show nothing are not even classified. On the levels 1 and 2 nodes are left out, too, that lie below one
+that is a leaf in every cut that will be asked for: a film at one tolerance has no use for them.
 
 Blocks of 8^3 voxels are built many at a time by several threads, which gives levels 1 to 3; then each tier of groups
 of 64 nodes gives two levels more (see `renderer.pyramid_kernels`).
@@ -27,7 +29,18 @@ import numpy.typing as npt
 
 from renderer import pyramid_kernels as kernels
 from renderer.classify import FAINTEST, Classifier, make_classifier, voxel_codes
+from renderer.emptiness import visible_blocks
 from renderer.pyramid_kernels import BLOCK
+from renderer.pyramid_memory import (
+    BLOCK_LEVELS,
+    BLOCKS_PER_TASK,
+    NODES_OF_GROUP,
+    Groups,
+    Room,
+    Scratch,
+    Stored,
+    empty_stored,
+)
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
@@ -43,15 +56,12 @@ STORED_MAXIMUM = 2.0**15
 # Scalars are normalised by half their range, or by this where it is smaller: its inverse is still a number.
 SMALLEST_RANGE = 2.0**-500
 
-# Levels inside a block, and in each tier above.
-BLOCK_LEVELS = 3
+# Levels in each tier above the blocks.
 TIER_LEVELS = 2
 
-# Nodes on the three levels of a group.
-NODES_OF_GROUP = (64, 8, 1)
-
-# Blocks built by one task: many enough to hide the dispatch, few enough that their nodes stay in cache.
-BLOCKS_PER_TASK = 1024
+# Errors are compared with the tolerance as they are stored; one that is this much below it is so in any precision.
+SURELY_BELOW = 1 - 2.0**-9
+LARGEST_ROUNDING = 2.0**-24
 
 # int64 [8, 3]: the children (x, y, z) of a cell, in Morton order.
 OCTANTS = np.arange(8)[:, None] >> np.arange(3) & 1
@@ -79,6 +89,9 @@ class Pyramid:
 
     Multiply stored means by `mean_unit` and errors by `error_unit` to have them in the units above. `classifier` gives
     level 0, always as (tau c, tau) h0, and no voxel is deeper than `deepest`.
+
+    occupied: bool [z, y, x], the cells of level `occupied_level` in which anything is visible.
+    least_tolerance, finest_level: cuts at smaller tolerances, or of finer levels, need nodes that were left out.
     """
 
     levels: tuple[Level, ...]
@@ -89,6 +102,10 @@ class Pyramid:
     volume: Volume
     average: str
     measure: str
+    occupied: npt.NDArray[np.bool_]
+    occupied_level: int
+    least_tolerance: float
+    finest_level: int
 
     @property
     def num_levels(self) -> int:
@@ -111,12 +128,18 @@ def build_pyramid(
     error: ErrorSpec,
     shading: ShadingSpec | None = None,
     num_threads: int = 2,
+    least_tolerance: float = 0.0,
+    finest_level: int = 0,
 ) -> Pyramid:
-    """Build all levels in one pass over the voxels; the result does not depend on `num_threads`."""
-    plan = _make_plan(volume, transfer, spec, error, shading)
+    """Build all levels in one pass over the voxels; the result does not depend on `num_threads`.
+
+    No cut will be asked for at a tolerance below `least_tolerance`, nor one with cells of a level below `finest_level`.
+    """
     num_levels = max(1, (max(volume.shape_xyz) - 1).bit_length())
+    plan = _make_plan(volume, transfer, spec, error, shading)
+    plan = replace(plan, limits=_final_limits(plan, volume, error.measure, num_levels, least_tolerance, finest_level))
     blocks = _blocks_in_morton_order(volume.shape_xyz)
-    room = _Room.empty(len(blocks), plan.dtype)
+    room = Room.empty(len(blocks), volume.shape_xyz, plan.dtype)
     tier = _build_all_blocks(plan, blocks, room, num_threads)
     depths = plan.rule if spec.average == "extinction" else make_classifier(volume, transfer, shading, opacity=False)
     stored = room.compacted(num_threads)
@@ -132,7 +155,22 @@ def build_pyramid(
         volume=volume,
         average=spec.average,
         measure=error.measure,
+        occupied=room.occupied,
+        occupied_level=room.occupied_level,
+        least_tolerance=least_tolerance,
+        finest_level=finest_level,
     )
+
+
+def error_scale(volume: Volume, measure: str, num_voxels: Any) -> Any:
+    """What the root of the variance of nodes of so many voxels is multiplied by.
+
+    For `optical` the cell's side, the cube root of its world volume, in units of the finest spacing (which the channels
+    carry); 1 for `rms`.
+    """
+    if measure == "rms":
+        return np.ones(())
+    return np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing
 
 
 def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
@@ -148,6 +186,7 @@ class _Plan:
     rule: classifies for the means; the variance that comes with them is the error where both of the others are None.
     error_rule: classifies for the errors. normal: (offset, scale) of the scalar that errors are of.
     mean_unit, error_unit: as in Pyramid. error_factor: brings the root of a variance to its stored unit.
+    limits: nodes of level 2, and of level 3, with a variance below are leaves in every cut.
     """
 
     codes: Array
@@ -158,11 +197,19 @@ class _Plan:
     error_unit: float
     error_factor: float
     dtype: type[np.float16] | type[np.float32]
+    limits: tuple[float, float] = (0.0, 0.0)
 
     @property
     def shape_xyz(self) -> Shape:
         z, y, x = self.codes.shape
         return x, y, z
+
+    @property
+    def error_layout(self) -> tuple[int, type[Any]] | None:
+        """Channels and dtype of what errors are measured of, where that is not what is averaged."""
+        if self.normal:  # scalars may lie close together and far from zero: float64
+            return 1, np.float64
+        return (4, np.float32) if self.error_rule else None
 
 
 def _make_plan(
@@ -196,6 +243,24 @@ def _make_plan(
     )
 
 
+def _final_limits(
+    plan: _Plan, volume: Volume, measure: str, num_levels: int, least_tolerance: float, finest_level: int
+) -> tuple[float, float]:
+    """Total variances of nodes of levels 2 and 3 below which their stored errors are below any tolerance asked for.
+
+    They hold for whole cells, and all the more for those that the border cuts.
+    """
+    limits = []
+    for level in (2, 3):
+        unit = float(error_scale(volume, measure, 8.0**level)) * plan.error_unit
+        root = (least_tolerance * SURELY_BELOW - LARGEST_ROUNDING * unit) / (unit * plan.error_factor)
+        if level > num_levels or (root <= 0 and level > finest_level):
+            limits.append(0.0)
+        else:
+            limits.append(math.inf if level <= finest_level else root * root)
+    return limits[0], limits[1]
+
+
 def _stored_unit(largest: float) -> float:
     """A power of two, so that scaling by it rounds nothing, of which `largest` is at most STORED_MAXIMUM."""
     return math.ldexp(1 / STORED_MAXIMUM, math.frexp(max(largest, SMALLEST_RANGE))[1])
@@ -211,13 +276,6 @@ def _blocks_in_morton_order(shape_xyz: Shape) -> Int64:
     return cells
 
 
-# Means and variances [g, n, c] of the 64 nodes of some groups, of their 8 parents, and of their root.
-_Groups = list[tuple[Array, Array]]
-
-# Stored means, stored errors and child masks of the visible nodes of one level.
-_Stored = tuple[Array, Array, npt.NDArray[np.uint8]]
-
-
 class _Tier(NamedTuple):
     """Nodes of one level: cells int64 [n, 3] (x, y, z), means [n, 4], and of what errors are measured of means and
     variances [n, c]."""
@@ -228,89 +286,13 @@ class _Tier(NamedTuple):
     variances: Array
 
 
-@dataclass(frozen=True)
-class _Room:
-    """Where the levels inside blocks go: room for every node, visible or not, which costs addresses rather than memory.
-
-    counts: int64 [num_tasks, BLOCK_LEVELS], how many visible nodes the tasks found.
-    """
-
-    counts: Int64
-    levels: tuple[_Stored, ...]
-
-    @classmethod
-    def empty(cls, num_blocks: int, dtype: type[Any]) -> _Room:
-        counts = np.zeros((-(-num_blocks // BLOCKS_PER_TASK), BLOCK_LEVELS), np.int64)
-        levels = (_empty_stored(num_blocks * num, dtype, masked=num < 64) for num in NODES_OF_GROUP)
-        return cls(counts, tuple(levels))
-
-    def of_task(self, task: int, level: int) -> _Stored:
-        num = BLOCKS_PER_TASK * NODES_OF_GROUP[level]
-        means, errors, masks = (array[task * num : (task + 1) * num] for array in self.levels[level])
-        return means, errors, masks
-
-    def compacted(self, num_threads: int) -> list[_Stored]:
-        """The levels without the gaps between tasks: moved together where they lie, then cut off."""
-
-        def compact(level: int, array: Array) -> None:
-            end = 0
-            for task, num in enumerate(self.counts[:, level]):
-                start = task * BLOCKS_PER_TASK * NODES_OF_GROUP[level]
-                if end < start:
-                    array[end : end + num] = array[start : start + num]
-                end += num
-            array.resize((end, *array.shape[1:]), refcheck=False)
-
-        levels, arrays = zip(
-            *((k, array) for k, level in enumerate(self.levels) for array in level if len(array)), strict=True
-        )
-        with ThreadPoolExecutor(num_threads) as pool:
-            list(pool.map(compact, levels, arrays))
-        return list(self.levels)
-
-
-def _empty_stored(num: int, dtype: type[Any], *, masked: bool) -> _Stored:
-    return np.empty((num, 4), dtype), np.empty(num, dtype), np.empty(num if masked else 0, np.uint8)
-
-
-@dataclass(frozen=True)
-class _Scratch:
-    """Memory of one running task, used again by the next: fresh pages cost more than the arithmetic done in them.
-
-    nodes, errors: groups of what is averaged and of what errors are measured of; None where that is the same.
-    visible, spreads: float32 [., 4] and [.], nodes on their way to the room. voxels: float32 [512, 4], one block.
-    """
-
-    nodes: _Groups
-    errors: _Groups | None
-    visible: npt.NDArray[np.float32]
-    spreads: npt.NDArray[np.float32]
-    voxels: npt.NDArray[np.float32]
-
-    @classmethod
-    def empty(cls, plan: _Plan, num_groups: int) -> _Scratch:
-        errors = None
-        if plan.normal:  # scalars may lie close together and far from zero: float64
-            errors = _empty_groups(num_groups, 1, np.float64)
-        elif plan.error_rule:
-            errors = _empty_groups(num_groups, 4, np.float32)
-        nodes = _empty_groups(num_groups, 4, np.float32)
-        buffers = (np.empty(shape, np.float32) for shape in ((num_groups * 64, 4), num_groups * 64, (BLOCK**3, 4)))
-        return cls(nodes, errors, *buffers)
-
-    def first(self, num_groups: int) -> _Scratch:
-        """As much of it as the last task needs."""
-        errors = [(m[:num_groups], v[:num_groups]) for m, v in self.errors] if self.errors else None
-        return replace(self, nodes=[(m[:num_groups], v[:num_groups]) for m, v in self.nodes], errors=errors)
-
-
-def _build_all_blocks(plan: _Plan, blocks: Int64, room: _Room, num_threads: int) -> _Tier:
+def _build_all_blocks(plan: _Plan, blocks: Int64, room: Room, num_threads: int) -> _Tier:
     """The levels inside blocks, into `room`, and the roots of the blocks."""
     tasks = iter(range(len(room.counts)))
     roots: dict[int, _Tier] = {}
 
     def work(num_groups: int) -> None:
-        scratch = _Scratch.empty(plan, num_groups)
+        scratch = Scratch.empty(num_groups, plan.error_layout)
         for task in tasks:  # shared: each thread takes the next one when it is ready
             roots[task] = _build_blocks(plan, blocks, room, task, scratch)
 
@@ -322,11 +304,14 @@ def _build_all_blocks(plan: _Plan, blocks: Int64, room: _Room, num_threads: int)
     return _Tier(*(np.concatenate(parts) for parts in zip(*(roots[task] for task in sorted(roots)), strict=True)))
 
 
-def _build_blocks(plan: _Plan, blocks: Int64, room: _Room, task: int, scratch: _Scratch) -> _Tier:
+def _build_blocks(plan: _Plan, blocks: Int64, room: Room, task: int, scratch: Scratch) -> _Tier:
     """The levels inside the blocks of one task, and their roots."""
     cells = blocks[task * BLOCKS_PER_TASK : (task + 1) * BLOCKS_PER_TASK]
     starts = (cells * BLOCK).astype(np.uint64)
     extents = cell_extents(cells, BLOCK_LEVELS, plan.shape_xyz).astype(np.uint64)
+    if not plan.normal:  # the scalars of what is not visible count for the errors of scalars
+        visible = visible_blocks(plan.codes, plan.rule, starts, extents)
+        cells, starts, extents = cells[visible], starts[visible], extents[visible]
     scratch = scratch.first(len(cells))
     nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
     _classify(plan, plan.rule, starts, extents, scratch, nodes)
@@ -335,13 +320,16 @@ def _build_blocks(plan: _Plan, blocks: Int64, room: _Room, task: int, scratch: _
         _merge(errors, extents, 2)
     elif plan.error_rule:
         _classify(plan, plan.error_rule, starts, extents, scratch, errors)
+    kernels.mark_final(errors[1][1], errors[2][1], plan.limits, *scratch.final)
+    part = min(room.occupied_level, BLOCK_LEVELS) - 1
+    kernels.mark_occupied(nodes[part][0], cells, room.occupied_level - 1 - part, room.occupied)
     for level in range(BLOCK_LEVELS):
         target = room.of_task(task, level)
         room.counts[task, level] = _store_visible(plan, scratch, level, target)
     return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
 
 
-def _classify(plan: _Plan, rule: Classifier, starts: Array, extents: Array, scratch: _Scratch, groups: _Groups) -> None:
+def _classify(plan: _Plan, rule: Classifier, starts: Array, extents: Array, scratch: Scratch, groups: Groups) -> None:
     """All nodes of some blocks."""
     table_items = None if rule.table is None else _items(rule.table)
     kernels.level_of_channels(
@@ -355,16 +343,17 @@ def _items(values: npt.NDArray[np.float32]) -> npt.NDArray[np.complex128]:
     return values.view(np.complex128)[..., 0]
 
 
-def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Stored]]:
+def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Stored]]:
     """The two levels above `level`, on which the nodes of `tier` lie in Morton order, and the upper one's as a tier."""
     cells = tier.cells >> TIER_LEVELS
     steps = np.diff(cells, axis=0)
-    is_first = np.concatenate([[True], (steps[:, 0] | steps[:, 1] | steps[:, 2]) != 0])
+    is_first = np.ones(len(cells), np.bool_)
+    is_first[1:] = (steps[:, 0] | steps[:, 1] | steps[:, 2]) != 0
     place = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
     cells = cells[is_first]
     extents = cell_extents(cells, level + TIER_LEVELS, plan.shape_xyz).astype(np.uint64)
 
-    scratch = _Scratch.empty(plan, len(cells))
+    scratch = Scratch.empty(len(cells), plan.error_layout)
     errors = scratch.errors or scratch.nodes
     scratch.nodes[0][1][:] = 0  # used only where it is the error's, and set then
     for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
@@ -375,7 +364,7 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[_Store
         _merge(scratch.errors, extents, 1 << level)
     stored = []
     for part in (1, 2):
-        target = _empty_stored(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
+        target = empty_stored(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
         num = _store_visible(plan, scratch, part, target)
         stored.append((target[0][:num], target[1][:num], target[2][:num]))
     return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
@@ -386,24 +375,29 @@ def _octants(cells: Int64) -> Int64:
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 
-def _empty_groups(num_groups: int, num_channels: int, dtype: Any) -> _Groups:
-    shapes = [(num_groups, num_nodes, num_channels) for num_nodes in NODES_OF_GROUP]
-    return [(np.empty(shape, dtype), np.empty(shape, dtype)) for shape in shapes]
-
-
-def _merge(groups: _Groups, extents: Array, side: int) -> None:
+def _merge(groups: Groups, extents: Array, side: int) -> None:
     """The 8 parents of the 64 nodes of each group, which are `side` voxels a side, and theirs."""
     nodes, parents, roots = groups
     kernels.merge_groups(*nodes, extents, side, *parents, *roots)
 
 
-def _store_visible(plan: _Plan, scratch: _Scratch, part: int, target: _Stored) -> int:
+def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Stored) -> int:
     """Write the visible nodes of one part of the groups to the beginning of `target`; how many they are."""
     means, _ = scratch.nodes[part]
     _, variances = (scratch.errors or scratch.nodes)[part]
     children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
+    parents, roots = scratch.final
+    is_final, is_below_final = ((roots[:0], parents), (parents, roots), (roots, roots[:0]))[part]
     num = kernels.append_visible(
-        means, _items(means), variances, children, _items(scratch.visible), scratch.spreads, target[2]
+        means,
+        _items(means),
+        variances,
+        children,
+        is_final,
+        is_below_final,
+        _items(scratch.visible),
+        scratch.spreads,
+        target[2],
     )
     _store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
     _store(np.sqrt(scratch.spreads[:num], out=scratch.spreads[:num]), plan.error_factor, target[1][:num])
@@ -418,7 +412,7 @@ def _store(values: npt.NDArray[np.float32], factor: float, out: Array) -> None:
         np.multiply(values, np.float32(factor), out=out)
 
 
-def _linked(stored: list[_Stored]) -> tuple[Level, ...]:
+def _linked(stored: list[Stored]) -> tuple[Level, ...]:
     """Levels with the place of each node's first child: children are in the order of their parents."""
     levels = []
     for means, errors, masks in stored:

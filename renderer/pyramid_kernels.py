@@ -263,11 +263,57 @@ def _merge_two(a: Any, b: Any, va: Any, vb: Any, h: Any) -> tuple[Any, Any]:
 
 
 @jit
+def mark_final(
+    parent_variances: Array,
+    root_variances: Array,
+    limits: tuple[float, float],
+    parents: npt.NDArray[np.bool_],
+    roots: npt.NDArray[np.bool_],
+) -> None:
+    """Mark the nodes of groups, variances [g, 8, c] and [g, 1, c], below which no cut will look: [g, 8] and [g, 1].
+
+    They are those whose total variance is below the limit of their level, and what is below a root that is.
+    """
+    for g in range(len(parents)):
+        roots[g, 0] = _total(root_variances, g, 0) < limits[1]
+        for node in range(8):
+            parents[g, node] = roots[g, 0] or _total(parent_variances, g, node) < limits[0]
+
+
+@jit
+def _total(variances: Array, g: int, node: int) -> Any:
+    total = variances[g, node, 0]
+    for channel in range(1, variances.shape[2]):
+        total += variances[g, node, channel]
+    return total
+
+
+@jit
+def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occupied: npt.NDArray[np.bool_]) -> None:
+    """Mark the visible nodes [g, n, 4] of groups at `cells` [g, 3] in a grid [z, y, x] of cells 2^shift times as wide.
+
+    cells: x, y, z in units of the group's width.
+    """
+    num_nodes = np.uint64(means.shape[1])
+    digits = 2 if num_nodes == 64 else 1 if num_nodes == 8 else 0
+    for g in range(len(means)):
+        for index in range(num_nodes):
+            if means[g, SWAPPED[index] if num_nodes == 64 else index, 3] > 0:
+                x, y, z = cells[g, 0], cells[g, 1], cells[g, 2]
+                for digit in range(digits - 1, -1, -1):
+                    child = int(index) >> 3 * digit
+                    x, y, z = 2 * x + (child & 1), 2 * y + (child >> 1 & 1), 2 * z + (child >> 2 & 1)
+                occupied[z >> shift, y >> shift, x >> shift] = True
+
+
+@jit
 def append_visible(
     means: Float32,
     mean_items: Items,
     variances: Array,
     children: Float32,
+    is_final: npt.NDArray[np.bool_],
+    is_below_final: npt.NDArray[np.bool_],
     items_out: Items,
     variances_out: Float32,
     masks_out: npt.NDArray[np.uint8],
@@ -276,18 +322,21 @@ def append_visible(
 
     variances: [g, n, c], summed over the channels into [.].
     children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
+    is_final: [g, n], nodes whose children are left out. is_below_final: [g, n / 8], parents whose children, these
+        nodes, are. Each [0, 0] where there are none.
     """
     num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
     for g in range(len(means)):
         for index in range(num_nodes):
+            if len(is_below_final) > 0 and is_below_final[g, index >> np.uint64(3)]:
+                continue
             node = SWAPPED[index] if num_nodes == 64 else index
             if means[g, node, 3] > 0:
                 items_out[num] = mean_items[g, node]
-                total = variances[g, node, 0]
-                for channel in range(1, variances.shape[2]):
-                    total += variances[g, node, channel]
-                variances_out[num] = total
-                if len(children) > 0:
+                variances_out[num] = _total(variances, g, node)
+                if len(is_final) > 0 and is_final[g, node]:
+                    masks_out[num] = 0
+                elif len(children) > 0:
                     mask = 0
                     for k in range(8):
                         if children[g, np.uint64(k) * num_nodes + node, 3] > 0:

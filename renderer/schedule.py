@@ -24,6 +24,12 @@ def tolerance_at(error: ErrorSpec, frame: int) -> float:
     return float(before ** (1.0 - fraction) * after**fraction)
 
 
+def least_tolerance(error: ErrorSpec) -> float:
+    """No frame has a smaller tolerance, however its interpolation is rounded."""
+    least = min(tolerance for _, tolerance in error.tolerance)
+    return least if len(error.tolerance) == 1 else least * (1 - 1e-9)
+
+
 def at_tolerance(scene: Scene, tolerance: float) -> Scene:
     """The same film at a constant tolerance."""
     return replace(scene, error=replace(scene.error, tolerance=((0, tolerance),)))

@@ -11,5 +11,6 @@ from renderer.volume import Volume
 
 
 def prepared(scene: Scene, volume: Volume) -> Stage:
-    """The scene's stage for a volume that was read before."""
-    return prepare(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1, volume=volume)
+    """The scene's stage for a volume that was read before, at any tolerance."""
+    num_threads = os.cpu_count() or 1
+    return prepare(scene, clock=time.perf_counter, num_threads=num_threads, volume=volume, any_tolerance=True)

@@ -33,7 +33,7 @@ class Studio:
     def stage(self, scene: Scene) -> Stage:
         """The scene with its volume and its pyramid."""
         volume = self.volumes.get(scene.volume)
-        return prepare(scene, clock=self.clock, num_threads=self.num_threads, volume=volume)
+        return prepare(scene, clock=self.clock, num_threads=self.num_threads, volume=volume, any_tolerance=True)
 
     def draw(self, stage: Stage) -> Frame:
         """The first frame of the film."""

@@ -45,7 +45,7 @@ SOFT_AND_SOLID = TransferSpec(
 
 
 def _stage(scene: Scene) -> Stage:
-    return prepare(scene, clock=lambda: 0.0, num_threads=2)
+    return prepare(scene, clock=lambda: 0.0, num_threads=2, any_tolerance=True)
 
 
 def _draw(stage: Stage, view: View, tolerance: float, rasterizer: GLRasterizer) -> np.ndarray:
