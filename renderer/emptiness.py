@@ -35,12 +35,14 @@ def _look_up(
     codes: Codes, shown: npt.NDArray[np.bool_], starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
 ) -> None:
     for g in range(len(starts)):
-        for z in range(starts[g, 2], starts[g, 2] + extents[g, 2]):
-            for y in range(starts[g, 1], starts[g, 1] + extents[g, 1]):
-                for x in range(starts[g, 0], starts[g, 0] + extents[g, 0]):
-                    visible[g] |= shown[codes[z, y, x]]
-            if visible[g]:
-                break
+        x0, x1 = starts[g, 0], starts[g, 0] + extents[g, 0]
+        found, row = False, np.uint64(0)
+        while not found and row < extents[g, 1] * extents[g, 2]:
+            z, y = starts[g, 2] + row // extents[g, 1], starts[g, 1] + row % extents[g, 1]
+            for x in range(x0, x1):
+                found |= shown[codes[z, y, x]]
+            row += np.uint64(1)
+        visible[g] = found
 
 
 @jit

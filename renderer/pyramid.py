@@ -320,7 +320,8 @@ def _build_blocks(plan: _Plan, blocks: Int64, room: Room, task: int, scratch: Sc
         _merge(errors, extents, 2)
     elif plan.error_rule:
         _classify(plan, plan.error_rule, starts, extents, scratch, errors)
-    kernels.mark_final(errors[1][1], errors[2][1], plan.limits, *scratch.final)
+    if any(plan.limits):
+        kernels.mark_final(errors[1][1], errors[2][1], plan.limits, *scratch.final)
     part = min(room.occupied_level, BLOCK_LEVELS) - 1
     kernels.mark_occupied(nodes[part][0], cells, room.occupied_level - 1 - part, room.occupied)
     for level in range(BLOCK_LEVELS):

@@ -49,6 +49,10 @@ SPREAD_Y, SPREAD_Z = 2 * SPREAD_X, 4 * SPREAD_X
 SWAPPED = np.array([(n & 7) << 3 | n >> 3 for n in range(64)], np.uint64)
 
 
+# Where one coordinate of a node puts it among the 64 of a group, and among the 8 or the one.
+PLACES = np.array([0, 8, 1, 9, 0, 1])
+
+
 @jit
 def level_of_channels(
     codes: Codes,
@@ -294,16 +298,15 @@ def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occu
 
     cells: x, y, z in units of the group's width.
     """
-    num_nodes = np.uint64(means.shape[1])
-    digits = 2 if num_nodes == 64 else 1 if num_nodes == 8 else 0
+    side = 4 if means.shape[1] == 64 else 2 if means.shape[1] == 8 else 1
+    place = PLACES[:4] if side == 4 else PLACES[4:]
     for g in range(len(means)):
-        for index in range(num_nodes):
-            if means[g, SWAPPED[index] if num_nodes == 64 else index, 3] > 0:
-                x, y, z = cells[g, 0], cells[g, 1], cells[g, 2]
-                for digit in range(digits - 1, -1, -1):
-                    child = int(index) >> 3 * digit
-                    x, y, z = 2 * x + (child & 1), 2 * y + (child >> 1 & 1), 2 * z + (child >> 2 & 1)
-                occupied[z >> shift, y >> shift, x >> shift] = True
+        x0, y0, z0 = cells[g, 0] * side, cells[g, 1] * side, cells[g, 2] * side
+        for z in range(side):
+            for y in range(side):
+                for x in range(side):
+                    if means[g, place[x] + 2 * place[y] + 4 * place[z], 3] > 0:
+                        occupied[z0 + z >> shift, y0 + y >> shift, x0 + x >> shift] = True
 
 
 @jit
