@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from renderer.classify import FAINTEST, Classifier, Codes, Segments, evaluate
 from renderer.jit import jit
+from renderer.pyramid_kernels import BLOCK
 
 UInt64 = npt.NDArray[np.uint64]
 
@@ -24,7 +25,7 @@ def visible_blocks(codes: Codes, rule: Classifier, starts: UInt64, extents: UInt
     """
     visible = np.zeros(len(starts), np.bool_)
     if rule.table is not None:
-        _look_up(codes, rule.table[:, 3] > 0, starts, extents, visible)
+        _look_up(codes, (rule.table[:, 3] > 0).view(np.uint8), starts, extents, visible)
     else:
         _compare(codes, rule.segments, starts, extents, visible)
     return visible
@@ -32,17 +33,22 @@ def visible_blocks(codes: Codes, rule: Classifier, starts: UInt64, extents: UInt
 
 @jit
 def _look_up(
-    codes: Codes, shown: npt.NDArray[np.bool_], starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
+    codes: Codes, shown: npt.NDArray[np.uint8], starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
 ) -> None:
     for g in range(len(starts)):
-        x0, x1 = starts[g, 0], starts[g, 0] + extents[g, 0]
-        found, row = False, np.uint64(0)
-        while not found and row < extents[g, 1] * extents[g, 2]:
-            z, y = starts[g, 2] + row // extents[g, 1], starts[g, 1] + row % extents[g, 1]
-            for x in range(x0, x1):
-                found |= shown[codes[z, y, x]]
-            row += np.uint64(1)
-        visible[g] = found
+        x0, y0, z0, num = starts[g, 0], starts[g, 1], starts[g, 2], extents[g, 0]
+        found, z, y = np.uint8(0), np.uint64(0), np.uint64(0)
+        while found == 0 and z < extents[g, 2]:
+            if num == BLOCK:  # a fixed number, which the compiler unrolls
+                for x in range(np.uint64(BLOCK)):
+                    found |= shown[codes[z0 + z, y0 + y, x0 + x]]
+            else:
+                for x in range(num):
+                    found |= shown[codes[z0 + z, y0 + y, x0 + x]]
+            y += np.uint64(1)
+            if y == extents[g, 1]:
+                y, z = np.uint64(0), z + np.uint64(1)
+        visible[g] = found > 0
 
 
 @jit
