@@ -105,8 +105,7 @@ def prepare(scene: Scene, *, clock: Clock, num_threads: int, volume: Volume | No
     watch.lap("pyramid")
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)
-    views = [make_view(scene.camera, i, target, distance, scene.output.size) for i in range(scene.camera.path.frames)]
-    finest_level = finest_useful_level(volume, points, views)
+    finest_level = finest_useful_level(volume, points, scene.camera, target, distance, scene.output.size)
     watch.lap("framing")
     return Stage(scene, volume, pyramid, target, distance, finest_level, watch.seconds)
 

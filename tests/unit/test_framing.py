@@ -32,7 +32,7 @@ def excess(camera: CameraSpec, points: Float64, target: Vector, distance: float,
     worst = -np.inf
     for frame in range(camera.path.frames):
         view = make_view(camera, frame, target, distance, size)
-        x, y, z = (points @ view.view_from_world[:3, :3].T + view.view_from_world[:3, 3]).T
+        x, y, z = view.in_view(points).T
         w = -z if view.projection == "perspective" else np.ones_like(z)
         sides = [
             np.abs(x) * view.scale_px - (width / 2 - margin) * w,
