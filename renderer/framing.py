@@ -86,8 +86,8 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
     """The largest scalar product of any of [n, 3] points with any of [m, 3] normals, or `least` if that is larger.
 
     Neighbouring normals of a path are alike. With r the length of the longest point and d the distance of a run of
-    normals from one among them, no product of a point with any of the run is off by more than `d r` from that with the
-    one: only points within `2 d r` of the best can be best for another, and runs that cannot reach `least` are left out.
+    normals from one among them, a point's product with any of the run is within `d r` of that with the one: only points
+    within `2 d r` of the best there can be best for another, and runs that cannot reach `least` are left out.
     """
     radius = float(np.sqrt((points**2).sum(axis=1).max()))
     rows = min(_MAX_RUN, max(1, _MAX_PRODUCTS // len(points)))

@@ -17,7 +17,10 @@ MAX_FUNCTION_LINES = 60
 # Rooms of renderer/: their modules, and the other rooms that they may import from.
 ROOMS: dict[str, tuple[str, str]] = {
     "words": ("errors scene volume camera jit", ""),
-    "checks": ("schema schema_camera schema_output schema_transfer schema_volume scene_schema colormaps", "words"),
+    "checks": (
+        "extents schema schema_camera schema_output schema_transfer schema_volume scene_schema colormaps",
+        "words",
+    ),
     "volumes": ("readers procedural statistics", "words"),
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_kernels", "words classification"),
@@ -27,7 +30,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "raster": ("raster_gl raster_reference shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
     "film": ("film encode png quantize sidecar staging", "words"),
-    "contents": ("pipeline", "words volumes classification pyramid cut path splats film"),
+    "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film"),
     "study": (
         "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths",
         "words checks classification pyramid cut path splats truth film contents",
