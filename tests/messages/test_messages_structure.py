@@ -135,7 +135,7 @@ scene.yaml:12:13: camera.distance: not a number
     | distance: true
     |           ^
   got: true
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     ),
     "not_a_number": (
@@ -146,7 +146,7 @@ scene.yaml:12:13: camera.distance: not a number
     | distance: 30 cm
     |           ^
   got: '30 cm'
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     ),
     "not_finite": (
@@ -157,7 +157,7 @@ scene.yaml:12:13: camera.distance: not a finite number
     | distance: .inf
     |           ^
   got: .inf
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     ),
     "out_of_range": (
@@ -168,7 +168,7 @@ scene.yaml:12:13: camera.distance: out of range
     | distance: -3
     |           ^
   got: -3
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     ),
     "not_whole": (
@@ -201,7 +201,7 @@ scene.yaml:12:18: camera.field_of_view: out of range
     | field_of_view: 180
     |                ^
   got: 180
-  expected: a number greater than 0 and less than 180
+  expected: a number from 0.001 to 179.9
 """,
     ),
     "choice": (
@@ -306,7 +306,7 @@ scene.yaml:16:27: error.tolerance.60: 0 in a tolerance by frame
     | tolerance: {0: 0.5, 60: 0}
     |                         ^
   got: 0
-  expected: a number greater than 0
+  expected: a number from 1e-300 to 1e+300
   hint: it is interpolated in the logarithm; only a constant tolerance can be 0 and draw every voxel
 """,
     ),
