@@ -24,7 +24,7 @@ def tolerance_at(error: ErrorSpec, frame: int) -> float:
     if frame == start:
         return before
     # Every step is monotone in the frame, the rounding included, and half the logarithm's rise at a time is finite.
-    # Two tolerances that are almost equal have a difference that is exact, and a logarithm of their ratio that is not 0.
+    # Two tolerances that are almost equal differ by a number that is exact, and their logarithms by digits too few.
     close = 0.5 * before < after < 2.0 * before
     rise = math.log1p((after - before) / before) if close else math.log(after) - math.log(before)
     root = math.exp(0.5 * rise * ((frame - start) / (end - start)))

@@ -18,10 +18,10 @@ MAX_FUNCTION_LINES = 60
 ROOMS: dict[str, tuple[str, str]] = {
     "words": ("errors scene volume camera jit", ""),
     "checks": (
-        "extents schema schema_camera schema_output schema_transfer schema_volume scene_schema colormaps",
+        "extents volume_files schema schema_camera schema_output schema_transfer schema_volume scene_schema colormaps",
         "words",
     ),
-    "volumes": ("readers procedural statistics", "words"),
+    "volumes": ("readers procedural statistics", "words checks"),
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_kernels", "words classification"),
     "cut": ("octree visibility", "words classification pyramid"),
@@ -29,7 +29,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_reference shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
-    "film": ("film encode png quantize sidecar staging", "words"),
+    "film": ("film encode output_files png quantize sidecar staging", "words"),
     "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film"),
     "study": (
         "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths",
@@ -39,6 +39,7 @@ ROOMS: dict[str, tuple[str, str]] = {
 # The doors of renderer/ to the command line.
 COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema",  # without numpy: `check` answers at once
+    "output_files", "volume_files",  # as quick
     "readers", "volume", "statistics",  # info
     "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
