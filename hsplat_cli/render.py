@@ -59,9 +59,9 @@ def _render(scene: Scene, numbers: Sequence[int], *, quiet: bool) -> None:
     tell_first_run(quiet=quiet)
     start, records = time.perf_counter(), []
     # What can fail early does: the outputs and the GL context are tried before a voxel is read.
-    sidecar = sidecar_path(scene.output.file)
-    require_writable(sidecar)
     with open_film(scene.output, numbers) as film, GLRasterizer() as rasterizer:
+        sidecar = sidecar_path(scene.output.file)
+        require_writable(sidecar)
         stage = prepare(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1)
         with progress(len(numbers), label=scene.output.file.name, quiet=quiet) as bar:
             for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter):

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 from renderer.errors import Problem, SceneError
 from renderer.scene import CameraSpec, FileSource, KeyframePath, RawSource, Scene, Vector
-from renderer.schema import show
 
 # Longest side of a voxel by its shortest.
 MAX_SPACING_RATIO = 1e5
@@ -66,7 +65,7 @@ def volume_problems(extent: Extent, path: str) -> Iterator[Problem]:
     """What no scene can do with a volume; `path` is what the complaints are about."""
     ratio = extent.coarsest / extent.finest
     if ratio > MAX_SPACING_RATIO:
-        expected = f"a longest side of at most {MAX_SPACING_RATIO:g} times the shortest"
+        expected = f"a longest side of at most {MAX_SPACING_RATIO:.0e} times the shortest"
         yield Problem(path, "the voxels are too long or too flat", f"sides with a ratio of {ratio:.4g}", expected)
     offset = max(map(abs, extent.centre)) / extent.finest
     if offset > MAX_OFFSET:
@@ -90,7 +89,7 @@ def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -
     ):
         if length > limit:
             num_problems += 1
-            yield Problem(f"camera.{key}", what, f"{show(length)} away" if key == "target" else show(length), expected)
+            yield Problem(f"camera.{key}", what, f"{length:.4g}", expected)
     if camera.distance is None or num_problems:
         return
     # In perspective the far side of the volume is at most this far from any eye of the path.
@@ -103,8 +102,7 @@ def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -
         expected = f"at least {MIN_PIXEL_VOXELS:g} of a voxel"
         yield Problem("camera", "too little is in the picture", f"pixels of {smallest:.4g} voxels", expected, hint)
     if largest > MAX_PIXEL_RADII:
-        expected = f"at most {MAX_PIXEL_RADII:g} times half the volume's diagonal"
-        got = f"pixels of {largest:.4g} times that"
+        got, expected = f"pixels of {largest:.4g} times half its diagonal", f"at most {MAX_PIXEL_RADII:g} times that"
         yield Problem("camera", "the volume is too small in the picture", got, expected, hint)
 
 

@@ -74,7 +74,8 @@ def test_wrong_input_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["check", str(DEMO), "--set", "camera.distance=-3"]) == 2
     assert capsys.readouterr() == (
         "",
-        "--set camera.distance=-3: camera.distance: out of range\n  got: -3\n  expected: a number greater than 0\n",
+        "--set camera.distance=-3: camera.distance: out of range\n"
+        "  got: -3\n  expected: a number from 1e-30 to 1e+30\n",
     )
 
 
