@@ -212,9 +212,9 @@ def _within(value: float, least: float | None, most: float | None, above: float 
 
 def _range(least: float | None, most: float | None, above: float | None, below: float | None) -> str:
     if least is not None and most is not None:
-        return f" from {least} to {most}"
+        return f" from {show(least)} to {show(most)}"
     parts = (("of at least", least), ("greater than", above), ("less than", below), ("at most", most))
-    words = [f"{word} {bound}" for word, bound in parts if bound is not None]
+    words = [f"{word} {show(bound)}" for word, bound in parts if bound is not None]
     return f" {listed(words, 'and')}" if words else ""
 
 

@@ -352,7 +352,7 @@ scene.yaml:16:14: error.tolerance: out of range
   expected: [width, height]: two whole numbers from 1 to 16384
 --set camera.near=-1: camera.near: out of range
   got: -1
-  expected: a number from 0 to 1e+300
+  expected: a number from 0 to 1e+30
 --volume scan.nrr: volume.file: no such file
   got: /scans/scan.nrr
   expected: an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices
