@@ -62,8 +62,9 @@ def fit_distance(
             distance = _largest_product(offsets, normals, distance)
         distance = camera.near + _largest_product(offsets, direction, distance - camera.near)
     if not distance > 0.0:
+        what = "all that is visible lies beyond the target, and is in frame from any distance"
         raise InputError(
-            "what is visible has no extent, so there is nothing to frame",
+            what if offsets.any() else "what is visible has no extent, so there is nothing to frame",
             where="camera.distance",
             hint="set camera.distance",
         )

@@ -42,7 +42,7 @@ from renderer.transfer import make_transfer
 from renderer.volume import Volume
 
 SIZE = (32, 32)
-SHAPE = (5, 4, 6)  # z, y, x
+SHAPE = (4, 3, 5)  # z, y, x
 # Where float32 may put the end of a footprint, as a share of its radius; smaller differences need no look at that.
 EDGE, STEP_IS_LARGER = 1e-4, 1e-6
 RADIUS = 0.5 * math.hypot(*SHAPE)
