@@ -6,8 +6,12 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.scene_file import load_scene
+from renderer.output_files import first_files
 from renderer.scene import FileSource, ProceduralSource, RawSource, RockerPath, Scene, TurntablePath
+from renderer.staging import require_possible
+from renderer.volume_files import require_volume_file
 
 
 @click.command()
@@ -15,18 +19,34 @@ from renderer.scene import FileSource, ProceduralSource, RawSource, RockerPath, 
 @click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
 )
+@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="As for render.")
+@click.option("--frames", metavar="A:B:STEP", help="As for render.")
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
-def check(scene: Path, overrides: tuple[str, ...], volume: Path | None) -> None:
-    """Check a scene file and list everything that is wrong with it."""
-    checked = load_scene(scene, overrides=overrides, volume=volume)
+def check(
+    scene: Path, overrides: tuple[str, ...], output: Path | None, frames: str | None, volume: Path | None
+) -> None:
+    """Check a scene file and list everything that is wrong with it.
+
+    All that render refuses before it loads a library to read voxels, to draw or to encode: nothing is written, and of
+    the volume no more is read than the first bytes. What only those libraries see remains: a damaged header or voxels,
+    a size that GL does not have, no GL at all, no ffmpeg, a full disk.
+    """
+    job = load_scene(scene, overrides=overrides, volume=volume, output=output)
+    numbers = parse_frames(frames, job.camera.path.frames)
+    for file in first_files(job.output, numbers):
+        require_possible(file)
+    if isinstance(job.volume.source, FileSource):
+        require_volume_file(job.volume.source.file)
     click.echo(f"{scene}: ok")
-    for name, text in _summary(checked):
+    for name, text in _summary(job, len(numbers)):
         click.echo(f"  {name:<8} {text}")
 
 
-def _summary(scene: Scene) -> list[tuple[str, str]]:
-    output, num_frames = scene.output, scene.camera.path.frames
-    frames = "1 frame" if num_frames == 1 else f"{num_frames} frames"
+def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
+    output, num_in_all = scene.output, scene.camera.path.frames
+    frames = "1 frame" if num_in_all == 1 else f"{num_in_all} frames"
+    if num_frames < num_in_all:
+        frames = f"{num_frames} of {frames}"
     seconds = num_frames / output.frames_per_second
     is_film = output.file.suffix.lower() != ".png"
     film = f", {seconds:.3g} s at {output.frames_per_second:g} frames per second" if is_film else ""

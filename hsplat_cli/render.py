@@ -16,6 +16,7 @@ from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.progress import progress
 from hsplat_cli.scene_file import load_scene
 from hsplat_cli.versions import package_versions
+from renderer.output_files import sidecar_path
 from renderer.scene import Scene
 from renderer.scene_schema import scene_to_dict
 
@@ -52,12 +53,15 @@ def _render(scene: Scene, numbers: Sequence[int], *, quiet: bool) -> None:
     from renderer.film import open_film  # noqa: PLC0415
     from renderer.pipeline import prepare, render_frames  # noqa: PLC0415
     from renderer.raster_gl import GLRasterizer  # noqa: PLC0415
-    from renderer.sidecar import sidecar_path, write_sidecar  # noqa: PLC0415
+    from renderer.sidecar import write_sidecar  # noqa: PLC0415
+    from renderer.staging import require_writable  # noqa: PLC0415
 
     tell_first_run(quiet=quiet)
     start, records = time.perf_counter(), []
-    # What can fail early does: the output and the GL context are tried before a voxel is read.
+    # What can fail early does: the outputs and the GL context are tried before a voxel is read.
     with open_film(scene.output, numbers) as film, GLRasterizer() as rasterizer:
+        sidecar = sidecar_path(scene.output.file)
+        require_writable(sidecar)
         stage = prepare(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1)
         with progress(len(numbers), label=scene.output.file.name, quiet=quiet) as bar:
             for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter):
@@ -68,7 +72,6 @@ def _render(scene: Scene, numbers: Sequence[int], *, quiet: bool) -> None:
         made_by = rasterizer.renderer_name
     seconds = time.perf_counter() - start
     notes = [*film.notes, *_notes(records)]
-    sidecar = sidecar_path(scene.output.file)
     write_sidecar(sidecar, _record(stage, made_by, records, notes, seconds))
     if not quiet:
         _report(stage, records, notes, seconds, sidecar)

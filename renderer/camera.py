@@ -15,7 +15,9 @@ Float64 = npt.NDArray[np.float64]
 class View:
     """A right-handed camera that looks along -z of its view space, x to the right and y up; image row 0 is the top.
 
-    view_from_world: float64 [4, 4], a rigid motion (no scale).
+    axes: float64 [3, 3], orthonormal; its rows are the view's x, y and z in the world: right, up, and away from what is
+        looked at.
+    target: float64 [3], a world position on the optical axis. distance: from it to the eye, along the view's z.
     projection: perspective or orthographic.
     scale_px: perspective: focal length in pixels; orthographic: pixels per world unit.
     size: (width, height) in pixels.
@@ -23,20 +25,37 @@ class View:
 
     A view-space point (x, y, z) lands on column `width / 2 + scale_px * x / w`, row `height / 2 - scale_px * y / w`, in
     pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
+
+    Target and distance stay apart because their sum rounds: far from the world's origin, or from the volume, an eye in
+    world coordinates would be worth few digits, while the target's distance from a volume beside it is exact.
     """
 
-    view_from_world: Float64
+    axes: Float64
+    target: Float64
+    distance: float
     projection: Literal["perspective", "orthographic"]
     scale_px: float
     size: tuple[int, int]
     near: float = 0.0
 
+    def in_view(self, points_world: Float64) -> Float64:
+        """float64 [..., 3]: view-space positions of world positions [..., 3]; differences come first."""
+        return np.asarray((points_world - self.target) @ self.axes.T - (0.0, 0.0, self.distance))
+
+    @property
+    def view_from_world(self) -> Float64:
+        """float64 [4, 4]: the rigid motion `in_view` as a matrix, which rounds where the world's origin is far away."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.axes
+        matrix[:3, 3] = self.in_view(np.zeros(3))
+        return matrix
+
     @property
     def eye(self) -> Float64:
         """float64 [3]: the eye in world coordinates (orthographic: a point on the eye plane)."""
-        return np.asarray(-self.view_from_world[:3, :3].T @ self.view_from_world[:3, 3])
+        return np.asarray(self.target + self.distance * self.axes[2])
 
     @property
     def forward(self) -> Float64:
         """float64 [3]: unit viewing direction in world coordinates."""
-        return -self.view_from_world[2, :3]
+        return np.asarray(-self.axes[2])

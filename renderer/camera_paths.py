@@ -22,7 +22,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -46,21 +45,41 @@ class Pose:
     zoom: float
 
 
+@dataclass(frozen=True)
+class Poses:
+    """A `Pose` for each of n frames: direction, right, up: float64 [n, 3]. zoom: float64 [n]."""
+
+    direction: Float64
+    right: Float64
+    up: Float64
+    zoom: Float64
+
+
 def camera_pose(path: CameraPath, frame: int) -> Pose:
     """The pose at a frame, 0 <= frame < path.frames; frame `path.frames` would be frame 0 of a path that loops."""
-    if isinstance(path, TurntablePath):
-        azimuth, elevation, zoom = path.start + 360.0 * frame / path.frames, path.elevation, 1.0
-    elif isinstance(path, RockerPath):
-        swing = 0.5 * path.swing * math.sin(2.0 * math.pi * frame / path.frames)
-        azimuth, elevation, zoom = path.start + swing, path.elevation, 1.0
+    poses = camera_poses(path, [frame])
+    return Pose(poses.direction[0], poses.right[0], poses.up[0], float(poses.zoom[0]))
+
+
+def camera_poses(path: CameraPath, frames: Sequence[int]) -> Poses:
+    """The poses at some frames, each as `camera_pose` gives it."""
+    at = np.asarray(frames, np.float64)
+    if isinstance(path, KeyframePath):
+        azimuth, elevation, zoom = _between_keys(path, at)
     else:
-        azimuth, elevation, zoom = _between_keys(path, frame)
-    a, e = math.radians(azimuth), math.radians(elevation)
-    turn = _rotation_from_z_to(path.axis)
-    return Pose(
-        direction=turn @ np.array([math.cos(e) * math.sin(a), -math.cos(e) * math.cos(a), math.sin(e)]),
-        right=turn @ np.array([math.cos(a), math.sin(a), 0.0]),
-        up=turn @ np.array([-math.sin(e) * math.sin(a), math.sin(e) * math.cos(a), math.cos(e)]),
+        if isinstance(path, TurntablePath):
+            azimuth = path.start + 360.0 * at / path.frames
+        else:
+            azimuth = path.start + 0.5 * path.swing * np.sin(2.0 * math.pi * at / path.frames)
+        elevation, zoom = np.full_like(at, path.elevation), np.ones_like(at)
+    # The remainder is exact: many turns on, a direction is what it was.
+    a, e = np.radians(np.fmod(azimuth, 360.0)), np.radians(elevation)
+    sin_a, cos_a, sin_e, cos_e = np.sin(a), np.cos(a), np.sin(e), np.cos(e)
+    turned = _rotation_from_z_to(path.axis).T
+    return Poses(
+        direction=np.column_stack([cos_e * sin_a, -cos_e * cos_a, sin_e]) @ turned,
+        right=np.column_stack([cos_a, sin_a, np.zeros_like(a)]) @ turned,
+        up=np.column_stack([-sin_e * sin_a, sin_e * cos_a, cos_e]) @ turned,
         zoom=zoom,
     )
 
@@ -80,14 +99,17 @@ def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, s
             expected="a length greater than 0",
         )
     pose = camera_pose(camera.path, frame)
-    view_from_world = np.eye(4)
-    view_from_world[:3, :3] = pose.right, pose.up, pose.direction
-    view_from_world[:3, 3] = -view_from_world[:3, :3] @ (np.asarray(target, np.float64) + distance * pose.direction)
-    view_from_world.flags.writeable = False
-    scale_px = size[1] / 2 / math.tan(math.radians(camera.field_of_view) / 2) * pose.zoom
+    axes, centre = np.array([pose.right, pose.up, pose.direction]), np.array(target, np.float64)
+    axes.flags.writeable = centre.flags.writeable = False
+    scale_px = focal_length_px(camera, size) * pose.zoom
     if camera.projection == "orthographic":
         scale_px /= distance
-    return View(view_from_world, camera.projection, scale_px, size, camera.near)
+    return View(axes, centre, distance, camera.projection, scale_px, size, camera.near)
+
+
+def focal_length_px(camera: CameraSpec, size: tuple[int, int]) -> float:
+    """(height / 2) / tan(field of view / 2): the pixels on which a length of 1 at a depth of 1 lands, without zoom."""
+    return size[1] / 2 / math.tan(math.radians(camera.field_of_view) / 2)
 
 
 def _rotation_from_z_to(axis: Vector) -> Float64:
@@ -107,55 +129,56 @@ def _rotation_from_z_to(axis: Vector) -> Float64:
     )
 
 
-def _between_keys(path: KeyframePath, frame: int) -> tuple[float, float, float]:
-    """Azimuth and elevation in degrees, and zoom, between the keys of a path."""
-    frames = [float(key.frame) for key in path.keys]
-    rows = [(key.azimuth, key.elevation, math.log(key.zoom)) for key in path.keys]
+def _between_keys(path: KeyframePath, at: Float64) -> tuple[Float64, Float64, Float64]:
+    """Azimuth and elevation in degrees, and zoom, at frames [n] between the keys of a path: float64 [n] each."""
+    frames = np.array([key.frame for key in path.keys], np.float64)
+    rows = np.array([(key.azimuth, key.elevation, math.log(key.zoom)) for key in path.keys])
     if len(rows) == 1:
-        return rows[0][0], rows[0][1], path.keys[0].zoom
+        azimuth, elevation = np.broadcast_to(rows[:, :2], (len(at), 2)).T
+        return azimuth, elevation, np.full_like(at, path.keys[0].zoom)
     if path.loop:
         frames, rows = _closed(path, frames, rows)
-    at = frame + path.frames if path.loop and frame < frames[0] else min(max(frame, frames[0]), frames[-1])
+        at = np.where(at < frames[0], at + path.frames, at)
+    at = np.clip(at, frames[0], frames[-1])
     azimuth, elevation, log_zoom = (
-        _interpolated(frames, column, at, smooth=path.easing == "smooth", loop=path.loop)
-        for column in zip(*rows, strict=True)
+        _interpolated(frames, column, at, smooth=path.easing == "smooth", loop=path.loop) for column in rows.T
     )
-    return azimuth, elevation, math.exp(log_zoom)
+    return azimuth, elevation, np.exp(log_zoom)
 
 
-def _closed(
-    path: KeyframePath, frames: list[float], rows: list[tuple[float, float, float]]
-) -> tuple[list[float], list[tuple[float, float, float]]]:
+def _closed(path: KeyframePath, frames: Float64, rows: Float64) -> tuple[Float64, Float64]:
     """Keys with the first one repeated one loop later, at whole turns that make the way there the shortest."""
     first, last, previous = rows[0], rows[-1], rows[-2]
     way = (first[0] - last[0]) % 360.0  # [0, 360), onward
     if way > 180.0 or (way == 180.0 and last[0] < previous[0]):  # a half turn goes on the way the path was going
         way -= 360.0
-    return [*frames, frames[0] + path.frames], [*rows, (last[0] + way, first[1], first[2])]
+    return np.append(frames, frames[0] + path.frames), np.vstack([rows, [last[0] + way, *first[1:]]])
 
 
-def _interpolated(frames: Sequence[float], values: Sequence[float], at: float, *, smooth: bool, loop: bool) -> float:
-    """The curve through (frames, values) at a frame between the first and the last."""
-    segment = next(i for i in range(len(frames) - 1) if at <= frames[i + 1])
-    length = frames[segment + 1] - frames[segment]
-    start, end = values[segment], values[segment + 1]
+def _interpolated(frames: Float64, values: Float64, at: Float64, *, smooth: bool, loop: bool) -> Float64:
+    """The curve through (frames, values) at frames [n] from the first to the last."""
+    segment = np.searchsorted(frames[1:], at)
+    widths, rises = np.diff(frames), np.diff(values)
+    start, length, rise = values[segment], widths[segment], rises[segment]
     x = (at - frames[segment]) / length
     if not smooth:
-        return start + (end - start) * x
-    widths = [b - a for a, b in pairwise(frames)]
-    slopes = [(b - a) / width for (a, b), width in zip(pairwise(values), widths, strict=True)]
-    velocities = [_velocity(slopes[i - 1], slopes[i], widths[i - 1], widths[i]) for i in range(1, len(slopes))]
-    ends = _velocity(slopes[-1], slopes[0], widths[-1], widths[0]) if loop else 0.0
-    velocities = [ends, *velocities, ends]
+        return start + rise * x
+    slopes = rises / widths
+    velocities = np.zeros_like(values)
+    velocities[1:-1] = _velocity(slopes[:-1], slopes[1:], widths[:-1], widths[1:])
+    if loop:
+        velocities[[0, -1]] = _velocity(slopes[-1:], slopes[:1], widths[-1:], widths[:1])
     # Cubic Hermite form, written around the start so that a constant stays exactly constant.
-    hermite = x * x * (3.0 - 2.0 * x) * (end - start)
+    hermite = x * x * (3.0 - 2.0 * x) * rise
     tangents = (1.0 - x) ** 2 * velocities[segment] - x * (1.0 - x) * velocities[segment + 1]
-    return start + hermite + x * length * tangents
+    return np.asarray(start + hermite + x * length * tangents)
 
 
-def _velocity(before: float, after: float, width_before: float, width_after: float) -> float:
+def _velocity(before: Float64, after: Float64, width_before: Float64, width_after: Float64) -> Float64:
     """Fritsch and Butland's derivative at a key between two segments: a harmonic mean, 0 where the direction turns."""
-    if before * after <= 0.0:
-        return 0.0
     weight_before, weight_after = width_before + 2.0 * width_after, 2.0 * width_before + width_after
-    return (weight_before + weight_after) / (weight_before / before + weight_after / after)
+    product = before * after
+    # The harmonic mean as a quotient of products: no reciprocal of a slope that is almost 0.
+    total = weight_before * after + weight_after * before
+    mean = np.divide((weight_before + weight_after) * product, total, out=np.zeros_like(product), where=product > 0.0)
+    return np.asarray(mean)

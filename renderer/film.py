@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
@@ -13,11 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.encode import Encoder, gif_delay_cs, gif_options, mp4_options, open_encoder
+from renderer.output_files import frame_path
 from renderer.png import encode_png
 from renderer.scene import OutputSpec
 from renderer.staging import require_writable, staged, write_staged
-
-FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
 
 
 class FilmWriter(ABC):
@@ -71,14 +69,6 @@ def open_film(output: OutputSpec, frames: Sequence[int]) -> Iterator[FilmWriter]
     with contextlib.nullcontext(_PngWriter(output, frames)) if is_png else _open_video(output, frames) as writer:
         yield writer
         assert writer.complete, "frames are missing"
-
-
-def frame_path(template: Path, frame: int) -> Path:
-    """The name of one frame's file: `{frame}`, with a format such as `{frame:04}`, replaced by the number.
-
-    Other braces are part of the name.
-    """
-    return Path(FRAME_FIELD.sub(lambda field: field.group().format(frame=frame), str(template)))
 
 
 class _PngWriter(FilmWriter):

@@ -10,12 +10,12 @@ Orthographic, where half the frame's height shows d tan(field of view / 2), the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from renderer.camera import Float64, View
-from renderer.camera_paths import camera_pose
+from renderer.camera import Float64
+from renderer.camera_paths import CameraPath, Poses, camera_poses, focal_length_px
 from renderer.errors import InputError
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
@@ -25,12 +25,15 @@ from renderer.volume import Volume
 MARGIN = 0.03
 # A cell narrower than this on the image is finer than the narrowest footprint that is drawn.
 SMALLEST_CELL_PX = 0.5
-# Products formed at once: 16 MB of float64 whatever the number of points and frames.
+# Products formed at once: 16 MB of float64 whatever the number of points and frames; frames looked at together, of a
+# turntable of a million frames a third of a degree; and poses held at once.
 _MAX_PRODUCTS = 2_000_000
+_MAX_RUN = 1024
+_MAX_POSES = 1 << 16
 
 
 def fit_distance(
-    camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int], frames: Iterable[int]
+    camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int], frames: Sequence[int]
 ) -> float:
     """The smallest distance at which all points lie inside the frame less its margin, at every one of the frames.
 
@@ -50,20 +53,27 @@ def fit_distance(
     margin_px = MARGIN * min(width, height) / 2
     tangent_per_px = math.tan(math.radians(camera.field_of_view) / 2) / (height / 2)
     limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
-    poses = [camera_pose(camera.path, frame) for frame in frames]
-    right = np.array([pose.right for pose in poses]) / limit_x
-    up = np.array([pose.up for pose in poses]) / limit_y
-    direction = np.array([pose.direction for pose in poses])
-    depth = direction if camera.projection == "perspective" else np.zeros_like(direction)
-    sides = np.concatenate([depth + right, depth - right, depth + up, depth - up])
-    distance = max(_largest_product(offsets, sides), _largest_product(offsets, direction) + camera.near)
+    distance = -math.inf
+    for poses in _poses(camera.path, frames):
+        right, up, direction = poses.right / limit_x, poses.up / limit_y, poses.direction
+        depth = direction if camera.projection == "perspective" else np.zeros_like(direction)
+        for normals in (depth + right, depth - right, depth + up, depth - up):
+            distance = _largest_product(offsets, normals, distance)
+        distance = camera.near + _largest_product(offsets, direction, distance - camera.near)
     if not distance > 0.0:
+        what = "all that is visible lies beyond the target, and is in frame from any distance"
         raise InputError(
-            "what is visible has no extent, so there is nothing to frame",
+            what if offsets.any() else "what is visible has no extent, so there is nothing to frame",
             where="camera.distance",
             hint="set camera.distance",
         )
     return distance
+
+
+def _poses(path: CameraPath, frames: Sequence[int]) -> Iterator[Poses]:
+    """The poses of some frames, in parts of bounded size."""
+    for first in range(0, len(frames), _MAX_POSES):
+        yield camera_poses(path, frames[first : first + _MAX_POSES])
 
 
 def visible_centre(points_world: Float64) -> Vector:
@@ -72,10 +82,26 @@ def visible_centre(points_world: Float64) -> Vector:
     return float(x), float(y), float(z)
 
 
-def _largest_product(points: Float64, normals: Float64) -> float:
-    """The largest scalar product of any of [n, 3] points with any of [m, 3] normals."""
-    rows = max(1, _MAX_PRODUCTS // len(points))
-    return max(float((points @ normals[i : i + rows].T).max()) for i in range(0, len(normals), rows))
+def _largest_product(points: Float64, normals: Float64, least: float) -> float:
+    """The largest scalar product of any of [n, 3] points with any of [m, 3] normals, or `least` if that is larger.
+
+    Neighbouring normals of a path are alike. With r the length of the longest point and d the distance of a run of
+    normals from one among them, a point's product with any of the run is within `d r` of that with the one: only points
+    within `2 d r` of the best there can be best for another, and runs that cannot reach `least` are left out.
+    """
+    radius = float(np.sqrt((points**2).sum(axis=1).max()))
+    rows = min(_MAX_RUN, max(1, _MAX_PRODUCTS // len(points)))
+    for first in range(0, len(normals), rows):
+        run = normals[first : first + rows]
+        middle = run[len(run) // 2]
+        products = points @ middle
+        # A little more than the bound, for what is rounded in all this.
+        slack = 1.0001 * radius * float(np.sqrt(((run - middle) ** 2).sum(axis=1).max())) + 1e-12 * abs(least)
+        best = float(products.max())
+        if best + slack > least:
+            candidates = points[products >= best - 2.0 * slack]
+            least = max(least, float((candidates @ run.T).max()))
+    return least
 
 
 def visible_points(pyramid: Pyramid) -> Float64:
@@ -100,26 +126,30 @@ def visible_points(pyramid: Pyramid) -> Float64:
     return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
 
 
-def finest_useful_level(volume: Volume, points_world: Float64, views: Sequence[View]) -> int:
-    """The finest level of which some cell is wider than SMALLEST_CELL_PX on some view; 0 if an eye may be among them.
+def finest_useful_level(
+    volume: Volume, points_world: Float64, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
+) -> int:
+    """The finest level of which some cell is wider than SMALLEST_CELL_PX on some frame; 0 if an eye may be among them.
 
     A bound: the longest diagonal of a voxel, at the smallest depth and the steepest angle of the points' bounding box.
     """
     low, high = points_world.min(axis=0), points_world.max(axis=0)
     box = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
+    offsets = box - np.asarray(target, np.float64)
     edges = volume.world_from_index[:3, :3]
     diagonal = max(float(np.linalg.norm(edges @ signs)) for signs in ([1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]))
+    focal_px = focal_length_px(camera, size)
     widest_px = 0.0
-    for view in views:
-        position = box @ view.view_from_world[:3, :3].T + view.view_from_world[:3, 3]
-        if view.projection == "orthographic":
-            widest_px = max(widest_px, diagonal * view.scale_px)
-            continue
-        depth = float(-position[:, 2].max())
-        if depth <= 0:
-            return 0
-        steepest = math.hypot(1.0, *(np.abs(position[:, :2]).max(axis=0) / depth))
-        widest_px = max(widest_px, diagonal * view.scale_px / depth * steepest)
+    for poses in _poses(camera.path, range(camera.path.frames)):
+        if camera.projection == "orthographic":
+            px_per_unit = poses.zoom * (focal_px / distance)
+        else:
+            depth = distance - (poses.direction @ offsets.T).max(axis=1)
+            if depth.min() <= 0.0:
+                return 0
+            x, y = (np.abs(side @ offsets.T).max(axis=1) / depth for side in (poses.right, poses.up))
+            px_per_unit = poses.zoom * focal_px / depth * np.sqrt(1.0 + x**2 + y**2)
+        widest_px = max(widest_px, diagonal * float(px_per_unit.max()))
     return max(0, math.floor(math.log2(SMALLEST_CELL_PX / widest_px)))
 
 

@@ -155,33 +155,39 @@ def converged_image(
     )
 
 
-def world_rays(view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
+def rays_about(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
     """Rays through the centres of pixels, given by their numbers row by row from the top left corner.
 
-    Returns origins and unit directions, float64 [n, 3], in world coordinates, and float64 [n]: the world length along
-    each ray to the plane at depth `view.near`.
+    Each begins where it meets the plane through the point that faces the camera, which keeps the digits of rays from a
+    distant eye; in perspective not behind the eye.
+    Returns origins, relative to the point and in world axes, and unit directions, float64 [n, 3]; and float64 [n]: the
+    length along each ray to the plane at depth `view.near`, below 0 if that comes first.
     """
     width, height = view.size
+    point = view.in_view(point_world)
+    depth = max(0.0, -point[2])
     row, column = np.divmod(pixels, width)
     x = (column + 0.5 - width / 2) / view.scale_px
     y = (height / 2 - row - 0.5) / view.scale_px
-    world_from_view = view.view_from_world[:3, :3].T
     if view.projection == "orthographic":
-        origins = view.eye + np.stack([x, y, np.zeros_like(x)], axis=1) @ world_from_view.T
-        return origins, np.broadcast_to(view.forward, origins.shape), np.full(x.shape, view.near)
+        origins = np.stack([x, y, np.full_like(x, -depth)], axis=1) - point
+        return origins @ view.axes, np.broadcast_to(view.forward, origins.shape), np.full(x.shape, view.near - depth)
     direction = np.stack([x, y, np.full_like(x, -1.0)], axis=1)
     length = np.linalg.norm(direction, axis=1)  # world length per unit of depth
-    direction = direction / length[:, None] @ world_from_view.T
-    return np.broadcast_to(view.eye, direction.shape), direction, view.near * length
+    origins = depth * direction - point
+    return origins @ view.axes, direction / length[:, None] @ view.axes, (view.near - depth) * length
 
 
 @dataclass(frozen=True)
 class _Field:
     """What the kernel reads, the same for all rays.
 
+    values: those of the volume, in a dtype that numba has.
     bricks: uint8, a byte for each BRICK^3 cells; what a ray found out about one is noted there for all that follow.
+    index_from_world: float64 [3, 3], of directions and of offsets from the volume's centre.
     """
 
+    volume: Volume
     values: npt.NDArray[Any]
     bricks: npt.NDArray[np.uint8]
     index_from_world: Float64
@@ -195,8 +201,8 @@ def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | N
         values = values.astype(np.float32)
         values.flags.writeable = False  # as in every Volume; the kernels are compiled for that
     bricks = np.zeros([n // BRICK + 1 for n in values.shape], np.uint8)
-    index_from_world = np.asarray(np.linalg.inv(volume.world_from_index), np.float64)
-    return _Field(values, bricks, index_from_world, _intervals(transfer), _lighting(shading, index_from_world))
+    index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
+    return _Field(volume, values, bricks, index_from_world, _intervals(transfer), _lighting(shading, index_from_world))
 
 
 def _part_of(on_progress: Progress | None, start: float, end: float) -> Progress:
@@ -218,12 +224,12 @@ def _integrate_pixels(
 
     def integrate_part(first: int) -> None:
         part = slice(first, first + _RAYS_PER_TASK)
-        origins, directions, starts = world_rays(view, pixels[part])
+        origins, directions, starts = rays_about(field.volume.centre, view, pixels[part])
         integrate_rays(
             field.values,
             field.bricks,
-            origins @ index_from_world[:3, :3].T + index_from_world[:3, 3],
-            directions @ index_from_world[:3, :3].T,
+            origins @ index_from_world.T + field.volume.centre_index,
+            directions @ index_from_world.T,
             starts,
             step_voxels,
             field.intervals,
@@ -261,7 +267,7 @@ def _lighting(shading: ShadingSpec | None, index_from_world: Float64) -> Lightin
     spec = shading or ShadingSpec()
     x, y, z = np.array(spec.light, np.float64) / np.linalg.norm(spec.light)
     # A gradient transforms with the transposed inverse of the map of points.
-    first, second, third = ((float(a), float(b), float(c)) for a, b, c in index_from_world[:3, :3].T)
+    first, second, third = ((float(a), float(b), float(c)) for a, b, c in index_from_world.T)
     return Lighting(
         shading is not None,
         float(spec.ambient),

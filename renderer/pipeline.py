@@ -6,7 +6,7 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from renderer.camera import View
 from renderer.camera_paths import make_view
 from renderer.cell_edges import CellEdges, make_cell_edges
+from renderer.extents import Extent, camera_problems, require_proportion, volume_problems
 from renderer.framing import finest_useful_level, fit_distance, visible_centre, visible_points
 from renderer.octree import Cut, cut_pyramid
 from renderer.projection import visible_order
@@ -98,8 +99,10 @@ def prepare(
     A `volume` that is given is drawn in place of the scene's, which is then not read. The pyramid has what the scene's
     schedule can ask for; with `any_tolerance` it serves every tolerance and level.
     """
-    watch = Stopwatch(clock)
+    watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
     volume = read_volume(scene.volume) if volume is None else volume
+    extent = _extent(volume)
+    require_proportion([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
     watch.lap("read")
     transfer = make_transfer(scene.transfer_function, volume.finest_spacing)
     pyramid = build_pyramid(
@@ -115,8 +118,8 @@ def prepare(
     watch.lap("pyramid")
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)
-    views = [make_view(scene.camera, i, target, distance, scene.output.size) for i in range(scene.camera.path.frames)]
-    finest_level = finest_useful_level(volume, points, views)
+    require_proportion(camera_problems(replace(camera, target=target, distance=distance), size, extent))
+    finest_level = finest_useful_level(volume, points, camera, target, distance, size)
     watch.lap("framing")
     return Stage(scene, volume, pyramid, target, distance, finest_level, watch.seconds)
 
@@ -176,6 +179,12 @@ def _draw(
     pixels = quantize(image, scene.output.background)
     watch.lap("quantize")
     return Frame(number, pixels, image, tolerance, len(splats), len(order), watch.seconds)
+
+
+def _extent(volume: Volume) -> Extent:
+    x, y, z = volume.spacing.tolist()
+    centre_x, centre_y, centre_z = volume.centre.tolist()
+    return Extent.of(volume.shape_xyz, (x, y, z), (centre_x, centre_y, centre_z))
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:

@@ -48,12 +48,11 @@ class Model(Protocol):
 
 def model_view(model: Model, view: View) -> ModelView:
     """The view as model units see it; differences are taken in float64."""
-    rotation = view.view_from_world[:3, :3]
-    translation = rotation @ (model.origin - view.eye) / model.length
+    translation = view.in_view(model.origin) / model.length
     perspective = view.projection == "perspective"
     scale_px = view.scale_px if perspective else view.scale_px * model.length
     return ModelView(
-        np.column_stack([rotation, translation]),
+        np.column_stack([view.axes, translation]),
         perspective,
         scale_px,
         view.size,

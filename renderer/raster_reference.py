@@ -66,12 +66,12 @@ def rasterize_reference(batch: SplatBatch, order: npt.NDArray[np.uint32], view: 
 
 def _in_view(batch: SplatBatch, index: int, view: View) -> _Gaussian:
     """The splat's whole Gaussian, mass 1."""
-    away_from_world = np.diag([1.0, 1.0, -1.0]) @ view.view_from_world[:3]
-    center_world = batch.origin + batch.length * batch.centers[index].astype(np.float64)
+    rotation = np.diag([1.0, 1.0, -1.0]) @ view.axes
+    from_target = (batch.origin - view.target) + batch.length * batch.centers[index].astype(np.float64)
     axes_world = batch.length * batch.axes[batch.shapes[index]]
     covariance_world = axes_world @ axes_world.T
-    rotation = away_from_world[:, :3]
-    return _Gaussian(1.0, rotation @ center_world + away_from_world[:, 3], rotation @ covariance_world @ rotation.T)
+    mean = rotation @ from_target + (0.0, 0.0, view.distance)
+    return _Gaussian(1.0, mean, rotation @ covariance_world @ rotation.T)
 
 
 def _beyond(near: float, gaussian: _Gaussian) -> _Gaussian:

@@ -15,6 +15,10 @@ from typing import Literal
 Vector = tuple[float, float, float]
 Color = tuple[float, float, float]
 
+# Of spacings, and of all that is a length in a scene: an atom in light years is longer, and the universe in picometres
+# shorter. Squares and cubes of such lengths, and products of a few, are far from float64's limits.
+SHORTEST, LONGEST = 1e-30, 1e30
+
 # What `renderer.procedural` can make; here because the schema checks names without importing numpy.
 PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb")
 

@@ -7,13 +7,15 @@ those of the dataclasses in `renderer.scene`. Nothing here imports numpy or GL.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields as dataclass_fields
 from dataclasses import is_dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from renderer.errors import Problem, SceneError
+from renderer.extents import proportion_problems
 from renderer.scene import (
     ColormapSpec,
     ErrorSpec,
@@ -78,6 +80,15 @@ _VERSION: Kind[int] = Kind(str(VERSION), _parse_version)
 
 
 def _build_scene(node: Node, given: dict[str, Any]) -> Scene:
+    _check_schedule(node, given)
+    scene = Scene(**given)
+    if not node.problems:  # with several values at once, only those that are right by themselves
+        node.problems.extend(proportion_problems(scene))
+    return scene
+
+
+def _check_schedule(node: Node, given: dict[str, Any]) -> None:
+    """Tolerances by frame must be those of frames that there are."""
     num_frames = getattr(getattr(given["camera"], "path", None), "frames", None)
     tolerance = getattr(given.get("error"), "tolerance", None)
     if isinstance(num_frames, int) and isinstance(tolerance, tuple):
@@ -86,7 +97,6 @@ def _build_scene(node: Node, given: dict[str, Any]) -> Scene:
                 node.child("error").child("tolerance").key(frame).complain(
                     "after the last frame", got=show(frame), expected=f"a frame from 0 to {num_frames - 1}"
                 )
-    return Scene(**given)
 
 
 _SHADING = section(
@@ -109,9 +119,12 @@ _PYRAMID = section(
 # Cells of this level would be wider than any volume is long: indices of voxels along an axis are int32.
 MAX_LEVEL = 30
 
-_CONSTANT = number(least=0)
+# Beyond these no error of a node lies, so that they are as good as 0 and as infinity.
+LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-300, 1e300
+
+_CONSTANT = number(least=0, most=LARGEST_TOLERANCE)
 _FRAME = integer(least=0, most=MAX_FRAMES - 1)
-_AT_FRAME = number(above=0)
+_AT_FRAME = number(least=LEAST_TOLERANCE, most=LARGEST_TOLERANCE)
 
 
 def _parse_tolerance(node: Node) -> tuple[tuple[int, float], ...]:
@@ -164,6 +177,8 @@ _ERROR = section(
 
 _GOURAUD_KEYS = ("angular", "radial", "profile")
 _WEIGHT = number(least=0, most=1)
+# Weights are divided by the largest ones.
+LEAST_WEIGHT = 1e-6
 _PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
 _PROFILE = sequence(sequence(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS)
 
@@ -174,16 +189,31 @@ def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
             node.key(key).complain("contradicts footprint: gaussian", hint="only footprint: gouraud has it")
     profile = given.get("profile", INVALID)
     if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
-        _check_profile(node.child("profile"), profile)
+        _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))
     return SplatSpec(**given)
 
 
-def _check_profile(node: Node, profile: tuple[tuple[float, float], ...]) -> None:
+def _check_profile(node: Node, profile: tuple[tuple[float, float], ...], num_rings: int) -> None:
     radii = [radius for radius, _ in profile]
     if radii[0] != 0 or radii[-1] != 1 or radii != sorted(set(radii)):
         node.complain("radius does not ascend from 0 to 1", got=show(radii), expected=_PROFILE_WORDS)
-    if all(weight == 0 for _, weight in profile):
+    elif all(weight == 0 for _, weight in profile):
         node.complain("every weight is 0", expected="a weight greater than 0")
+    elif isinstance(num_rings, int) and max(_at_rings(profile, num_rings)) < LEAST_WEIGHT:
+        node.complain(
+            "no weight at the radii that the footprint has",
+            got=show(profile),
+            expected=f"a weight of at least {LEAST_WEIGHT:g} at one of the radii k / {num_rings}",
+            hint="a larger splat.radial has more radii",
+        )
+
+
+def _at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Iterator[float]:
+    """The profile, linear between its points, at the radii k / num_rings from 0 to 1."""
+    for ring in range(num_rings + 1):
+        radius = ring / num_rings
+        (first, before), (end, after) = next(pair for pair in pairwise(profile) if radius <= pair[1][0])
+        yield before + (after - before) * ((radius - first) / (end - first))
 
 
 _SPLAT = section(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from dataclasses import replace
 
@@ -11,7 +12,8 @@ from renderer.scene import ErrorSpec, Scene
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
     """The tolerance of a frame: linear in its logarithm between the scheduled frames, constant before and after them.
 
-    At a scheduled frame it is the scheduled number, bit for bit. Tolerances of more than one entry are > 0.
+    At a scheduled frame it is the scheduled number, bit for bit, and between two of them it never turns back.
+    Tolerances of more than one entry are from 1e-300 to 1e300.
     """
     following = bisect_right([scheduled for scheduled, _ in error.tolerance], frame)
     if following == 0:
@@ -19,9 +21,14 @@ def tolerance_at(error: ErrorSpec, frame: int) -> float:
     if following == len(error.tolerance):
         return error.tolerance[-1][1]
     (start, before), (end, after) = error.tolerance[following - 1 : following + 1]
-    fraction = (frame - start) / (end - start)
-    # A product of powers neither overflows nor, at fraction 0, rounds.
-    return float(before ** (1.0 - fraction) * after**fraction)
+    if frame == start:
+        return before
+    # Every step is monotone in the frame, the rounding included, and half the logarithm's rise at a time is finite.
+    # Two tolerances that are almost equal differ by a number that is exact, and their logarithms by digits too few.
+    close = 0.5 * before < after < 2.0 * before
+    rise = math.log1p((after - before) / before) if close else math.log(after) - math.log(before)
+    root = math.exp(0.5 * rise * ((frame - start) / (end - start)))
+    return min(max(before * root * root, min(before, after)), max(before, after))
 
 
 def least_tolerance(error: ErrorSpec) -> float:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from renderer.errors import Problem, nearest
+from renderer.scene import LONGEST, SHORTEST
 
 T = TypeVar("T")
 
@@ -211,10 +212,14 @@ def _within(value: float, least: float | None, most: float | None, above: float 
 
 def _range(least: float | None, most: float | None, above: float | None, below: float | None) -> str:
     if least is not None and most is not None:
-        return f" from {least} to {most}"
+        return f" from {show(least)} to {show(most)}"
     parts = (("of at least", least), ("greater than", above), ("less than", below), ("at most", most))
-    words = [f"{word} {bound}" for word, bound in parts if bound is not None]
+    words = [f"{word} {show(bound)}" for word, bound in parts if bound is not None]
     return f" {listed(words, 'and')}" if words else ""
+
+
+LENGTH: Kind[float] = number(least=SHORTEST, most=LONGEST)
+COORDINATE: Kind[float] = number(least=-LONGEST, most=LONGEST)
 
 
 def _parse_boolean(node: Node) -> bool:

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
-from renderer.scene import CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath, Vector
+from renderer.scene import LONGEST, SHORTEST, CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath, Vector
 from renderer.schema import (
     BOOLEAN,
+    COORDINATE,
     INVALID,
+    LENGTH,
     Kind,
     Node,
     Table,
@@ -25,6 +27,12 @@ from renderer.schema import (
 
 MAX_FRAMES = 10**6
 
+# Degrees: thousands of turns, of which float64 keeps the direction to 1e-10 degrees.
+MAX_ANGLE = 1e6
+# A film at 180 degrees, or at 0, shows nothing; at these the tangent of the half angle is 9e-6 and 1146.
+NARROWEST_VIEW, WIDEST_VIEW = 0.001, 179.9
+MIN_ZOOM, MAX_ZOOM = 1e-6, 1e6
+
 AXES: dict[str, Vector] = {
     "x": (1.0, 0.0, 0.0),
     "y": (0.0, 1.0, 0.0),
@@ -36,15 +44,16 @@ AXES: dict[str, Vector] = {
 
 
 def direction(expected: str) -> Kind[Vector]:
-    """Three numbers, not all 0."""
+    """Three coordinates that are not all 0, nor as good as that."""
 
     def parse(node: Node) -> Vector:
         vector = numbers.read(node)
-        if isinstance(vector, tuple) and all(part == 0 for part in vector):
-            return kind.refuse(node, "no direction", got=show(node.value))
+        if isinstance(vector, tuple) and INVALID not in vector and all(abs(part) < SHORTEST for part in vector):
+            hint = None if not any(vector) else f"a component of at least {SHORTEST:g}"
+            return kind.refuse(node, "no direction", got=show(node.value), hint=hint)
         return vector  # type: ignore[return-value]  # three, or INVALID
 
-    numbers = sequence(number(), expected, count=3)
+    numbers = sequence(COORDINATE, expected, count=3)
     kind: Kind[Vector] = Kind(expected, parse)
     return kind
 
@@ -61,14 +70,14 @@ def _parse_axis(node: Node) -> Vector:
 
 
 _AXIS: Kind[Vector] = Kind(_AXIS_WORDS, _parse_axis)
-_ANGLE = number()
+_ANGLE = number(least=-MAX_ANGLE, most=MAX_ANGLE)
 _ELEVATION = number(least=-90, most=90)
 
 _KEY_FIELDS: Table = {
     "frame": integer(least=0, most=MAX_FRAMES - 1),
     "azimuth": _ANGLE,
     "elevation": _ELEVATION,
-    "zoom": number(above=0),
+    "zoom": number(least=MIN_ZOOM, most=MAX_ZOOM),
 }
 _KEY = section(_KEY_FIELDS, lambda node, given: Keyframe(**given), required=("frame", "azimuth", "elevation"))
 
@@ -128,17 +137,17 @@ def _check_keys(node: Node, keys: Any, num_frames: Any) -> None:
 _PATH: Kind[Any] = Kind(f"a mapping with type: {listed(_PATHS)}, and frames", _parse_path)
 
 _TARGET_WORDS = "[x, y, z] in world units, or visible"
-_TARGET_NUMBERS = sequence(number(), _TARGET_WORDS, count=3)
+_TARGET_NUMBERS = sequence(COORDINATE, _TARGET_WORDS, count=3)
 _TARGET: Kind[Any] = Kind(
     _TARGET_WORDS, lambda node: "visible" if node.value == "visible" else _TARGET_NUMBERS.read(node)
 )
 
 _FIELDS: Table = {
     "projection": choice("perspective", "orthographic"),
-    "field_of_view": number(above=0, below=180),
+    "field_of_view": number(least=NARROWEST_VIEW, most=WIDEST_VIEW),
     "target": _TARGET,
-    "distance": number(above=0),
-    "near": number(least=0),
+    "distance": LENGTH,
+    "near": number(least=0, most=LONGEST),
     "path": _PATH,
 }
 

@@ -6,8 +6,20 @@ import math
 from pathlib import Path
 from typing import Any
 
-from renderer.scene import PROCEDURAL_NAMES, FileSource, ProceduralSource, RawSource, VolumeSpec
-from renderer.schema import Kind, Node, Table, choice, did_you_mean, integer, known, number, section, sequence, show
+from renderer.scene import LONGEST, PROCEDURAL_NAMES, SHORTEST, FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.schema import (
+    LENGTH,
+    Kind,
+    Node,
+    Table,
+    choice,
+    did_you_mean,
+    integer,
+    known,
+    section,
+    sequence,
+    show,
+)
 
 ITEM_SIZES = {
     "uint8": 1,
@@ -48,7 +60,7 @@ def _triple(item: Kind[Any], words: str) -> Kind[Any]:
 
 
 _SHAPE = _triple(integer(least=1, most=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
-_SPACING = _triple(number(above=0), "three numbers greater than 0")
+_SPACING = _triple(LENGTH, f"three lengths from {SHORTEST:g} to {LONGEST:g}")
 _NUMBER_OF = integer(least=0, most=10**6)  # a time step or a component, counted from 0
 _CROP = sequence(
     sequence(integer(least=0, most=MAX_AXIS), "[first, end]: whole numbers with first less than end", count=2),

@@ -9,19 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.film import FRAME_FIELD
 from renderer.staging import write_staged
-
-
-def sidecar_path(output_file: Path) -> Path:
-    """`engine.mp4` has `engine.mp4.json`, and the template `frames/{frame:04}.png` has `frames/frames.json`.
-
-    In a template the field becomes the word `frames`, so that two templates in one folder keep apart.
-    """
-    name = str(output_file)
-    if FRAME_FIELD.search(name):
-        return Path(FRAME_FIELD.sub("frames", name)).with_suffix(".json")
-    return output_file.with_name(f"{output_file.name}.json")
 
 
 def write_sidecar(path: Path, data: Mapping[str, Any]) -> None:

@@ -48,6 +48,23 @@ def require_writable(path: Path) -> None:
             temporary.unlink()
 
 
+def require_possible(path: Path) -> None:
+    """Raise what `require_writable` would, as far as it shows without making a folder or a file."""
+    with explained(path):
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()  # fails for a name that is too long
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        folder = next(parent for parent in path.absolute().parents if parent.exists())
+        if not folder.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
+        longest = max(_temporary_of(path).absolute().relative_to(folder).parts, key=lambda name: len(os.fsencode(name)))
+        if len(os.fsencode(longest)) > os.pathconf(folder, "PC_NAME_MAX"):
+            raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG), str(path))
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+
 @contextlib.contextmanager
 def explained(path: Path) -> Iterator[None]:
     """Turn an OSError met while writing `path` into InputError or RenderError."""

@@ -63,17 +63,19 @@ def box_order(cut: Cut, view: View) -> npt.NDArray[np.int64]:
     it and the eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's split first; it is a sum over
     the axes, so that three tables by coordinate give every key. Digits of splits inside the cell are cleared.
     """
-    index_from_world = np.linalg.inv(cut.volume.world_from_index)
+    volume = cut.volume
+    index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     if view.projection == "perspective":
-        eye = index_from_world[:3, :3] @ view.eye + index_from_world[:3, 3]
+        from_centre = (view.target - volume.centre) + view.distance * view.axes[2]
+        eye = volume.centre_index + index_from_world @ from_centre
     else:  # the eye at infinity; a splitting plane seen edge-on hides nothing
-        direction = index_from_world[:3, :3] @ view.forward
+        direction = index_from_world @ view.forward
         eye = np.where(direction == 0, np.nan, np.copysign(np.inf, -direction))
-    num_levels = max(1, (max(cut.volume.shape_xyz) - 1).bit_length())
+    num_levels = max(1, (max(volume.shape_xyz) - 1).bit_length())
     keys = np.zeros(len(cut), np.uint64)
     first = cut.cells.astype(np.int64) << cut.levels[:, None].astype(np.int64)
     for axis in range(3):
-        keys += _separation_digits(float(eye[axis]), cut.volume.shape_xyz[axis], num_levels)[first[:, axis]]
+        keys += _separation_digits(float(eye[axis]), volume.shape_xyz[axis], num_levels)[first[:, axis]]
     cleared = 2 * cut.levels.astype(np.uint64)
     keys = keys >> cleared << cleared
     return np.argsort(~keys, kind="stable")

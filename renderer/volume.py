@@ -51,10 +51,14 @@ class Volume:
         return abs(float(np.linalg.det(self.world_from_index[:3, :3])))
 
     @property
+    def centre_index(self) -> Float64:
+        """float64 [3]: the centre of the volume in voxel indices x, y, z."""
+        return (np.array(self.shape_xyz) - 1) / 2
+
+    @property
     def centre(self) -> Float64:
-        """float64 [3]: world centre of the volume."""
-        middle = (np.array(self.shape_xyz) - 1) / 2
-        return self.world_from_index[:3, :3] @ middle + self.world_from_index[:3, 3]
+        """float64 [3]: world centre of the volume, to which all drawing is relative."""
+        return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
 
 
 def make_volume(values: Array, world_from_index: Float64, name: str) -> Volume:

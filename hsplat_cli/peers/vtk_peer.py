@@ -287,7 +287,7 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
         "size": (width, height),
         "eye": eye.tolist(),
         "focus": (eye + view.forward).tolist(),
-        "up": view.view_from_world[1, :3].tolist(),
+        "up": view.axes[1].tolist(),
         **lens,
         "clipping": (nearest, max(farthest, nearest * 2)),
     }

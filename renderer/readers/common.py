@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, nearest
+from renderer.scene import LONGEST, SHORTEST
 from renderer.volume import Array, Float64
 
 # No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
@@ -51,23 +52,30 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
 
 def has_volume(world_from_index: Float64) -> bool:
     """Whether the affine is finite and its index axes span space, judged without regard to their lengths."""
-    axes = world_from_index[:3, :3]
-    lengths = np.linalg.norm(axes, axis=0)
-    if not np.isfinite(world_from_index).all() or not lengths.all():
+    if not np.isfinite(world_from_index).all():
         return False
-    return abs(float(np.linalg.det(axes / lengths))) > 1e-6
+    largest = np.abs(world_from_index[:3, :3]).max(axis=0)
+    if not largest.all():
+        return False
+    axes = world_from_index[:3, :3] / largest  # whose squares neither overflow nor vanish
+    return abs(float(np.linalg.det(axes / np.linalg.norm(axes, axis=0)))) > 1e-6
 
 
 def check_affine(world_from_index: Float64, where: str) -> None:
-    """Raise InputError unless every voxel has a place and a volume."""
+    """Raise InputError unless every voxel has a place and a volume, in lengths that a scene may have."""
+    rows = ", ".join("[" + " ".join(f"{value:g}" for value in row) + "]" for row in world_from_index[:3])
+    got = f"{rows} (world from voxel index)"
     if not has_volume(world_from_index):
-        rows = ", ".join("[" + " ".join(f"{value:g}" for value in row) + "]" for row in world_from_index[:3])
         raise InputError(
             "the spacing, origin and direction give the voxels no volume",
             where=where,
-            got=f"{rows} (world from voxel index)",
+            got=got,
             expected="finite numbers, positive spacings and three independent axes",
         )
+    sizes = np.abs(world_from_index[:3])
+    if sizes.max() > LONGEST or sizes[:, :3].max(axis=0).min() < SHORTEST:
+        expected = f"lengths from {SHORTEST:g} to {LONGEST:g}"
+        raise InputError("the spacing or the origin is out of range", where=where, got=got, expected=expected)
 
 
 def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:

@@ -19,8 +19,7 @@ from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, check_stored, choose
 from renderer.readers.headers import check_dicom_pixels, metaimage_voxels, nrrd_voxels
 from renderer.volume import Array
-
-KNOWN_FORMATS = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
+from renderer.volume_files import KNOWN_FORMATS
 
 _BITS_ALLOCATED = "0028|0100"
 

@@ -48,10 +48,8 @@ def looking(forward: Float64, eye: Float64, projection: str) -> View:
     z = -forward / np.linalg.norm(forward)
     x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
     x /= np.linalg.norm(x)
-    view_from_world = np.eye(4)
-    view_from_world[:3, :3] = [x, np.cross(z, x), z]
-    view_from_world[:3, 3] = -view_from_world[:3, :3] @ eye
-    return View(view_from_world, projection, 100.0, (64, 64))  # type: ignore[arg-type]  # one of the two literals
+    axes = np.array([x, np.cross(z, x), z])
+    return View(axes, eye, 0.0, projection, 100.0, (64, 64))  # type: ignore[arg-type]  # one of the two literals
 
 
 def to_index(volume: Volume, world: Float64) -> Float64:

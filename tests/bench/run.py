@@ -93,7 +93,7 @@ def bench_frame(rasterizer: GLRasterizer) -> None:
     splats = make_splats(cut, scene.splat)
     view = make_view(scene.camera, 1, stage.target, stage.distance, scene.output.size)
     order = visible_order(splats, cut, view, "depth")
-    depth = -(splats.centers[order] @ view.view_from_world[2, :3])
+    depth = -(splats.centers[order] @ view.axes[2])
     assert np.all(np.diff(depth) <= 1e-6), "not back to front"
     per = 150_000 / len(cut)
     cut_wall, _ = _timed(lambda: cut_pyramid(stage.pyramid, FRAME_TOLERANCE), 9)

@@ -164,10 +164,14 @@ def moved(volume_affine: npt.NDArray[np.float64], view: View, motion: npt.NDArra
 ]:  # fmt: skip
     """The same scene after a rigid motion [4, 4] of the world, in a unit of length that is `scale` times smaller."""
     unit = np.diag([scale, scale, scale, 1.0])
-    view_from_world = unit @ view.view_from_world @ np.linalg.inv(motion) @ np.linalg.inv(unit)
     scale_px = view.scale_px if view.projection == "perspective" else view.scale_px / scale
     return unit @ motion @ volume_affine, replace(
-        view, view_from_world=view_from_world, scale_px=scale_px, near=view.near * scale
+        view,
+        axes=view.axes @ motion[:3, :3].T,
+        target=scale * (motion[:3, :3] @ view.target + motion[:3, 3]),
+        distance=scale * view.distance,
+        scale_px=scale_px,
+        near=view.near * scale,
     )
 
 

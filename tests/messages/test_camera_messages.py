@@ -46,6 +46,16 @@ def test_no_extent_to_frame() -> None:
     )
 
 
+def test_framed_from_anywhere() -> None:
+    beyond = np.array([[0.0, 50.0, 0.0], [0.0, 51.0, 1.0]])
+    with pytest.raises(InputError) as caught:
+        fit_distance(CAMERA, beyond, ORIGIN, (8, 8), range(1))
+    assert str(caught.value) == (
+        "camera.distance: all that is visible lies beyond the target, and is in frame from any distance\n"
+        "  hint: set camera.distance"
+    )
+
+
 def test_an_integral_that_does_not_settle() -> None:
     voxels = np.zeros((2, 2, 2))
     voxels.flags.writeable = False

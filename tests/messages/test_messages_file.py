@@ -129,7 +129,7 @@ scene.yaml:11:13: camera.distance: out of range
     | distance: -3
     |           ^
   got: -3
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 scene.yaml:12:3: camera.distance: the same key twice
     | distance: 5
     | ^
@@ -263,7 +263,7 @@ OVERRIDES = {
     "camera.distance=-3": """\
 --set camera.distance=-3: camera.distance: out of range
   got: -3
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     "camra.distance=3": """\
 --set camra.distance=3: camra: unknown key
@@ -277,7 +277,7 @@ OVERRIDES = {
     "error.tolerance={0: 1, 5: 0}": """\
 --set error.tolerance={0: 1, 5: 0}: error.tolerance.5: 0 in a tolerance by frame
   got: 0
-  expected: a number greater than 0
+  expected: a number from 1e-300 to 1e+300
   hint: it is interpolated in the logarithm; only a constant tolerance can be 0 and draw every voxel
 """,
     "transfer_function.points.1.opacity=2": """\
@@ -346,13 +346,13 @@ scene.yaml:16:14: error.tolerance: out of range
     | tolerance: -1
     |            ^
   got: -1
-  expected: a number of at least 0
+  expected: a number from 0 to 1e+300
 --set output.size=[3, 3, 3]: output.size: wrong number of items
   got: [3, 3, 3]
   expected: [width, height]: two whole numbers from 1 to 16384
 --set camera.near=-1: camera.near: out of range
   got: -1
-  expected: a number of at least 0
+  expected: a number from 0 to 1e+30
 --volume scan.nrr: volume.file: no such file
   got: /scans/scan.nrr
   expected: an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices

@@ -135,7 +135,7 @@ scene.yaml:12:13: camera.distance: not a number
     | distance: true
     |           ^
   got: true
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     ),
     "not_a_number": (
@@ -146,7 +146,7 @@ scene.yaml:12:13: camera.distance: not a number
     | distance: 30 cm
     |           ^
   got: '30 cm'
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     ),
     "not_finite": (
@@ -157,7 +157,7 @@ scene.yaml:12:13: camera.distance: not a finite number
     | distance: .inf
     |           ^
   got: .inf
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     ),
     "out_of_range": (
@@ -168,7 +168,7 @@ scene.yaml:12:13: camera.distance: out of range
     | distance: -3
     |           ^
   got: -3
-  expected: a number greater than 0
+  expected: a number from 1e-30 to 1e+30
 """,
     ),
     "not_whole": (
@@ -201,7 +201,7 @@ scene.yaml:12:18: camera.field_of_view: out of range
     | field_of_view: 180
     |                ^
   got: 180
-  expected: a number greater than 0 and less than 180
+  expected: a number from 0.001 to 179.9
 """,
     ),
     "choice": (
@@ -237,6 +237,122 @@ scene.yaml:13:46: camera.path.axis: not an axis
     |                                            ^
   got: 'w'
   expected: x, y, z, -x, -y, -z or a direction [x, y, z], not all 0
+""",
+    ),
+    "too_short_a_direction": (
+        "elevation: 20",
+        "axis: [1e-320, 0, 0]",
+        """\
+scene.yaml:13:46: camera.path.axis: no direction
+    | path: {type: turntable, frames: 120, axis: [1e-320, 0, 0]}
+    |                                            ^
+  got: [1e-320, 0, 0]
+  expected: x, y, z, -x, -y, -z or a direction [x, y, z], not all 0
+  hint: a component of at least 1e-30
+""",
+    ),
+    "eye_at_the_target": (
+        "distance: 300",
+        "distance: 0",
+        """\
+scene.yaml:12:13: camera.distance: out of range
+    | distance: 0
+    |           ^
+  got: 0
+  expected: a number from 1e-30 to 1e+30
+""",
+    ),
+    "zoom": (
+        "{type: turntable, frames: 120, elevation: 20}",
+        "{type: keyframes, frames: 9, keys: [{frame: 0, azimuth: 0, elevation: 0, zoom: 1e19}]}",
+        """\
+scene.yaml:13:88: camera.path.keys.0.zoom: out of range
+    | path: {type: keyframes, frames: 9, keys: [{frame: 0, azimuth: 0, elevation: 0, zoom: 1e19}]}
+    |                                                                                      ^
+  got: 1e+19
+  expected: a number from 1e-06 to 1000000
+""",
+    ),
+    "value": (
+        "value: 255",
+        "value: 1.7e308",
+        """\
+scene.yaml:9:15: transfer_function.points.2.value: out of range
+    | - {value: 1.7e308, color: white, opacity: 0.5}
+    |           ^
+  got: 1.7e+308
+  expected: a number from -8e+307 to 8e+307
+""",
+    ),
+    "profile_without_weight": (
+        "footprint: gaussian",
+        "{footprint: gouraud, radial: 2, profile: [[0, 0], [0.25, 1], [0.5, 0], [1, 0]]}",
+        """\
+scene.yaml:18:44: splat.profile: no weight at the radii that the footprint has
+    | {footprint: gouraud, radial: 2, profile: [[0, 0], [0.25, 1], [0.5, 0], [1, 0]]}
+    |                                          ^
+  got: [[0, 0], [0.25, 1], [0.5, 0], [1, 0]]
+  expected: a weight of at least 1e-06 at one of the radii k / 2
+  hint: a larger splat.radial has more radii
+""",
+    ),
+    "tolerance_not_a_number": (
+        "tolerance: 0.1",
+        "tolerance: .nan",
+        """\
+scene.yaml:16:14: error.tolerance: not a finite number
+    | tolerance: .nan
+    |            ^
+  got: .nan
+  expected: a number from 0 to 1e+300
+""",
+    ),
+    "tolerance_negative": (
+        "tolerance: 0.1",
+        "tolerance: -1e-300",
+        """\
+scene.yaml:16:14: error.tolerance: out of range
+    | tolerance: -1e-300
+    |            ^
+  got: -1e-300
+  expected: a number from 0 to 1e+300
+""",
+    ),
+    "tolerance_by_list": (
+        "tolerance: 0.1",
+        "tolerance: [0.5, 0.1]",
+        """\
+scene.yaml:16:14: error.tolerance: not a number
+    | tolerance: [0.5, 0.1]
+    |            ^
+  got: [0.5, 0.1]
+  expected: a number from 0 to 1e+300
+""",
+    ),
+    "tolerances_by_frame": (
+        "tolerance: 0.1",
+        "tolerance: {0: much, 5: .inf, 7: -1, 9: true}",
+        """\
+scene.yaml:16:18: error.tolerance.0: not a number
+    | tolerance: {0: much, 5: .inf, 7: -1, 9: true}
+    |                ^
+  got: 'much'
+  expected: a number from 1e-300 to 1e+300
+scene.yaml:16:27: error.tolerance.5: not a finite number
+    | tolerance: {0: much, 5: .inf, 7: -1, 9: true}
+    |                         ^
+  got: .inf
+  expected: a number from 1e-300 to 1e+300
+scene.yaml:16:36: error.tolerance.7: out of range
+    | tolerance: {0: much, 5: .inf, 7: -1, 9: true}
+    |                                  ^
+  got: -1
+  expected: a number from 1e-300 to 1e+300
+scene.yaml:16:43: error.tolerance.9: not a number
+    | tolerance: {0: much, 5: .inf, 7: -1, 9: true}
+    |                                         ^
+  got: true
+  expected: a number from 1e-300 to 1e+300
 """,
     ),
     "no_direction": (
@@ -306,7 +422,7 @@ scene.yaml:16:27: error.tolerance.60: 0 in a tolerance by frame
     | tolerance: {0: 0.5, 60: 0}
     |                         ^
   got: 0
-  expected: a number greater than 0
+  expected: a number from 1e-300 to 1e+300
   hint: it is interpolated in the logarithm; only a constant tolerance can be 0 and draw every voxel
 """,
     ),

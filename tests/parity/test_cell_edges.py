@@ -82,7 +82,7 @@ def draw_reference(edges: CellEdges, view: View) -> np.ndarray:
         ends = []
         for k in (0, 3):
             world = edges.origin + edges.length * vertex[k : k + 3]
-            ends.append(view.view_from_world[:3, :3] @ world + view.view_from_world[:3, 3])
+            ends.append(view.in_view(world))
         nearest = max(view.near, 1e-5 * edges.length) if is_perspective else view.near
         ends.sort(key=lambda point: point[2])  # the farther one first
         far, close = ends

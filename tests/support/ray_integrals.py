@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.camera import Float64, View
 from renderer.camera_paths import make_view
-from renderer.integrator import integrate, world_rays
+from renderer.integrator import integrate, rays_about
 from renderer.scene import (
     CameraSpec,
     ShadingSpec,
@@ -66,7 +66,7 @@ class Span:
 
 
 def ray_spans(of: Volume, view: View) -> Span:
-    origins, directions, starts = world_rays(view, np.arange(view.size[0] * view.size[1]))
+    origins, directions, starts = rays_about(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
     enter, leave = starts.copy(), np.full(starts.shape, np.inf)
     index_from_world = np.linalg.inv(of.world_from_index)
     at = origins @ index_from_world[:3, :3].T + index_from_world[:3, 3]
@@ -84,7 +84,7 @@ def riemann(of: Volume, tf: Transfer, view: View, num_steps: int, shading: Shadi
     values = of.values.astype(float)
     gradients = [np.gradient(values, axis=2 - axis) for axis in range(3)]
     index_from_world = np.linalg.inv(of.world_from_index)
-    origins, directions, starts = world_rays(view, np.arange(view.size[0] * view.size[1]))
+    origins, directions, starts = rays_about(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
     origins, directions = (
         origins @ index_from_world[:3, :3].T + index_from_world[:3, 3],
         directions @ index_from_world[:3, :3].T,

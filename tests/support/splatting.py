@@ -48,7 +48,7 @@ def point_at(view: View, column: float, row: float, depth: float) -> Float64:
     """float64 [3]: the world point that lands on (column, row) in pixels, at a depth."""
     per_px = (depth if view.projection == "perspective" else 1.0) / view.scale_px
     in_view = [(column - view.size[0] / 2) * per_px, (view.size[1] / 2 - row) * per_px, -depth]
-    return view.view_from_world[:3, :3].T @ (in_view - view.view_from_world[:3, 3])
+    return view.target + (in_view + np.array([0.0, 0.0, view.distance])) @ view.axes
 
 
 def place_splats(

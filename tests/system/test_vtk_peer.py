@@ -194,7 +194,7 @@ def test_a_narrow_window_in_a_wide_range_and_a_step() -> None:
 def test_a_view_of_nothing_is_the_background() -> None:
     volume = engine()
     view = look(volume)
-    away = replace(view, view_from_world=np.diag([-1.0, 1.0, -1.0, 1.0]) @ view.view_from_world)
+    away = replace(view, axes=np.diag([-1.0, 1.0, -1.0]) @ view.axes, target=view.eye, distance=0.0)
     for measurement in measured(volume, transfer(), away):
         assert measurement.overall.everywhere.max_error < 1e-12
         assert math.isnan(measurement.overall.on_volume.psnr)

@@ -17,8 +17,11 @@ MAX_FUNCTION_LINES = 60
 # Rooms of renderer/: their modules, and the other rooms that they may import from.
 ROOMS: dict[str, tuple[str, str]] = {
     "words": ("errors scene volume camera jit", ""),
-    "checks": ("schema schema_camera schema_output schema_transfer schema_volume scene_schema colormaps", "words"),
-    "volumes": ("readers procedural statistics", "words"),
+    "checks": (
+        "extents volume_files schema schema_camera schema_output schema_transfer schema_volume scene_schema colormaps",
+        "words",
+    ),
+    "volumes": ("readers procedural statistics", "words checks"),
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_kernels pyramid_memory emptiness", "words classification"),
     "cut": ("octree visibility", "words classification pyramid"),
@@ -26,8 +29,8 @@ ROOMS: dict[str, tuple[str, str]] = {
     "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_reference shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
-    "film": ("film encode png quantize sidecar staging", "words"),
-    "contents": ("pipeline", "words volumes classification pyramid cut path splats film"),
+    "film": ("film encode output_files png quantize sidecar staging", "words"),
+    "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film"),
     "study": (
         "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths",
         "words checks classification pyramid cut path splats truth film contents",
@@ -36,6 +39,7 @@ ROOMS: dict[str, tuple[str, str]] = {
 # The doors of renderer/ to the command line.
 COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema",  # without numpy: `check` answers at once
+    "output_files", "volume_files",  # as quick
     "readers", "volume", "statistics",  # info
     "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure

@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
-from renderer.film import frame_path, open_film
+from renderer.film import open_film
+from renderer.output_files import frame_path
 from renderer.png import encode_png
 from renderer.scene import OutputSpec
 

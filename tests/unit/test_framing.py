@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pytest
 
-from renderer.camera_paths import CameraPath, make_view
+from renderer.camera_paths import CameraPath, camera_poses, make_view
 from renderer.framing import MARGIN, fit_distance, visible_centre
 from renderer.scene import CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath, Vector
 from renderer.volume import Float64
@@ -32,7 +33,7 @@ def excess(camera: CameraSpec, points: Float64, target: Vector, distance: float,
     worst = -np.inf
     for frame in range(camera.path.frames):
         view = make_view(camera, frame, target, distance, size)
-        x, y, z = (points @ view.view_from_world[:3, :3].T + view.view_from_world[:3, 3]).T
+        x, y, z = view.in_view(points).T
         w = -z if view.projection == "perspective" else np.ones_like(z)
         sides = [
             np.abs(x) * view.scale_px - (width / 2 - margin) * w,
@@ -79,6 +80,22 @@ def test_a_large_cloud_is_framed_in_parts(monkeypatch: pytest.MonkeyPatch) -> No
     whole = fit_distance(*arguments)
     monkeypatch.setattr("renderer.framing._MAX_PRODUCTS", 10)
     assert fit_distance(*arguments) == pytest.approx(whole, rel=1e-15)
+
+
+@pytest.mark.parametrize("shape", range(3))
+def test_long_paths_are_framed_exactly(shape: int) -> None:
+    """What is left out in runs of like directions is not what decides: all points on all frames say the same."""
+    points = cloud(np.random.default_rng(3), shape)
+    for path in (
+        TurntablePath(20_000, elevation=20.0),
+        KeyframePath(3000, (Keyframe(0, 0.0, -80.0), Keyframe(2999, 1000.0, 80.0)), loop=False),
+    ):
+        camera, frames = CameraSpec(path, field_of_view=40.0), range(path.frames)
+        poses = camera_poses(path, frames)
+        half = (1 - MARGIN) * math.tan(math.radians(20.0))
+        sides = [poses.direction + sign * side / half for side in (poses.right, poses.up) for sign in (1, -1)]
+        expected = max(float((normals @ points.T).max()) for normals in sides)
+        assert fit_distance(camera, points, (0.0, 0.0, 0.0), (9, 9), frames) == pytest.approx(expected, rel=1e-14)
 
 
 def test_visible_centre_is_the_middle_of_the_bounding_box() -> None:

@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from renderer.errors import SceneError
+from renderer.extents import proportion_problems
 from renderer.scene import (
     PROCEDURAL_NAMES,
+    SHORTEST,
     CameraSpec,
     ColormapSpec,
     ControlPoint,
@@ -49,8 +51,8 @@ def finite(low: float = -1e6, high: float = 1e6) -> st.SearchStrategy[float]:
 PART = finite(0, 1)
 POSITIVE = finite(1e-6, 1e6)
 VECTOR = st.tuples(finite(), finite(), finite())
-DIRECTION = VECTOR.filter(any)
-SPACING = st.tuples(POSITIVE, POSITIVE, POSITIVE)
+DIRECTION = VECTOR.filter(lambda vector: max(map(abs, vector)) >= SHORTEST)
+SPACING = st.tuples(*[finite(0.01, 100)] * 3)
 SHAPE = st.tuples(*[st.integers(8, 64)] * 3)
 COLOR = st.tuples(PART, PART, PART)
 CROP = st.none() | st.tuples(*[st.tuples(st.integers(0, 3), st.integers(4, 8))] * 3)
@@ -166,7 +168,7 @@ def scenes(draw: st.DrawFn) -> Scene:
         st.none() | POSITIVE,
         finite(0, 10),
     )
-    return Scene(
+    scene = Scene(
         volume=draw(VOLUMES),
         transfer_function=draw(st.builds(TransferSpec, MAPPINGS, st.none() | POSITIVE)),
         camera=draw(camera),
@@ -179,6 +181,8 @@ def scenes(draw: st.DrawFn) -> Scene:
         shading=draw(st.none() | st.builds(ShadingSpec, PART, PART, DIRECTION)),
         overlay=draw(st.sampled_from(["none", "octree"])),
     )
+    assume(not list(proportion_problems(scene)))
+    return scene
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.sidecar import sidecar_path, write_sidecar
+from renderer.output_files import sidecar_path
+from renderer.sidecar import write_sidecar
 
 
 @pytest.mark.parametrize(

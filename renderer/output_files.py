@@ -1,0 +1,35 @@
+"""The names of a film's files, without the numpy that writing them takes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from renderer.scene import OutputSpec
+
+FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
+
+
+def frame_path(template: Path, frame: int) -> Path:
+    """The name of one frame's file: `{frame}`, with a format such as `{frame:04}`, replaced by the number.
+
+    Other braces are part of the name.
+    """
+    return Path(FRAME_FIELD.sub(lambda field: field.group().format(frame=frame), str(template)))
+
+
+def sidecar_path(output_file: Path) -> Path:
+    """`engine.mp4` has `engine.mp4.json`, and the template `frames/{frame:04}.png` has `frames/frames.json`.
+
+    In a template the field becomes the word `frames`, so that two templates in one folder keep apart.
+    """
+    name = str(output_file)
+    if FRAME_FIELD.search(name):
+        return Path(FRAME_FIELD.sub("frames", name)).with_suffix(".json")
+    return output_file.with_name(f"{output_file.name}.json")
+
+
+def first_files(output: OutputSpec, frames: Sequence[int]) -> tuple[Path, Path]:
+    """The film or the picture of the first frame, and the sidecar: where what cannot be written shows at once."""
+    return frame_path(output.file, frames[0]), sidecar_path(output.file)

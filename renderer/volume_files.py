@@ -1,0 +1,59 @@
+"""What shows at a glance: that a file or folder cannot be a volume. Its first bytes are read, and no library is loaded.
+
+Everything that is refused here the readers refuse, too; they know far more.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from renderer.errors import InputError
+
+KNOWN_FORMATS = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
+
+# How files of these names begin.
+_SIGNATURES = {
+    ".nrrd": (b"NRRD",),
+    ".nhdr": (b"NRRD",),
+    ".npy": (b"\x93NUMPY",),
+    ".tif": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
+    ".tiff": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
+}
+# Formats whose headers are text: MetaImage, and VTK's, which SimpleITK reads.
+_TEXT_FORMATS = (".mha", ".mhd", ".vtk")
+_FIRST_BYTES = 1024
+
+
+def require_volume_file(path: Path) -> None:
+    """Raise InputError if `path`, a file with a header or a folder that is there, shows that it cannot be a volume."""
+    if not os.access(path, os.R_OK):
+        raise InputError("no permission to read this", where=str(path))
+    if path.is_dir():
+        if not any(path.iterdir()):
+            raise InputError(
+                "this folder holds neither a DICOM series nor TIFF slices",
+                where=str(path),
+                got="an empty folder",
+                expected="the files of one DICOM series, or .tif files, directly in the folder",
+            )
+        return
+    with path.open("rb") as file:
+        start = file.read(_FIRST_BYTES)
+    if not _may_be_volume(path.suffix.lower(), start):
+        raise InputError(
+            "this is not a volume in a known format, or it is damaged",
+            where=str(path),
+            got=None if start else "an empty file",
+            expected=KNOWN_FORMATS,
+            hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
+        )
+
+
+def _may_be_volume(suffix: str, start: bytes) -> bool:
+    if suffix in _SIGNATURES:
+        return start.startswith(_SIGNATURES[suffix])
+    if suffix in _TEXT_FORMATS:
+        return bool(start)
+    # All other formats have headers with small binary numbers, and so with zeros.
+    return b"\0" in start or start.startswith(b"NRRD") or suffix in (".gz", ".bz2")

@@ -1,0 +1,358 @@
+"""Cameras in, on, along and far from a volume, and volumes of any size at any place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from extremes import Extreme, Section
+from splatting import Float64, volume_of
+
+from renderer.camera import View
+from renderer.camera_paths import make_view
+from renderer.integrator import integrate
+from renderer.octree import cut_pyramid
+from renderer.pipeline import Stage, prepare, render_frames
+from renderer.projection import visible_order
+from renderer.raster_gl import GLRasterizer
+from renderer.raster_reference import rasterize_reference
+from renderer.scene import (
+    CameraSpec,
+    ControlPoint,
+    ErrorSpec,
+    Keyframe,
+    KeyframePath,
+    OutputSpec,
+    ProceduralSource,
+    PyramidSpec,
+    Scene,
+    TransferSpec,
+    TurntablePath,
+    Vector,
+    VolumeSpec,
+)
+from renderer.schema_camera import MAX_ZOOM, NARROWEST_VIEW
+from renderer.splats import GaussianFootprint, SplatBatch, make_splats
+from renderer.transfer import make_transfer
+from renderer.volume import Volume
+
+SIZE = (32, 32)
+SHAPE = (4, 3, 5)  # z, y, x
+# Where float32 may put the end of a footprint, as a share of its radius; smaller differences need no look at that.
+EDGE, STEP_IS_LARGER = 1e-4, 1e-6
+RADIUS = 0.5 * math.hypot(*SHAPE)
+# Half a voxel deep for a voxel of 255; colours apart, so that an order that is wrong shows.
+POINTS = (ControlPoint(0.0, (0.1, 0.2, 0.9), 0.0), ControlPoint(255.0, (1.0, 0.3, 0.1), 0.4))
+
+
+def random_volume(rng: np.random.Generator) -> Volume:
+    """Noise with holes around the world's origin, spacing 1."""
+    values = rng.integers(0, 256, SHAPE, dtype=np.uint8)
+    return volume_of(np.where(rng.random(SHAPE) < 0.5, values, np.uint8(0)))
+
+
+def scene_of(camera: CameraSpec, unit: float = 1.0) -> Scene:
+    return Scene(
+        volume=VolumeSpec(ProceduralSource("constant", SHAPE)),
+        transfer_function=TransferSpec(POINTS, unit),
+        camera=camera,
+        output=OutputSpec(Path("film.mp4"), SIZE),
+        error=ErrorSpec(((0, 0.0),)),
+        pyramid=PyramidSpec(precision="single"),
+    )
+
+
+def staged(camera: CameraSpec, volume: Volume, unit: float = 1.0) -> Stage:
+    return prepare(scene_of(camera, unit), clock=lambda: 0.0, num_threads=1, volume=volume)
+
+
+# Splats against the float64 reference
+
+Eyes = Callable[[np.random.Generator], tuple[Vector, Float64]]  # target, and the eye relative to it
+
+
+def direction(rng: np.random.Generator) -> Float64:
+    vector = rng.normal(size=3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def inside(rng: np.random.Generator) -> Float64:
+    return np.asarray((rng.random(3) - 0.5) * SHAPE[::-1])
+
+
+def from_eye(eye: Float64, back: Float64) -> tuple[Vector, Float64]:
+    """A camera at `eye` that looks against `back`."""
+    x, y, z = (eye - back).tolist()
+    return (x, y, z), back
+
+
+def anywhere_inside(rng: np.random.Generator) -> tuple[Vector, Float64]:
+    return from_eye(inside(rng), direction(rng))
+
+
+def on_a_face(rng: np.random.Generator) -> tuple[Vector, Float64]:
+    eye, axis = inside(rng), rng.integers(3)
+    eye[axis] = math.copysign(SHAPE[2 - axis] / 2, eye[axis])
+    return from_eye(eye, direction(rng))
+
+
+def at_a_voxel(rng: np.random.Generator) -> tuple[Vector, Float64]:
+    index = rng.integers(0, SHAPE[::-1])
+    return from_eye(index - (np.array(SHAPE[::-1]) - 1) / 2, direction(rng))
+
+
+def along_an_axis(rng: np.random.Generator) -> tuple[Vector, Float64]:
+    back = np.zeros(3)
+    back[rng.integers(3)] = rng.choice([-1.0, 1.0])
+    return (0.0, 0.0, 0.0), back * rng.choice([0.25, 1.0, 4.0]) * RADIUS
+
+
+def around(rng: np.random.Generator) -> tuple[Vector, Float64]:
+    return (0.0, 0.0, 0.0), direction(rng) * RADIUS * (1.0 + rng.random())
+
+
+def spec_of(target: Vector, back: Float64, **lens: object) -> CameraSpec:
+    """The camera at `target + back`."""
+    distance = float(np.linalg.norm(back))
+    x, y, z = back / distance
+    azimuth, elevation = math.degrees(math.atan2(x, -y)), math.degrees(math.asin(max(-1.0, min(1.0, z))))
+    path = TurntablePath(1, azimuth, elevation)
+    return CameraSpec(path, target=target, distance=distance, **lens)  # type: ignore[arg-type]
+
+
+def against_reference(cameras: Callable[[np.random.Generator], CameraSpec]) -> Callable[[int], float]:
+    """The worst channel of a pixel of GL's picture against the reference's of the same splats.
+
+    A footprint ends with a small step, and a pixel's centre may lie on it to float32's precision: there, anything
+    between the references with all footprints a little smaller and a little larger is right.
+    """
+
+    def measure(num_cases: int) -> float:
+        rng, worst = np.random.default_rng(4), 0.0
+        with GLRasterizer() as rasterizer:
+            for _ in range(num_cases):
+                stage = staged(cameras(rng), random_volume(rng))
+                cut = cut_pyramid(stage.pyramid, 0.0)
+                batch = make_splats(cut, stage.scene.splat)
+                view = make_view(stage.scene.camera, 0, stage.target, stage.distance, SIZE)
+                order = visible_order(batch, cut, view, "depth")
+                image = rasterizer.rasterize(batch, order, view)
+                expected = rasterize_reference(batch, order, view)
+                low, high = expected, expected
+                if np.abs(image - expected).max() > STEP_IS_LARGER:
+                    others = [rasterize_reference(ended(batch, share), order, view) for share in (1 - EDGE, 1 + EDGE)]
+                    low, high = np.min([expected, *others], axis=0), np.max([expected, *others], axis=0)
+                worst = max(worst, float(np.maximum(low - image, image - high).max()))
+        return worst
+
+    return measure
+
+
+def ended(batch: SplatBatch, share: float) -> SplatBatch:
+    """The splats with footprints that end at this share of their radius."""
+    assert isinstance(batch.footprint, GaussianFootprint)
+    return replace(batch, footprint=replace(batch.footprint, cutoff=share * batch.footprint.cutoff))
+
+
+def seen_from(eyes: Eyes, **lens: object) -> Callable[[np.random.Generator], CameraSpec]:
+    return lambda rng: spec_of(*eyes(rng), **lens)
+
+
+def narrow(rng: np.random.Generator) -> CameraSpec:
+    return CameraSpec(TurntablePath(1, 360 * rng.random(), 30.0), field_of_view=0.01)
+
+
+def from_the_pole(rng: np.random.Generator) -> CameraSpec:
+    path = TurntablePath(1, 360 * rng.random(), rng.choice([-90.0, 90.0]))
+    return CameraSpec(path, projection=rng.choice(["perspective", "orthographic"]))
+
+
+def from_afar(rng: np.random.Generator) -> CameraSpec:
+    """1e4 to 1e12 radii away, magnified until the volume fills the picture again."""
+    distance = RADIUS * 10 ** rng.uniform(4, 12)
+    fov, zoom = math.degrees(2 * math.atan(RADIUS / distance)), 1.0
+    if fov < NARROWEST_VIEW:
+        fov, zoom = NARROWEST_VIEW, math.tan(math.radians(NARROWEST_VIEW) / 2) * distance / RADIUS
+    path = KeyframePath(1, (Keyframe(0, 360 * rng.random(), 30.0, min(zoom, MAX_ZOOM)),))
+    return CameraSpec(path, field_of_view=fov, distance=distance)
+
+
+def cut_by_near(rng: np.random.Generator) -> CameraSpec:
+    target, back = around(rng)
+    projection = rng.choice(["perspective", "orthographic"])
+    return spec_of(target, back, near=float(np.linalg.norm(back)) - rng.uniform(-0.5, 0.5), projection=projection)
+
+
+# The truth against a closed form: one ray's way through a homogeneous block
+
+
+def block_error(cameras: Callable[[np.random.Generator], CameraSpec]) -> Callable[[int], float]:
+    """The worst alpha of the ray integral through a block of extinction 0.5, against `1 - exp(-0.5 length)`."""
+
+    def measure(num_cases: int) -> float:
+        rng, worst = np.random.default_rng(5), 0.0
+        volume = volume_of(np.full(SHAPE, 255, np.uint8))
+        transfer = make_transfer(TransferSpec((ControlPoint(0.0, (1, 1, 1), -math.expm1(-0.5)),), 1.0), 1.0)
+        for _ in range(num_cases):
+            camera = cameras(rng)
+            assert camera.distance is not None and isinstance(camera.target, tuple)
+            view = make_view(camera, 0, camera.target, camera.distance, SIZE)
+            image = integrate(volume, transfer, view, step_voxels=1.0, num_threads=1)
+            worst = max(worst, float(np.abs(image[..., 3] - -np.expm1(-0.5 * lengths(view))).max()))
+        return worst
+
+    return measure
+
+
+def about_the_block(rng: np.random.Generator) -> CameraSpec:
+    eyes = (anywhere_inside, on_a_face, at_a_voxel, around, along_an_axis)
+    return spec_of(*eyes[rng.integers(len(eyes))](rng))
+
+
+def narrow_on_the_block(rng: np.random.Generator) -> CameraSpec:
+    return spec_of((0.0, 0.0, 0.0), direction(rng) * RADIUS / math.tan(math.radians(0.005)), field_of_view=0.01)
+
+
+def lengths(view: View) -> Float64:
+    """float64 [h, w]: of each pixel's ray in the block, by its two distances to each pair of faces."""
+    width, height = view.size
+    x, y = np.meshgrid(np.arange(width) + 0.5 - width / 2, height / 2 - np.arange(height) - 0.5)
+    rays = np.stack([x / view.scale_px, y / view.scale_px, np.full_like(x, -1.0)], axis=-1) @ view.axes
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    rays = np.where(rays == 0.0, 1e-200, rays)
+    half = np.array(SHAPE[::-1]) / 2
+    one, two = (-half - view.eye) / rays, (half - view.eye) / rays
+    enter, leave = np.minimum(one, two).max(axis=-1), np.maximum(one, two).min(axis=-1)
+    return np.asarray(np.maximum(leave - np.maximum(enter, 0.0), 0.0))
+
+
+# The same scene elsewhere and in other units
+
+
+def cameras_everywhere(rng: np.random.Generator) -> CameraSpec:
+    """Framed, aimed or inside; in both projections."""
+    path = TurntablePath(1, 360 * rng.random(), 180 * rng.random() - 90)
+    camera = CameraSpec(path, rng.choice(["perspective", "orthographic"]), rng.uniform(10, 100))
+    kind = rng.integers(4)
+    if kind == 0:
+        return camera
+    if kind == 1:
+        return replace(camera, target="visible")
+    x, y, z = inside(rng).tolist()
+    return replace(camera, target=(x, y, z), distance=RADIUS * rng.choice([0.01, 1.0, 2.0]), near=RADIUS * rng.random())
+
+
+def moved(camera: CameraSpec, volume: Volume, scale: float, shift: Float64) -> tuple[CameraSpec, Volume]:
+    """All lengths times `scale`, then all positions plus `shift`."""
+    affine = volume.world_from_index.copy()
+    affine[:3] *= scale
+    affine[:3, 3] += shift
+    if isinstance(camera.target, tuple):
+        x, y, z = (scale * np.array(camera.target) + shift).tolist()
+        camera = replace(camera, target=(x, y, z))
+    distance = None if camera.distance is None else scale * camera.distance
+    return replace(camera, distance=distance, near=scale * camera.near), volume_of(volume.values.copy(), affine)
+
+
+Pictures = Callable[[Stage], npt.NDArray[np.floating]]
+
+
+def drawn(rasterizer: GLRasterizer) -> Pictures:
+    def draw(stage: Stage) -> npt.NDArray[np.floating]:
+        (frame,) = render_frames(stage, [0], rasterizer, clock=lambda: 0.0)
+        return frame.radiance
+
+    return draw
+
+
+def integrated(stage: Stage) -> npt.NDArray[np.floating]:
+    view = make_view(stage.scene.camera, 0, stage.target, stage.distance, SIZE)
+    transfer = make_transfer(stage.scene.transfer_function, stage.volume.finest_spacing)
+    return integrate(stage.volume, transfer, view, step_voxels=1.0, num_threads=1)
+
+
+def difference(
+    scales: Sequence[float], shift: float, *, truth: bool = False, exact: bool = False
+) -> Callable[[int], float]:
+    """The worst channel of a pixel against the picture of the scene at the origin with voxels of 1.
+
+    shift: the length of the shift, in voxels. exact: shifts along an axis, by a power of two.
+    """
+
+    def measure(num_cases: int) -> float:
+        rng, worst = np.random.default_rng(6), 0.0
+        with GLRasterizer() as rasterizer:
+            picture = integrated if truth else drawn(rasterizer)
+            for _ in range(num_cases):
+                camera, volume = cameras_everywhere(rng), random_volume(rng)
+                expected = picture(staged(camera, volume))
+                scale = rng.choice(scales)
+                away = shift * scale * (np.eye(3)[rng.integers(3)] if exact else direction(rng))
+                stage = staged(*moved(camera, volume, scale, away), unit=scale)
+                worst = max(worst, float(np.abs(picture(stage) - expected).max()))
+        return worst
+
+    return measure
+
+
+RELATIVE = "target and distance kept apart, all else relative to the volume's centre, in float64 before float32"
+TRUNCATED = "what the near plane cuts becomes a Gaussian with the same moments"
+CHANNEL = "channel against the float64 reference"
+MOVED = "channel against that at the origin"
+CLOSED, ALPHA = "rays begin beside the volume's centre", "alpha against 1 - exp(-tau length)"
+
+SECTION = Section(
+    "4. Cameras",
+    (
+        Extreme("eye inside the volume", TRUNCATED, CHANNEL, 3e-6, against_reference(seen_from(anywhere_inside))),
+        Extreme("eye on a face", TRUNCATED, CHANNEL, 3e-6, against_reference(seen_from(on_a_face))),
+        Extreme("eye exactly at a voxel's centre", TRUNCATED, CHANNEL, 3e-6, against_reference(seen_from(at_a_voxel))),
+        Extreme("eye on an axis", RELATIVE, CHANNEL, 3e-6, against_reference(seen_from(along_an_axis))),
+        Extreme(
+            "looking along the up vector", "azimuth gives the frame", CHANNEL, 3e-6, against_reference(from_the_pole)
+        ),
+        Extreme("field of view 0.01 degrees", RELATIVE, CHANNEL, 3e-6, against_reference(narrow)),
+        Extreme(
+            "field of view 179 degrees, outside",
+            "slopes held to those of the picture",
+            CHANNEL,
+            3e-6,
+            against_reference(seen_from(around, field_of_view=179.0)),
+        ),
+        Extreme(
+            "field of view 179 degrees, inside",
+            TRUNCATED,
+            CHANNEL,
+            3e-6,
+            against_reference(seen_from(anywhere_inside, field_of_view=179.0)),
+        ),
+        Extreme("eye up to 1e12 radii away, magnified", RELATIVE, CHANNEL, 3e-6, against_reference(from_afar)),
+        Extreme("near plane through the volume", TRUNCATED, CHANNEL, 3e-6, against_reference(cut_by_near)),
+        Extreme("truth: eye in, on and around a block", CLOSED, ALPHA, 1e-9, block_error(about_the_block)),
+        Extreme("truth: field of view 0.01 degrees", CLOSED, ALPHA, 1e-9, block_error(narrow_on_the_block)),
+        Extreme(
+            "truth: field of view 179 degrees",
+            CLOSED,
+            ALPHA,
+            1e-9,
+            block_error(seen_from(anywhere_inside, field_of_view=179.0)),
+        ),
+        Extreme("volume 2^-30 or 2^30 wide", RELATIVE, MOVED, 0.0, difference([2.0**-30, 2.0**30], 0.0)),
+        Extreme("volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-5, difference([1e-9, 1e9], 0.0)),
+        Extreme("2^20 voxels from the origin", RELATIVE, MOVED, 0.0, difference([1.0], 2.0**20, exact=True)),
+        Extreme("1e6 units away, 1e-3 wide", RELATIVE, MOVED, 1e-5, difference([1e-3 / 6], 6e9)),
+        Extreme("1e9 voxels away, any size", RELATIVE, MOVED, 1e-5, difference([1e-9, 1.0, 1e9], 1e9)),
+        Extreme("truth: volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-9, difference([1e-9, 1e9], 0.0, truth=True)),
+        Extreme("truth: 1e9 voxels away", RELATIVE, MOVED, 1e-5, difference([1e-9, 1.0, 1e9], 1e9, truth=True)),
+    ),
+)
+
+
+@pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)
+def test_extreme(extreme: Extreme) -> None:
+    extreme.check()

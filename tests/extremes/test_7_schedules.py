@@ -1,0 +1,170 @@
+"""Tolerances of every size, constant and by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from extremes import Extreme, Section
+from splatting import volume_of
+
+from renderer.errors import SceneError
+from renderer.octree import cut_pyramid
+from renderer.pyramid import build_pyramid
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
+from renderer.scene_schema import parse_scene
+from renderer.schedule import tolerance_at
+from renderer.transfer import make_transfer
+
+Keys = tuple[tuple[int, float], ...]
+
+MAX_FRAME = 999_999
+
+
+def whole_range(rng: np.random.Generator) -> Keys:
+    """Two to five keys anywhere in the range of frames and of tolerances, its ends among them."""
+    frames = np.unique(rng.integers(0, MAX_FRAME, 5))
+    return tuple((int(frame), draw_tolerance(rng)) for frame in frames)
+
+
+def draw_tolerance(rng: np.random.Generator) -> float:
+    return float(rng.choice([1e-300, 1e300, 10 ** rng.uniform(-300, 300)]))
+
+
+def usual(rng: np.random.Generator) -> Keys:
+    """Five decades, as schedules have them."""
+    return tuple((frame, 10 ** rng.uniform(-4, 1)) for frame in (0, 50, 120))
+
+
+def almost_equal(rng: np.random.Generator) -> Keys:
+    """Two keys apart by some units in the last place, a million frames long."""
+    first = 10 ** rng.uniform(-300, 299)
+    return (0, first), (MAX_FRAME, first * (1 + rng.integers(-20, 20) * 2.0**-52))
+
+
+def relative_error(schedules: Callable[[np.random.Generator], Keys]) -> Callable[[int], float]:
+    """The worst error of a tolerance between keys, against the interpolation in 50 digits."""
+
+    def measure(num_cases: int) -> float:
+        rng, worst = np.random.default_rng(7), 0.0
+        with mpmath.workdps(50):
+            for _ in range(num_cases):
+                keys = schedules(rng)
+                for (start, before), (end, after) in pairwise(keys):
+                    frame = int(rng.integers(start, end + 1))
+                    share = mpmath.mpf(frame - start) / (end - start)
+                    expected = mpmath.mpf(before) ** (1 - share) * mpmath.mpf(after) ** share
+                    worst = max(worst, float(abs(tolerance_at(ErrorSpec(keys), frame) / expected - 1)))
+        return worst
+
+    return measure
+
+
+def turning_back(num_cases: int) -> float:
+    """How many neighbouring frames go the other way than their keys do."""
+    rng, wrong = np.random.default_rng(8), 0
+    for case in range(num_cases):
+        keys = (whole_range, usual, almost_equal)[case % 3](rng)
+        error = ErrorSpec(keys)
+        for (start, before), (end, after) in pairwise(keys):
+            first = int(rng.integers(start, max(start + 1, end - 200)))
+            there = [tolerance_at(error, frame) for frame in range(first, min(end, first + 200) + 1)]
+            steps = np.sign(np.diff(there)) * np.sign(after - before)
+            wrong += int(np.count_nonzero(steps < 0))
+            wrong += int(not min(before, after) <= min(there) <= max(there) <= max(before, after))
+    return float(wrong)
+
+
+def off_key(num_cases: int) -> float:
+    """How many scheduled frames, and frames before the first and after the last, differ by a bit."""
+    rng, wrong = np.random.default_rng(9), 0
+    for _ in range(num_cases):
+        keys = whole_range(rng)
+        error = ErrorSpec(keys)
+        wrong += sum(tolerance_at(error, frame) != tolerance for frame, tolerance in keys)
+        wrong += tolerance_at(error, 0) != keys[0][1]
+        wrong += tolerance_at(error, MAX_FRAME) != keys[-1][1]
+    return float(wrong)
+
+
+def cells_missing(tolerance: float, expect_root: bool) -> Callable[[int], float]:
+    """By how many cells a cut is not what it must be: every visible voxel, or the root."""
+
+    def measure(num_cases: int) -> float:
+        rng, worst = np.random.default_rng(10), 0
+        points = ControlPoint(0.0, (0.1, 0.2, 0.9), 0.0), ControlPoint(255.0, (1.0, 0.3, 0.1), 0.4)
+        for _ in range(num_cases):
+            values = rng.permutation(np.arange(40, 256, dtype=np.uint8)).reshape(6, 6, 6)  # no two alike
+            volume = volume_of(values[tuple(slice(num) for num in rng.integers(2, 7, 3))])
+            transfer = make_transfer(TransferSpec(points, 1.0), 1.0)
+            for measure in ("optical", "rms"):
+                error = ErrorSpec(((0, tolerance),), measure=measure)  # type: ignore[arg-type]
+                pyramid = build_pyramid(volume, transfer, spec=PyramidSpec(), error=error, num_threads=1)
+                expected = 1 if expect_root else volume.values.size
+                worst = max(worst, abs(len(cut_pyramid(pyramid, tolerance)) - expected))
+        return float(worst)
+
+    return measure
+
+
+NAN, INFINITY = float("nan"), float("inf")
+NUMBERS: list[object] = [-1e-300, -1, NAN, INFINITY, -INFINITY, 1e301, 10**400, "1e400", "-0.1"]
+WRONG: list[object] = [*NUMBERS, "much", "", None, True, False, [], [1], [0, 1], {}]
+WRONG += [{"0": number} for number in [*NUMBERS, 0, "0", 1e-301, "much", None, True, [1], {}]]
+WRONG += [{frame: 1} for frame in ("-1", "1.5", "x", "9", -1, 1.5, True, None)] + [{"0": 1, 0: 2}]
+
+
+def accepted(_: int) -> float:
+    """How many tolerances that mean nothing are taken, or refused without their place."""
+    return float(sum(not complains(tolerance) for tolerance in WRONG))
+
+
+def complains(tolerance: object) -> bool:
+    tree = {
+        "volume": {"procedural": {"name": "constant", "shape": [2, 2, 2]}},
+        "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
+        "camera": {"path": {"type": "turntable", "frames": 9}},
+        "output": {"file": "film.mp4"},
+        "error": {"tolerance": tolerance},
+    }
+    try:
+        parse_scene(tree, base=Path())
+    except SceneError as error:
+        return bool(error.problems) and all(problem.path.startswith("error.tolerance") for problem in error.problems)
+    return False
+
+
+LOGARITHM = "exp of the shared rise of the logarithm, half of it at a time"
+STRICT = "a node is drawn when its error is below the tolerance, compared in float64"
+
+SECTION = Section(
+    "7. Schedules",
+    (
+        Extreme("keys from 1e-300 to 1e300", LOGARITHM, "relative error", 1e-12, relative_error(whole_range)),
+        Extreme("keys over five decades", LOGARITHM, "relative error", 1e-14, relative_error(usual)),
+        Extreme(
+            "keys apart by some ulp", "log1p of the difference", "relative error", 1e-15, relative_error(almost_equal)
+        ),
+        Extreme("a million frames, any keys", "monotone step by step", "frames that turn back", 0, turning_back),
+        Extreme("at keys, before the first, after the last", "not computed", "frames off by a bit", 0, off_key),
+        Extreme("tolerance 0", STRICT, "voxels missing", 0, cells_missing(0.0, expect_root=False)),
+        Extreme("tolerance 1e-300", STRICT, "voxels missing", 0, cells_missing(1e-300, expect_root=False)),
+        Extreme("tolerance 1e300", STRICT, "cells besides the root", 0, cells_missing(1e300, expect_root=True)),
+        Extreme(
+            "negative, NaN, infinity, text, lists, empty",
+            "checked before anything is read, with file, line and column",
+            f"accepted, of {len(WRONG)}",
+            0,
+            accepted,
+        ),
+    ),
+)
+
+
+@pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)
+def test_extreme(extreme: Extreme) -> None:
+    extreme.check()

@@ -1,0 +1,160 @@
+"""`hsplat check` says what `hsplat render` would, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from hsplat_cli import main
+
+KNOWN = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
+NO_VOLUME = f"""\
+  expected: {KNOWN}
+  hint: voxels without a header are read with `raw: {{file, shape, dtype, spacing}}`
+"""
+FRAMES = "  expected: A:B or A:B:STEP or one number; this path has the frames 0 to 119\n"
+
+# Arguments after the scene, exit code and the whole text.
+REFUSED = {
+    "no such frame": (["--frames", "200"], 2, f"--frames: no frame is in this range\n  got: '200'\n{FRAMES}"),
+    "no range of frames": (["--frames", "a:b"], 2, f"--frames: not a range of frames\n  got: 'a:b'\n{FRAMES}"),
+    "an unknown output": (
+        ["--output", "film.avi"],
+        2,
+        "--output film.avi: output.file: unknown output format\n  got: 'film.avi'\n"
+        "  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png\n",
+    ),
+    "a folder that is a file": (
+        ["--output", "/scans/walnut.raw/deeper/film.mp4"],
+        2,
+        "/scans/walnut.raw/deeper/film.mp4: the folder of the output is a file\n  got: /scans/walnut.raw\n",
+    ),
+    "an output that is a folder": (
+        ["--output", "/scans/folder.mp4"],
+        2,
+        "/scans/folder.mp4: the output is a folder\n  expected: the name of a file\n",
+    ),
+    "a first frame that is a folder": (
+        ["--output", "/scans/{frame:03}.png", "--frames", "7:9"],
+        2,
+        "/scans/007.png: the output is a folder\n  expected: the name of a file\n",
+    ),
+    "a sidecar that is a folder": (
+        ["--output", "/scans/film.gif"],
+        2,
+        "/scans/film.gif.json: the output is a folder\n  expected: the name of a file\n",
+    ),
+    "a name that is too long": (
+        ["--output", f"/scans/new/{250 * 'a'}.mp4"],
+        1,
+        f"/scans/new/{250 * 'a'}.mp4: the output cannot be written\n  got: File name too long\n",
+    ),
+    "a path that is too long": (
+        ["--output", f"/scans/{5000 * 'a/'}film.mp4"],
+        1,
+        f"/scans/{5000 * 'a/'}film.mp4: the output cannot be written\n  got: File name too long\n",
+    ),
+    "text for a volume": (
+        ["--volume", "/scans/scene.yaml"],
+        2,
+        f"/scans/scene.yaml: this is not a volume in a known format, or it is damaged\n{NO_VOLUME}",
+    ),
+    "an empty volume": (
+        ["--volume", "/scans/empty.vtk"],
+        2,
+        "/scans/empty.vtk: this is not a volume in a known format, or it is damaged\n"
+        f"  got: an empty file\n{NO_VOLUME}",
+    ),
+    "a folder without slices": (
+        ["--volume", "/scans/slices"],
+        2,
+        "/scans/slices: this folder holds neither a DICOM series nor TIFF slices\n  got: an empty folder\n"
+        "  expected: the files of one DICOM series, or .tif files, directly in the folder\n",
+    ),
+    "out of proportion": (
+        ["--set", "camera.near=1e20"],
+        2,
+        "--set camera.near=1e20: camera.near: too far from the eye for this volume\n  got: 1e+20\n"
+        "  expected: at most 4.8e+13, 1e+12 times half the volume's diagonal\n",
+    ),
+}  # fmt: skip
+
+
+def said(capsys: pytest.CaptureFixture[str], folder: Path, arguments: list[str]) -> tuple[int, str]:
+    """Exit code and errors of a command that says nothing else, with /scans for the folder."""
+    code = main.run([argument.replace("/scans", str(folder)) for argument in arguments])
+    out, err = capsys.readouterr()
+    assert out == ""
+    return code, err.replace(str(folder), "/scans")
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_check_and_render_refuse_alike(name: str, scene_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments, code, text = REFUSED[name]
+    for folder in ("folder.mp4", "007.png", "slices", "film.gif.json"):
+        (scene_folder / folder).mkdir()
+    (scene_folder / "empty.vtk").touch()
+    before = sorted(scene_folder.rglob("*"))
+    assert said(capsys, scene_folder, ["check", "scene.yaml", *arguments]) == (code, text)
+    assert sorted(scene_folder.rglob("*")) == before
+    assert said(capsys, scene_folder, ["render", "scene.yaml", "--quiet", *arguments]) == (code, text)
+
+
+@pytest.mark.usefixtures("scene_folder")
+def test_a_folder_that_may_not_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The superuser, as whom tests may run, may write everywhere: the answer of the system is replaced."""
+    monkeypatch.setattr(os, "access", lambda path, mode: mode == os.R_OK)
+    assert said(capsys, tmp_path, ["check", "scene.yaml", "--output", "/scans/new/film.mp4"]) == (
+        1,
+        "/scans/new/film.mp4: no permission to write here\n  hint: choose another folder for the output\n",
+    )
+
+
+def test_a_volume_that_may_not_be_read(
+    scene_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path).name != "scan.nrrd")
+    source = ["--set", "volume.procedural=null", "--set", "volume.file=/scans/scan.nrrd"]
+    assert said(capsys, scene_folder, ["check", "scene.yaml", *source]) == (
+        2,
+        "/scans/scan.nrrd: no permission to read this\n",
+    )
+
+
+def test_what_is_right_leaves_nothing_behind(scene_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = sorted(scene_folder.rglob("*"))
+    assert main.run(["check", "scene.yaml", "--frames", "::10", "--output", "new/deeper/{frame}.png"]) == 0
+    assert capsys.readouterr().out == (
+        "scene.yaml: ok\n"
+        "  volume   engine_block, 64 x 64 x 32\n"
+        "  camera   turntable, 12 of 120 frames\n"
+        "  error    optical, tolerance 0.1\n"
+        "  output   new/deeper/{frame}.png, 512 x 512\n"
+    )
+    assert sorted(scene_folder.rglob("*")) == before
+
+
+# The first bytes of a volume, by the name of the file: none of these must be refused at a glance.
+VOLUMES = {
+    "a.nrrd": b"NRRD0004\ntype: uchar\n",
+    "a.nhdr": b"NRRD0005\ntype: uchar\n",
+    "a.mha": b"ObjectType = Image\nNDims = 3\n",
+    "a.npy": b"\x93NUMPY\x01\x00",
+    "a.tif": b"II*\0\x08\0\0\0",
+    "a.TIFF": b"MM\0*\0\0\0\x08",
+    "a.nii": b"\x5c\x01\0\0",
+    "a.nii.gz": b"\x1f\x8b\x08\x08abc",
+    "a.img": b"\0\0\0\0",
+    "IM000001": bytes(128) + b"DICM",
+    "a.vtk": b"# vtk DataFile Version 3.0\n",
+}
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+def test_what_may_be_a_volume_is_not_refused(name: str, scene_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (scene_folder / name).write_bytes(VOLUMES[name])
+    assert main.run(["check", "scene.yaml", "--volume", name]) == 0, capsys.readouterr().err
