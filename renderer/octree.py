@@ -93,7 +93,8 @@ def _error_scale(pyramid: Pyramid, cells: Int32, level: int) -> Float64:
     volume = pyramid.volume
     extents = cell_extents(cells, level, volume.shape_xyz)
     num_voxels = extents[:, 0] * extents[:, 1] * extents[:, 2]
-    return np.asarray(np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing)
+    in_finest = volume.world_from_index[:3, :3] / volume.finest_spacing  # first: a volume may be too small for a number
+    return np.asarray(np.cbrt(num_voxels * abs(float(np.linalg.det(in_finest)))))
 
 
 def _extinctions(pyramid: Pyramid, means: Float32) -> Float32:

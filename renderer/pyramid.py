@@ -40,8 +40,9 @@ Shape = tuple[int, int, int]
 # its full 11 bits (its normal numbers go down to 2^-14).
 STORED_MAXIMUM = 2.0**15
 
-# Scalars are normalised by half their range, or by this where it is smaller: its inverse is still a number.
-SMALLEST_RANGE = 2.0**-500
+# Scalars are normalised by their range, or by this where it is smaller: the inverse of its unit is still a number, and
+# squares of the smallest denormal numbers are then normal ones.
+SMALLEST_RANGE = 2.0**-1008
 
 # Levels inside a block, and in each tier above.
 BLOCK_LEVELS = 3
@@ -180,8 +181,9 @@ def _make_plan(
     error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
     if error.of == "scalar":
         low, high = float(volume.values.min()), float(volume.values.max())
-        error_unit, error_factor = _stored_unit(high / 2 - low / 2), 1.0
-        normal = (low / 2 + high / 2, 1 / error_unit)
+        offset = _exact_offset(low, high)
+        error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
+        normal = (offset, 1 / error_unit)
     elif opacity != of_opacity:
         error_rule = make_classifier(volume, transfer, shading, opacity=of_opacity)
     return _Plan(
@@ -194,6 +196,18 @@ def _make_plan(
         error_factor,
         np.float16 if spec.precision == "half" else np.float32,
     )
+
+
+def _exact_offset(low: float, high: float) -> float:
+    """What takes a volume's scalars to the neighbourhood of 0 without rounding any of them, however different they are.
+
+    It is a multiple of the last place of the largest, so that every difference is a multiple of the scalar's own last
+    place, and no larger than the scalar.
+    """
+    if low <= 0.0 <= high:
+        return 0.0
+    near, far = sorted((low, high), key=abs)
+    return near - math.fmod(near, math.ulp(far))
 
 
 def _stored_unit(largest: float) -> float:
@@ -406,7 +420,7 @@ def _store_visible(plan: _Plan, scratch: _Scratch, part: int, target: _Stored) -
         means, _items(means), variances, children, _items(scratch.visible), scratch.spreads, target[2]
     )
     _store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
-    _store(np.sqrt(scratch.spreads[:num], out=scratch.spreads[:num]), plan.error_factor, target[1][:num])
+    _store(scratch.spreads[:num], plan.error_factor, target[1][:num])
     return num
 
 

@@ -269,12 +269,13 @@ def append_visible(
     variances: Array,
     children: Float32,
     items_out: Items,
-    variances_out: Float32,
+    spreads_out: Float32,
     masks_out: npt.NDArray[np.uint8],
 ) -> int:
     """Copy the visible ones of groups [g, n, 4] in Morton order, as items [g, n] to [.]; return how many they are.
 
-    variances: [g, n, c], summed over the channels into [.].
+    variances: [g, n, c]; roots of their sums over the channels go into `spreads_out` [.], taken before they are rounded
+    to float32, which squares might not fit.
     children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
     """
     num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
@@ -286,7 +287,7 @@ def append_visible(
                 total = variances[g, node, 0]
                 for channel in range(1, variances.shape[2]):
                     total += variances[g, node, channel]
-                variances_out[num] = total
+                spreads_out[num] = np.sqrt(total)
                 if len(children) > 0:
                     mask = 0
                     for k in range(8):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import zlib
 from dataclasses import dataclass
@@ -15,6 +16,12 @@ from renderer.volume import Array, Float64
 
 # No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
 MAX_VOLUME_BYTES = 2**40
+
+# Spacings and coordinates are squared and cubed: within these powers of ten float64 has room for that.
+_LARGEST_POWER = 90
+
+# Integers beyond 2^53 are rounded when they are drawn; so many steps at least remain of the range of a volume.
+_NUM_STEPS = 2**16
 
 # Compressed files are looked through in pieces of this many bytes.
 _PIECE = 2**20
@@ -49,25 +56,59 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
     return world_from_index
 
 
+def _in_bounds(world_from_index: Float64) -> bool:
+    lengths = np.abs(world_from_index[:3, :3]).max(axis=0)
+    return bool(lengths.min() >= 10.0**-_LARGEST_POWER and np.abs(world_from_index).max() <= 10.0**_LARGEST_POWER)
+
+
 def has_volume(world_from_index: Float64) -> bool:
     """Whether the affine is finite and its index axes span space, judged without regard to their lengths."""
     axes = world_from_index[:3, :3]
-    lengths = np.linalg.norm(axes, axis=0)
-    if not np.isfinite(world_from_index).all() or not lengths.all():
+    if not np.isfinite(world_from_index).all() or not np.abs(axes).max(axis=0).all():
         return False
+    axes = axes / np.abs(axes).max(axis=0)  # first, for their squares may not be numbers
+    lengths = np.linalg.norm(axes, axis=0)
     return abs(float(np.linalg.det(axes / lengths))) > 1e-6
 
 
 def check_affine(world_from_index: Float64, where: str) -> None:
     """Raise InputError unless every voxel has a place and a volume."""
     if not has_volume(world_from_index):
-        rows = ", ".join("[" + " ".join(f"{value:g}" for value in row) + "]" for row in world_from_index[:3])
         raise InputError(
             "the spacing, origin and direction give the voxels no volume",
             where=where,
-            got=f"{rows} (world from voxel index)",
+            got=f"{_rows(world_from_index)} (world from voxel index)",
             expected="finite numbers, positive spacings and three independent axes",
         )
+    if not _in_bounds(world_from_index):
+        raise InputError(
+            "the voxels are too small, too large or too far away",
+            where=where,
+            got=f"{_rows(world_from_index)} (world from voxel index)",
+            expected=f"spacings from 1e-{_LARGEST_POWER} to 1e{_LARGEST_POWER}, and an origin within that",
+            hint="give lengths in another unit",
+        )
+
+
+def check_resolved(values: Array, where: str) -> None:
+    """Raise InputError for 64-bit integers that lie so close together that float64, in which they are classified, would
+    round their differences away."""
+    if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
+        return
+    low, high = int(values.min()), int(values.max())
+    step = int(math.ulp(float(max(abs(low), abs(high)))))  # 0 for fractions
+    if low < high < low + _NUM_STEPS * step and step > 1:
+        raise InputError(
+            "these integers are too large for their differences to be drawn",
+            where=where,
+            got=f"values from {low} to {high}, of which float64 knows every {step}th",
+            expected=f"integers up to 2^53, or a range of {_NUM_STEPS} times that step or more",
+            hint="subtract the smallest value before saving",
+        )
+
+
+def _rows(world_from_index: Float64) -> str:
+    return ", ".join("[" + " ".join(f"{value:g}" for value in row) + "]" for row in world_from_index[:3])
 
 
 def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:
