@@ -96,13 +96,14 @@ def check_resolved(values: Array, where: str) -> None:
     if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
         return
     low, high = int(values.min()), int(values.max())
-    step = int(math.ulp(float(max(abs(low), abs(high)))))  # 0 for fractions
-    if low < high < low + _NUM_STEPS * step and step > 1:
+    largest = max(abs(low), abs(high))
+    step = int(math.ulp(float(largest)))
+    if largest > 2**53 and low < high < low + _NUM_STEPS * step:
         raise InputError(
             "these integers are too large for their differences to be drawn",
             where=where,
-            got=f"values from {low} to {high}, of which float64 knows every {step}th",
-            expected=f"integers up to 2^53, or a range of {_NUM_STEPS} times that step or more",
+            got=f"values from {low} to {high}, where numbers of float64 are {step} apart",
+            expected=f"integers from -2^53 to 2^53, or a range of {_NUM_STEPS * step} or more",
             hint="subtract the smallest value before saving",
         )
 
