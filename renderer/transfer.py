@@ -108,15 +108,15 @@ def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tup
     """Control points wherever the colormap or the extinction (given at the values `at`) has one."""
     from renderer.colormaps import colormap_points  # noqa: PLC0415  the package behind it is loaded only when it is used
 
-    ends = np.array(spec.range, np.float64)
-    scale = _scale_of(ends)
-    samples = np.linspace(*(ends * scale), NUM_COLORMAP_SAMPLES) / scale
+    first, last = spec.range
+    scale = _scale_of(np.array(spec.range, np.float64))
+    samples = np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale
     table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)
     extra = samples[~np.isin(samples, at)]  # where both have a point the one of the extinction stays: it may be a step
     values = np.concatenate([extra, at])
     order = np.argsort(values, kind="stable")
     opaque = TransferFunction(at, np.zeros((len(at), 3)), extinctions, 1.0)
     merged = np.concatenate([opaque.classify(extra)[1], extinctions])[order]
-    inside = np.clip(values[order], *ends) * scale
+    inside = np.clip(values[order], first, last) * scale
     colors = np.column_stack([np.interp(inside, samples * scale, table[:, channel]) for channel in range(3)])
     return values[order], colors, merged

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -230,33 +231,89 @@ SHIFTED = FROM_DIFFERENCES + ", after a shift that rounds nothing"
 SCALED = FROM_DIFFERENCES + ", after a power of two that brings the range to 1"
 OF_CHANNELS = "the same in float32; exact reference: of the four float32 channels of each voxel"
 
+node = partial(Extreme, quantity=RELATIVE, bound=1e-6)
+
 SECTION = Section(
     "Error of a node",
     (
-        Extreme("float64, 1e6 - 0.01 to 1e6 + 0.01", SHIFTED, RELATIVE, 1e-6, of_scalars(uniform(np.float64, 1e6 - 1e-2, 1e6 + 1e-2))),
-        Extreme("float64, 1e15 to 1e15 + 8", SHIFTED, RELATIVE, 1e-6, of_scalars(uniform(np.float64, 1e15, 1e15 + 8))),
-        Extreme("uint16, 65000 to 65003", SHIFTED, RELATIVE, 1e-6, of_scalars(whole(np.uint16, 65000, 65003))),
-        Extreme("int64, 2^53 - 3 to 2^53", SHIFTED, RELATIVE, 1e-6, of_scalars(whole(np.int64, 2**53 - 3, 2**53))),
-        Extreme("uint64, 0 to 2^64 - 1", SCALED, RELATIVE, 1e-6, of_scalars(whole(np.uint64, 0, 2**64 - 1))),
-        Extreme("float32, 0.999e30 to 1.001e30", SHIFTED, RELATIVE, 1e-6, of_scalars(uniform(np.float32, 0.999e30, 1.001e30))),
-        Extreme("float32, up to both ends of its range", SCALED, RELATIVE, 1e-6, of_scalars(uniform(np.float32, -LARGEST_32, LARGEST_32))),
-        Extreme("float64, up to both ends of its range", SCALED, RELATIVE, 1e-6, of_scalars(uniform(np.float64, -LARGEST_64, LARGEST_64))),
-        Extreme("float32, denormal, up to 1e-42", SCALED, RELATIVE, 1e-6, of_scalars(uniform(np.float32, 0.0, 1e-42))),
-        Extreme("float64, denormal, up to 1e-310", SCALED, RELATIVE, 1e-6, of_scalars(uniform(np.float64, 0.0, 1e-310))),
-        Extreme("0 to 1, but for one voxel of 1e30 (float64)", "the shift rounds nothing, however different the values", RELATIVE, 1e-6, of_scalars(with_outlier(np.float64, 1e30))),
-        Extreme("0 to 1, but for one voxel of -3.4e38 (float32)", "the same", RELATIVE, 1e-6, of_scalars(with_outlier(np.float32, -LARGEST_32))),
-        Extreme("0 to 255 in half precision", "stored in float16, which rounds to 5e-4", RELATIVE, 2.0**-11 + 1e-6, of_scalars(uniform(np.float32, 0, 255), HALF)),
+        node(
+            "float64, 1e6 - 0.01 to 1e6 + 0.01",
+            SHIFTED,
+            measure=of_scalars(uniform(np.float64, 1e6 - 1e-2, 1e6 + 1e-2)),
+        ),
+        node("float64, 1e15 to 1e15 + 8", SHIFTED, measure=of_scalars(uniform(np.float64, 1e15, 1e15 + 8))),
+        node("uint16, 65000 to 65003", SHIFTED, measure=of_scalars(whole(np.uint16, 65000, 65003))),
+        node("int64, 2^53 - 3 to 2^53", SHIFTED, measure=of_scalars(whole(np.int64, 2**53 - 3, 2**53))),
+        node("uint64, 0 to 2^64 - 1", SCALED, measure=of_scalars(whole(np.uint64, 0, 2**64 - 1))),
+        node("float32, 0.999e30 to 1.001e30", SHIFTED, measure=of_scalars(uniform(np.float32, 0.999e30, 1.001e30))),
+        node(
+            "float32, up to both ends of its range",
+            SCALED,
+            measure=of_scalars(uniform(np.float32, -LARGEST_32, LARGEST_32)),
+        ),
+        node(
+            "float64, up to both ends of its range",
+            SCALED,
+            measure=of_scalars(uniform(np.float64, -LARGEST_64, LARGEST_64)),
+        ),
+        node("float32, denormal, up to 1e-42", SCALED, measure=of_scalars(uniform(np.float32, 0.0, 1e-42))),
+        node("float64, denormal, up to 1e-310", SCALED, measure=of_scalars(uniform(np.float64, 0.0, 1e-310))),
+        node(
+            "0 to 1, but for one voxel of 1e30 (float64)",
+            "the shift rounds nothing, however different the values",
+            measure=of_scalars(with_outlier(np.float64, 1e30)),
+        ),
+        node(
+            "0 to 1, but for one voxel of -3.4e38 (float32)",
+            "the same",
+            measure=of_scalars(with_outlier(np.float32, -LARGEST_32)),
+        ),
+        Extreme(
+            "0 to 255 in half precision",
+            "stored in float16, which rounds to 5e-4",
+            RELATIVE,
+            2.0**-11 + 1e-6,
+            of_scalars(uniform(np.float32, 0, 255), HALF),
+        ),
         Extreme("one voxel, 5e-324 to 1.7e308", "no difference, no error", "largest error", 0.0, one_voxel),
         Extreme("a million equal voxels", "no difference, no error", "largest error of a node", 0.0, equal_voxels),
-        Extreme("classified noise, 8 bits, nodes cut by the border", OF_CHANNELS, RELATIVE, 1e-6, of_classified([0.01, 3.0, 0.2, 1.0], np.uint8, SINGLE, worst_of_nodes)),
-        Extreme("classified noise, float64", OF_CHANNELS, RELATIVE, 1e-6, of_classified([0.01, 3.0, 0.2, 1.0], np.float64, SINGLE, worst_of_nodes)),
-        Extreme("the same where opacities are averaged", OF_CHANNELS, RELATIVE, 1e-6, of_classified([0.01, 3.0, 0.2, 1.0], np.float64, OF_OPACITY, worst_of_nodes)),
-        Extreme("the same, faint: opacities of 1e-12", OF_CHANNELS, RELATIVE, 1e-6, of_classified([1e-14, 1e-12], np.float64, SINGLE, worst_of_nodes)),
-        Extreme("the same, `optical`, of a sheared volume as one cell", OF_CHANNELS, RELATIVE, 1e-6, optical_root),
-        Extreme("opacities that differ by less than 1e-4", "means are rounded to float32 on the way up: 6e-8 of the values", "error of the error, share of the largest channel", 8 * U, of_classified([0.5, 0.5001], np.float64, SINGLE, worst_of_scale)),
-        Extreme("opacities of 1e-20", "their squares do not fit float32: the error may be 0, for what none can see", "error of the error, absolute", 1e-6, of_classified([1e-21, 1e-20], np.float64, SINGLE, lambda p, c: worst_of_scale(p, c) * float(c.max()))),
+        node(
+            "classified noise, 8 bits, nodes cut by the border",
+            OF_CHANNELS,
+            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.uint8, SINGLE, worst_of_nodes),
+        ),
+        node(
+            "classified noise, float64",
+            OF_CHANNELS,
+            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.float64, SINGLE, worst_of_nodes),
+        ),
+        node(
+            "the same where opacities are averaged",
+            OF_CHANNELS,
+            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.float64, OF_OPACITY, worst_of_nodes),
+        ),
+        node(
+            "the same, faint: opacities of 1e-12",
+            OF_CHANNELS,
+            measure=of_classified([1e-14, 1e-12], np.float64, SINGLE, worst_of_nodes),
+        ),
+        node("the same, `optical`, of a sheared volume as one cell", OF_CHANNELS, measure=optical_root),
+        Extreme(
+            "opacities that differ by less than 1e-4",
+            "means are rounded to float32: 6e-8 of the values",
+            "error of the error, share of the largest channel",
+            8 * U,
+            of_classified([0.5, 0.5001], np.float64, SINGLE, worst_of_scale),
+        ),
+        Extreme(
+            "opacities of 1e-20",
+            "their squares do not fit float32: the error may be 0, for what none can see",
+            "error of the error",
+            1e-19,
+            of_classified([1e-21, 1e-20], np.float64, SINGLE, lambda p, c: worst_of_scale(p, c) * float(c.max())),
+        ),
     ),
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

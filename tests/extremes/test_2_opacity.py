@@ -193,22 +193,60 @@ THROUGH = "largest transmittance of a pixel"
 SECTION = Section(
     "Opacity",
     (
-        Extreme("corrected opacity of a cell of 1 to 2^20 voxels, float64", LOGS, "relative error", 1e-6, of_extinctions(opacity_error)),
+        Extreme(
+            "corrected opacity of a cell of 1 to 2^20 voxels, float64",
+            LOGS,
+            "relative error",
+            1e-6,
+            of_extinctions(opacity_error),
+        ),
         Extreme("its transmittance, float64", LOGS, "error", 1e-6, of_extinctions(transmittance_error)),
-        Extreme("its transmittance, float64, depths below 700", LOGS, "relative error", 1e-6, of_extinctions(relative_transmittance_error)),
+        Extreme(
+            "its transmittance, float64, depths below 700",
+            LOGS,
+            "relative error",
+            1e-6,
+            of_extinctions(relative_transmittance_error),
+        ),
         Extreme("corrected opacity of a cell, by its splat", FLOATS, "relative error", 1e-6, chain(opacity_error)),
         Extreme("transmittance of a cell, by its splat", FLOATS, "error", 1e-6, chain(transmittance_error)),
-        Extreme("colour of a voxel, by its splat", "`tau c` and `tau` are rounded alike", "relative error", 1e-6, colors),
-        Extreme("cell of 2^3 voxels, `average: opacity`, single precision", "`-log1p` of the mean alpha; 1 means the deepest voxel", "relative error of the opacity", 1e-6, averaged("single")),
-        Extreme("the same in half precision", "float16 rounds the mean to 5e-4", "relative error of the opacity", 2.0**-11 + 1e-6, averaged("half")),
+        Extreme(
+            "colour of a voxel, by its splat", "`tau c` and `tau` are rounded alike", "relative error", 1e-6, colors
+        ),
+        Extreme(
+            "cell of 2^3 voxels, `average: opacity`, single precision",
+            "`-log1p` of the mean alpha; 1 means the deepest voxel",
+            "relative error of the opacity",
+            1e-6,
+            averaged("single"),
+        ),
+        Extreme(
+            "the same in half precision",
+            "float16 rounds the mean to 5e-4",
+            "relative error of the opacity",
+            2.0**-11 + 1e-6,
+            averaged("half"),
+        ),
         Extreme("opacity 1, one splat per voxel", OPAQUE, THROUGH, 1e-6, let_through("extinction", 1.0, 0.0)),
         Extreme("opacity 1, one splat for all voxels", OPAQUE, THROUGH, 1e-6, let_through("extinction", 1.0, 1e9)),
-        Extreme("opacity 1, one splat for all voxels, `average: opacity`", OPAQUE, THROUGH, 1e-6, let_through("opacity", 1.0, 1e9)),
-        Extreme("half way between points of opacity 0 and 1", "extinction is interpolated: 20, half of the largest", THROUGH, 1e-6, let_through("extinction", 0.5, 0.0)),
+        Extreme(
+            "opacity 1, one splat for all voxels, `average: opacity`",
+            OPAQUE,
+            THROUGH,
+            1e-6,
+            let_through("opacity", 1.0, 1e9),
+        ),
+        Extreme(
+            "half way between points of opacity 0 and 1",
+            "extinction is interpolated: 20, half of the largest",
+            THROUGH,
+            1e-6,
+            let_through("extinction", 0.5, 0.0),
+        ),
     ),
     "Opacities are 0, 1e-12 to 1 - 1e-12, and 1; units and spacings 1e-9 to 1e9, each with each; lengths 1 to 2^20"
     " voxels, so that depths are 0 to 4e7. A voxel deeper than 40 is held at 40: it lets 4e-18 through and not less.",
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

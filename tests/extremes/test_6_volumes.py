@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 import tempfile
-from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import imageio.v3 as imageio
 import numpy as np
 import numpy.typing as npt
 import pytest
-from click.testing import CliRunner
+from exact_classification import classified, exactly, placed
 from extremes import Extreme, Section
+from number_types import LARGEST, TYPES, limits, random_ranges, spread
 from ray_integrals import along_z, transfer
 from splatting import in_order, look, optical_depth
 from volume_files import write_volume
 
-from hsplat_cli import main
-from hsplat_cli.info import info
 from renderer.camera import View
-from renderer.classify import classify_voxel, make_classifier, voxel_codes
-from renderer.errors import InputError, SceneError
 from renderer.integrator import integrate
 from renderer.octree import cut_pyramid
 from renderer.projection import visible_order
@@ -41,11 +36,11 @@ from renderer.scene import (
     FileSource,
     PyramidSpec,
     RawSource,
+    ShadingSpec,
     SplatSpec,
     TransferSpec,
     VolumeSpec,
 )
-from renderer.scene_schema import parse_scene
 from renderer.splats import SplatBatch, make_splats
 from renderer.statistics import measure as measure_statistics
 from renderer.transfer import TransferFunction, make_transfer
@@ -55,9 +50,6 @@ Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
 Random = np.random.Generator
 
-INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
-TYPES = (*INTEGERS, "float16", "float32", "float64")
-LARGEST = float(np.finfo(np.float64).max)
 
 # One voxel, a row along each axis, 2^k + 1, primes. x, y, z.
 SHAPES = [(1, 1, 1), (1, 1, 40), (40, 1, 1), (1, 23, 1), (2, 1, 3), (9, 17, 5), (7, 13, 11), (16, 16, 16), (33, 3, 2)]
@@ -75,82 +67,8 @@ MATRICES = [
 ]
 
 
-def placed(values: Array, axes: Float64) -> Volume:
-    """Around the world's origin."""
-    world_from_index = np.eye(4)
-    world_from_index[:3, :3] = axes
-    world_from_index[:3, 3] = -axes @ ((np.array(values.shape[::-1]) - 1) / 2)
-    return make_volume(np.ascontiguousarray(values), world_from_index, "extreme")
-
-
-def build(of: Volume, by: TransferFunction, **kind: Any) -> Pyramid:
-    return build_pyramid(of, by, spec=PyramidSpec(**kind), error=ErrorSpec(), num_threads=1)
-
-
-def limits(dtype: str) -> tuple[float, float]:
-    kind = np.iinfo(dtype) if dtype in INTEGERS else np.finfo(dtype)
-    return kind.min, kind.max
-
-
-# Classification
-
-
-def exactly(by: TransferFunction) -> Callable[[Any], list[Fraction]]:
-    """(tau c, tau) of a scalar: linear between the points about it, of equal ones the last, constant outside."""
-    rows = [[Fraction(float(v)) for v in (*color, tau)] for color, tau in zip(by.colors, by.extinctions, strict=True)]
-    at = [Fraction(float(value)) for value in by.values]
-
-    def channels(scalar: Any) -> list[Fraction]:
-        s = Fraction(int(scalar)) if isinstance(scalar, np.integer) else Fraction(float(scalar))
-        above = bisect_right(at, s)
-        row = rows[min(above, len(at) - 1)]
-        if 0 < above < len(at):
-            t = (s - at[above - 1]) / (at[above] - at[above - 1])
-            row = [low + t * (high - low) for low, high in zip(rows[above - 1], rows[above], strict=True)]
-        return [*(channel * row[3] for channel in row[:3]), row[3]]
-
-    return channels
-
-
-def worst_classified(by: TransferFunction, values: Array) -> float:
-    """The largest error of a channel of any voxel, as a share of the largest extinction; the spacing is 1."""
-    of = placed(values.reshape(1, 1, -1), np.eye(3))
-    rule, codes = make_classifier(of, by, None, opacity=False), voxel_codes(of)
-    worst, exact = 0.0, exactly(by)
-    for x, scalar in enumerate(of.values[0, 0]):
-        got = classify_voxel(codes, *rule, 0, 0, x)
-        worst = max(worst, *(abs(float(Fraction(float(a)) - b)) for a, b in zip(got, exact(scalar), strict=True)))
-    return worst / by.max_extinction
-
-
-def about(values: Float64, dtype: str, rng: Random) -> Array:
-    """Scalars of a type at control values, next to them and between them, and its limits."""
-    low, high = limits(dtype)
-    ends = np.array([low, high], dtype)
-    fine = np.sort(np.clip(values, float(low), float(high)))
-    between = fine[:-1] + rng.random((4, len(fine) - 1)) * (fine[1:] / 2 - fine[:-1] / 2)
-    near = np.concatenate([fine, between.ravel()])
-    if dtype in INTEGERS:
-        near = np.clip(np.concatenate([np.floor(near), np.ceil(near)]), low + 1, high / 2)
-        return np.concatenate([ends, near.astype(dtype)])
-    typed = near.astype(dtype)
-    steps = np.concatenate([np.nextafter(typed, ends[0]), np.nextafter(typed, ends[1])])
-    return np.concatenate([ends, typed, steps[np.isfinite(steps)]])
-
-
-def classified(dtypes: tuple[str, ...], points: Callable[[Random], Any]) -> Callable[[int], float]:
-    """Measures transfer functions of random colours and extinctions at the given control values."""
-
-    def measure(num_cases: int) -> float:
-        worst = 0.0
-        for case in range(num_cases):
-            rng = np.random.default_rng(case)
-            values = np.array(points(rng), np.float64)
-            by = TransferFunction(values, rng.random((len(values), 3)), rng.random(len(values)) * 5, 1.0)
-            worst = max(worst, worst_classified(by, about(values, dtypes[case % len(dtypes)], rng)))
-        return worst
-
-    return measure
+def build(of: Volume, by: TransferFunction, shading: ShadingSpec | None = None, **kind: Any) -> Pyramid:
+    return build_pyramid(of, by, spec=PyramidSpec(**kind), error=ErrorSpec(), shading=shading, num_threads=1)
 
 
 def colormap_range(num_cases: int) -> float:
@@ -168,16 +86,6 @@ def colormap_range(num_cases: int) -> float:
 
 
 # Types
-
-
-def spread(dtype: str, rng: Random) -> Array:
-    """Values over the whole range of a type, both limits among them: [3, 4, 5]."""
-    low, high = limits(dtype)
-    values = rng.integers(low, high, (3, 4, 5), dtype, endpoint=True) if dtype in INTEGERS else None
-    if values is None:
-        values = (rng.uniform(-1, 1, (3, 4, 5)) * float(high)).astype(dtype)
-    values[0, 0, :2] = low, high
-    return values
 
 
 def reread(num_cases: int) -> float:
@@ -258,13 +166,13 @@ def scaled_by_powers(picture: Callable[[Volume, TransferFunction, View], Array])
 
 
 def of_splats(of: Volume, by: TransferFunction, view: View) -> Array:
-    cut = cut_pyramid(build(of, by), 0.2)
+    cut = cut_pyramid(build(of, by, ShadingSpec()), 0.2)
     splats = make_splats(cut, SplatSpec())
     return rasterize_reference(splats, visible_order(splats, cut, view, "depth"), view)
 
 
 def of_rays(of: Volume, by: TransferFunction, view: View) -> Array:
-    return integrate(of, by, view, step_voxels=1.0, num_threads=1)
+    return integrate(of, by, view, step_voxels=1.0, shading=ShadingSpec(), num_threads=1)
 
 
 def ramp_between(num_cases: int) -> float:
@@ -288,7 +196,7 @@ def ramp_between(num_cases: int) -> float:
 
 
 def energies(tolerance: float, precision: str) -> Callable[[int], float]:
-    """Sum of the splats' optical areas against the sum of tau times the volume of a voxel, over all shapes and places."""
+    """The sum of the optical areas of splats against that of tau V, over all shapes and places."""
 
     def measure(num_cases: int) -> float:
         worst = 0.0
@@ -404,16 +312,6 @@ def transparent(num_cases: int) -> float:
 
 # Statistics
 
-RANGES = [(-LARGEST, LARGEST), (-1.7e308, 1.7e308), (0.0, 1e-310), (1e6 - 1e-2, 1e6 + 1e-2), (1e15, 1e15 + 8), (0, 255)]
-
-
-def random_ranges(num_cases: int) -> Iterator[Array]:
-    for case in range(num_cases):
-        low, high = RANGES[case % len(RANGES)]
-        rng = np.random.default_rng(case)
-        yield 2 * (low / 2 + (high / 2 - low / 2) * rng.random(1000))
-        yield spread(TYPES[case % len(TYPES)], rng)
-
 
 def means(num_cases: int) -> float:
     worst = 0.0
@@ -444,160 +342,148 @@ SAME = "the same"
 POWER = "values are brought to 1 by a power of two, which rounds nothing"
 PIXEL = "largest difference of a channel of a pixel"
 
+by_points = partial(Extreme, quantity=SHARE, bound=1e-6)
+
 SECTION = Section(
     "Volumes",
     (
-        Extreme("points 1e-300 apart", EXACT, SHARE, 1e-6, classified(("float64",), lambda rng: np.arange(4) * 1e-300)),
-        Extreme("points 1e-310 apart, and one at 1", SAME, SHARE, 1e-6, classified(("float64",), lambda rng: [0, 1e-310, 2e-310, 1.0])),
-        Extreme("points 1e300 apart, and at the ends of float64", SAME, SHARE, 1e-6, classified(("float64",), lambda rng: [-LARGEST, -1e300, 0, 1e300, LARGEST])),
-        Extreme("a spike of 1e-9 (float), between 8-bit values", SAME, SHARE, 1e-6, classified(ALL_TYPES, lambda rng: [0, 100, 100 + 1e-9, 100 + 2e-9, 120])),
-        Extreme("a spike at one value of 16 bits", SAME, SHARE, 1e-6, classified(("uint16", "float32"), lambda rng: [0, 12344, 12345, 12346, 65535])),
-        Extreme("steps: repeated points, at the ends, too", "a scalar at a step belongs to the upper side", SHARE, 1e-6, classified(ALL_TYPES, lambda rng: [5, 5, 50, 50, 77, 100, 100])),
-        Extreme("points far outside of the values of the type", EXACT, SHARE, 1e-6, classified(ALL_TYPES, lambda rng: [-1e9, -1e5, 0.5, 1e5, 1e9])),
-        Extreme("all values below, or above, all points", "constant outside of the points", SHARE, 1e-6, classified(ALL_TYPES, lambda rng: np.sort(rng.choice([-1.0, 1.0]) * np.array([1e9, 2e9])))),
-        Extreme("30 random points", EXACT, SHARE, 1e-6, classified(ALL_TYPES, lambda rng: np.sort(rng.normal(0, 60, 30)))),
-        Extreme("a colormap over nearly all of float64, or over 1e-300 of it", POWER, "difference from the same over [-1, 1]", 1e-12, colormap_range),
-        Extreme("every type at its limits, both byte orders, 5 formats", "tests write the bytes themselves", "voxels that are read wrongly", 0.0, reread),
-        Extreme("every type at its limits, classified over its range", EXACT, "error of the depth of a voxel", 1e-6, drawn_types),
-        Extreme("constant volumes of every type, at its limits", "no difference, no error", "cells in the cut, less one", 0.0, constant_cells),
-        Extreme("values and points of 2^-1070 to 2^1023, splats", POWER, PIXEL, 1e-6, scaled_by_powers(of_splats)),
+        by_points("points 1e-300 apart", EXACT, measure=classified(("float64",), lambda rng: np.arange(4) * 1e-300)),
+        by_points(
+            "points 1e-310 apart, and one at 1",
+            SAME,
+            measure=classified(("float64",), lambda rng: [0, 1e-310, 2e-310, 1.0]),
+        ),
+        by_points(
+            "points 1e300 apart, and at the ends of float64",
+            SAME,
+            measure=classified(("float64",), lambda rng: [-LARGEST, -1e300, 0, 1e300, LARGEST]),
+        ),
+        by_points(
+            "a spike of 1e-9 (float), between 8-bit values",
+            SAME,
+            measure=classified(ALL_TYPES, lambda rng: [0, 100, 100 + 1e-9, 100 + 2e-9, 120]),
+        ),
+        by_points(
+            "a spike at one value of 16 bits",
+            SAME,
+            measure=classified(("uint16", "float32"), lambda rng: [0, 12344, 12345, 12346, 65535]),
+        ),
+        by_points(
+            "steps: repeated points, at the ends, too",
+            "a scalar at a step belongs to the upper side",
+            measure=classified(ALL_TYPES, lambda rng: [5, 5, 50, 50, 77, 100, 100]),
+        ),
+        by_points(
+            "points far outside of the values of the type",
+            EXACT,
+            measure=classified(ALL_TYPES, lambda rng: [-1e9, -1e5, 0.5, 1e5, 1e9]),
+        ),
+        by_points(
+            "all values below, or above, all points",
+            "constant outside of the points",
+            measure=classified(ALL_TYPES, lambda rng: np.sort(rng.choice([-1.0, 1.0]) * np.array([1e9, 2e9]))),
+        ),
+        by_points("30 random points", EXACT, measure=classified(ALL_TYPES, lambda rng: np.sort(rng.normal(0, 60, 30)))),
+        Extreme(
+            "a colormap over nearly all of float64, or over 1e-300 of it",
+            POWER,
+            "difference from the same over [-1, 1]",
+            1e-12,
+            colormap_range,
+        ),
+        Extreme(
+            "every type at its limits, both byte orders, 5 formats",
+            "tests write the bytes themselves",
+            "voxels that are read wrongly",
+            0.0,
+            reread,
+        ),
+        Extreme(
+            "every type at its limits, classified over its range",
+            EXACT,
+            "error of the depth of a voxel",
+            1e-6,
+            drawn_types,
+        ),
+        Extreme(
+            "constant volumes of every type, at its limits",
+            "no difference, no error",
+            "cells in the cut, less one",
+            0.0,
+            constant_cells,
+        ),
+        Extreme(
+            "values and points times 2^-1060, 2^-1000 or 2^1023, lit; splats",
+            POWER,
+            PIXEL,
+            1e-6,
+            scaled_by_powers(of_splats),
+        ),
         Extreme("the same, ray integral", POWER, PIXEL, 1e-6, scaled_by_powers(of_rays)),
-        Extreme("ramp between two voxels of +-1.8e308, 1e-310, 1e6 +- 0.01", "ray integral; " + POWER, "relative error of the opacity", 1e-6, ramp_between),
-        Extreme("1 x 1 x 1 to 16^3 voxels, 1000 : 1, sheared, left-handed; voxel by voxel", "optical areas from the determinant, in float64", "relative error of the sum of tau V", 1e-6, energies(0.0, "single")),
-        Extreme("the same, one splat for all", "means over the voxels that are there, not over cubes", "relative error of the sum of tau V", 1e-6, energies(math.inf, "single")),
-        Extreme("the same in half precision", "means stored in float16", "relative error of the sum of tau V", 2.0**-11 + 1e-6, energies(math.inf, "half")),
+        Extreme(
+            "ramp between two voxels of +-1.8e308, 1e-310, 1e6 +- 0.01",
+            "ray integral; " + POWER,
+            "relative error of the opacity",
+            1e-6,
+            ramp_between,
+        ),
+        Extreme(
+            "1 x 1 x 1 to 16^3 voxels, 1000 : 1, sheared, left-handed; voxel by voxel",
+            "optical areas from the determinant, in float64",
+            "relative error of the sum of tau V",
+            1e-6,
+            energies(0.0, "single"),
+        ),
+        Extreme(
+            "the same, one splat for all",
+            "means over the voxels that are there, not over cubes",
+            "relative error of the sum of tau V",
+            1e-6,
+            energies(math.inf, "single"),
+        ),
+        Extreme(
+            "the same in half precision",
+            "means stored in float16",
+            "relative error of the sum of tau V",
+            2.0**-11 + 1e-6,
+            energies(math.inf, "half"),
+        ),
         Extreme("the same volumes, drawn", "GL against float64", PIXEL, 2e-3, gl_against_reference),
-        Extreme("the same, index axes swapped and run backwards", "only places in the world count", PIXEL, 2e-3, index_axes),
-        Extreme("one voxel of any shape, drawn", "widened to half a pixel, the integral being kept", "relative error of tau V", 0.045, one_voxel_energy),
-        Extreme("fully transparent volumes", "what is invisible is not stored", "bytes of the pyramid, cells, pixels", 0.0, transparent),
-        Extreme("mean of the values, float64 up to its ends, every type", POWER, "error, share of the largest value", 1e-12, means),
-        Extreme("median of the values, the same", "histogram of 65536 bins, between the ends", "error, share of the range", 1 / 65536, medians),
+        Extreme(
+            "the same, index axes swapped and run backwards", "only places in the world count", PIXEL, 2e-3, index_axes
+        ),
+        Extreme(
+            "one voxel of any shape, drawn",
+            "widened to half a pixel, the integral being kept",
+            "relative error of tau V",
+            0.045,
+            one_voxel_energy,
+        ),
+        Extreme(
+            "fully transparent volumes",
+            "what is invisible is not stored",
+            "bytes of the pyramid, cells, pixels",
+            0.0,
+            transparent,
+        ),
+        Extreme(
+            "mean of the values, float64 up to its ends, every type",
+            POWER,
+            "error, share of the largest value",
+            1e-12,
+            means,
+        ),
+        Extreme(
+            "median of the values, the same",
+            "histogram of 65536 bins, between the ends",
+            "error, share of the range",
+            1 / 65536,
+            medians,
+        ),
     ),
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)
 def test_volumes(extreme: Extreme) -> None:
     extreme.check()
-
-
-SCENE = """\
-volume: {file: hidden.npy}
-transfer_function:
-  points:
-    - {value: 10, color: "#000000", opacity: 0.0}
-    - {value: 20, color: "#ffffff", opacity: 1.0}
-camera: {path: {type: turntable, frames: 2}}
-output: {file: "frame{frame}.png", size: [32, 16], background: "#336699"}
-"""
-
-
-def test_a_hidden_volume_is_the_background_and_said_to_be(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    np.save("hidden.npy", np.random.default_rng(0).integers(0, 11, (9, 17, 5), np.uint8))
-    Path("scene.yaml").write_text(SCENE, encoding="utf-8")
-    assert main.run(["render", "scene.yaml"]) == 0
-    assert "note: nothing is visible: the transfer function hides every voxel" in capsys.readouterr().out
-    for frame in (0, 1):
-        assert np.all(imageio.imread(f"frame{frame}.png") == [0x33, 0x66, 0x99])
-    record = json.loads(next(Path().glob("*.json")).read_text(encoding="utf-8"))
-    assert record["pyramid"]["bytes"] == 0
-    assert [frame["splats"] for frame in record["frames"]] == [0, 0]
-
-
-def of_info(path: Path, values: Array) -> dict[str, Any]:
-    """What `hsplat info` says about a volume; JSON without NaN and infinities."""
-    np.save(path, values)
-    result = CliRunner().invoke(info, [str(path), "--json"], catch_exceptions=False)
-    assert result.exit_code == 0
-    assert CliRunner().invoke(info, [str(path)], catch_exceptions=False).exit_code == 0
-
-    def refuse(constant: str) -> None:
-        raise AssertionError(constant)
-
-    facts: dict[str, Any] = json.loads(result.output, parse_constant=refuse)
-    return facts
-
-
-@pytest.mark.parametrize("case", range(len(RANGES) + len(TYPES)))
-def test_info_of_values_at_the_ends(tmp_path: Path, case: int) -> None:
-    """Its numbers are within the volume's, and what it suggests is a transfer function that shows something."""
-    values = list(random_ranges(11))[2 * case if case < len(RANGES) else 2 * (case - len(RANGES)) + 1]
-    facts = of_info(tmp_path / "a.npy", values.reshape(-1, 2, 2))
-    low, high = values.min().item(), values.max().item()
-    assert (facts["minimum"], facts["maximum"]) == (low, high)
-    assert low <= facts["mean"] <= high
-    assert all(low <= value <= high for value in facts["percentiles"].values())
-    assert sum(facts["histogram"]["counts"]) == values.size
-    scene = {
-        "version": 1,
-        "volume": {"file": "a.npy"},
-        "transfer_function": facts["transfer_function"],
-        "camera": {"path": {"type": "turntable", "frames": 1}},
-        "output": {"file": "a.mp4"},
-    }
-    by = make_transfer(parse_scene(scene, base=tmp_path).transfer_function, 1.0)
-    assert by.classify(values)[1].max() > 0
-
-
-@pytest.mark.parametrize("dtype", TYPES)
-def test_info_of_a_constant_at_the_ends(tmp_path: Path, dtype: str) -> None:
-    for value in limits(dtype):
-        facts = of_info(tmp_path / "a.npy", np.full((2, 2, 2), value, dtype))
-        assert facts["minimum"] == facts["maximum"] == int(value) if dtype in INTEGERS else float(value)
-
-
-def test_infinities_in_half_precision_become_the_lowest_number(tmp_path: Path) -> None:
-    """Every bit pattern of float16 is in the file."""
-    patterns = np.arange(2**16, dtype=np.uint16).view(np.float16).reshape(16, 64, 64)
-    np.save(tmp_path / "a.npy", patterns)
-    source = FileSource(tmp_path / "a.npy")
-    with pytest.raises(InputError, match="2048 of 65536 voxels are NaN or infinite"):
-        read_volume(VolumeSpec(source))
-    finite = read_volume(VolumeSpec(source, nonfinite="lowest")).values
-    assert np.isfinite(finite).all()
-    assert np.all(finite[~np.isfinite(patterns)] == np.float16(-65504))
-
-
-@pytest.mark.parametrize(("low", "high"), [(2**60, 2**60 + 255), (-(2**62), -(2**62) + 1), (2**53, 2**53 + 2**15)])
-def test_integers_too_large_for_their_differences_are_refused(tmp_path: Path, low: int, high: int) -> None:
-    np.save(tmp_path / "a.npy", np.array([low, high], np.int64).reshape(1, 1, 2))
-    with pytest.raises(InputError, match="these integers are too large for their differences to be drawn"):
-        read_volume(VolumeSpec(FileSource(tmp_path / "a.npy")))
-
-
-@pytest.mark.parametrize(("low", "high"), [(2**62, 2**62), (2**53 - 255, 2**53), (0, 2**63 - 1), (-(2**63), 0)])
-def test_integers_that_float64_tells_apart_are_read(tmp_path: Path, low: int, high: int) -> None:
-    np.save(tmp_path / "a.npy", np.array([low, high], np.int64).reshape(1, 1, 2))
-    assert read_volume(VolumeSpec(FileSource(tmp_path / "a.npy"))).values.tolist() == [[[low, high]]]
-
-
-@pytest.mark.parametrize("scale", [1e-91, 1e91, 1e-200, 1e200])
-def test_voxels_too_small_or_too_large_for_numbers_are_refused(tmp_path: Path, scale: float) -> None:
-    (tmp_path / "a.raw").write_bytes(bytes(8))
-    source = RawSource(tmp_path / "a.raw", (2, 2, 2), "uint8", spacing=(scale, scale, scale))
-    with pytest.raises(InputError, match="the voxels are too small, too large or too far away"):
-        read_volume(VolumeSpec(source))
-
-
-@pytest.mark.parametrize("scale", [1e-90, 1e90])
-def test_the_smallest_and_the_largest_voxels_are_drawn(tmp_path: Path, scale: float) -> None:
-    (tmp_path / "a.raw").write_bytes(bytes(range(1, 9)))
-    source = RawSource(tmp_path / "a.raw", (2, 2, 2), "uint8", spacing=(scale, scale, scale))
-    of = read_volume(VolumeSpec(source))
-    by = make_transfer(TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.5),)), of.finest_spacing)
-    for tolerance in (0.0, 1e-3):
-        splats = make_splats(cut_pyramid(build(of, by), tolerance), SplatSpec())
-        energy = splats.areas[:, 3].sum(dtype=np.float64) * splats.length**2 / of.finest_spacing**2
-        assert energy == pytest.approx(8 * math.log(2), rel=1e-3)
-
-
-def test_points_out_of_order_are_refused_with_their_place(tmp_path: Path) -> None:
-    points = [{"value": value, "color": "white", "opacity": 0.5} for value in (1, 1, 3, 2)]
-    with pytest.raises(SceneError) as caught:
-        parse_scene({"transfer_function": {"points": points}}, base=tmp_path)
-    problem = next(problem for problem in caught.value.problems if problem.what == "points out of order")
-    assert problem.path == "transfer_function.points.3.value"
-    assert not any(problem.path.startswith("transfer_function.points.1") for problem in caught.value.problems)
