@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -163,7 +164,8 @@ def _transfer_function(ranges: tuple[ValueRange, ...], unit: float) -> dict[str,
             points += [(part.typical, color, opacity)]
         if nested and part.name == "material 1":
             points += [(part.high, color, opacity)]
-    short = [(_short(value), color, opacity) for value, color, opacity in points]
+    digits = _digits(ranges[0].low, ranges[-1].high)
+    short = [(_short(value, digits), color, opacity) for value, color, opacity in points]
     ascending = [point for k, point in enumerate(short) if k == 0 or point[0] > short[k - 1][0]]
     return {
         "unit": float(f"{unit:.7g}"),
@@ -171,9 +173,15 @@ def _transfer_function(ranges: tuple[ValueRange, ...], unit: float) -> dict[str,
     }
 
 
-def _short(value: float) -> int | float:
-    """Integers as they are, other numbers to seven digits: thresholds are no finer than that."""
-    return int(value) if value == int(value) else float(f"{value:.7g}")
+def _digits(low: float, high: float) -> int:
+    """How many digits of a threshold say where it lies between two values: seven, and those that both begin with."""
+    largest, extent = max(abs(low), abs(high)), high / 2 - low / 2
+    return 7 + min(max(0, math.ceil(math.log10(largest / extent))), 10) if extent > 0 and largest / 2 > extent else 7
+
+
+def _short(value: float, digits: int) -> int | float:
+    """Integers as they are, other numbers to so many digits."""
+    return int(value) if abs(value) < 2**53 and value == int(value) else float(f"{value:.{digits}g}")
 
 
 def _number(value: float) -> str:

@@ -36,10 +36,12 @@ GUIDE_SIZE = 1024
 class Segments(NamedTuple):
     """The transfer function's segments (TransferFunction.segments), with a guide to find them.
 
-    rows: float64 [n + 1, 10], start, 1 / width, values at the start [4], rise [4]; extinctions times `h0`.
+    rows: float64 [n + 1, 11], first scalar; start and width times `scale`; values at the start [4], rise [4];
+        extinctions times `h0`.
     guide: uint64 [GUIDE_SIZE + 3]; of control values <= a scalar in bucket b there are from guide[b] to guide[b + 3].
     first, last: the range of the control values; scalars are clamped to it.
-    buckets_per_unit: buckets of the guide per unit of the scalar.
+    scale: TransferFunction.scale.
+    buckets_per_unit: buckets of the guide per unit of the scaled scalar.
     opacity: whether the channels are opacities.
     """
 
@@ -47,6 +49,7 @@ class Segments(NamedTuple):
     guide: npt.NDArray[np.uint64]
     first: float
     last: float
+    scale: float
     buckets_per_unit: float
     opacity: bool
 
@@ -107,28 +110,29 @@ def make_classifier(
 
 def _make_segments(transfer: TransferFunction, finest_spacing: float, opacity: bool) -> Segments:
     starts, widths, lows, rises = transfer.segments()
-    slopes = 1 / np.maximum(widths, np.finfo(np.float64).tiny)
+    first_scalars = np.concatenate([transfer.values[:1], transfer.values])
     unit_depth = np.array([1, 1, 1, finest_spacing])
-    rows = np.column_stack([starts, slopes, lows * unit_depth, rises * unit_depth])
-    first, last = float(transfer.values[0]), float(transfer.values[-1])
+    rows = np.column_stack([first_scalars, starts, widths, lows * unit_depth, rises * unit_depth])
+    origin, extent = float(starts[0]), float(starts[-1] - starts[0])
     bounds = np.full(GUIDE_SIZE + 3, np.inf)
     buckets_per_unit = 0.0
-    if last - first > GUIDE_SIZE * np.finfo(np.float64).tiny:
+    if extent > GUIDE_SIZE * np.finfo(np.float64).tiny:
         # A bucket of slack on both sides, against rounding of the bucket's number in the kernel.
-        bounds = first + (last - first) * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
-        buckets_per_unit = GUIDE_SIZE / (last - first)
+        bounds = origin + extent * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
+        buckets_per_unit = GUIDE_SIZE / extent
     bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
-    guide = np.searchsorted(transfer.values, bounds, side="right").astype(np.uint64)
-    return Segments(rows, guide, first, last, buckets_per_unit, opacity)
+    guide = np.searchsorted(starts[1:], bounds, side="right").astype(np.uint64)
+    first, last = float(transfer.values[0]), float(transfer.values[-1])
+    return Segments(rows, guide, first, last, transfer.scale, buckets_per_unit, opacity)
 
 
 @jit
 def evaluate(scalar: float, segments: Segments) -> Channels:
     """Channels of a scalar, unlit."""
     rows, guide = segments.rows, segments.guide
-    inside = min(max(scalar, segments.first), segments.last)
+    inside = min(max(scalar, segments.first), segments.last) * segments.scale
     # Unsigned indices spare numba asking whether they count from the end.
-    bucket = np.uint64(min(int((inside - segments.first) * segments.buckets_per_unit), GUIDE_SIZE - 1))
+    bucket = np.uint64(min(int((inside - rows[0, 1]) * segments.buckets_per_unit), GUIDE_SIZE - 1))
     k, most = guide[bucket], guide[bucket + np.uint64(3)]
     while k < most:
         middle = (k + most) >> np.uint64(1)
@@ -136,15 +140,15 @@ def evaluate(scalar: float, segments: Segments) -> Channels:
             k = middle + np.uint64(1)
         else:
             most = middle
-    t = min((inside - rows[k, 0]) * rows[k, 1], 1.0)
-    weight = rows[k, 5] + t * rows[k, 9]
+    t = (inside - rows[k, 1]) / rows[k, 2]
+    weight = rows[k, 6] + t * rows[k, 10]
     if segments.opacity:
         weight = -np.expm1(-weight)
     weight = weight if weight >= FAINTEST else 0.0
     return (
-        weight * (rows[k, 2] + t * rows[k, 6]),
         weight * (rows[k, 3] + t * rows[k, 7]),
         weight * (rows[k, 4] + t * rows[k, 8]),
+        weight * (rows[k, 5] + t * rows[k, 9]),
         weight,
     )
 

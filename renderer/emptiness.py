@@ -74,5 +74,5 @@ def _shows(low: float, high: float, segments: Segments) -> bool:
         return True
     rows, found = segments.rows, False
     for k in range(1, len(rows)):  # row k starts at control point k - 1
-        found |= low <= rows[k, 0] <= high and rows[k, 5] >= FAINTEST
+        found |= low <= rows[k, 0] <= high and rows[k, 6] >= FAINTEST
     return found

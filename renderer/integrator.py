@@ -15,6 +15,7 @@ convergence.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -26,7 +27,7 @@ import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.errors import RenderError
-from renderer.integrator_kernel import BRICK, HEADROOM, Intervals, Lighting, integrate_rays
+from renderer.integrator_kernel import BRICK, Intervals, Lighting, integrate_rays
 from renderer.scene import ShadingSpec
 from renderer.volume import Float64, Volume
 
@@ -202,7 +203,10 @@ def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | N
         values.flags.writeable = False  # as in every Volume; the kernels are compiled for that
     bricks = np.zeros([n // BRICK + 1 for n in values.shape], np.uint8)
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-    return _Field(volume, values, bricks, index_from_world, _intervals(transfer), _lighting(shading, index_from_world))
+    largest = max(abs(float(values.min())), abs(float(values.max())), float(np.abs(transfer.values).max()))
+    scale = math.ldexp(1.0, min(-math.frexp(largest)[1], 1000))
+    intervals, lighting = _intervals(transfer, scale), _lighting(shading, index_from_world)
+    return _Field(volume, values, bricks, index_from_world, intervals, lighting)
 
 
 def _part_of(on_progress: Progress | None, start: float, end: float) -> Progress:
@@ -248,19 +252,19 @@ def _integrate_pixels(
     return radiance
 
 
-def _intervals(transfer: PiecewiseLinear) -> Intervals:
-    knots = np.array(transfer.values, np.float64) * HEADROOM
+def _intervals(transfer: PiecewiseLinear, scale: float) -> Intervals:
+    knots = np.array(transfer.values, np.float64) * scale
     points = np.column_stack([transfer.colors, transfer.extinctions])
     rise, run = np.diff(points, axis=0), np.diff(knots)[:, None]
     slope = np.zeros((knots.size + 1, 4))
     # An interval without width is a step: no value falls into it, and its slope is never used.
     with np.errstate(over="ignore"):
         slope[1:-1] = np.divide(rise, run, out=np.zeros_like(rise), where=run > 0)
-    slope[~np.isfinite(slope)] = 0.0  # narrower than 1e-300: as good as a step
+    slope[~np.isfinite(slope)] = 0.0  # 1e-300 of the largest value wide: as good as a step
     base = np.concatenate([points[:1], points])
     origin = np.concatenate([knots[:1], knots])
     num_opaque_below = np.concatenate([[0], np.cumsum(points[:, 3] > 0)])
-    return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]))
+    return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
 def _lighting(shading: ShadingSpec | None, index_from_world: Float64) -> Lighting:

@@ -39,9 +39,6 @@ _WEIGHTS = np.array([0.17392742256872692, 0.32607257743127307, 0.326072577431273
 
 # The depth of a piece is not cut into more steps than this, so that their number can be counted in integers.
 _MAX_DEPTH_CUT = 2.0**30
-# Scalars are worked with times this, which is exact, so that sums and differences of a few do not overflow.
-HEADROOM = 2.0**-8
-
 # Cells per axis of a brick, and what is known of it. Of the cells that rays met in visible bricks of two CT scans 0.70
 # and 0.75 were visible, with bricks of 8^3 0.51 and 0.60.
 BRICK = 4
@@ -53,14 +50,17 @@ _ZERO = np.zeros(1)
 class Intervals(NamedTuple):
     """A transfer function of n control values as n + 1 intervals, the first and last of them unbounded.
 
-    knots: float64 [n], times HEADROOM, not descending. Interval k holds knots[k - 1] <= value < knots[k]: the search is
+    knots: float64 [n], times `scale`, not descending. Interval k holds knots[k - 1] <= value < knots[k]: the search is
         for the right side, so that the value of a step belongs to its upper side.
     rows: float64 [n + 1, 10], base [4], slope [4], origin and the number of the first k control points that have
         extinction: (r, g, b, extinction) of a value is base + slope * (value - origin).
+    scale: the power of two with which scalars and knots are within [-1, 1], so that sums and differences of a few
+        neither overflow nor get lost.
     """
 
     knots: Float64
     rows: Float64
+    scale: float
 
 
 class Lighting(NamedTuple):
@@ -158,11 +158,6 @@ def _integrate_piece(
 
 
 @jit
-def _scaled(value: Any) -> float:
-    return float(value) * HEADROOM
-
-
-@jit
 def _corner_indices(values: Any, cell: Cell) -> tuple[Cell, Cell]:
     """The lowest and the highest voxel (x, y, z) of a cell, or the nearest ones beyond the outermost centres."""
     num_z, num_y, num_x = values.shape
@@ -171,22 +166,22 @@ def _corner_indices(values: Any, cell: Cell) -> tuple[Cell, Cell]:
 
 
 @jit
-def _load_corners(values: Any, cell: Cell) -> Corners:
+def _load_corners(values: Any, cell: Cell, scale: float) -> Corners:
     (x0, y0, z0), (x1, y1, z1) = _corner_indices(values, cell)
     return (
-        _scaled(values[z0, y0, x0]),
-        _scaled(values[z0, y0, x1]),
-        _scaled(values[z0, y1, x0]),
-        _scaled(values[z0, y1, x1]),
-        _scaled(values[z1, y0, x0]),
-        _scaled(values[z1, y0, x1]),
-        _scaled(values[z1, y1, x0]),
-        _scaled(values[z1, y1, x1]),
+        float(values[z0, y0, x0]) * scale,
+        float(values[z0, y0, x1]) * scale,
+        float(values[z0, y1, x0]) * scale,
+        float(values[z0, y1, x1]) * scale,
+        float(values[z1, y0, x0]) * scale,
+        float(values[z1, y0, x1]) * scale,
+        float(values[z1, y1, x0]) * scale,
+        float(values[z1, y1, x1]) * scale,
     )
 
 
 @jit
-def _index_gradient(values: Any, x: int, y: int, z: int, axis: int) -> float:
+def _index_gradient(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
     """Central difference at a voxel centre, one-sided at the border; 0 along an axis of one voxel."""
     dx, dy, dz = int(axis == 0), int(axis == 1), int(axis == 2)
     num_z, num_y, num_x = values.shape
@@ -195,21 +190,21 @@ def _index_gradient(values: Any, x: int, y: int, z: int, axis: int) -> float:
     steps = (x1 - x0) + (y1 - y0) + (z1 - z0)
     if steps == 0:
         return 0.0
-    return (_scaled(values[z1, y1, x1]) - _scaled(values[z0, y0, x0])) / float(steps)
+    return (float(values[z1, y1, x1]) * scale - float(values[z0, y0, x0]) * scale) / float(steps)
 
 
 @jit
-def _load_slopes(values: Any, cell: Cell, axis: int) -> Corners:
+def _load_slopes(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
     (x0, y0, z0), (x1, y1, z1) = _corner_indices(values, cell)
     return (
-        _index_gradient(values, x0, y0, z0, axis),
-        _index_gradient(values, x1, y0, z0, axis),
-        _index_gradient(values, x0, y1, z0, axis),
-        _index_gradient(values, x1, y1, z0, axis),
-        _index_gradient(values, x0, y0, z1, axis),
-        _index_gradient(values, x1, y0, z1, axis),
-        _index_gradient(values, x0, y1, z1, axis),
-        _index_gradient(values, x1, y1, z1, axis),
+        _index_gradient(values, x0, y0, z0, axis, scale),
+        _index_gradient(values, x1, y0, z0, axis, scale),
+        _index_gradient(values, x0, y1, z0, axis, scale),
+        _index_gradient(values, x1, y1, z0, axis, scale),
+        _index_gradient(values, x0, y0, z1, axis, scale),
+        _index_gradient(values, x1, y0, z1, axis, scale),
+        _index_gradient(values, x0, y1, z1, axis, scale),
+        _index_gradient(values, x1, y1, z1, axis, scale),
     )
 
 
@@ -226,12 +221,14 @@ def _combined(weights: Vector, gradient: Gradient) -> Cubic:
 
 
 @jit
-def _world_gradient(values: Any, cell: Cell, entry: Vector, extent: Vector, lighting: Lighting) -> Gradient:
+def _world_gradient(
+    values: Any, cell: Cell, entry: Vector, extent: Vector, lighting: Lighting, scale: float
+) -> Gradient:
     """The gradient per world unit along the ray inside a cell."""
     in_index = (
-        cubic_in_cell(_load_slopes(values, cell, 0), entry, extent),
-        cubic_in_cell(_load_slopes(values, cell, 1), entry, extent),
-        cubic_in_cell(_load_slopes(values, cell, 2), entry, extent),
+        cubic_in_cell(_load_slopes(values, cell, 0, scale), entry, extent),
+        cubic_in_cell(_load_slopes(values, cell, 1, scale), entry, extent),
+        cubic_in_cell(_load_slopes(values, cell, 2, scale), entry, extent),
     )
     to_world = lighting.world_from_index_gradient
     return _combined(to_world[0], in_index), _combined(to_world[1], in_index), _combined(to_world[2], in_index)
@@ -257,7 +254,7 @@ def _look_into_brick(values: Any, i: int, j: int, k: int, intervals: Intervals) 
         for y in range(max(j * BRICK - 1, 0), min((j + 1) * BRICK, num_y)):
             for x in range(max(i * BRICK - 1, 0), min((i + 1) * BRICK, num_x)):
                 low, high = min(low, values[z, y, x]), max(high, values[z, y, x])
-    return _VISIBLE if _is_visible(_scaled(low), _scaled(high), intervals) else _EMPTY
+    return _VISIBLE if _is_visible(float(low) * intervals.scale, float(high) * intervals.scale, intervals) else _EMPTY
 
 
 @jit
@@ -277,14 +274,14 @@ def _integrate_cell(
 
     splits: room for 3 of each knot and 3 more.
     """
-    corners = _load_corners(values, cell)
+    corners = _load_corners(values, cell, intervals.scale)
     if not _is_visible(min(corners), max(corners), intervals):
         return ray
     cubic = cubic_in_cell(corners, entry, extent)
     count = add_crossings(cubic, intervals.knots, splits, 0)
     gradient = (cubic, cubic, cubic)  # not looked at without light
     if lighting.enabled:
-        gradient = _world_gradient(values, cell, entry, extent, lighting)
+        gradient = _world_gradient(values, cell, entry, extent, lighting, intervals.scale)
         count = add_crossings(_combined(lighting.light, gradient), _ZERO, splits, count)
     voxels = math.sqrt(extent[0] ** 2 + extent[1] ** 2 + extent[2] ** 2)
     start = 0.0

@@ -53,8 +53,9 @@ Shape = tuple[int, int, int]
 # its full 11 bits (its normal numbers go down to 2^-14).
 STORED_MAXIMUM = 2.0**15
 
-# Scalars are normalised by half their range, or by this where it is smaller: its inverse is still a number.
-SMALLEST_RANGE = 2.0**-500
+# Scalars are normalised by their range, or by this where it is smaller: the inverse of its unit is still a number, and
+# squares of the smallest denormal numbers are then normal ones.
+SMALLEST_RANGE = 2.0**-1008
 
 # Levels in each tier above the blocks.
 TIER_LEVELS = 2
@@ -170,7 +171,8 @@ def error_scale(volume: Volume, measure: str, num_voxels: Any) -> Any:
     """
     if measure == "rms":
         return np.ones(())
-    return np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing
+    in_finest = volume.world_from_index[:3, :3] / volume.finest_spacing  # first: a volume may be too small for a number
+    return np.cbrt(num_voxels * abs(float(np.linalg.det(in_finest))))
 
 
 def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
@@ -227,8 +229,9 @@ def _make_plan(
     error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
     if error.of == "scalar":
         low, high = float(volume.values.min()), float(volume.values.max())
-        error_unit, error_factor = _stored_unit(high / 2 - low / 2), 1.0
-        normal = (low / 2 + high / 2, 1 / error_unit)
+        offset = _exact_offset(low, high)
+        error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
+        normal = (offset, 1 / error_unit)
     elif opacity != of_opacity:
         error_rule = make_classifier(volume, transfer, shading, opacity=of_opacity)
     return _Plan(
@@ -259,6 +262,18 @@ def _final_limits(
         else:
             limits.append(math.inf if level <= finest_level else root * root)
     return limits[0], limits[1]
+
+
+def _exact_offset(low: float, high: float) -> float:
+    """What takes a volume's scalars to the neighbourhood of 0 without rounding any of them, however different they are.
+
+    It is a multiple of the last place of the largest, so that every difference is a multiple of the scalar's own last
+    place, and no larger than the scalar.
+    """
+    if low <= 0.0 <= high:
+        return 0.0
+    near, far = sorted((low, high), key=abs)
+    return near - math.fmod(near, math.ulp(far))
 
 
 def _stored_unit(largest: float) -> float:
@@ -401,7 +416,7 @@ def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Stored) -> 
         target[2],
     )
     _store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
-    _store(np.sqrt(scratch.spreads[:num], out=scratch.spreads[:num]), plan.error_factor, target[1][:num])
+    _store(scratch.spreads[:num], plan.error_factor, target[1][:num])
     return num
 
 

@@ -318,12 +318,13 @@ def append_visible(
     is_final: npt.NDArray[np.bool_],
     is_below_final: npt.NDArray[np.bool_],
     items_out: Items,
-    variances_out: Float32,
+    spreads_out: Float32,
     masks_out: npt.NDArray[np.uint8],
 ) -> int:
     """Copy the visible ones of groups [g, n, 4] in Morton order, as items [g, n] to [.]; return how many they are.
 
-    variances: [g, n, c], summed over the channels into [.].
+    variances: [g, n, c]; roots of their sums over the channels go into `spreads_out` [.], taken before they are rounded
+    to float32, which squares might not fit.
     children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
     is_final: [g, n], nodes whose children are left out. is_below_final: [g, n / 8], parents whose children, these
         nodes, are. Each [0, 0] where there are none.
@@ -336,7 +337,7 @@ def append_visible(
             node = SWAPPED[index] if num_nodes == 64 else index
             if means[g, node, 3] > 0:
                 items_out[num] = mean_items[g, node]
-                variances_out[num] = _total(variances, g, node)
+                spreads_out[num] = np.sqrt(_total(variances, g, node))
                 if len(is_final) > 0 and is_final[g, node]:
                     masks_out[num] = 0
                 elif len(children) > 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,6 +22,8 @@ _NUM_COARSE = 256
 
 # Values are looked at in runs of this many, so that no float64 copy of the volume is ever made.
 _CHUNK = 2**20
+
+_HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
 
 # A middle class this dominant is what the two outer ones stand out from: a signed field around zero.
 _DOMINANT = 0.9
@@ -64,26 +67,27 @@ class ValueRange:
 def measure(values: Array) -> Statistics:
     """Statistics of finite integer or float values of any shape, C-contiguous, in memory bounded by a chunk."""
     minimum, maximum = values.min().item(), values.max().item()
-    total = sum(float(chunk.sum(dtype=np.float64)) for chunk in _chunks(values))
-    width = (
-        1.0 if values.dtype.kind in "iu" and maximum - minimum < MAX_BINS else maximum / MAX_BINS - minimum / MAX_BINS
-    )
-    if width == 1.0:
-        bins = np.arange(minimum, maximum + 1, dtype=np.float64)
-    elif width == 0.0:
-        bins = np.array([minimum], np.float64)
+    # Times a power of two that brings the values into [-1/2, 1/2]: neither their sum nor their range overflows.
+    scale = np.float64(math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000)))
+    mean = sum(float(np.sum(chunk * scale)) for chunk in _chunks(values)) / values.size / scale
+    low, extent = minimum * scale, maximum * scale - minimum * scale
+    is_counted = values.dtype.kind in "iu" and maximum - minimum < MAX_BINS
+    if is_counted:
+        width, bins = 1.0, np.arange(maximum - minimum + 1) + float(minimum)
+    elif extent == 0.0:
+        width, bins = 0.0, np.array([minimum], np.float64)
     else:
-        bins = minimum + (np.arange(MAX_BINS) + 0.5) * width
+        width, bins = extent / MAX_BINS / scale, (low + extent * ((np.arange(MAX_BINS) + 0.5) / MAX_BINS)) / scale
     counts = np.zeros(len(bins), np.int64)
     for chunk in _chunks(values):
-        if width == 1.0 and values.dtype.kind in "iu":  # wraps around to the right unsigned number, whatever the type
+        if is_counted:  # wraps around to the right unsigned number, whatever the type
             index = (chunk - values.dtype.type(minimum)).view(f"u{values.dtype.itemsize}").astype(np.int64)
-        elif width == 0.0:
+        elif extent == 0.0:
             index = np.zeros(chunk.shape, np.int64)
         else:
-            index = (chunk.astype(np.float64) / width - minimum / width).astype(np.int64)
+            index = ((chunk * scale - low) / (extent / MAX_BINS)).astype(np.int64)
         counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
-    return Statistics(minimum, maximum, total / values.size, counts, bins, width)
+    return Statistics(minimum, maximum, mean, counts, bins, width)
 
 
 def _chunks(values: Array) -> Iterator[Array]:
@@ -105,8 +109,10 @@ def rebin(statistics: Statistics, num_bins: int) -> tuple[npt.NDArray[np.int64],
     num_parts = -(-num // per_part)
     padded = np.zeros(num_parts * per_part, np.int64)
     padded[:num] = statistics.counts
-    first = statistics.bins[0] - statistics.bin_width / 2
-    edges = first + np.arange(num_parts + 1) * per_part * statistics.bin_width
+    # Halves: the range of float64 may be more than the largest number.
+    half_first, half_width = statistics.bins[0] / 2 - statistics.bin_width / 4, statistics.bin_width / 2
+    half_edges = half_first + np.arange(num_parts + 1) * per_part * half_width
+    edges = 2 * np.clip(half_edges, -_HALF_OF_LARGEST, _HALF_OF_LARGEST)
     return padded.reshape(num_parts, per_part).sum(axis=1), edges
 
 

@@ -11,6 +11,7 @@ the segment that they fall into, or, where the data have at most 16 bits, by a t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,9 +24,6 @@ Float64 = npt.NDArray[np.float64]
 
 # exp(-40) = 4e-18 is far below half a level of 8 bits, and below the resolution of float64 at 1: opaque in any image.
 MAX_VOXEL_DEPTH = 40.0
-
-# Control values are held within half of float64's range, so that their differences are finite.
-LARGEST_VALUE = 0.5 * float(np.finfo(np.float64).max)
 
 # Colormaps are published as 256 samples of a smooth curve.
 NUM_COLORMAP_SAMPLES = 256
@@ -51,28 +49,34 @@ class TransferFunction:
         """The largest extinction anywhere; 1 / world unit."""
         return float(self.extinctions.max())
 
+    @property
+    def scale(self) -> float:
+        """The power of two that brings the control values into [-1/2, 1/2], where differences are finite and normal."""
+        return _scale_of(self.values)
+
     def classify(self, scalars: npt.NDArray[Any]) -> tuple[Float64, Float64]:
         """Colours float64 [..., 3] and extinctions float64 [...] of scalars of any real dtype and shape."""
         starts, widths, lows, rises = self.segments()
         s = scalars.astype(np.float64)
         k = np.searchsorted(self.values, s, side="right")
-        t = (np.clip(s, self.values[0], self.values[-1]) - starts[k]) / widths[k]
+        t = (np.clip(s, self.values[0], self.values[-1]) * self.scale - starts[k]) / widths[k]
         result = lows[k] + t[..., None] * rises[k]
         return result[..., :3], result[..., 3]
 
     def segments(self) -> tuple[Float64, Float64, Float64, Float64]:
         """The same map as n + 1 segments: starts [n + 1], widths [n + 1], values at the start [n + 1, 4] and their rise
-        over the segment [n + 1, 4], of (colour, extinction), all float64.
+        over the segment [n + 1, 4], of (colour, extinction), all float64; starts and widths are times `scale`.
 
         Segment k holds the scalars from control point k - 1 to point k; the first and the last are constant.
         """
         points = np.column_stack([self.colors, self.extinctions])
-        starts = np.concatenate([self.values[:1], self.values])
+        scaled = self.values * self.scale
+        starts = np.concatenate([scaled[:1], scaled])
         lows = np.concatenate([points[:1], points])
         rises = np.zeros_like(lows)
         rises[1:-1] = np.diff(points, axis=0)
         widths = np.ones_like(starts)
-        widths[1:-1] = np.diff(self.values)
+        widths[1:-1] = np.diff(scaled)
         # A step has no width; no scalar falls into its segment, and 1 keeps the division defined.
         widths[widths == 0] = 1.0
         return starts, widths, lows, rises
@@ -84,30 +88,35 @@ def make_transfer(spec: TransferSpec, finest_spacing: float) -> TransferFunction
     cap = MAX_VOXEL_DEPTH / finest_spacing
 
     def extinction(opacity: Float64) -> Float64:
-        with np.errstate(divide="ignore"):  # the infinite extinction of opacity 1 meets the cap
+        with np.errstate(divide="ignore", over="ignore"):  # the infinite extinction of opacity 1 meets the cap
             return np.minimum(-np.log1p(-opacity) / unit, cap) + 0.0  # -0.0 + 0.0 is 0.0
 
     if isinstance(spec.mapping, ColormapSpec):
         values, opacities = np.array(spec.mapping.opacity, np.float64).T
-        values = np.clip(values, -LARGEST_VALUE, LARGEST_VALUE)
         return TransferFunction(*_with_colormap(spec.mapping, values, extinction(opacities)), unit)
-    values = np.clip([point.value for point in spec.mapping], -LARGEST_VALUE, LARGEST_VALUE)
+    values = np.array([point.value for point in spec.mapping], np.float64)
     colors = np.array([point.color for point in spec.mapping], np.float64)
     opacities = np.array([point.opacity for point in spec.mapping], np.float64)
     return TransferFunction(values, colors, extinction(opacities), unit)
+
+
+def _scale_of(values: Float64) -> float:
+    return math.ldexp(1.0, min(-1 - math.frexp(float(np.abs(values).max()))[1], 1000))
 
 
 def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tuple[Float64, Float64, Float64]:
     """Control points wherever the colormap or the extinction (given at the values `at`) has one."""
     from renderer.colormaps import colormap_points  # noqa: PLC0415  the package behind it is loaded only when it is used
 
-    first, last = np.clip(np.array(spec.range, np.float64), -LARGEST_VALUE, LARGEST_VALUE)
-    samples = np.linspace(first, last, NUM_COLORMAP_SAMPLES)
+    first, last = spec.range
+    scale = _scale_of(np.array(spec.range, np.float64))
+    samples = np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale
     table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)
     extra = samples[~np.isin(samples, at)]  # where both have a point the one of the extinction stays: it may be a step
     values = np.concatenate([extra, at])
     order = np.argsort(values, kind="stable")
     opaque = TransferFunction(at, np.zeros((len(at), 3)), extinctions, 1.0)
     merged = np.concatenate([opaque.classify(extra)[1], extinctions])[order]
-    colors = np.column_stack([np.interp(values[order], samples, table[:, channel]) for channel in range(3)])
+    inside = np.clip(values[order], first, last) * scale
+    colors = np.column_stack([np.interp(inside, samples * scale, table[:, channel]) for channel in range(3)])
     return values[order], colors, merged

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, check_affine, check_dtype, choose, existing, unreadable
+from renderer.readers.common import Image, check_affine, check_dtype, check_resolved, choose, existing, unreadable
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Array, Volume, make_volume
 
@@ -30,6 +30,7 @@ def read_volume(spec: VolumeSpec) -> Volume:
             image = crop_image(image, spec.crop, name)
         first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
         values = _finite(_settled(image.values), spec.nonfinite == "lowest", first, name)
+        check_resolved(values, name)
         return make_volume(values, image.world_from_index, name)
     except OSError as error:
         raise unreadable(Path(name), error) from error

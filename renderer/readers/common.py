@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import zlib
 from dataclasses import dataclass
@@ -16,6 +17,9 @@ from renderer.volume import Array, Float64
 
 # No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
 MAX_VOLUME_BYTES = 2**40
+
+# Integers beyond 2^53 are rounded when they are drawn; so many steps at least remain of the range of a volume.
+_NUM_STEPS = 2**16
 
 # Compressed files are looked through in pieces of this many bytes.
 _PIECE = 2**20
@@ -74,8 +78,31 @@ def check_affine(world_from_index: Float64, where: str) -> None:
         )
     sizes = np.abs(world_from_index[:3])
     if sizes.max() > LONGEST or sizes[:, :3].max(axis=0).min() < SHORTEST:
-        expected = f"lengths from {SHORTEST:g} to {LONGEST:g}"
-        raise InputError("the spacing or the origin is out of range", where=where, got=got, expected=expected)
+        raise InputError(
+            "the spacing or the origin is out of range",
+            where=where,
+            got=got,
+            expected=f"lengths from {SHORTEST:g} to {LONGEST:g}",
+            hint="give lengths in another unit",
+        )
+
+
+def check_resolved(values: Array, where: str) -> None:
+    """Raise InputError for 64-bit integers that lie so close together that float64, in which they are classified, would
+    round their differences away."""
+    if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
+        return
+    low, high = int(values.min()), int(values.max())
+    largest = max(abs(low), abs(high))
+    step = int(math.ulp(float(largest)))
+    if largest > 2**53 and low < high < low + _NUM_STEPS * step:
+        raise InputError(
+            "these integers are too large for their differences to be drawn",
+            where=where,
+            got=f"values from {low} to {high}, where numbers of float64 are {step} apart",
+            expected=f"integers from -2^53 to 2^53, or a range of {_NUM_STEPS * step} or more",
+            hint="subtract the smallest value before saving",
+        )
 
 
 def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:

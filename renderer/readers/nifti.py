@@ -144,8 +144,9 @@ def _scaled(values: Array, slope: float, intercept: float) -> Array:
         return values
     exact_in_single = values.dtype.itemsize <= 2 or values.dtype.newbyteorder("=") == np.float32
     scaled = np.empty(values.shape, np.float32 if exact_in_single else np.float64)
-    for plane, target in zip(values, scaled, strict=True):  # plane by plane: the float64 product needs no second volume
-        target[...] = plane.astype(np.float64) * slope + intercept
+    with np.errstate(over="ignore", invalid="ignore"):  # what is too large is infinite, and refused as such later
+        for plane, target in zip(values, scaled, strict=True):  # the float64 product needs no second volume
+            target[...] = plane.astype(np.float64) * slope + intercept
     return scaled
 
 

@@ -234,6 +234,26 @@ def test_no_volume_in_the_affine(folder):
     )
 
 
+def test_voxels_of_which_no_volume_is_a_number(folder):
+    Path("a.raw").write_bytes(bytes(120))
+    assert raw_message(spacing=(1e-200, 1e-200, 1e-200)) == (
+        "a.raw: the spacing or the origin is out of range\n"
+        "  got: [1e-200 0 0 0], [0 1e-200 0 0], [0 0 1e-200 0] (world from voxel index)\n"
+        "  expected: lengths from 1e-30 to 1e+30\n"
+        "  hint: give lengths in another unit"
+    )
+
+
+def test_integers_that_float64_cannot_tell_apart(folder):
+    np.save("a.npy", 2**60 + VALUES.astype(np.int64))
+    assert message("a.npy") == (
+        "a.npy: these integers are too large for their differences to be drawn\n"
+        "  got: values from 1152921504606846976 to 1152921504606847035, where numbers of float64 are 256 apart\n"
+        "  expected: integers from -2^53 to 2^53, or a range of 16777216 or more\n"
+        "  hint: subtract the smallest value before saving"
+    )
+
+
 def test_time_and_component(folder):
     sitk.WriteImage(sitk.GetImageFromArray(np.zeros((7, 3, 4, 5), np.uint8), isVector=False), "a.mha")
     assert message("a.mha") == (

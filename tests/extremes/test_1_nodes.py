@@ -1,0 +1,321 @@
+"""The error of a node against the exact root of the variance of its voxels, in integers of any length."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from extremes import Extreme, Section
+
+from renderer.classify import classify_voxel, make_classifier, voxel_codes
+from renderer.octree import root_error, visible_cells
+from renderer.pyramid import Pyramid, build_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
+
+Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+Random = np.random.Generator
+
+SINGLE, HALF = PyramidSpec(precision="single"), PyramidSpec(precision="half")
+OF_OPACITY = PyramidSpec(precision="single", average="opacity")
+SCALAR, RMS, OPTICAL = ErrorSpec(measure="rms", of="scalar"), ErrorSpec(measure="rms"), ErrorSpec()
+
+# The smallest number of float64; every number of float64 is a multiple of it.
+LAST_PLACE = 2**1074
+
+# float32 rounds to u; a chain of merges adds a few of them, whatever the values are.
+U = 2.0**-24
+
+# One voxel, two, three; 2^k, 2^k + 1 and primes, alone and together.
+SHAPES = [
+    (1, 1, 2),
+    (2, 1, 1),
+    (1, 3, 1),
+    (3, 5, 9),
+    (2, 2, 2),
+    (7, 11, 5),
+    (1, 1, 33),
+    (17, 1, 2),
+    (9, 9, 9),
+    (8, 8, 8),
+]
+
+SHEARED = np.array([[0.5, 0.2, -0.1, 10.0], [0.1, -0.9, 0.3, -20.0], [0.0, 0.4, 2.0, 30.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def volume(values: Array, world_from_index: Float64 | None = None) -> Volume:
+    return make_volume(
+        np.ascontiguousarray(values), np.eye(4) if world_from_index is None else world_from_index, "extreme"
+    )
+
+
+def constant_opacity() -> TransferFunction:
+    """Shows every voxel, whatever its value."""
+    return TransferFunction(np.zeros(1), np.array([[0.2, 0.5, 1.0]]), np.array([0.3]), 1.0)
+
+
+def integers(values: Array) -> Array:
+    """Numbers of float64 as Python's integers, in units of 1 / LAST_PLACE."""
+    exact = np.empty(values.shape, object)
+    for place, value in np.ndenumerate(values.astype(np.float64)):
+        numerator, denominator = float(value).as_integer_ratio()
+        exact[place] = numerator * (LAST_PLACE // denominator)
+    return exact
+
+
+def sums(values: Array, side: int) -> Array:
+    """Over the cells of a level; the first three axes are z, y, x."""
+    for axis in range(3):
+        values = np.add.reduceat(values, np.arange(0, values.shape[axis], side), axis=axis)
+    return values
+
+
+def relative_error(error: float, numerator: int, denominator: int) -> float:
+    """Of an error whose exact square is numerator / denominator / LAST_PLACE^2; of nothing it has to be nothing."""
+    assert error >= 0.0, error
+    if numerator == 0:
+        return 0.0 if error == 0.0 else math.inf
+    up, down = error.as_integer_ratio()
+    ratio = (up * LAST_PLACE) ** 2 * denominator / (down**2 * numerator)  # rounded once, however long the integers
+    return abs(ratio - 1.0) / (math.sqrt(ratio) + 1.0)
+
+
+def worst_of_nodes(pyramid: Pyramid, channels: Array) -> float:
+    """The largest relative error of the error of any node; channels: [z, y, x, c], all voxels being visible."""
+    assert pyramid.measure == "rms"
+    exact = integers(channels)
+    worst = 0.0
+    for number, level in enumerate(pyramid.levels, start=1):
+        side = 1 << number
+        count = sums(np.ones(exact.shape[:3], object), side)
+        first, second = sums(exact, side), sums(exact * exact, side)
+        numerators = (count[..., None] * second - first * first).sum(axis=-1)  # of n^2 times the variance
+        for (x, y, z), error in zip(visible_cells(pyramid, number), level.errors, strict=True):
+            stored = float(error) * pyramid.error_unit
+            worst = max(worst, relative_error(stored, int(numerators[z, y, x]), int(count[z, y, x]) ** 2))
+    return worst
+
+
+def of_scalars(make: Callable[[Random, tuple[int, ...]], Array], spec: PyramidSpec = SINGLE) -> Callable[[int], float]:
+    """Measures volumes of random values in all shapes."""
+
+    def measure(num_cases: int) -> float:
+        worst = 0.0
+        for case in range(num_cases):
+            of = volume(make(np.random.default_rng(case), SHAPES[case % len(SHAPES)]))
+            pyramid = build_pyramid(of, constant_opacity(), spec=spec, error=SCALAR, num_threads=1)
+            worst = max(worst, worst_of_nodes(pyramid, of.values[..., None]))
+        return worst
+
+    return measure
+
+
+def uniform(dtype: Any, low: float, high: float) -> Callable[[Random, tuple[int, ...]], Array]:
+    """Random values; halves, because the range may be more than the largest number."""
+    return lambda rng, shape: (2 * (low / 2 + (high / 2 - low / 2) * rng.random(shape))).astype(dtype)
+
+
+def whole(dtype: Any, low: int, high: int) -> Callable[[Random, tuple[int, ...]], Array]:
+    return lambda rng, shape: rng.integers(low, high, shape, dtype, endpoint=True)
+
+
+def with_outlier(dtype: Any, outlier: float) -> Callable[[Random, tuple[int, ...]], Array]:
+    """Values from 0 to 1, and one voxel far away from them."""
+
+    def make(rng: Random, shape: tuple[int, ...]) -> Array:
+        values = rng.random(shape).astype(dtype)
+        values[(0, 0, 0)] = outlier
+        return values
+
+    return make
+
+
+def voxel_channels(of: Volume, transfer: TransferFunction, *, opacity: bool) -> Array:
+    """float32 [z, y, x, 4]: each voxel as it is classified."""
+    rule, codes = make_classifier(of, transfer, None, opacity=opacity), voxel_codes(of)
+    channels = np.empty((*of.values.shape, 4), np.float32)
+    for z, y, x in np.ndindex(*of.values.shape):
+        channels[z, y, x] = classify_voxel(codes, *rule, z, y, x)
+    return channels
+
+
+def ramp(low: float, high: float, extinctions: Sequence[float]) -> TransferFunction:
+    """Linear over [low, high], with changing colours."""
+    num = len(extinctions)
+    colors = np.random.default_rng(num).random((num, 3))
+    return TransferFunction(np.linspace(low, high, num), colors, np.array(extinctions, float), 1.0)
+
+
+def of_classified(
+    extinctions: Sequence[float], dtype: Any, spec: PyramidSpec, worst_of: Callable[[Pyramid, Array], float]
+) -> Callable[[int], float]:
+    """Measures noise that is classified by a ramp of extinctions."""
+
+    def measure(num_cases: int) -> float:
+        worst, transfer = 0.0, ramp(0.0, 200.0, extinctions)
+        for case in range(num_cases):
+            of = volume(uniform(dtype, 1, 199)(np.random.default_rng(case), SHAPES[case % len(SHAPES)]))
+            pyramid = build_pyramid(of, transfer, spec=spec, error=RMS, num_threads=1)
+            worst = max(worst, worst_of(pyramid, voxel_channels(of, transfer, opacity=True)))
+        return worst
+
+    return measure
+
+
+def worst_of_scale(pyramid: Pyramid, channels: Array) -> float:
+    """The largest difference from the exact error of any node, as a share of the largest channel."""
+    largest = float(channels.max())
+    worst = 0.0
+    for number, level in enumerate(pyramid.levels, start=1):
+        side = 1 << number
+        exact = integers(channels)
+        count = sums(np.ones(exact.shape[:3], object), side)
+        numerators = (count[..., None] * sums(exact * exact, side) - sums(exact, side) ** 2).sum(axis=-1)
+        for (x, y, z), error in zip(visible_cells(pyramid, number), level.errors, strict=True):
+            true = math.sqrt(int(numerators[z, y, x]) / (int(count[z, y, x]) * LAST_PLACE) ** 2)
+            worst = max(worst, abs(float(error) * pyramid.error_unit - true) / largest)
+    return worst
+
+
+def optical_root(num_cases: int) -> float:
+    """Of the whole volume as one cell: times the cube root of its world volume, over the finest spacing."""
+    worst, transfer = 0.0, ramp(0.0, 200.0, [0.01, 3.0, 0.2, 1.0])
+    finest = float(np.linalg.norm(SHEARED[:3, :3], axis=0).min())
+    for case in range(num_cases):
+        of = volume(uniform(np.float32, 1, 199)(np.random.default_rng(case), SHAPES[case % len(SHAPES)]), SHEARED)
+        pyramid = build_pyramid(of, transfer, spec=SINGLE, error=OPTICAL, num_threads=1)
+        exact, num = integers(voxel_channels(of, transfer, opacity=False)).reshape(-1, 4), of.values.size
+        numerator = int((num * (exact * exact).sum(axis=0) - exact.sum(axis=0) ** 2).sum())
+        side = np.cbrt(num * abs(np.linalg.det(SHEARED[:3, :3]))) / finest
+        worst = max(worst, relative_error(root_error(pyramid) / float(side), numerator, num**2))
+    return worst
+
+
+def equal_voxels(num_cases: int) -> float:
+    """The largest error of any node of 100^3 equal voxels, of random values and types."""
+    worst = 0.0
+    for case in range(max(1, num_cases // 20)):
+        rng = np.random.default_rng(case)
+        for dtype, (spec, error) in itertools.product((np.uint8, np.float64), ((SINGLE, SCALAR), (HALF, OPTICAL))):
+            of = volume(np.full((100, 100, 100), rng.uniform(1, 199), dtype))
+            pyramid = build_pyramid(of, ramp(0.0, 200.0, [0.3, 1e-3, 5.0]), spec=spec, error=error, num_threads=1)
+            assert len(pyramid.levels[0].errors) == 50**3
+            worst = max(worst, *(float(level.errors.max()) for level in pyramid.levels))
+    return worst
+
+
+def one_voxel(num_cases: int) -> float:
+    worst = 0.0
+    for case in range(num_cases):
+        value = np.random.default_rng(case).choice([5e-324, 1e-310, 1e-2, 1e6, 1e30, 1.7e308])
+        of = volume(np.full((1, 1, 1), value))
+        for error in (SCALAR, RMS, OPTICAL):
+            pyramid = build_pyramid(of, constant_opacity(), spec=SINGLE, error=error, num_threads=1)
+            worst = max(worst, root_error(pyramid))
+    return worst
+
+
+RELATIVE = "relative error of the error"
+LARGEST_32, LARGEST_64 = float(np.finfo(np.float32).max), float(np.finfo(np.float64).max)
+
+FROM_DIFFERENCES = "differences of neighbours are squared, never values; in float64"
+SHIFTED = FROM_DIFFERENCES + ", after a shift that rounds nothing"
+SCALED = FROM_DIFFERENCES + ", after a power of two that brings the range to 1"
+OF_CHANNELS = "the same in float32; exact reference: of the four float32 channels of each voxel"
+
+node = partial(Extreme, quantity=RELATIVE, bound=1e-6)
+
+SECTION = Section(
+    "Error of a node",
+    (
+        node(
+            "float64, 1e6 - 0.01 to 1e6 + 0.01",
+            SHIFTED,
+            measure=of_scalars(uniform(np.float64, 1e6 - 1e-2, 1e6 + 1e-2)),
+        ),
+        node("float64, 1e15 to 1e15 + 8", SHIFTED, measure=of_scalars(uniform(np.float64, 1e15, 1e15 + 8))),
+        node("uint16, 65000 to 65003", SHIFTED, measure=of_scalars(whole(np.uint16, 65000, 65003))),
+        node("int64, 2^53 - 3 to 2^53", SHIFTED, measure=of_scalars(whole(np.int64, 2**53 - 3, 2**53))),
+        node("uint64, 0 to 2^64 - 1", SCALED, measure=of_scalars(whole(np.uint64, 0, 2**64 - 1))),
+        node("float32, 0.999e30 to 1.001e30", SHIFTED, measure=of_scalars(uniform(np.float32, 0.999e30, 1.001e30))),
+        node(
+            "float32, up to both ends of its range",
+            SCALED,
+            measure=of_scalars(uniform(np.float32, -LARGEST_32, LARGEST_32)),
+        ),
+        node(
+            "float64, up to both ends of its range",
+            SCALED,
+            measure=of_scalars(uniform(np.float64, -LARGEST_64, LARGEST_64)),
+        ),
+        node("float32, denormal, up to 1e-42", SCALED, measure=of_scalars(uniform(np.float32, 0.0, 1e-42))),
+        node("float64, denormal, up to 1e-310", SCALED, measure=of_scalars(uniform(np.float64, 0.0, 1e-310))),
+        node(
+            "0 to 1, but for one voxel of 1e30 (float64)",
+            "the shift rounds nothing, however different the values",
+            measure=of_scalars(with_outlier(np.float64, 1e30)),
+        ),
+        node(
+            "0 to 1, but for one voxel of -3.4e38 (float32)",
+            "the same",
+            measure=of_scalars(with_outlier(np.float32, -LARGEST_32)),
+        ),
+        Extreme(
+            "0 to 255 in half precision",
+            "stored in float16, which rounds to 5e-4",
+            RELATIVE,
+            2.0**-11 + 1e-6,
+            of_scalars(uniform(np.float32, 0, 255), HALF),
+        ),
+        Extreme("one voxel, 5e-324 to 1.7e308", "no difference, no error", "largest error", 0.0, one_voxel),
+        Extreme("a million equal voxels", "no difference, no error", "largest error of a node", 0.0, equal_voxels),
+        node(
+            "classified noise, 8 bits, nodes cut by the border",
+            OF_CHANNELS,
+            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.uint8, SINGLE, worst_of_nodes),
+        ),
+        node(
+            "classified noise, float64",
+            OF_CHANNELS,
+            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.float64, SINGLE, worst_of_nodes),
+        ),
+        node(
+            "the same where opacities are averaged",
+            OF_CHANNELS,
+            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.float64, OF_OPACITY, worst_of_nodes),
+        ),
+        node(
+            "the same, faint: opacities of 1e-12",
+            OF_CHANNELS,
+            measure=of_classified([1e-14, 1e-12], np.float64, SINGLE, worst_of_nodes),
+        ),
+        node("the same, `optical`, of a sheared volume as one cell", OF_CHANNELS, measure=optical_root),
+        Extreme(
+            "opacities that differ by less than 1e-4",
+            "means are rounded to float32: 6e-8 of the values",
+            "error of the error, share of the largest channel",
+            8 * U,
+            of_classified([0.5, 0.5001], np.float64, SINGLE, worst_of_scale),
+        ),
+        Extreme(
+            "opacities of 1e-20",
+            "their squares do not fit float32: the error may be 0, for what none can see",
+            "error of the error",
+            1e-19,
+            of_classified([1e-21, 1e-20], np.float64, SINGLE, lambda p, c: worst_of_scale(p, c) * float(c.max())),
+        ),
+    ),
+)
+
+
+@pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)
+def test_error_of_a_node(extreme: Extreme) -> None:
+    extreme.check()

@@ -1,0 +1,255 @@
+"""Opacity, from the scene's numbers to that of a column of voxels, against 50 digits of mpmath."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import mpmath
+import numpy as np
+import numpy.typing as npt
+import pytest
+from extremes import Extreme, Section
+from splatting import in_order, look
+
+from renderer.octree import Cut, cut_pyramid
+from renderer.pyramid import build_pyramid
+from renderer.quantize import quantize
+from renderer.raster_gl import GLRasterizer
+from renderer.raster_reference import rasterize_reference
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
+from renderer.splats import make_splats
+from renderer.transfer import MAX_VOXEL_DEPTH, make_transfer
+from renderer.volume import Volume, make_volume
+
+Float64 = npt.NDArray[np.float64]
+
+mpmath.mp.dps = 50
+
+OPACITIES = [0.0, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 0.5, 0.9, 0.999, 1 - 1e-6, 1 - 1e-9, 1 - 1e-12, 1.0]
+LENGTHS = [1e-9, 1e-6, 1e-3, 0.7, 1.0, 3.0, 1e3, 1e6, 1e9]
+NUM_DOUBLINGS = 20
+
+
+def random_cases(num: int) -> Iterator[tuple[float, float, float]]:
+    """Opacity, unit and finest spacing: all of the extremes, then random ones between them."""
+    rng = np.random.default_rng(2)
+    extremes = list(itertools.product(OPACITIES, LENGTHS, [1e-9, 1.0, 1e9]))
+    yield from (extremes[k] for k in rng.permutation(len(extremes))[: 10 * num])
+    for _ in range(num):
+        faint = 10.0 ** rng.uniform(-12, 0)
+        unit, spacing = 10.0 ** rng.uniform(-9, 9, 2)
+        yield (faint if rng.random() < 0.5 else 1 - faint), float(unit), float(spacing)
+
+
+def points(*opacities: float, unit: float | None = None) -> TransferSpec:
+    """Points at 0, 1, 2, ... of a scene."""
+    return TransferSpec(tuple(ControlPoint(k, (1.0, 0.5, 0.25), a) for k, a in enumerate(opacities)), unit)
+
+
+def exact_depth(opacity: float, length: float, unit: float, spacing: float) -> Any:
+    """Optical depth of a length of homogeneous matter; that of a voxel is held at its largest."""
+    if opacity == 1.0:
+        return mpmath.mpf(MAX_VOXEL_DEPTH) / mpmath.mpf(spacing) * length
+    extinction = -mpmath.log1p(-mpmath.mpf(opacity)) / mpmath.mpf(unit)
+    return min(extinction, mpmath.mpf(MAX_VOXEL_DEPTH) / mpmath.mpf(spacing)) * mpmath.mpf(length)
+
+
+def relative(got: float, exact: Any) -> float:
+    return float(abs(mpmath.mpf(got) / exact - 1)) if exact else abs(got)
+
+
+def of_extinctions(error: Callable[[float, Any], float]) -> Callable[[int], float]:
+    """The worst error of the float64 depth tau h of a cell, over 20 doublings of a voxel."""
+
+    def measure(num_cases: int) -> float:
+        worst = 0.0
+        for opacity, unit, spacing in random_cases(num_cases):
+            tau = float(make_transfer(points(opacity, unit=unit), spacing).extinctions[0])
+            for doubling in range(0, NUM_DOUBLINGS + 1, 2):
+                side = spacing * 2.0**doubling
+                worst = max(worst, error(tau * side, exact_depth(opacity, side, unit, spacing)))
+        return worst
+
+    return measure
+
+
+def opacity_error(depth: float, exact: Any) -> float:
+    return relative(-math.expm1(-depth), -mpmath.expm1(-exact))
+
+
+def transmittance_error(depth: float, exact: Any) -> float:
+    return float(abs(mpmath.mpf(math.exp(-depth)) - mpmath.exp(-exact)))
+
+
+def relative_transmittance_error(depth: float, exact: Any) -> float:
+    return relative(math.exp(-depth), mpmath.exp(-exact)) if exact < 700 else 0.0
+
+
+def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> float:
+    """Optical depth of one cell of `level` along an axis, of a volume of 2^20 voxels a side, by its splat's area.
+
+    The volume has no voxels: nothing reads them.
+    """
+    side = 1 << NUM_DOUBLINGS
+    empty = np.broadcast_to(np.uint8(0), (side, side, side))
+    of = Volume(empty, np.diag([spacing, spacing, spacing, 1.0]), "a cube", "")
+    cell = Cut(np.array([level], np.uint8), np.zeros((1, 3), np.int32), depth[None], of)
+    splats = make_splats(cell, SplatSpec())
+    return float(splats.areas[0, 3]) * splats.length**2 / (spacing * 2.0**level) ** 2
+
+
+def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> npt.NDArray[np.float32]:
+    """float32 [4]: what the cut of a volume of one voxel holds; zeros where that is invisible."""
+    of = make_volume(np.full((1, 1, 1), value), np.diag([spacing, spacing, spacing, 1.0]), "a voxel")
+    transfer = make_transfer(spec, of.finest_spacing)
+    pyramid = build_pyramid(of, transfer, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1)
+    depths = cut_pyramid(pyramid, 0.0).depths
+    return np.asarray(depths[0] if len(depths) else np.zeros(4, np.float32))
+
+
+def chain(error: Callable[[float, Any], float]) -> Callable[[int], float]:
+    """Opacity of the scene -> extinction -> depth of a voxel -> cut -> area of a splat -> depth of a cell."""
+
+    def measure(num_cases: int) -> float:
+        worst = 0.0
+        for opacity, unit, spacing in itertools.islice(random_cases(num_cases), 0, None, 4):
+            depth = voxel_depth(points(opacity, unit=unit), 0.0, spacing)
+            if depth[3] == 0.0:  # nothing, or less than FAINTEST
+                assert exact_depth(opacity, spacing, unit, spacing) < 1e-24
+                continue
+            for level in range(0, NUM_DOUBLINGS + 1, 5):
+                exact = exact_depth(opacity, spacing * 2.0**level, unit, spacing)
+                worst = max(worst, error(column_depth(depth, level, spacing), exact))
+        return worst
+
+    return measure
+
+
+def colors(num_cases: int) -> float:
+    """Premultiplied colour over opacity, of the splats of single voxels."""
+    worst = 0.0
+    for opacity, unit, spacing in itertools.islice(random_cases(num_cases), 0, None, 4):
+        depth = voxel_depth(points(opacity, unit=unit), 0.0, spacing).astype(np.float64)
+        if depth[3] > 0.0:
+            worst = max(worst, float(np.abs(depth[:3] / depth[3] / [1.0, 0.5, 0.25] - 1).max()))
+    return worst
+
+
+def averaged(precision: str) -> Callable[[int], float]:
+    """A cell of 2^3 random voxels of opacities 0 to 1: that of its mean alpha, as `average: opacity` has it."""
+
+    def measure(num_cases: int) -> float:
+        worst = 0.0
+        transfer = make_transfer(points(0.0, 1e-12, 1e-3, 0.5, 0.999, 1 - 1e-12, 1.0), 1.0)
+        for case in range(num_cases):
+            values = np.random.default_rng(case).integers(0, 7, (2, 2, 2), np.uint8)
+            values[0, 0, 0] = case % 6 + 1  # something is visible
+            of = make_volume(values, np.eye(4), "8 voxels")
+            spec = PyramidSpec("opacity", precision)  # type: ignore[arg-type]
+            pyramid = build_pyramid(of, transfer, spec=spec, error=ErrorSpec(), num_threads=1)
+            depth = float(cut_pyramid(pyramid, math.inf).depths[0, 3])
+            exact = sum(-mpmath.expm1(-mpmath.mpf(float(transfer.extinctions[v]))) for v in values.flat) / 8
+            worst = max(worst, relative(-math.expm1(-depth), exact))
+        return worst
+
+    return measure
+
+
+def opaque_slab(average: str, values: Float64, tolerance: float) -> tuple[Float64, Float64]:
+    """What a slab that fills the frame lets through: by GL, and by the reference; float64 [h, w] each.
+
+    values: 0 to 1, from opacity 0 to opacity 1.
+    """
+    of = make_volume(values, np.eye(4), "a slab")
+    transfer = make_transfer(points(0.0, 1.0), of.finest_spacing)
+    spec = PyramidSpec(average)  # type: ignore[arg-type]
+    pyramid = build_pyramid(of, transfer, spec=spec, error=ErrorSpec(), num_threads=1)
+    splats = make_splats(cut_pyramid(pyramid, tolerance), SplatSpec())
+    assert np.isfinite(splats.areas).all()
+    size = 16
+    view = look("orthographic", size=(size, size), target=of.centre, azimuth=0.0, elevation=90.0, field_of_view=90.0)
+    order = in_order(splats)
+    with GLRasterizer() as gl:
+        drawn = gl.rasterize(splats, order, view)
+    assert np.all(quantize(drawn, (0.0, 0.0, 0.0))[..., 0] == 255)
+    return 1 - drawn[..., 3].astype(np.float64), 1 - rasterize_reference(splats, order, view)[..., 3]
+
+
+def let_through(average: str, value: float, tolerance: float) -> Callable[[int], float]:
+    def measure(num_cases: int) -> float:  # one case: nothing is random
+        drawn, reference = opaque_slab(average, np.full((2, 20, 20), value), tolerance)
+        return float(max(np.abs(drawn).max(), np.abs(reference).max()))
+
+    return measure
+
+
+LOGS = "`-log1p(-a) / unit`, and depths double where the paper squares `1 - a`"
+FLOATS = LOGS + "; depths in float32"
+OPAQUE = "`tau` times the finest spacing is 40 at most: `exp(-40) = 4e-18`"
+THROUGH = "largest transmittance of a pixel"
+
+SECTION = Section(
+    "Opacity",
+    (
+        Extreme(
+            "corrected opacity of a cell of 1 to 2^20 voxels, float64",
+            LOGS,
+            "relative error",
+            1e-6,
+            of_extinctions(opacity_error),
+        ),
+        Extreme("its transmittance, float64", LOGS, "error", 1e-6, of_extinctions(transmittance_error)),
+        Extreme(
+            "its transmittance, float64, depths below 700",
+            LOGS,
+            "relative error",
+            1e-6,
+            of_extinctions(relative_transmittance_error),
+        ),
+        Extreme("corrected opacity of a cell, by its splat", FLOATS, "relative error", 1e-6, chain(opacity_error)),
+        Extreme("transmittance of a cell, by its splat", FLOATS, "error", 1e-6, chain(transmittance_error)),
+        Extreme(
+            "colour of a voxel, by its splat", "`tau c` and `tau` are rounded alike", "relative error", 1e-6, colors
+        ),
+        Extreme(
+            "cell of 2^3 voxels, `average: opacity`, single precision",
+            "`-log1p` of the mean alpha; 1 means the deepest voxel",
+            "relative error of the opacity",
+            1e-6,
+            averaged("single"),
+        ),
+        Extreme(
+            "the same in half precision",
+            "float16 rounds the mean to 5e-4",
+            "relative error of the opacity",
+            2.0**-11 + 1e-6,
+            averaged("half"),
+        ),
+        Extreme("opacity 1, one splat per voxel", OPAQUE, THROUGH, 1e-6, let_through("extinction", 1.0, 0.0)),
+        Extreme("opacity 1, one splat for all voxels", OPAQUE, THROUGH, 1e-6, let_through("extinction", 1.0, 1e9)),
+        Extreme(
+            "opacity 1, one splat for all voxels, `average: opacity`",
+            OPAQUE,
+            THROUGH,
+            1e-6,
+            let_through("opacity", 1.0, 1e9),
+        ),
+        Extreme(
+            "half way between points of opacity 0 and 1",
+            "extinction is interpolated: 20, half of the largest",
+            THROUGH,
+            1e-6,
+            let_through("extinction", 0.5, 0.0),
+        ),
+    ),
+    "Opacities are 0, 1e-12 to 1 - 1e-12, and 1; units and spacings 1e-9 to 1e9, each with each; lengths 1 to 2^20"
+    " voxels, so that depths are 0 to 4e7. A voxel deeper than 40 is held at 40: it lets 4e-18 through and not less.",
+)
+
+
+@pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)
+def test_opacity(extreme: Extreme) -> None:
+    extreme.check()

@@ -1,0 +1,86 @@
+"""Voxels as they are classified, against rational arithmetic."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from number_types import INTEGERS, limits
+
+from renderer.classify import classify_voxel, make_classifier, voxel_codes
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
+
+Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+Random = np.random.Generator
+
+
+def placed(values: Array, axes: Float64) -> Volume:
+    """Around the world's origin."""
+    world_from_index = np.eye(4)
+    world_from_index[:3, :3] = axes
+    world_from_index[:3, 3] = -axes @ ((np.array(values.shape[::-1]) - 1) / 2)
+    return make_volume(np.ascontiguousarray(values), world_from_index, "extreme")
+
+
+def exactly(by: TransferFunction) -> Callable[[Any], list[Fraction]]:
+    """(tau c, tau) of a scalar: linear between the points about it, of equal ones the last, constant outside."""
+    rows = [[Fraction(float(v)) for v in (*color, tau)] for color, tau in zip(by.colors, by.extinctions, strict=True)]
+    at = [Fraction(float(value)) for value in by.values]
+
+    def channels(scalar: Any) -> list[Fraction]:
+        s = Fraction(int(scalar)) if isinstance(scalar, np.integer) else Fraction(float(scalar))
+        above = bisect_right(at, s)
+        row = rows[min(above, len(at) - 1)]
+        if 0 < above < len(at):
+            t = (s - at[above - 1]) / (at[above] - at[above - 1])
+            row = [low + t * (high - low) for low, high in zip(rows[above - 1], rows[above], strict=True)]
+        return [*(channel * row[3] for channel in row[:3]), row[3]]
+
+    return channels
+
+
+def worst_classified(by: TransferFunction, values: Array) -> float:
+    """The largest error of a channel of any voxel, as a share of the largest extinction; the spacing is 1."""
+    of = placed(values.reshape(1, 1, -1), np.eye(3))
+    rule, codes = make_classifier(of, by, None, opacity=False), voxel_codes(of)
+    worst, exact = 0.0, exactly(by)
+    for x, scalar in enumerate(of.values[0, 0]):
+        got = classify_voxel(codes, *rule, 0, 0, x)
+        worst = max(worst, *(abs(float(Fraction(float(a)) - b)) for a, b in zip(got, exact(scalar), strict=True)))
+    return worst / by.max_extinction
+
+
+def about(values: Float64, dtype: str, rng: Random) -> Array:
+    """Scalars of a type at control values, next to them and between them, and its limits."""
+    low, high = limits(dtype)
+    ends = np.array([low, high], dtype)
+    fine = np.sort(np.clip(values, float(low), float(high)))
+    between = fine[:-1] + rng.random((4, len(fine) - 1)) * (fine[1:] / 2 - fine[:-1] / 2)
+    near = np.concatenate([fine, between.ravel()])
+    if dtype in INTEGERS:
+        near = np.clip(np.concatenate([np.floor(near), np.ceil(near)]), low + 1, high / 2)
+        return np.concatenate([ends, near.astype(dtype)])
+    typed = near.astype(dtype)
+    steps = np.concatenate([np.nextafter(typed, ends[0]), np.nextafter(typed, ends[1])])
+    return np.concatenate([ends, typed, steps[np.isfinite(steps)]])
+
+
+def classified(dtypes: tuple[str, ...], points: Callable[[Random], Any]) -> Callable[[int], float]:
+    """Measures transfer functions of random colours and extinctions at the given control values."""
+
+    def measure(num_cases: int) -> float:
+        worst = 0.0
+        for case in range(num_cases):
+            rng = np.random.default_rng(case)
+            values = np.array(points(rng), np.float64)
+            by = TransferFunction(values, rng.random((len(values), 3)), rng.random(len(values)) * 5, 1.0)
+            worst = max(worst, worst_classified(by, about(values, dtypes[case % len(dtypes)], rng)))
+        return worst
+
+    return measure

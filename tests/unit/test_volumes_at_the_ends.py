@@ -1,0 +1,159 @@
+"""Volumes at the ends of what is legal, from their file on: what is said, refused and replaced."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as imageio
+import numpy as np
+import numpy.typing as npt
+import pytest
+from click.testing import CliRunner
+from number_types import INTEGERS, RANGES, TYPES, limits, random_ranges
+
+from hsplat_cli import main
+from hsplat_cli.info import info
+from renderer.errors import InputError, SceneError
+from renderer.octree import cut_pyramid
+from renderer.pyramid import build_pyramid
+from renderer.readers import read_volume
+from renderer.scene import (
+    ControlPoint,
+    ErrorSpec,
+    FileSource,
+    PyramidSpec,
+    RawSource,
+    SplatSpec,
+    TransferSpec,
+    VolumeSpec,
+)
+from renderer.scene_schema import parse_scene
+from renderer.splats import make_splats
+from renderer.transfer import make_transfer
+
+Array = npt.NDArray[Any]
+
+SCENE = """\
+volume: {file: hidden.npy}
+transfer_function:
+  points:
+    - {value: 10, color: "#000000", opacity: 0.0}
+    - {value: 20, color: "#ffffff", opacity: 1.0}
+camera: {path: {type: turntable, frames: 2}}
+output: {file: "frame{frame}.png", size: [32, 16], background: "#336699"}
+"""
+
+
+def test_a_hidden_volume_is_the_background_and_said_to_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("hidden.npy", np.random.default_rng(0).integers(0, 11, (9, 17, 5), np.uint8))
+    Path("scene.yaml").write_text(SCENE, encoding="utf-8")
+    assert main.run(["render", "scene.yaml"]) == 0
+    assert "note: nothing is visible: the transfer function hides every voxel" in capsys.readouterr().out
+    for frame in (0, 1):
+        assert np.all(imageio.imread(f"frame{frame}.png") == [0x33, 0x66, 0x99])
+    record = json.loads(next(Path().glob("*.json")).read_text(encoding="utf-8"))
+    assert record["pyramid"]["bytes"] == 0
+    assert [frame["splats"] for frame in record["frames"]] == [0, 0]
+
+
+def of_info(path: Path, values: Array) -> dict[str, Any]:
+    """What `hsplat info` says about a volume; JSON without NaN and infinities."""
+    np.save(path, values)
+    result = CliRunner().invoke(info, [str(path), "--json"], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert CliRunner().invoke(info, [str(path)], catch_exceptions=False).exit_code == 0
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    facts: dict[str, Any] = json.loads(result.output, parse_constant=refuse)
+    return facts
+
+
+@pytest.mark.parametrize("case", range(len(RANGES) + len(TYPES)))
+def test_info_of_values_at_the_ends(tmp_path: Path, case: int) -> None:
+    """Its numbers are within the volume's, and what it suggests is a transfer function that shows something."""
+    values = list(random_ranges(11))[2 * case if case < len(RANGES) else 2 * (case - len(RANGES)) + 1]
+    facts = of_info(tmp_path / "a.npy", values.reshape(-1, 2, 2))
+    low, high = values.min().item(), values.max().item()
+    assert (facts["minimum"], facts["maximum"]) == (low, high)
+    assert low <= facts["mean"] <= high
+    assert all(low <= value <= high for value in facts["percentiles"].values())
+    assert sum(facts["histogram"]["counts"]) == values.size
+    scene = {
+        "version": 1,
+        "volume": {"file": "a.npy"},
+        "transfer_function": facts["transfer_function"],
+        "camera": {"path": {"type": "turntable", "frames": 1}},
+        "output": {"file": "a.mp4"},
+    }
+    by = make_transfer(parse_scene(scene, base=tmp_path).transfer_function, 1.0)
+    assert by.classify(values)[1].max() > 0
+
+
+@pytest.mark.parametrize("dtype", TYPES)
+def test_info_of_a_constant_at_the_ends(tmp_path: Path, dtype: str) -> None:
+    for value in limits(dtype):
+        facts = of_info(tmp_path / "a.npy", np.full((2, 2, 2), value, dtype))
+        assert facts["minimum"] == facts["maximum"] == int(value) if dtype in INTEGERS else float(value)
+
+
+def test_infinities_in_half_precision_become_the_lowest_number(tmp_path: Path) -> None:
+    """Every bit pattern of float16 is in the file."""
+    patterns = np.arange(2**16, dtype=np.uint16).view(np.float16).reshape(16, 64, 64)
+    np.save(tmp_path / "a.npy", patterns)
+    source = FileSource(tmp_path / "a.npy")
+    with pytest.raises(InputError, match="2048 of 65536 voxels are NaN or infinite"):
+        read_volume(VolumeSpec(source))
+    finite = read_volume(VolumeSpec(source, nonfinite="lowest")).values
+    assert np.isfinite(finite).all()
+    assert np.all(finite[~np.isfinite(patterns)] == np.float16(-65504))
+
+
+@pytest.mark.parametrize(("low", "high"), [(2**60, 2**60 + 255), (-(2**62), -(2**62) + 1), (2**53, 2**53 + 2**15)])
+def test_integers_too_large_for_their_differences_are_refused(tmp_path: Path, low: int, high: int) -> None:
+    np.save(tmp_path / "a.npy", np.array([low, high], np.int64).reshape(1, 1, 2))
+    with pytest.raises(InputError, match="these integers are too large for their differences to be drawn"):
+        read_volume(VolumeSpec(FileSource(tmp_path / "a.npy")))
+
+
+@pytest.mark.parametrize(("low", "high"), [(2**62, 2**62), (2**53 - 255, 2**53), (0, 2**63 - 1), (-(2**63), 0)])
+def test_integers_that_float64_tells_apart_are_read(tmp_path: Path, low: int, high: int) -> None:
+    np.save(tmp_path / "a.npy", np.array([low, high], np.int64).reshape(1, 1, 2))
+    assert read_volume(VolumeSpec(FileSource(tmp_path / "a.npy"))).values.tolist() == [[[low, high]]]
+
+
+@pytest.mark.parametrize("scale", [1e-31, 1e31, 1e-200, 1e200])
+def test_voxels_too_small_or_too_large_for_numbers_are_refused(tmp_path: Path, scale: float) -> None:
+    (tmp_path / "a.raw").write_bytes(bytes(8))
+    source = RawSource(tmp_path / "a.raw", (2, 2, 2), "uint8", spacing=(scale, scale, scale))
+    with pytest.raises(InputError, match="the spacing or the origin is out of range"):
+        read_volume(VolumeSpec(source))
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_the_smallest_and_the_largest_voxels_are_drawn(tmp_path: Path, scale: float) -> None:
+    (tmp_path / "a.raw").write_bytes(bytes(range(1, 9)))
+    source = RawSource(tmp_path / "a.raw", (2, 2, 2), "uint8", spacing=(scale, scale, scale))
+    of = read_volume(VolumeSpec(source))
+    by = make_transfer(TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.5),)), of.finest_spacing)
+    pyramid = build_pyramid(of, by, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1)
+    for tolerance in (0.0, 1e-3):
+        splats = make_splats(cut_pyramid(pyramid, tolerance), SplatSpec())
+        energy = splats.areas[:, 3].sum(dtype=np.float64) * splats.length**2 / of.finest_spacing**2
+        assert energy == pytest.approx(8 * math.log(2), rel=1e-3)
+
+
+def test_points_out_of_order_are_refused_with_their_place(tmp_path: Path) -> None:
+    points = [{"value": value, "color": "white", "opacity": 0.5} for value in (1, 1, 3, 2)]
+    with pytest.raises(SceneError) as caught:
+        parse_scene({"transfer_function": {"points": points}}, base=tmp_path)
+    problem = next(problem for problem in caught.value.problems if problem.what == "points out of order")
+    assert problem.path == "transfer_function.points.3.value"
+    assert not any(problem.path.startswith("transfer_function.points.1") for problem in caught.value.problems)
