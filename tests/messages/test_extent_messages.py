@@ -144,5 +144,6 @@ def test_a_spacing_beyond_all_lengths(entry: float) -> None:
     assert str(caught.value) == (
         "scan.nrrd: the spacing or the origin is out of range\n"
         f"  got: [{entry:g} 0 0 0], [0 1 0 0], [0 0 1 0] (world from voxel index)\n"
-        "  expected: lengths from 1e-30 to 1e+30"
+        "  expected: lengths from 1e-30 to 1e+30\n"
+        "  hint: give lengths in another unit"
     )
