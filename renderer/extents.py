@@ -32,7 +32,7 @@ MIN_PIXEL_VOXELS, MAX_PIXEL_RADII = 1e-6, 1e12
 class Extent:
     """Where a volume is and how large; world units.
 
-    centre: its middle. radius: half its diagonal, were its axes at right angles. finest, coarsest: of the voxel's sides.
+    centre: its middle. radius: half its diagonal, were its axes at right angles. finest, coarsest: sides of a voxel.
     """
 
     centre: Vector
