@@ -182,7 +182,7 @@ def from_afar(rng: np.random.Generator) -> CameraSpec:
     if fov < NARROWEST_VIEW:
         fov, zoom = NARROWEST_VIEW, math.tan(math.radians(NARROWEST_VIEW) / 2) * distance / RADIUS
     path = KeyframePath(1, (Keyframe(0, 360 * rng.random(), 30.0, min(zoom, MAX_ZOOM)),))
-    return CameraSpec(path, field_of_view=fov, distance=distance)
+    return CameraSpec(path, field_of_view=fov, target=(0.0, 0.0, 0.0), distance=distance)
 
 
 def cut_by_near(rng: np.random.Generator) -> CameraSpec:
@@ -222,16 +222,19 @@ def narrow_on_the_block(rng: np.random.Generator) -> CameraSpec:
 
 
 def lengths(view: View) -> Float64:
-    """float64 [h, w]: of each pixel's ray in the block, by its two distances to each pair of faces."""
+    """float64 [h, w]: of each pixel's ray in the block, by its two distances to each pair of faces from the plane of
+    the target, behind which the eye is."""
     width, height = view.size
     x, y = np.meshgrid(np.arange(width) + 0.5 - width / 2, height / 2 - np.arange(height) - 0.5)
-    rays = np.stack([x / view.scale_px, y / view.scale_px, np.full_like(x, -1.0)], axis=-1) @ view.axes
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    rays = np.stack([x / view.scale_px, y / view.scale_px, np.full_like(x, -1.0)], axis=-1)
+    eyes = -view.distance * np.linalg.norm(rays, axis=-1)
+    origins = view.target + view.distance * (rays + np.array([0.0, 0.0, 1.0])) @ view.axes
+    rays = rays @ view.axes / np.linalg.norm(rays, axis=-1, keepdims=True)
     rays = np.where(rays == 0.0, 1e-200, rays)
     half = np.array(SHAPE[::-1]) / 2
-    one, two = (-half - view.eye) / rays, (half - view.eye) / rays
+    one, two = (-half - origins) / rays, (half - origins) / rays
     enter, leave = np.minimum(one, two).max(axis=-1), np.maximum(one, two).min(axis=-1)
-    return np.asarray(np.maximum(leave - np.maximum(enter, 0.0), 0.0))
+    return np.asarray(np.maximum(leave - np.maximum(enter, eyes), 0.0))
 
 
 # The same scene elsewhere and in other units
@@ -376,6 +379,7 @@ SECTION = Section(
         Extreme("eye up to 1e12 radii away, magnified", RELATIVE, CHANNEL, 3e-6, against_reference(from_afar)),
         Extreme("near plane through the volume", TRUNCATED, CHANNEL, 3e-6, against_reference(cut_by_near)),
         Extreme("truth: eye in, on and around a block", CLOSED, ALPHA, 1e-9, block_error(about_the_block)),
+        Extreme("truth: eye up to 1e12 radii away, magnified", CLOSED, ALPHA, 1e-9, block_error(from_afar)),
         Extreme("truth: field of view 0.01 degrees", CLOSED, ALPHA, 1e-9, block_error(narrow_on_the_block)),
         Extreme(
             "truth: field of view 179 degrees",
