@@ -32,7 +32,7 @@ MIN_PIXEL_VOXELS, MAX_PIXEL_RADII = 1e-6, 1e12
 class Extent:
     """Where a volume is and how large; world units.
 
-    centre: its middle. radius: half its diagonal if its axes were square. finest, coarsest: of the voxel's sides.
+    centre: its middle. radius: half its diagonal, were its axes at right angles. finest, coarsest: sides of a voxel.
     """
 
     centre: Vector
@@ -76,24 +76,28 @@ def volume_problems(extent: Extent, path: str) -> Iterator[Problem]:
 
 def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -> Iterator[Problem]:
     """What a camera cannot do before a volume: each length that is given against the volume's size."""
+    away = math.dist(camera.target, extent.centre) if isinstance(camera.target, tuple) else 0.0
     limit = MAX_DISTANCE * extent.radius
     expected = f"at most {limit:.4g}, {MAX_DISTANCE:g} times half the volume's diagonal"
-    target = extent.centre if camera.target in (None, "visible") else camera.target
-    assert isinstance(target, tuple)
-    away = math.dist(target, extent.centre)
-    num_problems = 0
-    for key, what, length in (
+    lengths = (
         ("target", "too far from the volume", away),
         ("distance", "the eye is too far from the target for this volume", camera.distance or 0.0),
         ("near", "too far from the eye for this volume", camera.near),
-    ):
-        if length > limit:
-            num_problems += 1
-            yield Problem(f"camera.{key}", what, f"{length:.4g}", expected)
-    if camera.distance is None or num_problems:
-        return
+    )
+    too_long = [
+        Problem(f"camera.{key}", what, f"{length:.4g}", expected) for key, what, length in lengths if length > limit
+    ]
+    yield from too_long
+    if camera.distance is not None and not too_long:
+        yield from _pixel_problems(camera, camera.distance, away, size, extent)
+
+
+def _pixel_problems(
+    camera: CameraSpec, distance: float, away: float, size: tuple[int, int], extent: Extent
+) -> Iterator[Problem]:
+    """What is wrong with the width of a pixel; `away` is the target's distance from the volume's centre."""
     # In perspective the far side of the volume is at most this far from any eye of the path.
-    depth = camera.distance if camera.projection == "orthographic" else camera.distance + away + extent.radius
+    depth = distance if camera.projection == "orthographic" else distance + away + extent.radius
     per_unit = 2 * math.tan(math.radians(camera.field_of_view) / 2) / size[1]
     zooms = [key.zoom for key in camera.path.keys] if isinstance(camera.path, KeyframePath) else [1.0]
     smallest, largest = per_unit * depth / max(zooms) / extent.finest, per_unit * depth / min(zooms) / extent.radius

@@ -38,8 +38,11 @@ def require_volume_file(path: Path) -> None:
                 expected="the files of one DICOM series, or .tif files, directly in the folder",
             )
         return
-    with path.open("rb") as file:
-        start = file.read(_FIRST_BYTES)
+    try:
+        with path.open("rb") as file:
+            start = file.read(_FIRST_BYTES)
+    except OSError as error:
+        raise InputError("cannot read this file", where=str(path), got=error.strerror) from error
     if not _may_be_volume(path.suffix.lower(), start):
         raise InputError(
             "this is not a volume in a known format, or it is damaged",
