@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -60,6 +61,47 @@ def model_view(model: Model, view: View) -> ModelView:
         view.near / model.length,
         SLOPE_LIMIT * np.array(view.size) / 2 / view.scale_px,
     )
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangle of pixels: its first column and row, and how many of both; may be empty."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def num_pixels(self) -> int:
+        """How many pixels it holds."""
+        return self.width * self.height
+
+
+def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
+    """A rectangle of the image outside of which the batch leaves nothing.
+
+    All centres lie in a ball about the model's origin, at depths from `nearest` on. A centre at (x, z) lands as far as
+    `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / z` from the origin's image, and its footprint reaches
+    as far again as its cutoff under the steepest slope.
+    """
+    size = np.array(camera.size)
+    radius = math.sqrt(float(np.max(np.sum(batch.centers.astype(np.float64) ** 2, axis=1), initial=0.0)))
+    sigma = float(np.max(longest_sigma(batch), initial=0.0))
+    origin = camera.view_from_model[:, 3] * (1.0, -1.0, -1.0)
+    nearest, slopes, limit = 1.0, np.zeros(2), np.zeros(2)
+    if camera.perspective:
+        nearest = origin[2] - radius
+        if nearest - camera.near <= 5 * sigma:  # what the near plane cuts may be anywhere
+            return Region(0, 0, *camera.size)
+        slopes, limit = origin[:2] / origin[2], camera.slope_limit
+    magnification = camera.scale_px / nearest
+    center_px = size / 2 + camera.scale_px * (slopes if camera.perspective else origin[:2])
+    model_px = magnification * (radius * np.hypot(1, slopes) + batch.footprint.cutoff * sigma * np.hypot(1, limit))
+    reach_px = model_px + batch.footprint.cutoff * batch.footprint.narrowest_px + 2  # rounding, and whole pixels
+    low = np.clip(np.floor(center_px - reach_px), 0, size).astype(int)
+    high = np.clip(np.ceil(center_px + reach_px), 0, size).astype(int)
+    return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
 
 
 def longest_sigma(batch: SplatBatch) -> Float64:
