@@ -86,7 +86,8 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     as far again as its cutoff under the steepest slope.
     """
     size = np.array(camera.size)
-    radius = math.sqrt(float(np.max(np.sum(batch.centers.astype(np.float64) ** 2, axis=1), initial=0.0)))
+    centers = batch.centers
+    radius = math.sqrt(float(np.max(np.einsum("ij,ij->i", centers, centers), initial=0.0))) * (1 + 1e-6)
     sigma = float(np.max(longest_sigma(batch), initial=0.0))
     origin = camera.view_from_model[:, 3] * (1.0, -1.0, -1.0)
     nearest, slopes, limit = 1.0, np.zeros(2), np.zeros(2)

@@ -17,6 +17,10 @@ uniform float narrowest_px;      // smallest standard deviation of a footprint
 
 // Stands for no length at all: its square is still a number above 0.
 const float LEAST_LENGTH = 1e-18;
+// Less leaves nothing to be seen, and below 1.2e-38 devices may take it for 0 and divide by it.
+const float LEAST_AREA = 1e-37;
+// Opaque, and its product with a weight of 0 is 0.
+const float LARGEST_DEPTH = 1e30;
 
 in vec3 center;
 in vec4 areas;
@@ -25,7 +29,7 @@ in float shape;
 struct Footprint {
     vec2 center_px;
     vec3 root;           // xx, yx, yy of the lower triangular root (Cholesky) of the covariance, pixels, after widening
-    float depth_scale;   // optical depth at the footprint's weight 1, by optical area
+    float unit_depth;    // optical depth at the footprint's weight 1
     bool visible;
 };
 
@@ -46,6 +50,7 @@ float scaled_erfc(float x) {
 Footprint project() {
     Footprint result;
     result.visible = false;
+    if (areas.w < LEAST_AREA) return result;
     int first = 3 * int(shape);
     vec3 right = shape_rows[first].xyz, up = shape_rows[first + 1].xyz, away = shape_rows[first + 2].xyz;
     vec3 from_origin = view_rotation * center;
@@ -111,7 +116,8 @@ Footprint project() {
         float side = sqrt(xx);
         result.root = unit_px * vec3(side, xy / side, sqrt(large) * short_side / side);
     }
-    result.depth_scale = mass * stretch * (magnification / result.root.x) * (magnification / result.root.z);
+    float by_area = mass * stretch * (magnification / result.root.x) * (magnification / result.root.z);
+    result.unit_depth = min(areas.w * by_area, LARGEST_DEPTH);
     result.visible = true;
     return result;
 }
