@@ -5,6 +5,7 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,7 +18,7 @@ from renderer.camera_paths import make_view
 from renderer.cell_edges import CellEdges, make_cell_edges
 from renderer.framing import finest_useful_level, fit_distance, visible_centre, visible_points
 from renderer.octree import Cut, cut_pyramid
-from renderer.projection import visible_order
+from renderer.projection import visible_orders
 from renderer.pyramid import Pyramid, build_pyramid
 from renderer.quantize import quantize
 from renderer.readers import read_volume
@@ -152,9 +153,10 @@ def _draw(
 ) -> Frame:
     scene = stage.scene
     view = view_of(stage, number)
-    order = visible_order(splats, cut, view, scene.splat.order)
+    orders = visible_orders(splats, cut, view, scene.splat.order)
     watch.lap("order")
-    image = rasterizer.rasterize(splats, order, view)
+    images = (share * rasterizer.rasterize(splats, order, view) for share, order in orders)
+    image = functools.reduce(np.add, images)
     watch.lap("draw")
     if edges is not None:
         lines = rasterizer.rasterize_edges(edges, view)
@@ -163,7 +165,7 @@ def _draw(
         watch.lap("overlay")
     pixels = quantize(image, scene.output.background)
     watch.lap("quantize")
-    return Frame(number, pixels, image, tolerance, len(cut), len(order), watch.seconds)
+    return Frame(number, pixels, image, tolerance, len(cut), len(orders[0][1]), watch.seconds)
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:
