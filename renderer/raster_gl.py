@@ -156,7 +156,7 @@ class GLRasterizer:
         """Points, and in their place in the order quads where the driver's points are too small."""
         assert isinstance(batch.footprint, GaussianFootprint)
         program = self._splat_program("gaussian", batch, camera)
-        for name in ("cutoff", "decay", "coefficients"):
+        for name in ("cutoff", "decay", "coefficients", "rim"):
             program[name] = getattr(batch.footprint, name)
         vertices = batch.vertices.take(order, axis=0)
         self._splats.orphan()
