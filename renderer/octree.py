@@ -42,6 +42,10 @@ class Cut:
     def __len__(self) -> int:
         return len(self.levels)
 
+    def without_cells(self) -> Cut:
+        """A cut of the same volume that holds nothing, and no memory."""
+        return Cut(np.empty(0, np.uint8), np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), self.volume)
+
 
 class _Leaves(NamedTuple):
     """The leaves of one level: cells [n, 3] and depths [n, 4], as in Cut."""

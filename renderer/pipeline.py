@@ -5,6 +5,7 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -18,7 +19,7 @@ from renderer.cell_edges import CellEdges, make_cell_edges
 from renderer.extents import Extent, camera_problems, require_proportion, volume_problems
 from renderer.framing import finest_useful_level, fit_distance, visible_centre, visible_points
 from renderer.octree import Cut, cut_pyramid
-from renderer.projection import visible_order
+from renderer.projection import visible_orders
 from renderer.pyramid import Pyramid, build_pyramid
 from renderer.quantize import quantize
 from renderer.readers import read_volume
@@ -137,11 +138,11 @@ def finest_level_at(stage: Stage, tolerance: float) -> int:
 def render_frames(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock) -> Iterator[Frame]:
     """Draw these frames of the film, in this order. A cut and its splats are used again while the tolerance stays."""
     scene = stage.scene
-    tolerance, splats, boxes, edges = -1.0, None, None, None
+    tolerance, splats, lattice, edges = -1.0, None, None, None
     for number in frames:
         watch = Stopwatch(clock)
-        if splats is None or tolerance_at(scene.error, number) != tolerance:
-            splats = boxes = edges = None  # let go of the old ones first
+        if splats is None or lattice is None or tolerance_at(scene.error, number) != tolerance:
+            splats = lattice = edges = None  # let go of the old ones first
             tolerance = tolerance_at(scene.error, number)
             cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
             watch.lap("cut")
@@ -150,9 +151,9 @@ def render_frames(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *
             if scene.overlay == "octree":
                 edges = make_cell_edges(cut)
                 watch.lap("overlay")
-            boxes = cut if scene.splat.order == "boxes" else None  # nothing else looks at the cells again
+            lattice = cut if scene.splat.order == "boxes" else cut.without_cells()  # nothing else needs them again
             del cut
-        yield _draw(stage, number, tolerance, splats, boxes, edges, rasterizer, watch)
+        yield _draw(stage, number, tolerance, splats, lattice, edges, rasterizer, watch)
 
 
 def _draw(
@@ -160,16 +161,17 @@ def _draw(
     number: int,
     tolerance: float,
     splats: SplatBatch,
-    boxes: Cut | None,
+    lattice: Cut,
     edges: CellEdges | None,
     rasterizer: Rasterizer,
     watch: Stopwatch,
 ) -> Frame:
     scene = stage.scene
     view = view_of(stage, number)
-    order = visible_order(splats, boxes, view, scene.splat.order)
+    orders = visible_orders(splats, lattice, view, scene.splat.order)
     watch.lap("order")
-    image = rasterizer.rasterize(splats, order, view)
+    images = (share * rasterizer.rasterize(splats, order, view) for share, order in orders)
+    image = functools.reduce(np.add, images)
     watch.lap("draw")
     if edges is not None:
         lines = rasterizer.rasterize_edges(edges, view)
@@ -178,7 +180,7 @@ def _draw(
         watch.lap("overlay")
     pixels = quantize(image, scene.output.background)
     watch.lap("quantize")
-    return Frame(number, pixels, image, tolerance, len(splats), len(order), watch.seconds)
+    return Frame(number, pixels, image, tolerance, len(splats), len(orders[0][1]), watch.seconds)
 
 
 def _extent(volume: Volume) -> Extent:

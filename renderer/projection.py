@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,7 +13,7 @@ from renderer.camera import View
 from renderer.jit import jit
 from renderer.octree import Cut
 from renderer.splats import SplatBatch
-from renderer.visibility import box_order, depth_order
+from renderer.visibility import box_order, depth_directions, depth_order
 
 Float64 = npt.NDArray[np.float64]
 
@@ -61,13 +62,55 @@ def model_view(model: Model, view: View) -> ModelView:
     )
 
 
+@dataclass(frozen=True)
+class Region:
+    """A rectangle of pixels: its first column and row, and how many of both; may be empty."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def num_pixels(self) -> int:
+        """How many pixels it holds."""
+        return self.width * self.height
+
+
+def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
+    """A rectangle of the image outside of which the batch leaves nothing.
+
+    All centres lie in a ball about the model's origin, at depths from `nearest` on. A centre at (x, z) lands as far as
+    `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` from the origin's image, and its footprint
+    reaches as far again as its cutoff under the steepest slope.
+    """
+    size = np.array(camera.size)
+    centers = batch.centers
+    radius = math.sqrt(float(np.max(np.einsum("ij,ij->i", centers, centers), initial=0.0))) * (1 + 1e-6)
+    sigma = float(np.max(longest_sigma(batch), initial=0.0))
+    origin = camera.view_from_model[:, 3] * (1.0, -1.0, -1.0)
+    nearest, slopes, limit = 1.0, np.zeros(2), np.zeros(2)
+    if camera.perspective:
+        nearest = origin[2] - radius
+        if nearest - camera.near <= 5 * sigma:  # what the near plane cuts may be anywhere
+            return Region(0, 0, *camera.size)
+        slopes, limit = origin[:2] / origin[2], camera.slope_limit
+    magnification = camera.scale_px / nearest
+    center_px = size / 2 + camera.scale_px * (slopes if camera.perspective else origin[:2])
+    model_px = magnification * (radius * np.hypot(1, slopes) + batch.footprint.cutoff * sigma * np.hypot(1, limit))
+    reach_px = model_px + batch.footprint.cutoff * batch.footprint.narrowest_px + 2  # rounding, and whole pixels
+    low = np.clip(np.floor(center_px - reach_px), 0, size).astype(int)
+    high = np.clip(np.ceil(center_px + reach_px), 0, size).astype(int)
+    return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
+
+
 def longest_sigma(batch: SplatBatch) -> Float64:
     """float64 [num_shapes]: the largest standard deviation of each shape in any direction, model units."""
     return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
-def visible_order(batch: SplatBatch, cut: Cut | None, view: View, order: str) -> npt.NDArray[np.uint32]:
-    """uint32 [k]: the splats that can touch the image, back to front; only `order` boxes needs their cut."""
+def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.NDArray[np.uint32]:
+    """uint32 [k]: the splats that can touch the image, back to front; only `order` boxes needs the cells of their cut."""
     camera = model_view(batch, view)
     reach = batch.footprint.cutoff * longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
@@ -77,11 +120,22 @@ def visible_order(batch: SplatBatch, cut: Cut | None, view: View, order: str) ->
         camera.scale_px, half_width, half_height, camera.slope_limit, camera.near, depths, seen,
     )  # fmt: skip
     if order == "boxes":
-        assert cut is not None, "boxes without a cut"
+        assert len(cut) == len(batch), "boxes without their cells"
         back_to_front = box_order(cut, view)
         return back_to_front[seen[back_to_front]].astype(np.uint32)
     indices = np.flatnonzero(seen).astype(np.uint32)
     return indices[depth_order(depths[indices])]
+
+
+def visible_orders(batch: SplatBatch, cut: Cut, view: View, order: str) -> list[tuple[float, npt.NDArray[np.uint32]]]:
+    """As `visible_order`, but without a jump between views: orders, and which share of the picture each has."""
+    plain = visible_order(batch, cut, view, order)
+    directions = depth_directions(cut, view) if order == "depth" else []
+    if not directions:
+        return [(1.0, plain)]
+    indices = np.sort(plain)
+    depths = [(batch.centers[indices] @ each.direction).astype(np.float32) for each in directions]
+    return [(each.share, indices[depth_order(d)]) for each, d in zip(directions, depths, strict=True)]
 
 
 @jit

@@ -25,8 +25,9 @@ import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.cell_edges import CellEdges, level_colors
+from renderer.compositing import LEAST_CHUNK, composite_over, splats_at_once
 from renderer.errors import RenderError
-from renderer.projection import ModelView, longest_sigma, model_view
+from renderer.projection import ModelView, Region, covered_region, longest_sigma, model_view
 from renderer.shaders import load_shader
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 
@@ -92,7 +93,22 @@ class GLRasterizer:
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
         camera = model_view(batch, view)
-        with self._picture(view.size) as image:
+        if len(order) <= LEAST_CHUNK:
+            return self._chunk(batch, order, camera, Region(0, 0, *view.size))
+        region = covered_region(batch, camera)
+        num_at_once = splats_at_once(region.num_pixels)
+        if len(order) <= num_at_once:
+            return self._chunk(batch, order, camera, Region(0, 0, *view.size))
+        covered = np.zeros((region.height, region.width, 4))
+        for first in range(0, len(order), num_at_once):
+            composite_over(self._chunk(batch, order[first : first + num_at_once], camera, region), covered)
+        image = np.zeros((view.size[1], view.size[0], 4), np.float32)
+        image[region.top : region.top + region.height, region.left : region.left + region.width] = covered
+        return image
+
+    def _chunk(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView, region: Region) -> Image:
+        """The region of the picture of some splats, over nothing, blended in float32."""
+        with self._picture(camera.size, region) as image:
             self._shapes.write(_shape_block(batch, camera))
             self._shapes.bind_to_uniform_block(0)
             draw = self._gaussians if isinstance(batch.footprint, GaussianFootprint) else self._fans
@@ -102,10 +118,11 @@ class GLRasterizer:
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
         """Lines along the edges, one over the other in their order: as `rasterize`, float32 [height, width, 4]."""
-        with self._picture(view.size) as image:
+        with self._picture(view.size, Region(0, 0, *view.size)) as image:
             camera = model_view(edges, view)
             program = self._program("line_vertex.glsl", "line_fragment.glsl")
             _set_camera(program, camera)
+            program["near_depth"] = camera.near
             program["voxel_side"] = edges.voxel_side
             program["cover"] = LINE_COVER
             program["opacity"] = LINE_OPACITY
@@ -123,21 +140,23 @@ class GLRasterizer:
         return image
 
     @contextmanager
-    def _picture(self, size: tuple[int, int]) -> Iterator[Image]:
-        """An image of (width, height) that holds, in the end, what was drawn meanwhile."""
-        image = np.empty((size[1], size[0], 4), np.float32)
+    def _picture(self, size: tuple[int, int], region: Region) -> Iterator[Image]:
+        """Of an image of (width, height) the region, in which is, in the end, what was drawn meanwhile."""
+        image = np.empty((region.height, region.width, 4), np.float32)
+        place = (region.left, region.top, region.width, region.height)
         with self._context:  # another one may have been made since
             target = self._resized_target(size)
             target.use()
-            target.clear(0.0, 0.0, 0.0, 0.0)
+            target.clear(0.0, 0.0, 0.0, 0.0, viewport=place)
             yield image
-            target.read_into(image, components=4, dtype="f4")
+            if image.size:
+                target.read_into(image, viewport=place, components=4, dtype="f4")
 
     def _gaussians(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> None:
         """Points, and in their place in the order quads where the driver's points are too small."""
         assert isinstance(batch.footprint, GaussianFootprint)
         program = self._splat_program("gaussian", batch, camera)
-        for name in ("cutoff", "decay", "coefficients"):
+        for name in ("cutoff", "decay", "coefficients", "rim"):
             program[name] = getattr(batch.footprint, name)
         vertices = batch.vertices.take(order, axis=0)
         self._splats.orphan()
@@ -182,6 +201,7 @@ class GLRasterizer:
         """The program of a footprint, with the uniforms of all footprints set."""
         program = self._program(f"project.glsl opacity.glsl {name}_vertex.glsl", f"opacity.glsl {name}_fragment.glsl")
         _set_camera(program, camera)
+        program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
         program["slope_limit"] = tuple(camera.slope_limit)
         program["narrowest_px"] = batch.footprint.narrowest_px
         return program
@@ -258,7 +278,6 @@ def _set_camera(program: Any, camera: ModelView) -> None:
     program["perspective"] = camera.perspective
     program["scale_px"] = camera.scale_px
     program["size_px"] = camera.size
-    program["near_depth"] = camera.near
 
 
 def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:

@@ -131,6 +131,7 @@ def _gaussian_alpha(footprint: GaussianFootprint, ellipse: _Ellipse, x_px: Float
     offsets = np.stack([x_px - ellipse.center_px[0], y_px - ellipse.center_px[1]], axis=-1)
     q = np.einsum("...i,ij,...j", offsets, np.linalg.inv(ellipse.covariance_px), offsets)
     weight = np.exp(-footprint.decay * q) * np.polynomial.polynomial.polyval(q, footprint.coefficients)
+    weight = np.maximum(weight - footprint.rim, 0.0)
     return np.where(q <= footprint.cutoff**2, -np.expm1(-ellipse.unit_depth * weight), 0.0)
 
 

@@ -3,6 +3,7 @@
 uniform float cutoff;
 uniform float decay;
 uniform vec3 coefficients;
+uniform float rim;
 
 flat in vec2 splat_px;
 flat in vec3 splat_inverse;
@@ -15,6 +16,6 @@ void main() {
     float square = dot(deviations, deviations);
     if (square > cutoff * cutoff) discard;
     float weight = exp(-decay * square) * (coefficients.x + square * (coefficients.y + square * coefficients.z));
-    float alpha = opacity_of_depth(splat_color_depth.w * weight);
+    float alpha = opacity_of_depth(splat_color_depth.w * max(weight - rim, 0.0));  // rounding may pass 0
     color = vec4(splat_color_depth.rgb * alpha, alpha);
 }

@@ -14,12 +14,12 @@ void main() {
     splat_px = vec2(0.0);
     splat_inverse = vec3(0.0);
     splat_color_depth = vec4(0.0);
-    if (!footprint.visible || areas.w <= 0.0) return;
+    if (!footprint.visible) return;
 
     vec3 root = footprint.root;
     splat_px = footprint.center_px;
     splat_inverse = vec3(1.0, -root.y / root.z, root.x / root.z) / root.x;
-    splat_color_depth = vec4(areas.rgb / areas.w, areas.w * footprint.depth_scale);
+    splat_color_depth = vec4(areas.rgb / areas.w, footprint.unit_depth);
 
     // Half a pixel more, so that rounding of the corners loses no pixel.
     vec2 reach_px = cutoff * vec2(root.x, length(root.yz)) + 0.5;

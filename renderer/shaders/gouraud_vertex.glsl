@@ -9,11 +9,11 @@ void main() {
     Footprint footprint = project();
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     vertex_color = vec4(0.0);
-    if (!footprint.visible || areas.w <= 0.0) return;
+    if (!footprint.visible) return;
     // The triangular root of the covariance takes the unit circle to the ellipse, continuously in the view.
     vec3 root = footprint.root;
     vec2 offset_px = vec2(root.x * mesh_vertex.x, root.y * mesh_vertex.x + root.z * mesh_vertex.y);
-    float alpha = opacity_of_depth(areas.w * footprint.depth_scale * mesh_weight);
+    float alpha = opacity_of_depth(footprint.unit_depth * mesh_weight);
     vertex_color = vec4(areas.rgb / areas.w * alpha, alpha);
     gl_Position = vec4(2.0 * (footprint.center_px + offset_px) / size_px - 1.0, 0.0, 1.0);
 }

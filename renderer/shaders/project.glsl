@@ -11,9 +11,16 @@ uniform vec3 view_translation;
 uniform bool perspective;
 uniform float scale_px;          // focal length, or pixels per model unit
 uniform vec2 size_px;
-uniform float near_depth;
+uniform float near_beyond_origin; // depth of the near plane behind the model's origin
 uniform vec2 slope_limit;
 uniform float narrowest_px;      // smallest standard deviation of a footprint
+
+// Stands for no length at all: its square is still a number above 0.
+const float LEAST_LENGTH = 1e-18;
+// Less leaves nothing to be seen, and below 1.2e-38 devices may take it for 0 and divide by it.
+const float LEAST_AREA = 1e-37;
+// Opaque, and its product with a weight of 0 is 0.
+const float LARGEST_DEPTH = 1e30;
 
 in vec3 center;
 in vec4 areas;
@@ -22,7 +29,7 @@ in float shape;
 struct Footprint {
     vec2 center_px;
     vec3 root;           // xx, yx, yy of the lower triangular root (Cholesky) of the covariance, pixels, after widening
-    float depth_scale;   // optical depth at the footprint's weight 1, by optical area
+    float unit_depth;    // optical depth at the footprint's weight 1
     bool visible;
 };
 
@@ -43,14 +50,17 @@ float scaled_erfc(float x) {
 Footprint project() {
     Footprint result;
     result.visible = false;
+    if (areas.w < LEAST_AREA) return result;
     int first = 3 * int(shape);
     vec3 right = shape_rows[first].xyz, up = shape_rows[first + 1].xyz, away = shape_rows[first + 2].xyz;
-    vec3 position = view_rotation * center + view_translation;
+    vec3 from_origin = view_rotation * center;
+    vec3 position = from_origin + view_translation;
     float mass = 1.0;
 
     // What lies before the near plane is cut off: the rest of the Gaussian has the moments of a truncated normal.
-    float sigma = length(away);
-    float a = (near_depth - position.z) / sigma;
+    // Its depth beyond the model's origin is taken, which keeps its digits where the eye is far away.
+    float sigma = max(length(away), LEAST_LENGTH);
+    float a = (near_beyond_origin - from_origin.z) / sigma;
     if (a > 4.0) return result;
     if (a > -5.0) {
         // mass = erfc(a / sqrt 2) / 2; hazard = pdf(a) / mass, without cancellation on either side.
@@ -76,31 +86,38 @@ Footprint project() {
         row_y += slope.y * away;
         stretch = sqrt(1.0 + dot(slope, slope));
     }
-    row_x *= magnification;
-    row_y *= magnification;
     result.center_px = 0.5 * size_px + magnification * vec2(position.x, -position.y);
+
+    // In units of the longest component of a row, so that no square and no product leaves the range of float32.
+    vec3 longest = max(abs(row_x), abs(row_y));
+    float unit = max(max(longest.x, max(longest.y, longest.z)), LEAST_LENGTH);
+    row_x /= unit;
+    row_y /= unit;
+    float unit_px = unit * magnification;
 
     // Widened so that no standard deviation is under narrowest_px. The determinant is a Gram determinant: no cancellation.
     float xx = dot(row_x, row_x), xy = dot(row_x, row_y), yy = dot(row_y, row_y);
-    vec3 normal = cross(row_x, row_y);
     float middle = 0.5 * (xx + yy);
     float large = middle + length(vec2(0.5 * (xx - yy), xy));
-    float small = dot(normal, normal) / large;
-    float narrowest = narrowest_px * narrowest_px;
-    if (large <= narrowest) {
-        xx = yy = large = small = narrowest;
-        xy = 0.0;
-    } else if (small < narrowest) {
-        float blend = (narrowest - small) / (large - small);
-        xx += blend * (large - xx);
-        yy += blend * (large - yy);
-        xy -= blend * xy;
-        small = narrowest;
+    float short_side = length(cross(row_x, row_y)) / sqrt(large);
+    float narrowest = narrowest_px / unit_px;
+    if (sqrt(large) <= narrowest) {
+        result.root = vec3(narrowest_px, 0.0, narrowest_px);
+    } else {
+        if (short_side < narrowest) {
+            float small = short_side * short_side, least = narrowest * narrowest;
+            float blend = (least - small) / (large - small);
+            xx += blend * (large - xx);
+            yy += blend * (large - yy);
+            xy -= blend * xy;
+            short_side = narrowest;
+        }
+        // The root, not the covariance: a long thin footprint keeps its short side to the precision of its long one.
+        float side = sqrt(xx);
+        result.root = unit_px * vec3(side, xy / side, sqrt(large) * short_side / side);
     }
-    // The root, not the covariance: a long thin footprint keeps its short side to the precision of its long one.
-    float side = sqrt(xx);
-    result.root = vec3(side, xy / side, sqrt(large * small) / side);
-    result.depth_scale = mass * magnification * magnification * stretch / (result.root.x * result.root.z);
+    float by_area = mass * stretch * (magnification / result.root.x) * (magnification / result.root.z);
+    result.unit_depth = min(areas.w * by_area, LARGEST_DEPTH);
     result.visible = true;
     return result;
 }

@@ -11,6 +11,7 @@ import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import imageio.v3 as imageio
 import numpy as np
@@ -109,8 +110,12 @@ def test_a_defect_of_the_order_is_found(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    visible_order = pipeline.visible_order
-    monkeypatch.setattr(pipeline, "visible_order", lambda splats, *rest: defect(visible_order(splats, *rest), splats))
+    visible_orders = pipeline.visible_orders
+
+    def spoilt(splats: SplatBatch, *rest: Any) -> list[tuple[float, npt.NDArray[np.uint32]]]:
+        return [(share, defect(order, splats)) for share, order in visible_orders(splats, *rest)]
+
+    monkeypatch.setattr(pipeline, "visible_orders", spoilt)
     assert all(mismatch(FRAMES / path.name, path, tmp_path / "failed") for path in CASES[0].draw(tmp_path))
 
 

@@ -27,7 +27,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "cut": ("octree visibility", "words classification pyramid"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "splats": ("splats projection cell_edges", "words pyramid cut"),
-    "raster": ("raster_gl raster_reference shaders", "words splats"),
+    "raster": ("raster_gl raster_reference compositing shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
     "film": ("film encode output_files png quantize sidecar staging", "words"),
     "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film"),

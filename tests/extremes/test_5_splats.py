@@ -1,0 +1,266 @@
+"""Splats of any size, shape and place, and orders that change while the camera turns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from extremes import Extreme, Section
+from splatting import look, optical_depth, place_splats, point_at, volume_of
+
+from renderer.camera import View
+from renderer.octree import Cut, cut_pyramid
+from renderer.projection import visible_orders
+from renderer.pyramid import build_pyramid
+from renderer.raster_gl import GLRasterizer
+from renderer.raster_reference import rasterize_reference
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
+from renderer.splats import SplatBatch, make_splats
+from renderer.transfer import make_transfer
+
+Float64 = npt.NDArray[np.float64]
+
+FIRST = np.zeros(1, np.uint32)
+DISTANCE = 4.0
+# Sums of weights stay thin, so that a pixel's optical depth is known to float32 from its alpha.
+THIN = 1e-3
+
+
+def random_rotation(rng: np.random.Generator) -> Float64:
+    """float64 [3, 3]."""
+    rotation, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    return np.asarray(rotation)
+
+
+def axes_px(view: View, rng: np.random.Generator, sigma_px: float, ratio: float) -> Float64:
+    """float64 [1, 3, 3]: the longest standard deviation is `sigma_px` at DISTANCE, others down to 1 / `ratio` of it."""
+    per_px = (DISTANCE if view.projection == "perspective" else 1.0) / view.scale_px
+    sides = sigma_px * per_px * np.array([1.0, ratio ** -rng.uniform(), 1 / ratio])
+    return np.asarray(random_rotation(rng) @ np.diag(rng.permutation(sides)))[None]
+
+
+def thin_splat(center: Float64, axes: Float64, spec: SplatSpec, view: View) -> SplatBatch:
+    """A splat that is thin wherever it is drawn: its optical area is THIN of what it covers, at least of a pixel."""
+    batch = place_splats(center, axes, 1.0, spec=spec)
+    per_px = (DISTANCE if view.projection == "perspective" else 1.0) / view.scale_px
+    sigmas = np.sort(np.linalg.svd(axes[0], compute_uv=False))
+    vertices = batch.vertices.copy()
+    vertices[:, 3:7] = THIN * max(sigmas[0], 0.5 * per_px) * max(sigmas[1], 0.5 * per_px)
+    return SplatBatch(vertices, batch.axes, batch.origin, batch.length, batch.footprint)
+
+
+def energy_error(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
+    """Relative difference of the sum of a picture's optical depths from what the splat's optical area asks for."""
+    in_view = view.view_from_world[:3, :3] @ (batch.origin + batch.centers[0]) + view.view_from_world[:3, 3]
+    per_px, slant = 1.0 / view.scale_px, 1.0
+    if view.projection == "perspective":
+        per_px *= -in_view[2]
+        slant = float(np.linalg.norm(in_view) / -in_view[2])
+    expected = float(batch.areas[0, 3]) * slant / per_px**2
+    return abs(float(optical_depth(gl.rasterize(batch, FIRST, view)).sum()) / expected - 1)
+
+
+def energy(cases: int, spec: SplatSpec, ratio: float) -> float:
+    """Worst relative error: 1/1000 to 12 pixels, anywhere within a pixel, turned in any way, both projections."""
+    rng = np.random.default_rng(5)
+    worst = 0.0
+    with GLRasterizer() as gl:
+        for case in range(cases):
+            view = look("perspective" if case % 2 else "orthographic", size=(96, 96))
+            axes = axes_px(view, rng, 10 ** rng.uniform(-3, math.log10(12)), ratio)
+            center = point_at(view, *(48 + rng.uniform(-1, 1, 2)), DISTANCE)
+            worst = max(worst, energy_error(gl, thin_splat(center, axes, spec, view), view))
+    return worst
+
+
+def large_energy(cases: int, spec: SplatSpec) -> float:
+    """Worst relative error of a picture's sum: standard deviations from 3 pixels to ten times the picture's side."""
+    rng = np.random.default_rng(6)
+    worst = 0.0
+    with GLRasterizer() as gl:
+        for case in range(cases):
+            view = look("perspective" if case % 2 else "orthographic", size=(48, 48), field_of_view=3.0)
+            sigma_px = 10 ** rng.uniform(math.log10(3), math.log10(480))
+            axes = axes_px(view, rng, sigma_px, 3.0)
+            center = point_at(view, *(24 + sigma_px * rng.uniform(-1, 1, 2)), DISTANCE)
+            batch = thin_splat(center, axes, spec, view)
+            expected = optical_depth(rasterize_reference(batch, FIRST, view)).sum()
+            missing = abs(optical_depth(gl.rasterize(batch, FIRST, view)).sum() - expected)
+            worst = max(worst, float(missing / max(expected, THIN)))
+    return worst
+
+
+def behind_the_near_plane(cases: int) -> float:
+    """Worst relative error: the near plane 3 standard deviations before the centre to 3 behind it."""
+    rng = np.random.default_rng(7)
+    worst = 0.0
+    with GLRasterizer() as gl:
+        for _ in range(cases):
+            view = look("orthographic", size=(96, 96), near=DISTANCE)
+            axes = axes_px(view, rng, 8.0, 3.0)
+            sigma = float(np.linalg.norm(view.forward @ axes[0]))
+            a = rng.uniform(-3, 3)
+            batch = thin_splat(point_at(view, 48.2, 47.9, DISTANCE - a * sigma), axes, SplatSpec(), view)
+            expected = float(batch.areas[0, 3]) * view.scale_px**2 * 0.5 * math.erfc(a / math.sqrt(2))
+            worst = max(worst, abs(optical_depth(gl.rasterize(batch, FIRST, view)).sum() / expected - 1))
+    return worst
+
+
+def ranges(cases: int, spec: SplatSpec, most_px: float = math.inf) -> float:
+    """Largest error of alpha: focal lengths, or pixels by model unit, from 1e-12 to 1e16, eyes as far as 1e12, where a
+    model unit is at most `most_px` pixels long."""
+    rng = np.random.default_rng(8)
+    worst = 0.0
+    with GLRasterizer() as gl:
+        for case in range(cases):
+            view_from_world = np.eye(4)
+            distance = 10 ** rng.uniform(-2, 12)
+            view_from_world[:3, 3] = 0.0, 0.0, -distance
+            scale_px = 10 ** rng.uniform(-12, 16)
+            scale_px = min(scale_px, most_px * distance if case % 2 else most_px)
+            view = View(view_from_world, "perspective" if case % 2 else "orthographic", scale_px, (16, 16))
+            axes = random_rotation(rng) @ np.diag(10 ** rng.uniform(-9, 0, 3))
+            direction = rng.standard_normal(3) * 10 ** rng.uniform(-12, 0)
+            batch = place_splats(np.zeros(3), axes[None], 10 ** rng.uniform(-3, 3), spec=spec)
+            vertices = batch.vertices.copy()
+            vertices[:, :3] = direction
+            batch = SplatBatch(vertices, batch.axes, np.zeros(3), 1.0, batch.footprint)
+            image = gl.rasterize(batch, FIRST, view)
+            assert np.isfinite(image).all()
+            if image.any():
+                worst = max(worst, float(np.abs(image - rasterize_reference(batch, FIRST, view)).max()))
+    return worst
+
+
+def opaque_noise(size: int) -> Cut:
+    """Voxels of three opaque colours, half of them empty."""
+    colors = ((128, (1.0, 0.1, 0.1)), (192, (0.1, 1.0, 0.1)), (255, (0.1, 0.1, 1.0)))
+    points = (ControlPoint(127, (0.0, 0.0, 0.0), 0.0), *(ControlPoint(v, color, 0.9) for v, color in colors))
+    volume = volume_of(np.random.default_rng(1).integers(0, 256, (size,) * 3, np.uint8))
+    transfer = make_transfer(TransferSpec(points, 1.0), 1.0)
+    return cut_pyramid(build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1), 0.0)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turntable around a cut."""
+
+    gl: GLRasterizer
+    cut: Cut
+    elevation: float
+    projection: str
+
+    def largest_change(self, azimuths: npt.ArrayLike) -> float:
+        """Of any channel of any pixel from one azimuth to the next."""
+        pictures = [self._picture(azimuth) for azimuth in np.asarray(azimuths, np.float64)]
+        return max(float(np.abs(after - before).max()) for before, after in pairwise(pictures))
+
+    def _picture(self, azimuth: float) -> npt.NDArray[np.float32]:
+        distance = 2.5 * max(self.cut.volume.shape_xyz)
+        view = look(self.projection, size=(128, 128), distance=distance, azimuth=azimuth, elevation=self.elevation)
+        splats = make_splats(self.cut, SplatSpec())
+        orders = visible_orders(splats, self.cut, view, "depth")
+        return np.sum([share * self.gl.rasterize(splats, order, view) for share, order in orders], axis=0)
+
+
+def popping(cases: int) -> float:
+    """Largest change across 45, 90 ... degrees over the largest elsewhere; the worst of elevations and projections."""
+    rng = np.random.default_rng(9)
+    step = 0.01
+    azimuths, views = np.arange(0, 360, 45), ((0.0, "orthographic"), (20.0, "perspective"))
+    if cases < 100:
+        azimuths, views = azimuths[1:3], views[1:]
+    ratios = []
+    with GLRasterizer() as gl:
+        for elevation, projection in views:
+            turn = Turn(gl, opaque_noise(12), elevation, projection)
+            elsewhere = [*rng.uniform(0, 360, cases // 2), *np.degrees(np.arctan([1 / 3, 1 / 2, 2 / 3]))]
+            usual = max(turn.largest_change([a, a + step]) for a in elsewhere)
+            crossing = [a + step * np.array([-1.5, -0.5, 0.0, 0.5, 1.5]) for a in azimuths]
+            fading = [a + b + step * np.array([-0.5, 0.5]) for a in azimuths for b in (-0.7, 0.7)]
+            ratios.append(max(turn.largest_change(each) for each in (*crossing, *fading)) / usual)
+    return max(ratios)
+
+
+GOURAUD = SplatSpec("gouraud")
+
+# Of larger triangles devices drop pixels when they clip them.
+LARGEST_FAN_PX = 1e7
+
+SECTION = Section(
+    "Splats",
+    (
+        Extreme(
+            "1/1000 to 12 pixels, Gaussian, any place in a pixel",
+            "widened to 0.5 pixels and scaled, in optical depth",
+            "relative error of the energy",
+            0.045,
+            lambda cases: energy(5 * cases, SplatSpec(), 1.0),
+        ),
+        Extreme(
+            "the same, ellipsoids of 1000:1 turned anyhow",
+            "the shorter side from a Gram determinant",
+            "relative error of the energy",
+            0.045,
+            lambda cases: energy(5 * cases, SplatSpec(), 1000.0),
+        ),
+        Extreme(
+            "the same, Gouraud",
+            "widened to 0.85 pixels",
+            "relative error of the energy",
+            0.3,
+            lambda cases: energy(5 * cases, GOURAUD, 1000.0),
+        ),
+        Extreme(
+            "3 pixels to ten times the picture, Gaussian",
+            "quads where points are too small",
+            "relative error of the energy in the picture",
+            1e-3,
+            lambda cases: large_energy(cases, SplatSpec()),
+        ),
+        Extreme(
+            "the same, Gouraud",
+            "triangles",
+            "relative error of the energy in the picture",
+            1e-3,
+            lambda cases: large_energy(cases, GOURAUD),
+        ),
+        Extreme(
+            "the near plane through a splat",
+            "the moments of a truncated normal",
+            "relative error of the energy",
+            5e-3,
+            behind_the_near_plane,
+        ),
+        Extreme(
+            "1e-12 to 1e16 pixels a unit, eyes up to 1e12 units away, Gaussian",
+            "footprints in units of their longest side",
+            "error of alpha, where anything is drawn",
+            1e-3,
+            lambda cases: ranges(5 * cases, SplatSpec()),
+        ),
+        Extreme(
+            "the same, Gouraud, up to 1e7 pixels a unit",
+            "as above",
+            "error of alpha, where anything is drawn",
+            1e-3,
+            lambda cases: ranges(5 * cases, GOURAUD, LARGEST_FAN_PX),
+        ),
+        Extreme(
+            "turning past 45 and 90 degrees by 0.01, opaque noise, 128 pixels",
+            "near such a view, a mixture of the orders before and after",
+            "largest change of a pixel, over that elsewhere",
+            2.0,
+            popping,
+        ),
+    ),
+)
+
+
+@pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)
+def test_splats(extreme: Extreme) -> None:
+    extreme.check()
