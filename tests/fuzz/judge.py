@@ -262,11 +262,11 @@ def _require_order(cut: Cut, order: Array, depths: Float64, view: View, scene: S
             for k in np.flatnonzero(level)
         ]
     may_follow = np.zeros((len(order), len(order)), bool)
-    for k in range(3):
+    for k in range(3):  # whether a plane between the two has the later one on the eye's side
         above = low[None, :, k] >= high[:, None, k]  # the later one lies beyond the earlier one, along this axis
         below = high[None, :, k] <= low[:, None, k]
-        may_follow |= above & (eye[k] >= low[None, :, k] - slack)
-        may_follow |= below & (eye[k] <= high[None, :, k] + slack)
+        may_follow |= above & (eye[k] >= high[:, None, k] - slack)
+        may_follow |= below & (eye[k] <= low[:, None, k] + slack)
     if view.projection != "perspective":
         for apart in apart_on_edge:
             may_follow |= apart

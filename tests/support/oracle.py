@@ -213,7 +213,7 @@ def _node(field: Field, scene: Scene, cell: Leaf) -> _Node:
     half = FLOAT16 if scene.pyramid.precision == "half" else 0.0
     if scene.error.of == "scalar":
         voxels, whole = field.scalars[window].reshape(-1, 1), field.scalars
-        rounding = 2.0**-52 * float(np.abs(whole).max())  # of what is subtracted to centre them
+        rounding = 2.0**-51 * float(np.abs(whole).max())  # of what is subtracted to centre them
         unit = float(np.ptp(whole))
         scale = 1 / field.scale
     else:
@@ -227,7 +227,8 @@ def _node(field: Field, scene: Scene, cell: Leaf) -> _Node:
         edges = field.volume.world_from_index[:3, :3]
         spacing = float(np.linalg.norm(edges, axis=0).min())
         scale = float(np.cbrt(len(voxels) * abs(np.linalg.det(edges / spacing))))
-    deviation = float(np.sqrt(((voxels - voxels.mean(axis=0)) ** 2).mean(axis=0).sum()))
+    apart = voxels - voxels[0]
+    deviation = float(np.sqrt(((apart - apart.mean(axis=0)) ** 2).mean(axis=0).sum()))
     if scene.pyramid.precision == "half":
         rounding += TINIEST_HALF * unit
     return _Node(mean, deviation * scale, ((2 * half + 16 * FLOAT32) * deviation + rounding) * scale)

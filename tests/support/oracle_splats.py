@@ -68,6 +68,13 @@ class _Footprints:
     relative: Float64
     cut_at: Float64
 
+    def describe(self, i: int) -> str:
+        """One splat in words."""
+        return (
+            f"centre {self.center_px[i]} px, covariance {self.covariance_px[i].tolist()} px^2, depth "
+            f"{self.unit_depth[i]:.3g}, near plane at {self.cut_at[i]:.3g} standard deviations"
+        )
+
 
 @dataclass(frozen=True)
 class _Profile:
@@ -99,16 +106,14 @@ def make_picture(field: Field, cells: Cells, scene: Scene, view: View, is_drawn:
         if window is None:
             continue
         low, alpha, high = _alphas(splats, i, profile, cells, x_px[window], y_px[window])
-        if not is_drawn[i]:
-            # Like its footprint, a splat ends at the cut-off, also towards the eye.
-            if alpha.max() > 0 and splats.cut_at[i] < GAUSSIAN_CUTOFF * (1 - RELATIVE):
-                raise Disagreement(f"cell {i} is left out, and has an alpha of {alpha.max():.3g} in the picture")
+        if abs(splats.cut_at[i] - FARTHEST_CUT) < RELATIVE:
+            low = np.zeros_like(low)
+        elif splats.cut_at[i] > FARTHEST_CUT:
             continue
-        if splats.cut_at[i] > FARTHEST_CUT - RELATIVE:
-            low = np.zeros_like(alpha)
-        if splats.cut_at[i] > FARTHEST_CUT:
-            high = high if splats.cut_at[i] < FARTHEST_CUT + RELATIVE else low
-            alpha = low
+        if not is_drawn[i]:
+            if low.max() > 0:
+                raise Disagreement(f"cell {i} is left out, and has an alpha of {low.max():.3g}: {splats.describe(i)}")
+            continue
         color = np.append(cells.colors[i], 1.0)
         slack = np.append(np.full(3, cells.color_slack[i]), 0.0)
         behind, of_behind = image[window], bound[window]
