@@ -30,6 +30,7 @@ DISTANCE = (1e-2, 1e3)  # of the eye, in diagonals
 TOLERANCES = (0.0, 1e-300, 1e-6, 10.0, 1e6, 1e300)
 OPACITIES = (0.0, 1e-12, 1e-6, 0.01, 0.1, 0.5, 0.9, 1 - 1e-12, 1.0)
 LARGEST_VALUE = 1e300  # of a voxel
+SMALLEST_SPAN = 1e-300  # between two voxels that are not equal
 
 AXIS_LENGTHS = (1, 1, 2, 3, 3, 4, 5, 5, 7, 8, 9)
 LONGEST_AXIS = 200
@@ -158,11 +159,11 @@ def _float_range(rng: Random, info: np.finfo[Any]) -> tuple[float, float]:
     if kind < 0.6:
         return -largest, largest
     if kind < 0.7:
-        return 0.0, 100 * float(info.smallest_subnormal)
+        return 0.0, max(100 * float(info.smallest_subnormal), SMALLEST_SPAN)
     if kind < 0.85:  # far from 0 and close together
         offset = float(_one_of(rng, [1e3, -1e4])) if info.bits == 16 else float(_one_of(rng, [1e6, -1e6]))
         return offset, offset + 64 * float(np.spacing(np.array(abs(offset), info.dtype)))
-    size = _between(rng, (float(info.smallest_normal), largest))
+    size = _between(rng, (max(float(info.smallest_normal), SMALLEST_SPAN), largest))
     return -size, size
 
 

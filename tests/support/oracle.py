@@ -157,10 +157,8 @@ def _light(volume: Volume, scalars: Float64, shading: ShadingSpec) -> Float64:
 
 @dataclass(frozen=True)
 class _Node:
-    """A cell of level 1 or more: its voxels and their mean (of what the pyramid averages), its error and how far off
-    rounding may put that."""
+    """The error of a cell of level 1 or more, and how far off rounding may put it."""
 
-    mean: Float64
     error: float
     slack: float
 
@@ -206,10 +204,8 @@ def _window(cell: Leaf) -> tuple[slice, slice, slice]:
 
 
 def _node(field: Field, scene: Scene, cell: Leaf) -> _Node:
-    """Mean and error of a cell from all its voxels."""
+    """The error of a cell from all its voxels."""
     window = _window(cell)
-    averaged = field.opacities if scene.pyramid.average == "opacity" else field.depths
-    mean = averaged[window].reshape(-1, 4).mean(axis=0)
     half = FLOAT16 if scene.pyramid.precision == "half" else 0.0
     if scene.error.of == "scalar":
         voxels, whole = field.scalars[window].reshape(-1, 1), field.scalars
@@ -231,7 +227,7 @@ def _node(field: Field, scene: Scene, cell: Leaf) -> _Node:
     deviation = float(np.sqrt(((apart - apart.mean(axis=0)) ** 2).mean(axis=0).sum()))
     if scene.pyramid.precision == "half":
         rounding += TINIEST_HALF * unit
-    return _Node(mean, deviation * scale, ((2 * half + 16 * FLOAT32) * deviation + rounding) * scale)
+    return _Node(deviation * scale, ((2 * half + 16 * FLOAT32) * deviation + rounding) * scale)
 
 
 def drawn(field: Field, scene: Scene, order: list[Leaf]) -> Cells:
@@ -249,21 +245,33 @@ def _content(field: Field, scene: Scene, cell: Leaf) -> tuple[float, float, floa
     if cell[0] == 0:
         red, green, blue, depth = field.depths[_window(cell)][0, 0, 0]
         low, high, slack = depth * (1 - 4 * FLOAT32), depth * (1 + 4 * FLOAT32), 4 * FLOAT32
-        return depth, low, high, red / depth, green / depth, blue / depth, slack * 2
-    average = _node(field, scene, cell).mean
-    weight = float(average[3])
+        return depth, low, high, red / depth, green / depth, blue / depth, 2 * slack
+    mean = _mean(field, scene, cell)
+    noise, absolute = 8 * FLOAT32 * mean, 0.0
+    low, stored, high = mean - noise, mean, mean + noise
+    if scene.pyramid.precision == "half":
+        largest = -math.expm1(-field.deepest) if scene.pyramid.average == "opacity" else field.deepest
+        absolute = 2 * largest * TINIEST_HALF
+        low, stored, high = _half(low), _half(stored), _half(high)
+    low, high = np.maximum(low - absolute, 0), high + absolute
     of_opacity = scene.pyramid.average == "opacity"
-    is_half = scene.pyramid.precision == "half"
-    relative = (FLOAT16 if is_half else 0.0) + 8 * FLOAT32
-    largest = -math.expm1(-field.deepest) if of_opacity else field.deepest
-    absolute = 2 * largest * TINIEST_HALF if is_half else 0.0
-    depth, low, high = (
-        _depth(max(0.0, w), field.deepest) if of_opacity else max(0.0, w)
-        for w in (weight, weight * (1 - relative) - absolute, weight * (1 + relative) + absolute)
-    )
-    slack = min(2.0, 2 * (relative + absolute / weight))
-    red, green, blue = average[:3] / weight
-    return depth, low, high, red, green, blue, slack * max(1.0, red, green, blue)
+    shallow, depth, deep = (_depth(w[3], field.deepest) if of_opacity else float(w[3]) for w in (low, stored, high))
+    color = stored[:3] / stored[3]
+    brightest, darkest = high[:3] / max(low[3], 1e-300), low[:3] / high[3]
+    slack = min(2.0, float(np.maximum(brightest - color, color - darkest).max()) + 8 * FLOAT32)
+    return depth, shallow, deep, *color.tolist(), slack
+
+
+def _mean(field: Field, scene: Scene, cell: Leaf) -> Float64:
+    """Mean channels of a cell's voxels, of what the pyramid averages."""
+    averaged = field.opacities if scene.pyramid.average == "opacity" else field.depths
+    return np.asarray(averaged[_window(cell)].reshape(-1, 4).mean(axis=0))
+
+
+def _half(values: Float64) -> Float64:
+    """Rounded to the 11 bits of float16, whatever the exponent."""
+    mantissas, exponents = np.frexp(values)
+    return np.ldexp(np.rint(mantissas * 2048) / 2048, exponents)
 
 
 def _depth(opacity: float, deepest: float) -> float:

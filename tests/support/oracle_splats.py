@@ -16,7 +16,7 @@ hundredth of a degree has a wider bound than one seen as a whole, and both have 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -43,8 +43,8 @@ RELATIVE_CUT = 3e-4
 # The near plane leaves nothing of a splat that lies so many standard deviations before it: 3e-5 of its mass.
 FARTHEST_CUT = 4.0
 
-# The device places the vertices of a triangle on a grid of this many pixels, or finer.
-SUBPIXEL = 1 / 16
+# The device places the vertices of triangles on a grid of this many pixels: llvmpipe's; GL guarantees 1/16.
+SUBPIXEL = 1 / 256
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Picture:
 class _Footprints:
     """[n] each: centres [n, 2] in pixels (row 0 at the top), covariances [n, 2, 2], optical depth where the weight is 1
     and the cell has a depth of 1; how far the centre may be off in pixels, and size and depth in parts of themselves;
-    by how many standard deviations the near plane lies beyond the centre."""
+    by how many standard deviations the near plane lies beyond the centre; rounding of what the hardware interpolates."""
 
     center_px: Float64
     covariance_px: Float64
@@ -67,6 +67,7 @@ class _Footprints:
     shift_px: Float64
     relative: Float64
     cut_at: Float64
+    rounding: Float64
 
     def describe(self, i: int) -> str:
         """One splat in words."""
@@ -87,17 +88,17 @@ class _Profile:
     narrowest_px: float
     decay: float = 0.0
     coefficients: tuple[float, ...] = ()
-    radii: Float64 | None = None
-    weights: Float64 | None = None
+    radii: Float64 = field(default_factory=lambda: np.empty(0))
+    weights: Float64 = field(default_factory=lambda: np.empty(0))
     corners: int = 0
 
 
-def make_picture(field: Field, cells: Cells, scene: Scene, view: View, is_drawn: npt.NDArray[np.bool_]) -> Picture:
+def make_picture(voxels: Field, cells: Cells, scene: Scene, view: View, is_drawn: npt.NDArray[np.bool_]) -> Picture:
     """Composite the cells in their order; those that the renderer leaves out are verified to leave nothing."""
     image = np.zeros((view.size[1], view.size[0], 4))
     bound = np.zeros_like(image)
     profile = _profile(scene.splat)
-    splats = _footprints(field, cells, scene.splat, view, profile)
+    splats = _footprints(voxels, cells, scene.splat, view, profile)
     x_px, y_px = np.meshgrid(np.arange(view.size[0]) + 0.5, np.arange(view.size[1]) + 0.5)
     for i in range(len(cells.depths)):
         if cells.high[i] == 0 or splats.unit_depth[i] == 0:
@@ -118,8 +119,10 @@ def make_picture(field: Field, cells: Cells, scene: Scene, view: View, is_drawn:
         slack = np.append(np.full(3, cells.color_slack[i]), 0.0)
         behind, of_behind = image[window], bound[window]
         off = np.maximum(high - alpha, alpha - low)[..., None]
+        rounding = splats.rounding[i]
         bound[window] = (
-            off * (np.abs(color - behind) + of_behind)
+            rounding
+            + off * (np.abs(color - behind) + of_behind)
             + (1 - alpha[..., None]) * of_behind
             + high[..., None] * slack
             + 3 * FLOAT32 * (high[..., None] * color + np.abs(behind))
@@ -128,31 +131,31 @@ def make_picture(field: Field, cells: Cells, scene: Scene, view: View, is_drawn:
     return Picture(image, bound)
 
 
-def view_depths(field: Field, cells: Cells, view: View) -> Float64:
+def view_depths(voxels: Field, cells: Cells, view: View) -> Float64:
     """float64 [n]: how far beyond the eye plane the centres are, world units."""
-    return -(_centers(field, cells) @ view.view_from_world[2, :3] + view.view_from_world[2, 3])
+    return -(_centers(voxels, cells) @ view.view_from_world[2, :3] + view.view_from_world[2, 3])
 
 
-def _centers(field: Field, cells: Cells) -> Float64:
-    world_from_index = field.volume.world_from_index
+def _centers(voxels: Field, cells: Cells) -> Float64:
+    world_from_index = voxels.volume.world_from_index
     return (cells.first + (cells.extent - 1) / 2) @ world_from_index[:3, :3].T + world_from_index[:3, 3]
 
 
-def _footprints(field: Field, cells: Cells, spec: SplatSpec, view: View, profile: _Profile) -> _Footprints:
+def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profile: _Profile) -> _Footprints:
     """Every cell's Gaussian, cut by the near plane, on the image."""
-    edges = field.volume.world_from_index[:3, :3]
+    edges = voxels.volume.world_from_index[:3, :3]
     spacing = float(np.linalg.norm(edges, axis=0).min())
     num_voxels = np.prod(cells.extent, axis=1, dtype=np.float64)
     thickness = num_voxels if spec.opacity_correction else num_voxels ** (2 / 3)
     areas = spacing**2 * abs(np.linalg.det(edges / spacing)) * thickness  # optical area of a depth of 1
     to_away = np.diag([1.0, 1.0, -1.0]) @ view.view_from_world[:3]
-    mean = _centers(field, cells) @ to_away[:, :3].T + to_away[:, 3]
+    mean = _centers(voxels, cells) @ to_away[:, :3].T + to_away[:, 3]
     axes = to_away[:, :3] @ (edges * (spec.sigma * cells.extent)[:, None, :])
     covariance = axes @ axes.transpose(0, 2, 1)
 
     # In float32 positions are relative to the volume's centre and to half its diagonal.
-    middle = field.volume.centre
-    length = 0.5 * float(np.linalg.norm(edges * np.array(field.volume.shape_xyz)))
+    middle = voxels.volume.centre
+    length = 0.5 * float(np.linalg.norm(edges * np.array(voxels.volume.shape_xyz)))
     eye = np.abs(to_away[:, :3] @ middle + to_away[:, 3])
     off = ULPS * (length + eye)
 
@@ -196,7 +199,17 @@ def _footprints(field: Field, cells: Cells, spec: SplatSpec, view: View, profile
         shift_px,
         np.minimum(relative, 1.0),
         a,
+        _rounding(profile, np.sqrt(variances[:, 0]), view),
     )
+
+
+def _rounding(profile: _Profile, narrow_px: Float64, view: View) -> Float64:
+    """The device evaluates a triangle's plane from a corner of the image: ulps of its steepest slope, a whole alpha
+    from ring to ring, times the image's size."""
+    if not profile.corners:
+        return np.zeros_like(narrow_px)
+    ring_px = narrow_px * profile.cutoff / (len(profile.radii) - 1) * math.cos(math.pi / profile.corners)
+    return 2 * FLOAT32 * sum(view.size) / ring_px
 
 
 def _hazard(a: Float64) -> Float64:
@@ -224,7 +237,7 @@ def _alphas(
     radius = np.hypot(u, v)
     shift, relative, unit_depth = splats.shift_px[i], splats.relative[i], splats.unit_depth[i]
     narrow = math.sqrt(np.linalg.eigvalsh(splats.covariance_px[i])[0])
-    if profile.radii is not None:
+    if profile.corners:
         # The hardware's triangles: linear in the distance from the centre along the sides of the polygon.
         angle = 2 * math.pi / profile.corners
         within = np.mod(np.arctan2(v, u), angle) - angle / 2
@@ -236,7 +249,7 @@ def _alphas(
     near, far = np.maximum(radius - slack, 0), radius + slack
     at_ends = [(_alpha(profile, low, r), _alpha(profile, high, r)) for r in (near, radius, far)]
     # A profile need not fall all the way: its turns are at the rings.
-    for ring in () if profile.radii is None else profile.radii:
+    for ring in profile.radii:
         r = np.where((near <= ring) & (ring <= far), ring, radius)
         at_ends.append((_alpha(profile, low, r), _alpha(profile, high, r)))
     least, most = zip(*at_ends, strict=True)
@@ -244,7 +257,7 @@ def _alphas(
 
 
 def _alpha(profile: _Profile, depth: float, radius: Float64) -> Float64:
-    if profile.radii is not None and profile.weights is not None:
+    if profile.corners:
         alpha = np.interp(radius, profile.radii, -np.expm1(-depth * profile.weights))
     else:
         q = radius**2
