@@ -181,9 +181,7 @@ def _command(case: Case, path: Path) -> tuple[int, str]:
 
 
 def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: Verdict) -> Frame:
-    stage = prepare(
-        scene, clock=time.perf_counter, num_threads=1, volume=case.volume if case.in_memory else None
-    )
+    stage = prepare(scene, clock=time.perf_counter, num_threads=1, volume=case.volume if case.in_memory else None)
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
     number = min(case.frame, scene.camera.path.frames - 1)

@@ -30,7 +30,7 @@ DISTANCE = (1e-2, 1e3)  # of the eye, in diagonals
 TOLERANCES = (0.0, 1e-300, 1e-6, 10.0, 1e6, 1e300)
 OPACITIES = (0.0, 1e-12, 1e-6, 0.01, 0.1, 0.5, 0.9, 1 - 1e-12, 1.0)
 LARGEST_VALUE = 1e300  # of a voxel
-SMALLEST_SPAN = 1e-300  # between two voxels that are not equal
+SMALLEST_SPAN = 1e-150  # between two voxels that are not equal, and not integers
 
 AXIS_LENGTHS = (1, 1, 2, 3, 3, 4, 5, 5, 7, 8, 9)
 LONGEST_AXIS = 200
@@ -188,7 +188,9 @@ def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Vo
     elif kind == "raw":
         order = _one_of(rng, ["little", "big"])
         offset = _one_of(rng, [0, 0, 7])
-        files["v.raw"] = bytes(offset) + values.astype(values.dtype.newbyteorder("<" if order == "little" else ">")).tobytes()
+        files["v.raw"] = (
+            bytes(offset) + values.astype(values.dtype.newbyteorder("<" if order == "little" else ">")).tobytes()
+        )
         tree["volume"] = {
             "raw": {
                 "file": "v.raw", "shape": list(values.shape[::-1]), "dtype": values.dtype.name, "byte_order": order,

@@ -148,7 +148,8 @@ def _text(case: Case, rng: Random) -> None:
         b"",
         b"[1, 2]",
         b"# nothing\n",
-        b"a: &a [x,x,x,x,x,x,x,x,x]\n" + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 9)) for c in range(98, 106)),
+        b"a: &a [x,x,x,x,x,x,x,x,x]\n"
+        + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 9)) for c in range(98, 106)),
     ][int(rng.integers(22))]
 
 

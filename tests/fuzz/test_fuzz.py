@@ -1,0 +1,35 @@
+"""A short run of `tests/fuzz/run.py`, from another seed than its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from judge import judge, make_case, write_case
+
+from renderer.raster_gl import GLRasterizer
+
+SEED = 2
+SCENES = 160
+AT_ONCE = 16
+
+
+@pytest.mark.parametrize("first", range(0, SCENES, AT_ONCE))
+def test_right_pictures_or_clear_errors(rasterizer: GLRasterizer, tmp_path: Path, first: int) -> None:
+    verdicts = [
+        judge(make_case(SEED, index), tmp_path / str(index), rasterizer) for index in range(first, first + AT_ONCE)
+    ]
+    wrong = [f"run.py --seed {SEED} --only {v.index}: {v.why}" for v in verdicts if v.outcome == "wrong"]
+    assert not wrong, "\n".join(wrong)
+    assert any(verdict.outcome == "picture" for verdict in verdicts)
+    assert any(verdict.outcome == "refused" for verdict in verdicts)
+
+
+def test_a_scene_comes_from_its_number_alone(tmp_path: Path) -> None:
+    for index in (0, 1):
+        folders = [tmp_path / f"{index}-{k}" for k in range(2)]
+        cases = [make_case(SEED, index) for _ in folders]
+        texts = [write_case(case, folder).read_bytes() for case, folder in zip(cases, folders, strict=True)]
+        assert texts[0] == texts[1]
+        assert cases[0].files == cases[1].files and cases[0].frame == cases[1].frame
