@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import yaml
-from oracle import FLOAT32, Disagreement, classify, drawn, make_cells
+from oracle import FLOAT32, DisagreementError, classify, drawn, make_cells
 from oracle_splats import Picture, make_picture, view_depths
 from scenes import Case, legal_case, random_of
 from spoil import spoil
@@ -67,7 +67,7 @@ class Verdict:
     seconds: float = 0.0
 
 
-class Wrong(AssertionError):
+class WrongError(AssertionError):
     """The picture or the message is not right."""
 
 
@@ -99,7 +99,7 @@ def judge(case: Case, folder: Path, rasterizer: GLRasterizer) -> Verdict:
                 _judge_spoilt(case, path, rasterizer, verdict)
             else:
                 _judge_legal(case, path, rasterizer, verdict)
-    except (Wrong, Disagreement) as error:
+    except (WrongError, DisagreementError) as error:
         verdict.outcome, verdict.why = "wrong", str(error)
     except Exception:  # whatever it was, of the program or of the oracle, it is to be looked at
         verdict.outcome, verdict.why = "wrong", traceback.format_exc(limit=-6)
@@ -145,30 +145,30 @@ def _judge_legal(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Verd
         frame = _judge_picture(scene, case, rasterizer, verdict)
     except InputError as error:
         if not any(text in str(error) for text in LEGAL_REFUSALS):
-            raise Wrong(f"a legal scene was refused: {error}") from error
+            raise WrongError(f"a legal scene was refused: {error}") from error
         verdict.outcome, verdict.why = "refused", str(error)
         return
     if not case.in_memory and random_of(case.index, 1).random() < SHARE_OF_COMMANDS:
         code, message = _command(case, path)
         if code != 0:
-            raise Wrong(f"the command ended with {code}: {message}")
+            raise WrongError(f"the command ended with {code}: {message}")
         written = Path(str(scene.output.file).format(frame=case.frame)).read_bytes()
         if written != encode_png(frame.image):
-            raise Wrong("the command wrote another picture")
+            raise WrongError("the command wrote another picture")
 
 
 def _judge_spoilt(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Verdict) -> None:
     code, message = _command(case, path)
     found = [text for text in FAULTS if text in message]
     if found:
-        raise Wrong(f"exit code {code} and {found[0]!r} in: {message}")
+        raise WrongError(f"exit code {code} and {found[0]!r} in: {message}")
     if code == 0:
         overrides = [value for name, value in zip(case.arguments, case.arguments[1:], strict=False) if name == "--set"]
         scene = load_scene(path, overrides=overrides)
         _judge_picture(scene, replace(case, volume=None), rasterizer, verdict)
         return
     if code not in (1, 2) or not PLACED.match(message):
-        raise Wrong(f"exit code {code} and no place in: {message}")
+        raise WrongError(f"exit code {code} and no place in: {message}")
     verdict.outcome, verdict.why = ("refused" if code == 2 else "failed"), message
 
 
@@ -187,12 +187,12 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     number = min(case.frame, scene.camera.path.frames - 1)
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():
-        raise Wrong("the picture has pixels that are not numbers")
+        raise WrongError("the picture has pixels that are not numbers")
     view = view_of(stage, number)
     with np.errstate(all="ignore"):
         picture = reference(stage, frame, view)
     if not (np.isfinite(picture.radiance).all() and np.isfinite(picture.bound).all()):
-        raise Wrong("the reference has pixels that are not numbers")
+        raise WrongError("the reference has pixels that are not numbers")
     radiance = frame.radiance
     if scene.overlay == "octree":
         radiance = _without_overlay(stage, frame, rasterizer)
@@ -207,10 +207,10 @@ def _require_same_volume(stage: Stage, case: Case) -> None:
     expected, got = case.volume, stage.volume
     assert expected is not None
     if got.values.dtype != expected.values.dtype or got.values.tobytes() != expected.values.tobytes():
-        raise Wrong(f"other voxels were read: {got.values.dtype} {got.values.shape}")
+        raise WrongError(f"other voxels were read: {got.values.dtype} {got.values.shape}")
     scale = np.abs(expected.world_from_index).max()
     if np.abs(got.world_from_index - expected.world_from_index).max() > 1e-12 * scale:
-        raise Wrong(f"the volume lies elsewhere: {got.world_from_index}, not {expected.world_from_index}")
+        raise WrongError(f"the volume lies elsewhere: {got.world_from_index}, not {expected.world_from_index}")
 
 
 def reference(stage: Stage, frame: Frame, view: View) -> Picture:
@@ -219,7 +219,7 @@ def reference(stage: Stage, frame: Frame, view: View) -> Picture:
     finest_level = finest_level_at(stage, frame.tolerance)
     cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level)
     if len(cut) != frame.num_cells:
-        raise Wrong(f"{frame.num_cells} cells in the frame, {len(cut)} in its cut")
+        raise WrongError(f"{frame.num_cells} cells in the frame, {len(cut)} in its cut")
     field = classify(volume, scene.transfer_function, scene.shading)
     leaves = [(int(level), *map(int, cell)) for level, cell in zip(cut.levels, cut.cells, strict=True)]
     make_cells(field, scene, frame.tolerance, finest_level, leaves)  # type: ignore[arg-type]
@@ -240,7 +240,7 @@ def _require_order(cut: Cut, order: Array, depths: Float64, view: View, scene: S
         rise = float((depths - behind).max(initial=0.0))
         # Depths are those of float32 centres within half the diagonal.
         if rise > 4 * FLOAT32 * length:
-            raise Wrong(f"not back to front: {rise / length:.3g} diagonals")
+            raise WrongError(f"not back to front: {rise / length:.3g} diagonals")
         return
     low = (cut.cells[order].astype(np.int64) << cut.levels[order, None].astype(np.int64)) - 0.5
     high = np.minimum(low + (1 << cut.levels[order, None].astype(np.int64)), np.array(cut.volume.shape_xyz) - 0.5)
@@ -270,7 +270,7 @@ def _require_order(cut: Cut, order: Array, depths: Float64, view: View, scene: S
             may_follow |= apart
     wrong = np.argwhere(np.triu(~may_follow, 1))
     if len(wrong):
-        raise Wrong(f"box {wrong[0, 1]} of {len(order)} is drawn over box {wrong[0, 0]}, which may hide it")
+        raise WrongError(f"box {wrong[0, 1]} of {len(order)} is drawn over box {wrong[0, 0]}, which may hide it")
 
 
 def _without_overlay(stage: Stage, frame: Frame, rasterizer: GLRasterizer) -> Array:
@@ -280,7 +280,7 @@ def _without_overlay(stage: Stage, frame: Frame, rasterizer: GLRasterizer) -> Ar
     # A line hides a share of what is below: 0 to LINE_OPACITY, several lines more, and never brightens it beyond 1.
     hidden = frame.radiance[..., 3] - below.radiance[..., 3]
     if hidden.min() < -1e-6 or frame.radiance.max() > max(1.0, float(below.radiance.max())) + 1e-6:
-        raise Wrong("the overlay is not over the picture")
+        raise WrongError("the overlay is not over the picture")
     return below.radiance
 
 
@@ -289,7 +289,7 @@ def _compare(radiance: Array, picture: Picture) -> dict[str, float]:
     excess = off - picture.bound - 1e-30
     if excess.max() > 0:
         row, column, channel = np.unravel_index(excess.argmax(), excess.shape)
-        raise Wrong(
+        raise WrongError(
             f"row {row}, column {column}, channel {channel}: {radiance[row, column].tolist()} instead of "
             f"{picture.radiance[row, column].tolist()}, bound {picture.bound[row, column].tolist()}; "
             f"{np.count_nonzero(excess.max(axis=2) > 0)} of {off.shape[0] * off.shape[1]} pixels"
@@ -321,12 +321,12 @@ def _compare_8_bit(image: Array, picture: Picture, background: Color | None) -> 
         # Where the alpha written is 0 there is no colour.
         is_clear = got[..., 3] == 0
         if got[is_clear].any():
-            raise Wrong("a colour where the alpha is 0")
+            raise WrongError("a colour where the alpha is 0")
         low[is_clear, :3] = 0
     wrong = (got < _level(low)) | (got > _level(high))
     if wrong.any():
         row, column, channel = np.argwhere(wrong)[0]
-        raise Wrong(
+        raise WrongError(
             f"8 bits: row {row}, column {column}: {got[row, column].tolist()} instead of "
             f"{_level(exact)[row, column].tolist()}"
         )

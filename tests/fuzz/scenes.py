@@ -28,6 +28,7 @@ FIELD_OF_VIEW = (0.01, 179.0)
 ZOOM = (0.1, 30.0)
 DISTANCE = (1e-2, 1e3)  # of the eye, in diagonals
 TOLERANCES = (0.0, 1e-300, 1e-6, 10.0, 1e6, 1e300)
+COLORMAP_SPAN = 1e-12  # of the ends of its range: its 256 samples need numbers of their own
 OPACITIES = (0.0, 1e-12, 1e-6, 0.01, 0.1, 0.5, 0.9, 1 - 1e-12, 1.0)
 LARGEST_VALUE = 1e300  # of a voxel
 SMALLEST_SPAN = 1e-150  # between two voxels that are not equal, and not integers
@@ -128,7 +129,7 @@ def random_values(rng: Random) -> Array:
         low, high = max(low, middle - 3), min(high, middle + 3)
     span = high - low
     # Python's integers: 64 bits have no room for the span.
-    flat = [min(low + int(round(share * span)), high) for share in unit.ravel().tolist()]
+    flat = [min(low + round(share * span), high) for share in unit.ravel().tolist()]
     return np.array(flat, dtype).reshape(unit.shape)
 
 
@@ -279,7 +280,7 @@ def random_transfer(rng: Random, low: float, high: float, spacing: float) -> Tre
             for value, opacity in zip(values, opacities, strict=True)
         ]
     else:
-        end = high if high > low else low + span
+        end = max(high if high > low else low + span, low + COLORMAP_SPAN * abs(low))
         tree |= {"colormap": _one_of(rng, COLORMAPS), "range": [low, end]}
         tree["opacity"] = [[value, opacity] for value, opacity in zip(values, opacities, strict=True)]
     if rng.random() < 0.5:

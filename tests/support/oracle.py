@@ -1,4 +1,4 @@
-"""What a scene must look like, from the definitions alone: float64 numpy, plain, without a pyramid, a merge or a shader.
+"""What a scene must look like, from the definitions alone: plain float64, without a pyramid, a merge or a shader.
 
 Voxels are classified by interpolation, the mean and the variance of every octree cell are taken over its voxels in two
 passes, the cut is made from the top, and every cell becomes a Gaussian in world coordinates (`oracle_splats`). It
@@ -21,7 +21,7 @@ import numpy.typing as npt
 from renderer.classify import FAINTEST
 from renderer.colormaps import colormap_points
 from renderer.scene import ColormapSpec, Scene, ShadingSpec, TransferSpec
-from renderer.transfer import LARGEST_VALUE, MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
+from renderer.transfer import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
 from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
@@ -37,7 +37,7 @@ TINIEST_HALF = 2.0**-39
 SQUARE_IN_FLOAT32 = 2.0**-63
 
 
-class Disagreement(AssertionError):
+class DisagreementError(AssertionError):
     """The renderer has decided something that its definition does not allow."""
 
 
@@ -105,13 +105,12 @@ def _interpolated(
     mapping = transfer.mapping
     if isinstance(mapping, ColormapSpec):
         at, opacities = (np.array(column, np.float64) for column in zip(*mapping.opacity, strict=True))
-        color_at = np.linspace(*np.clip(mapping.range, -LARGEST_VALUE, LARGEST_VALUE), NUM_COLORMAP_SAMPLES)
+        color_at = np.linspace(*mapping.range, NUM_COLORMAP_SAMPLES)
         table = np.array(colormap_points(mapping.name, NUM_COLORMAP_SAMPLES))
     else:
         at = color_at = np.array([point.value for point in mapping])
         opacities = np.array([point.opacity for point in mapping])
         table = np.array([point.color for point in mapping])
-    at, color_at = (np.clip(values, -LARGEST_VALUE, LARGEST_VALUE) for values in (at, color_at))
     most = MAX_VOXEL_DEPTH / spacing
     extinctions = np.array([most if a == 1 else min(-math.log1p(-a) / unit, most) for a in opacities])
     colors = np.stack([_between(scalars, color_at, table[:, k]) for k in range(3)], axis=-1)
@@ -164,10 +163,10 @@ class _Node:
 
 
 def make_cells(field: Field, scene: Scene, tolerance: float, finest_level: int, leaves: Collection[Leaf]) -> list[Leaf]:
-    """The cut: `leaves`, which are the renderer's, if they are what the definition gives; raises Disagreement."""
+    """The cut: `leaves`, which are the renderer's, if they are what the definition gives; raises DisagreementError."""
     given = set(leaves)
     if len(given) != len(leaves):
-        raise Disagreement(f"{len(leaves) - len(given)} cells come twice")
+        raise DisagreementError(f"{len(leaves) - len(given)} cells come twice")
     num_levels = max(1, (max(field.volume.shape_xyz) - 1).bit_length())
     expected: list[Leaf] = []
     todo = [(num_levels, 0, 0, 0)]
@@ -193,7 +192,7 @@ def make_cells(field: Field, scene: Scene, tolerance: float, finest_level: int, 
     if set(expected) != given:
         extra, missing = sorted(given - set(expected))[:3], sorted(set(expected) - given)[:3]
         errors = {cell: _node(field, scene, cell).error for cell in (*extra, *missing) if cell[0] > 0}
-        raise Disagreement(f"wrong cut at {tolerance!r}: extra {extra}, missing {missing}, errors {errors}")
+        raise DisagreementError(f"wrong cut at {tolerance!r}: extra {extra}, missing {missing}, errors {errors}")
     return expected
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from oracle import FLOAT32, Cells, Disagreement, Field
+from oracle import FLOAT32, Cells, DisagreementError, Field
 from scipy.special import erfc, erfcx
 
 from renderer.camera import View
@@ -59,7 +59,7 @@ class Picture:
 class _Footprints:
     """[n] each: centres [n, 2] in pixels (row 0 at the top), covariances [n, 2, 2], optical depth where the weight is 1
     and the cell has a depth of 1; how far the centre may be off in pixels, and size and depth in parts of themselves;
-    by how many standard deviations the near plane lies beyond the centre; rounding of what the hardware interpolates."""
+    by how many standard deviations the near plane lies beyond the centre; rounding of what the device interpolates."""
 
     center_px: Float64
     covariance_px: Float64
@@ -113,7 +113,9 @@ def make_picture(voxels: Field, cells: Cells, scene: Scene, view: View, is_drawn
             continue
         if not is_drawn[i]:
             if low.max() > 0:
-                raise Disagreement(f"cell {i} is left out, and has an alpha of {low.max():.3g}: {splats.describe(i)}")
+                raise DisagreementError(
+                    f"cell {i} is left out, and has an alpha of {low.max():.3g}: {splats.describe(i)}"
+                )
             continue
         color = np.append(cells.colors[i], 1.0)
         slack = np.append(np.full(3, cells.color_slack[i]), 0.0)
