@@ -140,11 +140,11 @@ def _pattern(rng: Random, shape: Sequence[int]) -> Float64:
     if kind == "noise":
         return rng.random(shape)
     grids = np.meshgrid(*(np.linspace(0, 1, n) for n in shape), indexing="ij")
-    along = sum(weight * grid for weight, grid in zip(rng.dirichlet([1, 1, 1]), grids, strict=True))
+    along = np.asarray(np.tensordot(rng.dirichlet([1, 1, 1]), np.stack(grids), axes=1), np.float64)
     if kind == "ramp":
         return np.clip(along, 0, 1)
     if kind == "step":
-        return (along > 0.5).astype(float)
+        return (along > 0.5).astype(np.float64)
     if kind == "smooth":
         return 0.5 + 0.5 * np.sin(7 * along)
     spike = np.zeros(shape)
@@ -176,12 +176,14 @@ def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Vo
     kind = _one_of(rng, ["npy", "raw", "raw", "nrrd", "nhdr", "memory", "memory"])
     if kind in ("nrrd", "nhdr") and values.dtype == np.float16:
         kind = "raw"
-    affine = random_affine(rng, values.shape[::-1], oblique=kind == "memory", moved=kind not in ("npy", "raw"))
+    affine = np.eye(4)
+    if kind != "npy":
+        turned, sheared = kind != "raw", kind == "memory"
+        affine = random_affine(rng, values.shape[::-1], turned=turned, sheared=sheared, moved=turned)
     tree: Tree = {"version": 1}
     spacing = [float(length) for length in np.diag(affine)[:3]]
     files: dict[str, bytes] = {}
     if kind == "npy":
-        affine = np.eye(4)
         stored = io.BytesIO()
         np.save(stored, np.asfortranarray(values) if rng.random() < 0.3 else values)
         files["v.npy"] = stored.getvalue()
@@ -213,18 +215,18 @@ def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Vo
     return tree, files, make_volume(np.array(values, order="C"), affine, "expected"), kind == "memory"
 
 
-def random_affine(rng: Random, shape_xyz: Sequence[int], *, oblique: bool, moved: bool) -> Float64:
-    """Spacings within the table, if asked for turned, mirrored or sheared, and far from the origin."""
+def random_affine(rng: Random, shape_xyz: Sequence[int], *, turned: bool, sheared: bool, moved: bool) -> Float64:
+    """Spacings within the table, if asked for turned or mirrored, sheared, and far from the origin."""
     finest = 1.0 if rng.random() < 0.5 else _between(rng, LENGTH)
     ratios = np.ones(3)
     if rng.random() < 0.5:
         ratios = SPACING_RATIO ** (rng.uniform(0, 1, 3) * rng.uniform(0, 1))
     affine = np.eye(4)
     affine[:3, :3] = np.diag(finest * ratios / ratios.min())
-    if oblique:
-        turn, _ = np.linalg.qr(rng.standard_normal((3, 3)))
-        shear = np.eye(3) + np.triu(rng.uniform(-0.5, 0.5, (3, 3)), 1) * (rng.random() < 0.3)
-        affine[:3, :3] = turn @ shear @ affine[:3, :3]
+    if sheared and rng.random() < 0.3:
+        affine[:3, :3] = (np.eye(3) + np.triu(rng.uniform(-0.5, 0.5, (3, 3)), 1)) @ affine[:3, :3]
+    if turned and rng.random() < 0.7:
+        affine[:3, :3] = np.linalg.qr(rng.standard_normal((3, 3)))[0] @ affine[:3, :3]
     if moved and rng.random() < 0.5:
         diagonal = float(np.linalg.norm(affine[:3, :3] @ np.array(shape_xyz)))
         affine[:3, 3] = rng.uniform(-1, 1, 3) * diagonal * _between(rng, (1.0, OFFSET))

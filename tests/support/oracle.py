@@ -162,8 +162,8 @@ class _Node:
     slack: float
 
 
-def make_cells(field: Field, scene: Scene, tolerance: float, finest_level: int, leaves: Collection[Leaf]) -> list[Leaf]:
-    """The cut: `leaves`, which are the renderer's, if they are what the definition gives; raises DisagreementError."""
+def require_cut(field: Field, scene: Scene, tolerance: float, finest_level: int, leaves: Collection[Leaf]) -> None:
+    """Raise DisagreementError unless `leaves`, which are the renderer's, are the cut that the definition gives."""
     given = set(leaves)
     if len(given) != len(leaves):
         raise DisagreementError(f"{len(leaves) - len(given)} cells come twice")
@@ -193,7 +193,6 @@ def make_cells(field: Field, scene: Scene, tolerance: float, finest_level: int, 
         extra, missing = sorted(given - set(expected))[:3], sorted(set(expected) - given)[:3]
         errors = {cell: _node(field, scene, cell).error for cell in (*extra, *missing) if cell[0] > 0}
         raise DisagreementError(f"wrong cut at {tolerance!r}: extra {extra}, missing {missing}, errors {errors}")
-    return expected
 
 
 def _window(cell: Leaf) -> tuple[slice, slice, slice]:
@@ -270,7 +269,7 @@ def _mean(field: Field, scene: Scene, cell: Leaf) -> Float64:
 def _half(values: Float64) -> Float64:
     """Rounded to the 11 bits of float16, whatever the exponent."""
     mantissas, exponents = np.frexp(values)
-    return np.ldexp(np.rint(mantissas * 2048) / 2048, exponents)
+    return np.asarray(np.ldexp(np.rint(mantissas * 2048) / 2048, exponents))
 
 
 def _depth(opacity: float, deepest: float) -> float:

@@ -135,12 +135,12 @@ def make_picture(voxels: Field, cells: Cells, scene: Scene, view: View, is_drawn
 
 def view_depths(voxels: Field, cells: Cells, view: View) -> Float64:
     """float64 [n]: how far beyond the eye plane the centres are, world units."""
-    return -(_centers(voxels, cells) @ view.view_from_world[2, :3] + view.view_from_world[2, 3])
+    return np.asarray(-(_centers(voxels, cells) @ view.view_from_world[2, :3] + view.view_from_world[2, 3]))
 
 
 def _centers(voxels: Field, cells: Cells) -> Float64:
     world_from_index = voxels.volume.world_from_index
-    return (cells.first + (cells.extent - 1) / 2) @ world_from_index[:3, :3].T + world_from_index[:3, 3]
+    return np.asarray((cells.first + (cells.extent - 1) / 2) @ world_from_index[:3, :3].T + world_from_index[:3, 3])
 
 
 def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profile: _Profile) -> _Footprints:
@@ -217,7 +217,7 @@ def _rounding(profile: _Profile, narrow_px: Float64, view: View) -> Float64:
 def _hazard(a: Float64) -> Float64:
     """Density over the rest of the normal distribution, at a."""
     with np.errstate(over="ignore"):
-        return math.sqrt(2 / math.pi) / np.maximum(erfcx(a / math.sqrt(2)), 1e-300)
+        return np.asarray(math.sqrt(2 / math.pi) / np.maximum(erfcx(a / math.sqrt(2)), 1e-300))
 
 
 def _window(splats: _Footprints, i: int, profile: _Profile, size: tuple[int, int]) -> tuple[slice, slice] | None:
