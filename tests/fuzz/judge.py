@@ -10,7 +10,7 @@ import signal
 import time
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 from compare import WrongError, compare_8_bit, compare_radiance, reference, without_overlay
 from oracle import DisagreementError
-from scenes import Case, legal_case, random_of
+from scenes import DTYPES, Case, legal_case, random_of
 from spoil import spoil
 
 from hsplat_cli.main import run
@@ -58,10 +58,10 @@ class Verdict:
     seconds: float = 0.0
 
 
-def make_case(seed: int, index: int) -> Case:
+def make_case(seed: int, index: int, dtypes: Sequence[str] = DTYPES) -> Case:
     """Every second scene is spoilt."""
     rng = random_of(seed, index)
-    case = legal_case(index, rng)
+    case = legal_case(index, rng, dtypes)
     return spoil(case, rng) if index % 2 else case
 
 

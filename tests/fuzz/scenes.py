@@ -27,6 +27,7 @@ UNIT = (1e-3, 1e3)  # of an opacity, in finest spacings
 FIELD_OF_VIEW = (0.01, 179.0)
 ZOOM = (0.1, 30.0)
 DISTANCE = (1e-2, 1e3)  # of the eye, in diagonals
+SMALLEST_VIEW = 1e-3  # half the height that is seen at the target without a zoom, in diagonals
 TOLERANCES = (0.0, 1e-300, 1e-6, 10.0, 1e6, 1e300)
 COLORMAP_SPAN = 1e-12  # of the ends of its range: its 256 samples need numbers of their own
 OPACITIES = (0.0, 1e-12, 1e-6, 0.01, 0.1, 0.5, 0.9, 1 - 1e-12, 1.0)
@@ -68,9 +69,9 @@ def random_of(seed: int, index: int) -> Random:
     return np.random.default_rng([seed, index])
 
 
-def legal_case(index: int, rng: Random) -> Case:
+def legal_case(index: int, rng: Random, dtypes: Sequence[str] = DTYPES) -> Case:
     """A scene that must give a picture."""
-    values = random_values(rng)
+    values = random_values(rng, np.dtype(_one_of(rng, dtypes)))
     tree, files, volume, in_memory = _with_source(rng, values)
     low, high = float(volume.values.min()), float(volume.values.max())
     tree["transfer_function"] = random_transfer(rng, low, high, volume.finest_spacing)
@@ -106,8 +107,8 @@ def _between(rng: Random, limits: tuple[float, float]) -> float:
 # Voxels
 
 
-def random_values(rng: Random) -> Array:
-    """[z, y, x] of some shape and type: constants, steps, spikes, noise, ramps, at the limits of the type or near 0."""
+def random_values(rng: Random, dtype: np.dtype[Any]) -> Array:
+    """[z, y, x] of some shape: constants, steps, spikes, noise, ramps, at the limits of the type or near 0."""
     shape = [int(_one_of(rng, AXIS_LENGTHS)) for _ in range(3)]
     kind = rng.random()
     if kind < 0.05:
@@ -117,7 +118,6 @@ def random_values(rng: Random) -> Array:
     elif kind < 0.19:
         shape = [1, int(rng.integers(1, 3)), int(rng.integers(10, LONGEST_AXIS + 1))]
     rng.shuffle(shape)
-    dtype = np.dtype(_one_of(rng, DTYPES))
     unit = _pattern(rng, shape)  # in [0, 1]
     if dtype.kind == "f":
         low, high = _float_range(rng, np.finfo(dtype))
@@ -184,9 +184,7 @@ def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Vo
     spacing = [float(length) for length in np.diag(affine)[:3]]
     files: dict[str, bytes] = {}
     if kind == "npy":
-        stored = io.BytesIO()
-        np.save(stored, np.asfortranarray(values) if rng.random() < 0.3 else values)
-        files["v.npy"] = stored.getvalue()
+        files["v.npy"] = _saved(np.asfortranarray(values) if rng.random() < 0.3 else values)
         tree["volume"] = {"file": "v.npy"}
     elif kind == "raw":
         order = _one_of(rng, ["little", "big"])
@@ -203,8 +201,9 @@ def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Vo
     elif kind in ("nrrd", "nhdr"):
         files |= _nrrd(rng, values, affine, detached=kind == "nhdr")
         tree["volume"] = {"file": f"v.{kind}"}
-    else:
-        tree["volume"] = {"procedural": {"name": "constant", "shape": [1, 1, 1]}}
+    else:  # something to find in its place
+        files["v.npy"] = _saved(values[:1, :1, :1])
+        tree["volume"] = {"file": "v.npy"}
     first = [0, 0, 0]
     if kind != "memory" and rng.random() < 0.15:
         crop = [sorted(rng.choice(n + 1, 2, replace=False).tolist()) for n in values.shape[::-1]]
@@ -213,6 +212,12 @@ def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Vo
         first = [pair[0] for pair in crop]
     affine[:3, 3] += affine[:3, :3] @ first
     return tree, files, make_volume(np.array(values, order="C"), affine, "expected"), kind == "memory"
+
+
+def _saved(values: Array) -> bytes:
+    stored = io.BytesIO()
+    np.save(stored, values)
+    return stored.getvalue()
 
 
 def random_affine(rng: Random, shape_xyz: Sequence[int], *, turned: bool, sheared: bool, moved: bool) -> Float64:
@@ -311,6 +316,9 @@ def random_camera(rng: Random, volume: Volume) -> Tree:
         camera["target"] = _point(rng, volume)
     if rng.random() < 0.5:
         camera["distance"] = diagonal * _between(rng, DISTANCE)
+        reach = camera["distance"] * math.tan(math.radians(camera.get("field_of_view", 30.0)) / 2)
+        if reach < SMALLEST_VIEW * diagonal:
+            camera["field_of_view"] = 30.0
     if rng.random() < 0.12:  # the eye at a special point: turned about +z, a multiple of 90 degrees or not
         azimuth, elevation = float(_one_of(rng, [0, 90, 180, 33])), float(_one_of(rng, [0, 90, -90, 20]))
         camera["path"] = {"type": "turntable", "frames": 1, "start": azimuth, "elevation": elevation}
