@@ -32,6 +32,7 @@ TOLERANCES = (0.0, 1e-300, 1e-6, 10.0, 1e6, 1e300)
 COLORMAP_SPAN = 1e-12  # of the ends of its range: its 256 samples need numbers of their own
 OPACITIES = (0.0, 1e-12, 1e-6, 0.01, 0.1, 0.5, 0.9, 1 - 1e-12, 1.0)
 LARGEST_VALUE = 1e300  # of a voxel
+EXACT_INTEGER = 2**53 - 3  # that float64 tells from its neighbours
 SMALLEST_SPAN = 1e-150  # between two voxels that are not equal, and not integers
 
 AXIS_LENGTHS = (1, 1, 2, 3, 3, 4, 5, 5, 7, 8, 9)
@@ -125,7 +126,7 @@ def random_values(rng: Random, dtype: np.dtype[Any]) -> Array:
     info = np.iinfo(dtype)
     low, high = int(info.min), int(info.max)
     if rng.random() < 0.3:
-        middle = int(rng.integers(low, high, dtype=dtype))
+        middle = int(np.clip(int(rng.integers(low, high, dtype=dtype)), -EXACT_INTEGER, EXACT_INTEGER))
         low, high = max(low, middle - 3), min(high, middle + 3)
     span = high - low
     # Python's integers: 64 bits have no room for the span.

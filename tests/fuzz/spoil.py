@@ -211,7 +211,8 @@ def _option(case: Case, rng: Random) -> None:
 def _voxels(case: Case, rng: Random) -> None:
     """Infinities and no numbers among them."""
     assert case.volume is not None
-    values = case.volume.values.astype(np.float32 if rng.random() < 0.5 else np.float64, order="C")
+    with np.errstate(over="ignore"):  # more infinities
+        values = case.volume.values.astype(np.float32 if rng.random() < 0.5 else np.float64, order="C")
     for _ in range(int(rng.integers(1, 4))):
         values[tuple(int(rng.integers(n)) for n in values.shape)] = [NAN, INF, -INF][int(rng.integers(3))]
     case.files["n.raw"] = values.tobytes()
