@@ -63,16 +63,15 @@ def _value(case: Case, rng: Random) -> None:
 
 
 def _number(case: Case, rng: Random) -> None:
-    """Out of all proportion, or next to it."""
+    """By a factor: out of all proportion, or next to it."""
     places = [path for path in _places(case.tree) if isinstance(_parent(case.tree, path)[path[-1]], float)]
     if not places:
         _value(case, rng)
         return
     path = places[int(rng.integers(len(places)))]
     value = _parent(case.tree, path)[path[-1]]
-    _parent(case.tree, path)[path[-1]] = [value * 1e30, value * -1, value * 1e300, value / 1e300, value + 1e3][
-        int(rng.integers(5))
-    ]
+    factors = [-1.0, *(10.0**power for power in (-300, -30, -20, -12, -6, 6, 12, 20, 29, 30, 300))]
+    _parent(case.tree, path)[path[-1]] = float(value * factors[int(rng.integers(len(factors)))])
 
 
 def _missing_key(case: Case, rng: Random) -> None:
