@@ -185,14 +185,16 @@ def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profil
     offset_px = mean[:, :2] * px_per_unit[:, None] * [1, -1]
 
     relative_depth = (off[2] + ULPS * sigma * (1 + np.abs(a)) * is_cut) / depth if perspective else 0.0
-    relative = relative_depth + np.where(is_cut, RELATIVE_CUT, RELATIVE)
+    # Where the plane cuts a splat is a difference of two depths from the eye, which may be far away.
+    relative_cut = RELATIVE_CUT + (1 + np.abs(a)) * off[2] / sigma
+    relative = relative_depth + np.where(is_cut, relative_cut, RELATIVE)
     away_px = np.linalg.norm(offset_px, axis=1)
     sigma_px = np.sqrt(variances[:, 1])
     shift_px = (
         px_per_unit * math.hypot(off[0], off[1])
         + away_px * relative_depth
         + 4 * FLOAT32 * (away_px + size.max())
-        + np.where(is_cut, RELATIVE_CUT, ULPS) * sigma_px
+        + np.where(is_cut, relative_cut, ULPS) * sigma_px
     )
     return _Footprints(
         size / 2 + offset_px,
