@@ -21,6 +21,10 @@ Float64 = npt.NDArray[np.float64]
 # approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
 SLOPE_LIMIT = 1.3
 
+# The near plane changes splats whose centre is less than so many standard deviations beyond it, and leaves nothing of
+# those whose centre is so many before it; both as in shaders/project.glsl.
+CUT_SIGMAS, GONE_SIGMAS = 5.0, 4.0
+
 
 @dataclass(frozen=True)
 class ModelView:
@@ -112,11 +116,11 @@ def longest_sigma(batch: SplatBatch) -> Float64:
 def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.NDArray[np.uint32]:
     """uint32 [k]: the splats that can touch the image, back to front; only `order` boxes needs the cells of their cut."""
     camera = model_view(batch, view)
-    reach = batch.footprint.cutoff * longest_sigma(batch)
+    sigmas = longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
     half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.narrowest_px + 1 for n in camera.size)
     _depths_and_culling(
-        batch.vertices, reach, camera.view_from_model, camera.perspective,
+        batch.vertices, sigmas, batch.footprint.cutoff, camera.view_from_model, camera.perspective,
         camera.scale_px, half_width, half_height, camera.slope_limit, camera.near, depths, seen,
     )  # fmt: skip
     if order == "boxes":
@@ -141,7 +145,8 @@ def visible_orders(batch: SplatBatch, cut: Cut, view: View, order: str) -> list[
 @jit
 def _depths_and_culling(
     vertices: npt.NDArray[np.float32],
-    reach: Float64,
+    sigmas: Float64,
+    cutoff: float,
     view_from_model: Float64,
     perspective: bool,
     scale: float,
@@ -154,7 +159,8 @@ def _depths_and_culling(
 ) -> None:
     """Depth of every centre behind the model's origin, and whether its footprint can meet the image (conservative).
 
-    Depths from the eye would lose their order to float32 where the eye is far away.
+    A splat that the near plane cuts is drawn elsewhere than its centre would be: it counts as in the image. Depths from
+    the eye would lose their order to float32 where the eye is far away.
     """
     r = view_from_model
     # Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
@@ -166,11 +172,13 @@ def _depths_and_culling(
         behind_origin = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz)
         depth = behind_origin - r[2, 3]
         depths[i] = behind_origin
-        radius = reach[int(vertices[i, 7])]
+        sigma = sigmas[int(vertices[i, 7])]
+        radius = cutoff * sigma
         if perspective:
             inside = (x * scale - depth * half_width <= radius * side) and (
                 y * scale - depth * half_height <= radius * top
             )
         else:
             inside = (x - radius) * scale <= half_width and (y - radius) * scale <= half_height
-        seen[i] = inside and depth + radius > near
+        is_cut = depth - CUT_SIGMAS * sigma < near
+        seen[i] = (inside or is_cut) and depth + GONE_SIGMAS * sigma > near

@@ -20,7 +20,8 @@ def write_sidecar(path: Path, data: Mapping[str, Any]) -> None:
     RenderError when the file cannot be written.
     """
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=_plain)
-    write_staged(path, f"{text}\n".encode())
+    # Bytes of a file name that are no UTF-8 are surrogates in Python, and become escapes that JSON has.
+    write_staged(path, f"{text}\n".encode(errors="backslashreplace"))
 
 
 def _plain(value: object) -> object:

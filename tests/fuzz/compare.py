@@ -1,0 +1,163 @@
+"""A frame against the oracle: its cut, its order, its radiance and its 8 bits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from oracle import FLOAT32, Leaf, classify, drawn, require_cut
+from oracle_splats import Picture, make_picture, view_depths
+
+from renderer.camera import View
+from renderer.cell_edges import make_cell_edges
+from renderer.octree import Cut, cut_pyramid
+from renderer.pipeline import Frame, Stage, finest_level_at, render_frames
+from renderer.projection import visible_order
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import Color
+from renderer.splats import make_splats
+
+Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+
+
+# At the rim of an opaque footprint a pixel may fall to either side, which the bound says; elsewhere it is below this.
+TIGHT = 1e-3
+
+
+class WrongError(AssertionError):
+    """The picture or the message is not right."""
+
+
+def reference(stage: Stage, frame: Frame, view: View) -> Picture:
+    """What the frame must look like; takes the renderer's cut and order, and verifies them."""
+    scene, volume = stage.scene, stage.volume
+    finest_level = finest_level_at(stage, frame.tolerance)
+    cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level)
+    if len(cut) != frame.num_cells:
+        raise WrongError(f"{frame.num_cells} cells in the frame, {len(cut)} in its cut")
+    field = classify(volume, scene.transfer_function, scene.shading)
+    leaves: list[Leaf] = [
+        (int(level), int(x), int(y), int(z)) for level, (x, y, z) in zip(cut.levels, cut.cells, strict=True)
+    ]
+    require_cut(field, scene, frame.tolerance, finest_level, leaves)
+    order = visible_order(make_splats(cut, scene.splat), cut, view, scene.splat.order).astype(int)
+    left_out = np.setdiff1d(np.arange(len(cut)), order)
+    every = [leaves[i] for i in (*left_out, *order)]
+    cells = drawn(field, scene, every)
+    is_drawn = np.arange(len(every)) >= len(left_out)
+    if scene.splat.order == "boxes":
+        _require_box_order(cut, order, view)
+    else:
+        _require_depth_order(cut, view_depths(field, cells, view)[is_drawn])
+    return make_picture(field, cells, scene, view, is_drawn)
+
+
+def _require_depth_order(cut: Cut, depths: Float64) -> None:
+    """Back to front by the depth of the centres, [n] in the order of drawing."""
+    edges = cut.volume.world_from_index[:3, :3]
+    diagonal = float(np.linalg.norm(edges @ np.array(cut.volume.shape_xyz)))
+    rise = float((depths - np.minimum.accumulate(depths)).max(initial=0.0))
+    # Depths are those of float32 centres within half the diagonal.
+    if rise > 4 * FLOAT32 * max(diagonal, float(np.linalg.norm(edges * cut.volume.shape_xyz))):
+        raise WrongError(f"not back to front: {rise / diagonal:.3g} diagonals")
+
+
+def _require_box_order(cut: Cut, order: Array, view: View) -> None:
+    """No box is drawn over one that may hide it: some plane along their faces parts any two boxes, and the later one
+    lies on the eye's side of it."""
+    index_from_world = np.linalg.inv(cut.volume.world_from_index)
+    sides = np.int64(1) << cut.levels[order, None].astype(np.int64)
+    low = cut.cells[order] * sides - 0.5
+    high = np.minimum(low + sides, np.array(cut.volume.shape_xyz) - 0.5)
+    slack = 1e-9
+    if view.projection == "perspective":
+        eye = index_from_world[:3, :3] @ view.eye + index_from_world[:3, 3]
+        slack *= 1 + float(np.abs(eye).max()) + float(np.abs(index_from_world[:3, 3]).max())
+    else:  # at infinity; planes that are seen edge-on hide nothing, on either side
+        toward = -index_from_world[:3, :3] @ view.forward
+        eye = np.where(np.abs(toward) < slack * np.abs(toward).max(), np.nan, np.copysign(np.inf, toward))
+    may_follow = np.zeros((len(order), len(order)), bool)
+    for k in range(3):
+        above = low[None, :, k] >= high[:, None, k]  # the later one lies beyond the earlier one along this axis
+        below = high[None, :, k] <= low[:, None, k]
+        is_edge_on = bool(np.isnan(eye[k]))
+        may_follow |= above & (is_edge_on | (eye[k] >= high[:, None, k] - slack))
+        may_follow |= below & (is_edge_on | (eye[k] <= low[:, None, k] + slack))
+    wrong = np.argwhere(np.triu(~may_follow, 1))
+    if len(wrong):
+        raise WrongError(f"box {wrong[0, 1]} of {len(order)} is drawn over box {wrong[0, 0]}, which may hide it")
+
+
+def without_overlay(stage: Stage, frame: Frame, view: View, rasterizer: GLRasterizer) -> Array:
+    """The same frame without its lines; raises WrongError unless they lie over it."""
+    bare = replace(stage, scene=replace(stage.scene, overlay="none"))
+    (below,) = render_frames(bare, [frame.number], rasterizer, clock=lambda: 0.0)
+    cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level_at(stage, frame.tolerance))
+    lines = rasterizer.rasterize_edges(make_cell_edges(cut), view).astype(np.float64)
+    if not (lines.min() >= 0 and lines.max() <= 1 and (lines[..., :3] <= lines[..., 3:] + 1e-6).all()):
+        raise WrongError(f"lines from {lines.min()} to {lines.max()}")
+    expected = lines + (1 - lines[..., 3:]) * below.radiance
+    if np.abs(frame.radiance - expected).max() > 1e-6 * max(1.0, float(below.radiance.max())):
+        raise WrongError("the overlay is not over the picture")
+    return below.radiance
+
+
+def compare_radiance(radiance: Array, picture: Picture) -> dict[str, float]:
+    """The worst difference, and the bound that it is within."""
+    off = np.abs(radiance - picture.radiance)
+    excess = off - picture.bound - 1e-30
+    if excess.max() > 0:
+        row, column, channel = np.unravel_index(excess.argmax(), excess.shape)
+        raise WrongError(
+            f"row {row}, column {column}, channel {channel}: {radiance[row, column].tolist()} instead of "
+            f"{picture.radiance[row, column].tolist()}, bound {picture.bound[row, column].tolist()}; "
+            f"{np.count_nonzero(excess.max(axis=2) > 0)} of {off.shape[0] * off.shape[1]} pixels"
+        )
+    share = off / np.maximum(picture.bound, 1e-12)
+    return {
+        "radiance": float(off.max()),
+        "radiance off rims": float(off[picture.bound < TIGHT].max(initial=0.0)),
+        "bound": float(picture.bound.max()),
+        "share of the bound": float(share.max()),
+    }
+
+
+def compare_8_bit(image: Array, picture: Picture, background: Color | None) -> dict[str, float]:
+    """Each level must be one that a radiance within the bound can be rounded to."""
+    slack = picture.bound + 4 * FLOAT32
+    color, alpha = picture.radiance[..., :3], picture.radiance[..., 3:]
+    if background is not None:
+        value = color + (1 - alpha) * np.array(background)
+        more = slack[..., :3] + slack[..., 3:] * np.array(background)
+        low, high, exact = value - more, value + more, value
+        got = image
+    else:
+        low = np.maximum(color - slack[..., :3], 0) / np.maximum(alpha + slack[..., 3:], 1e-12)
+        high = (color + slack[..., :3]) / np.maximum(alpha - slack[..., 3:], 0.5 / 255)
+        exact = color / np.maximum(alpha, 0.5 / 255)
+        ends = np.concatenate([low, alpha - slack[..., 3:]], -1), np.concatenate([high, alpha + slack[..., 3:]], -1)
+        (low, high), exact = ends, np.concatenate([exact, alpha], -1)
+        got = image
+        # Where the alpha written is 0 there is no colour.
+        is_clear = got[..., 3] == 0
+        if got[is_clear].any():
+            raise WrongError("a colour where the alpha is 0")
+        low[is_clear, :3] = 0
+    wrong = (got < _level(low)) | (got > _level(high))
+    if wrong.any():
+        row, column, _ = np.argwhere(wrong)[0]
+        raise WrongError(
+            f"8 bits: row {row}, column {column}: {got[row, column].tolist()} instead of "
+            f"{_level(exact)[row, column].tolist()}"
+        )
+    levels = np.abs(got.astype(int) - _level(exact))
+    if background is None:
+        levels = levels[got[..., 3] > 0]
+    return {"levels of 255": float(levels.max(initial=0))}
+
+
+def _level(values: Float64) -> npt.NDArray[np.int64]:
+    return np.clip(np.floor(values * 255 + 0.5), 0, 255).astype(np.int64)

@@ -1,0 +1,210 @@
+"""One scene to its verdict: a right picture or a clear error."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import signal
+import time
+import traceback
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+from compare import WrongError, compare_8_bit, compare_radiance, reference, without_overlay
+from oracle import DisagreementError
+from scenes import DTYPES, Case, legal_case, random_of
+from spoil import spoil
+
+from hsplat_cli.main import run
+from hsplat_cli.scene_file import load_scene
+from renderer.errors import InputError
+from renderer.pipeline import Frame, Stage, prepare, render_frames, view_of
+from renderer.png import encode_png
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import Scene
+
+# Of a scene of this size, in any state.
+PATIENCE_S = 60
+
+# Legal scenes that go through the whole command, too, and have their file compared.
+SHARE_OF_COMMANDS = 0.125
+
+# What may be said about a scene of which every part is legal: that there is nothing to fit into the frame.
+LEGAL_REFUSALS = ("so there is nothing to frame",)
+
+# A message begins with its place: a file, a part of the scene, an option.
+PLACED = re.compile(r"\A(\S.*?): \S")
+FAULTS = ("Traceback", "a bug; please report", "this is a fault of hsplat", "unexpected ")
+
+
+@dataclass
+class Verdict:
+    """outcome: picture, refused, failed, or wrong, which is the one that must not be; why: of a wrong one, or the
+    message. worst: by quantity. kinds: what the scene has, for the summary."""
+
+    index: int
+    legal: bool
+    spoilt: str
+    outcome: str
+    why: str = ""
+    worst: dict[str, float] = field(default_factory=dict)
+    kinds: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+
+def make_case(seed: int, index: int, dtypes: Sequence[str] = DTYPES) -> Case:
+    """Every second scene is spoilt."""
+    rng = random_of(seed, index)
+    case = legal_case(index, rng, dtypes)
+    return spoil(case, rng) if index % 2 else case
+
+
+def write_case(case: Case, folder: Path) -> Path:
+    """The scene file and what lies beside it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in case.files.items():
+        (folder / name).write_bytes(content)
+    path = folder / "scene.yaml"
+    path.write_bytes(case.text if case.text is not None else yaml.safe_dump(case.tree, sort_keys=False).encode())
+    return path
+
+
+def judge(case: Case, folder: Path, rasterizer: GLRasterizer) -> Verdict:
+    """Draw the scene in `folder`, which becomes the current one for the time."""
+    verdict = Verdict(case.index, not case.spoilt, case.spoilt, "wrong", kinds=_kinds(case))
+    start = time.perf_counter()
+    try:
+        with _inside(folder), _patience(), _loud():
+            path = write_case(case, folder)
+            if case.spoilt:
+                _judge_spoilt(case, path, rasterizer, verdict)
+            else:
+                _judge_legal(case, path, rasterizer, verdict)
+    except (WrongError, DisagreementError) as error:
+        verdict.outcome, verdict.why = "wrong", str(error)
+    except Exception:  # whatever it was, of the program or of the oracle, it is to be looked at
+        verdict.outcome, verdict.why = "wrong", traceback.format_exc(limit=-6)
+    verdict.seconds = time.perf_counter() - start
+    return verdict
+
+
+@contextlib.contextmanager
+def _inside(folder: Path) -> Iterator[None]:
+    before = Path.cwd()
+    folder.mkdir(parents=True, exist_ok=True)
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+@contextlib.contextmanager
+def _patience() -> Iterator[None]:
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"more than {PATIENCE_S} s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(PATIENCE_S)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextlib.contextmanager
+def _loud() -> Iterator[None]:
+    with warnings.catch_warnings(), np.errstate(over="raise", divide="raise", invalid="raise"):
+        warnings.simplefilter("error")
+        yield
+
+
+def _judge_legal(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Verdict) -> None:
+    scene = load_scene(path)
+    try:
+        frame = _judge_picture(scene, case, rasterizer, verdict)
+    except InputError as error:
+        if not any(text in str(error) for text in LEGAL_REFUSALS):
+            raise WrongError(f"a legal scene was refused: {error}") from error
+        verdict.outcome, verdict.why = "refused", str(error)
+        return
+    if not case.in_memory and random_of(case.index, 1).random() < SHARE_OF_COMMANDS:
+        code, message = _command(case, path)
+        if code != 0:
+            raise WrongError(f"the command ended with {code}: {message}")
+        written = Path(str(scene.output.file).format(frame=case.frame)).read_bytes()
+        if written != encode_png(frame.image):
+            raise WrongError("the command wrote another picture")
+
+
+def _judge_spoilt(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Verdict) -> None:
+    code, message = _command(case, path)
+    found = [text for text in FAULTS if text in message]
+    if found:
+        raise WrongError(f"exit code {code} and {found[0]!r} in: {message}")
+    if code == 0:
+        overrides = [value for name, value in zip(case.arguments, case.arguments[1:], strict=False) if name == "--set"]
+        scene = load_scene(path, overrides=overrides)
+        _judge_picture(scene, replace(case, volume=None), rasterizer, verdict)
+        return
+    if code not in (1, 2) or not PLACED.match(message):
+        raise WrongError(f"exit code {code} and no place in: {message}")
+    verdict.outcome, verdict.why = ("refused" if code == 2 else "failed"), message
+
+
+def _command(case: Case, path: Path) -> tuple[int, str]:
+    """Exit code and what was said on the standard error stream."""
+    said, shown = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(shown):
+        code = run(["render", str(path), "--frames", str(case.frame), "--quiet", *case.arguments])
+    return code, said.getvalue()
+
+
+def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: Verdict) -> Frame:
+    stage = prepare(scene, clock=time.perf_counter, num_threads=1, volume=case.volume if case.in_memory else None)
+    if case.volume is not None and not case.in_memory:
+        _require_same_volume(stage, case)
+    number = min(case.frame, scene.camera.path.frames - 1)
+    (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
+    if not np.isfinite(frame.radiance).all():
+        raise WrongError("the picture has pixels that are not numbers")
+    view = view_of(stage, number)
+    with np.errstate(all="ignore"):
+        picture = reference(stage, frame, view)
+    if not (np.isfinite(picture.radiance).all() and np.isfinite(picture.bound).all()):
+        raise WrongError("the reference has pixels that are not numbers")
+    radiance = frame.radiance
+    if scene.overlay == "octree":
+        radiance = without_overlay(stage, frame, view, rasterizer)
+    verdict.worst = compare_radiance(radiance, picture)
+    if scene.overlay == "none":
+        verdict.worst |= compare_8_bit(frame.image, picture, scene.output.background)
+    verdict.outcome = "picture"
+    return frame
+
+
+def _require_same_volume(stage: Stage, case: Case) -> None:
+    expected, got = case.volume, stage.volume
+    assert expected is not None
+    if got.values.dtype != expected.values.dtype or got.values.tobytes() != expected.values.tobytes():
+        raise WrongError(f"other voxels were read: {got.values.dtype} {got.values.shape}")
+    scale = np.abs(expected.world_from_index).max()
+    if np.abs(got.world_from_index - expected.world_from_index).max() > 1e-12 * scale:
+        raise WrongError(f"the volume lies elsewhere: {got.world_from_index}, not {expected.world_from_index}")
+
+
+def _kinds(case: Case) -> tuple[str, ...]:
+    """What a scene has that is worth a line in the summary."""
+    splat, error = case.tree.get("splat"), case.tree.get("error")
+    kinds = [
+        "gouraud" if isinstance(splat, dict) and splat.get("footprint") == "gouraud" else "gaussian",
+        f"measure {error.get('measure', 'optical') if isinstance(error, dict) else 'optical'}",
+    ]
+    return tuple(kinds)

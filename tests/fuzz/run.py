@@ -1,0 +1,123 @@
+"""Random scenes and small volumes, every second one spoilt, drawn by the program and compared with the oracle.
+
+    python tests/fuzz/run.py [--scenes 20000] [--seed 1] [--workers 2] [--only INDEX]
+
+A legal scene must give the picture of `tests/support/oracle.py` within a bound that follows from its numbers, and the
+frame's 8 bits one of the levels that this leaves open; a spoilt one an error with its place, or the right picture where
+it turns out to be legal. What fails is written to a folder, with the command that repeats it; then the exit code is 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import queue
+import shutil
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" / "fuzz")]
+
+from judge import Verdict, judge, make_case, write_case  # noqa: E402
+
+from hsplat_cli.progress import progress  # noqa: E402
+from renderer.raster_gl import GLRasterizer  # noqa: E402
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=20_000)
+    parser.add_argument("--first", type=int, default=0, metavar="INDEX", help="number of the first scene")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", type=int, metavar="INDEX", help="judge this scene alone, and keep its files")
+    parser.add_argument("--failures", type=Path, default=Path("fuzz-failures"), help="folder for scenes that fail")
+    arguments = parser.parse_args()
+    if arguments.only is not None:
+        folder = arguments.failures.absolute() / str(arguments.only)
+        with GLRasterizer() as rasterizer:
+            verdict = judge(make_case(arguments.seed, arguments.only), folder, rasterizer)
+        print(f"{folder}\n{verdict}")
+        return int(verdict.outcome == "wrong")
+    numbers = range(arguments.first, arguments.first + arguments.scenes)
+    verdicts = []
+    with progress(len(numbers), label="fuzz", quiet=False, unit="scenes") as bar:
+        for verdict in judged(arguments.seed, numbers, arguments.workers):
+            verdicts.append(verdict)
+            if verdict.outcome == "wrong":
+                write_case(make_case(arguments.seed, verdict.index), arguments.failures / str(verdict.index))
+            bar.advance(f"{sum(verdict.outcome == 'wrong' for verdict in verdicts)} wrong")
+    return report(verdicts, len(numbers), arguments.seed, arguments.failures)
+
+
+def judged(seed: int, numbers: range, workers: int) -> Iterator[Verdict]:
+    """The verdicts as they come; ends early when a worker does."""
+    context = multiprocessing.get_context("spawn")
+    results: Any = context.Queue()
+    os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's software renderer: the processes share the cores
+    processes = [context.Process(target=work, args=(seed, numbers[k::workers], results)) for k in range(workers)]
+    for process in processes:
+        process.start()
+    for _ in numbers:
+        while True:
+            try:
+                yield results.get(timeout=1.0)
+                break
+            except queue.Empty:
+                if not any(process.is_alive() for process in processes):
+                    return
+    for process in processes:
+        process.join()
+
+
+def work(seed: int, numbers: range, results: Any) -> None:
+    """Judge these scenes, in a process of its own."""
+    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as base, GLRasterizer() as rasterizer:
+        for index in numbers:
+            folder = Path(base, str(index))
+            results.put(judge(make_case(seed, index), folder, rasterizer))
+            shutil.rmtree(folder)
+
+
+def report(verdicts: list[Verdict], wanted: int, seed: int, failures: Path) -> int:
+    """Print what came out; 1 if anything was wrong or missing."""
+    for legal in (True, False):
+        of_kind = [verdict for verdict in verdicts if verdict.legal == legal]
+        counts = Counter(verdict.outcome for verdict in of_kind)
+        print(f"{len(of_kind)} {'legal' if legal else 'spoilt'}: " + ", ".join(f"{n} {k}" for k, n in counts.items()))
+    print("spoilt by: " + ", ".join(f"{k} {n}" for k, n in Counter(v.spoilt for v in verdicts if v.spoilt).items()))
+    _print_worst(verdicts)
+    slowest = max(verdicts, key=lambda verdict: verdict.seconds, default=None)
+    if slowest is not None:
+        print(f"slowest: {slowest.seconds:.1f} s, scene {slowest.index}")
+    wrong = [verdict for verdict in verdicts if verdict.outcome == "wrong"]
+    for verdict in sorted(wrong, key=lambda verdict: verdict.index):
+        print(f"\npython tests/fuzz/run.py --seed {seed} --only {verdict.index}  # {failures / str(verdict.index)}")
+        print(f"  {verdict.spoilt or 'legal'}, {', '.join(verdict.kinds)}: {verdict.why.strip()}")
+    if len(verdicts) < wanted:
+        print(f"\nonly {len(verdicts)} of {wanted} scenes: a worker has died")
+    return int(bool(wrong) or len(verdicts) < wanted)
+
+
+def _print_worst(verdicts: list[Verdict]) -> None:
+    """The worst of each quantity, and what nearly all scenes stay under, by kind of scene."""
+    print(f"\n{'':42} {'median':>9} {'99 %':>9} {'worst':>9}  scene")
+    for kind in sorted({kind for verdict in verdicts for kind in verdict.kinds}):
+        of_kind = [verdict for verdict in verdicts if kind in verdict.kinds and verdict.worst]
+        for quantity in dict.fromkeys(name for verdict in of_kind for name in verdict.worst):
+            values = {v.worst[quantity]: v.index for v in of_kind if quantity in v.worst}
+            some = np.array([v.worst[quantity] for v in of_kind if quantity in v.worst])
+            middle, most = np.quantile(some, [0.5, 0.99])
+            print(f"{kind + ', ' + quantity:42} {middle:9.2g} {most:9.2g} {some.max():9.2g}  {values[some.max()]}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,224 @@
+"""Legal scenes with something wrong in them: a value, a key, the text, a file or the command line.
+
+Not everything that is done here makes a scene illegal: a file with other bytes may hold another volume. What comes out
+is judged by what the program says to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import yaml
+from scenes import Case, Random
+
+NAN, INF = float("nan"), float("inf")
+
+# None of these is a number of frames, pixels or voxels that would keep a machine busy.
+WRONG_VALUES: tuple[Any, ...] = (
+    None, "text", "", [], {}, NAN, INF, -INF, -1, 0, 1e300, -1e300, 1e-320, 10**30, -(10**30), True, False, "1e400",
+    "0x10", "nan", [1, 2], [NAN, 0, 0], [[1]], {"a": 1}, {"file": "x"}, 0.5, -0.0, "\0", "\u202e", "a" * 3000,
+    "1_000", [1e300, 1e300, 1e300], [-1, -1, -1], "transparent", "visible",
+)  # fmt: skip
+
+
+def spoil(case: Case, rng: Random) -> Case:
+    """The case with one thing changed, `spoilt` saying which; it is drawn from its files."""
+    if case.in_memory:
+        case.in_memory = False
+    change = _CHANGES[int(rng.choice(len(_CHANGES), p=_SHARES))]
+    case.spoilt = change.__name__.removeprefix("_")
+    change(case, rng)
+    return case
+
+
+def _places(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Paths of everything in a tree."""
+    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    found = [path] if path else []
+    for key, value in items:
+        found += _places(value, (*path, key))
+    return found
+
+
+def _parent(tree: Any, path: tuple[Any, ...]) -> Any:
+    for key in path[:-1]:
+        tree = tree[key]
+    return tree
+
+
+def _any_place(case: Case, rng: Random) -> tuple[Any, ...]:
+    places = _places(case.tree)
+    return places[int(rng.integers(len(places)))]
+
+
+def _wrong_value(rng: Random) -> Any:
+    return WRONG_VALUES[int(rng.integers(len(WRONG_VALUES)))]
+
+
+def _value(case: Case, rng: Random) -> None:
+    path = _any_place(case, rng)
+    _parent(case.tree, path)[path[-1]] = _wrong_value(rng)
+
+
+def _number(case: Case, rng: Random) -> None:
+    """By a factor: out of all proportion, or next to it."""
+    places = [path for path in _places(case.tree) if isinstance(_parent(case.tree, path)[path[-1]], float)]
+    if not places:
+        _value(case, rng)
+        return
+    path = places[int(rng.integers(len(places)))]
+    value = _parent(case.tree, path)[path[-1]]
+    factors = [-1.0, *(10.0**power for power in (-300, -30, -20, -12, -6, 6, 12, 20, 29, 30, 300))]
+    _parent(case.tree, path)[path[-1]] = float(value * factors[int(rng.integers(len(factors)))])
+
+
+def _missing_key(case: Case, rng: Random) -> None:
+    path = _any_place(case, rng)
+    parent = _parent(case.tree, path)
+    del parent[path[-1]]
+
+
+def _unknown_key(case: Case, rng: Random) -> None:
+    path = _any_place(case, rng)
+    parent = _parent(case.tree, path)
+    if isinstance(parent, dict):
+        name = ["tolernace", "x", 7, None, 1.5, True, "a.b", "\n", "fovy"][int(rng.integers(9))]
+        parent[name] = _wrong_value(rng)
+    else:
+        parent.append(_wrong_value(rng))
+
+
+def _contradiction(case: Case, rng: Random) -> None:
+    tree = case.tree
+    changes: list[Callable[[], object]] = [
+        lambda: tree["splat"].update(footprint="gaussian", angular=8),
+        lambda: tree["error"].update(measure="optical", of="scalar"),
+        lambda: tree["output"].update(file="a.gif", background="transparent"),
+        lambda: tree["output"].update(file="a.mp4", size=[31, 33], background="black"),
+        lambda: tree["output"].update(file="a.png"),
+        lambda: tree["output"].update(file="a-{frame}.gif"),
+        lambda: tree["output"].update(file="no/such/{frame}/a.png"),
+        lambda: tree["transfer_function"].update(points=[{"value": 0, "color": "red", "opacity": 1}], colormap="gray"),
+        lambda: tree["transfer_function"].update(
+            points=[{"value": v, "color": "red", "opacity": 0.5} for v in (1, 0)], colormap=None
+        ),
+        lambda: tree["transfer_function"].update(
+            points=[{"value": 1, "color": "red", "opacity": 0.5} for _ in range(3)]
+        ),
+        lambda: tree["transfer_function"].update(points=[{"value": 1, "color": "red", "opacity": 0}]),
+        lambda: tree["volume"].update(crop=[[0, 1], [5, 5], [0, 1000]]),
+        lambda: tree["volume"].update(file="scene.yaml", raw={"file": "scene.yaml"}),
+        lambda: tree["volume"].update(time=3, component=1),
+        lambda: tree["error"].update(tolerance={0: 0.5, 1000: 0.1}),
+        lambda: tree["error"].update(tolerance={0: 0}),
+        lambda: tree["error"].update(tolerance={-1: 1, "a": 2, 0: INF}),
+        lambda: tree["camera"].update(target=[0, 0, 0], distance=0),
+        lambda: tree["camera"]["path"].update(type="keyframes", keys=[]),
+        lambda: tree["camera"]["path"].update(axis=[0, 0, 0]),
+    ]
+    changes[int(rng.integers(len(changes)))]()
+
+
+def _text(case: Case, rng: Random) -> None:
+    """Of the scene file."""
+    text = yaml.safe_dump(case.tree, sort_keys=False).encode()
+    cut = int(rng.integers(len(text)))
+    case.text = [
+        text[:cut],
+        text[:cut] + rng.bytes(int(rng.integers(1, 9))) + text[cut:],
+        text[:cut] + b"\t" + text[cut:],
+        text[:cut] + b'"' + text[cut:],
+        text[:cut] + b"{" + text[cut:],
+        text[:cut] + b": " + text[cut:],
+        text[:cut] + b"*a" + text[cut:],
+        text[:cut] + b"\x00" + text[cut:],
+        text + b"---\n" + text,
+        text + text,
+        text + b"a: &a [*a]\n",
+        text + b"a: " + b"[" * 5000,
+        text + b"a: &a {b: *a}\n",
+        text + b"b: !!python/object/apply:os.system [true]\n",
+        text.replace(b"version: 1", b"version: 2"),
+        text.replace(b"\n", b"\r"),
+        b"\xff\xfe" + text.decode().encode("utf-16-le"),
+        rng.bytes(300),
+        b"",
+        b"[1, 2]",
+        b"# nothing\n",
+        b"a: &a [x,x,x,x,x,x,x,x,x]\n"
+        + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 9)) for c in range(98, 106)),
+    ][int(rng.integers(22))]
+
+
+def _file(case: Case, rng: Random) -> None:
+    """Of the voxels: cut short, lengthened, with other bytes, missing, of another format, or a folder."""
+    if not case.files:
+        case.files["v.npy"] = b"\x93NUMPY\x01\x00"
+        case.tree["volume"] = {"file": "v.npy"}
+    names = sorted(case.files)
+    name = names[int(rng.integers(len(names)))]
+    data = case.files[name]
+    cut = int(rng.integers(max(len(data), 1)))
+    kind = int(rng.integers(8))
+    if kind < 2:
+        case.files[name] = data[:cut]
+    elif kind == 2:
+        case.files[name] = data + rng.bytes(5)
+    elif kind < 6:  # in the header, mostly
+        garbled = bytearray(data)
+        for _ in range(int(rng.integers(1, 5))):
+            if garbled:
+                garbled[int(rng.integers(min(len(garbled), 400)))] = int(rng.integers(256))
+        case.files[name] = bytes(garbled)
+    elif kind == 6:
+        del case.files[name]
+    else:
+        case.files[name] = rng.bytes(len(data))
+
+
+def _option(case: Case, rng: Random) -> None:
+    """Of the command line."""
+    path = ".".join(map(str, _any_place(case, rng)))
+    value = yaml.safe_dump(_wrong_value(rng), default_flow_style=True).strip().removesuffix("...").strip()
+    options = [
+        ["--set", f"{path}={value}"],
+        ["--set", f"{path}={value}"],
+        ["--set", f"{path}={value}"],
+        ["--set", path],
+        ["--set", f"{path}.x.y={value}"],
+        ["--set", "=1"],
+        ["--set", "..=1"],
+        ["--set", f"{path}=[1, 2"],
+        ["--set", f"{path}=&a [*a]"],
+        ["--set", "transfer_function.points.99.value=1"],
+        ["--output", "a.jpg"],
+        ["--output", ""],
+        ["--output", "\udcff.gif"],
+        ["--volume", "nothing.nrrd"],
+        ["--volume", "scene.yaml"],
+        ["--volume", "."],
+        ["--frames", "a"],
+        ["--frames", "9:2"],
+        ["--frames", "::0"],
+        ["--frames", "10000000000000000000000"],
+    ]
+    case.arguments += options[int(rng.integers(len(options)))]
+
+
+def _voxels(case: Case, rng: Random) -> None:
+    """Infinities and no numbers among them."""
+    assert case.volume is not None
+    with np.errstate(over="ignore"):  # more infinities
+        values = case.volume.values.astype(np.float32 if rng.random() < 0.5 else np.float64, order="C")
+    for _ in range(int(rng.integers(1, 4))):
+        values[tuple(int(rng.integers(n)) for n in values.shape)] = [NAN, INF, -INF][int(rng.integers(3))]
+    case.files["n.raw"] = values.tobytes()
+    case.tree["volume"] = {"raw": {"file": "n.raw", "shape": list(values.shape[::-1]), "dtype": values.dtype.name}}
+    if rng.random() < 0.5:
+        case.tree["volume"]["nonfinite"] = "lowest"
+
+
+_CHANGES = (_value, _number, _missing_key, _unknown_key, _contradiction, _text, _file, _option, _voxels)
+_SHARES = (0.2, 0.1, 0.08, 0.08, 0.14, 0.12, 0.12, 0.12, 0.04)

@@ -1,0 +1,70 @@
+"""A short run of `tests/fuzz/run.py`, from another seed than its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import compare
+import numpy as np
+import pytest
+from judge import judge, make_case, write_case
+
+from renderer import pipeline
+from renderer.raster_gl import GLRasterizer
+from renderer.splats import SplatBatch, make_splats
+
+SEED = 2
+# Kernels are compiled for every type of voxel, which takes longer than all scenes here; the whole run has them all.
+DTYPES = ("uint8", "int16", "float32")
+SCENES = 160
+AT_ONCE = 16
+
+
+@pytest.mark.parametrize("first", range(0, SCENES, AT_ONCE))
+def test_right_pictures_or_clear_errors(rasterizer: GLRasterizer, tmp_path: Path, first: int) -> None:
+    verdicts = [
+        judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer)
+        for index in range(first, first + AT_ONCE)
+    ]
+    wrong = [f"{v.index} ({v.spoilt or 'legal'}): {v.why}" for v in verdicts if v.outcome == "wrong"]
+    assert not wrong, "\n".join(wrong)
+    assert any(verdict.outcome == "picture" for verdict in verdicts)
+    assert any(verdict.outcome == "refused" for verdict in verdicts)
+
+
+def _changed(batch: SplatBatch, part: slice, factor: float, offset: float) -> SplatBatch:
+    vertices = batch.vertices.copy()
+    vertices[:, part] = vertices[:, part] * np.float32(factor) + np.float32(offset)
+    return replace(batch, vertices=vertices)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        lambda batch: _changed(batch, slice(0, 1), 1, 1e-3),  # centres, by a thousandth of the volume's radius
+        lambda batch: _changed(batch, slice(3, 7), 1.01, 0),  # optical depths
+        lambda batch: _changed(batch, slice(3, 4), 1.01, 0),  # red
+        lambda batch: replace(batch, axes=batch.axes * 1.01),  # sizes
+    ],
+    ids=["centres", "depths", "red", "sizes"],
+)
+def test_small_faults_are_seen(
+    rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Callable[[SplatBatch], SplatBatch]
+) -> None:
+    """The bounds are no wider than rounding: a fault of 1 % is seen, unless it is out of the picture."""
+    for module in (pipeline, compare):
+        monkeypatch.setattr(module, "make_splats", lambda cut, spec: fault(make_splats(cut, spec)))
+    numbers = range(0, 24, 2)
+    verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer) for index in numbers]
+    assert sum(verdict.outcome == "wrong" for verdict in verdicts) >= len(numbers) // 3
+
+
+def test_a_scene_comes_from_its_number_alone(tmp_path: Path) -> None:
+    for index in (0, 1):
+        folders = [tmp_path / f"{index}-{k}" for k in range(2)]
+        cases = [make_case(SEED, index) for _ in folders]
+        texts = [write_case(case, folder).read_bytes() for case, folder in zip(cases, folders, strict=True)]
+        assert texts[0] == texts[1]
+        assert cases[0].files == cases[1].files and cases[0].frame == cases[1].frame

@@ -1,0 +1,305 @@
+"""The picture of a list of cells, from the definitions, with a bound on what rounding may change: see `oracle`.
+
+    cell -> Gaussian in the world -> what lies beyond the near plane -> affine image about its centre
+         -> widened to the pixels -> optical depth at each pixel -> alpha -> over
+
+M. Zwicker, H. Pfister, J. van Baar, M. Gross, "EWA Splatting", IEEE TVCG 8 (2002): the affine image.
+N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions 1", chapter 13: the truncated normal.
+
+The renderer works in float32, with averages in float16 if the scene asks. Instead of one tolerance for all scenes,
+each splat carries what that may do to it: how far its centre may be off in pixels, its size and its depth in parts of
+themselves. At every pixel this gives the least and the largest alpha, which also covers pixels next to the rim of a
+footprint, and the differences are composited along with the picture. So a scene seen through a field of view of a
+hundredth of a degree has a wider bound than one seen as a whole, and both have one that follows from their numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from oracle import FLOAT32, Cells, DisagreementError, Field
+from scipy.special import erfc, erfcx
+
+from renderer.camera import View
+from renderer.projection import SLOPE_LIMIT
+from renderer.scene import Scene, SplatSpec
+from renderer.splats import GAUSSIAN_CUTOFF, GaussianFootprint, GouraudFootprint
+
+Float64 = npt.NDArray[np.float64]
+
+# Rounding of a coordinate on its way through a matrix of float32, in units of the last place of its largest part.
+ULPS = 6 * FLOAT32
+
+# Sizes and depths of splats, and opacities: a few operations each, and the device's exponential, which GL leaves to it.
+# Seen on llvmpipe: 1.4e-6 for alpha.
+RELATIVE = 1e-5
+
+# The same where the near plane cuts a splat: its moments are differences of larger numbers (see the parity tests).
+RELATIVE_CUT = 3e-4
+
+# The near plane leaves nothing of a splat that lies so many standard deviations before it: 3e-5 of its mass.
+FARTHEST_CUT = 4.0
+
+# The device places the vertices of triangles on a grid of this many pixels: llvmpipe's; GL guarantees 1/16.
+SUBPIXEL = 1 / 256
+
+
+@dataclass(frozen=True)
+class Picture:
+    """radiance: float64 [h, w, 4], premultiplied RGBA over nothing; the renderer's lies within `bound` of it."""
+
+    radiance: Float64
+    bound: Float64
+
+
+@dataclass(frozen=True)
+class _Footprints:
+    """[n] each: centres [n, 2] in pixels (row 0 at the top), covariances [n, 2, 2], optical depth where the weight is 1
+    and the cell has a depth of 1; how far the centre may be off in pixels, and size and depth in parts of themselves;
+    by how many standard deviations the near plane lies beyond the centre; rounding of what the device interpolates."""
+
+    center_px: Float64
+    covariance_px: Float64
+    unit_depth: Float64
+    shift_px: Float64
+    relative: Float64
+    cut_at: Float64
+    rounding: Float64
+
+    def describe(self, i: int) -> str:
+        """One splat in words."""
+        return (
+            f"centre {self.center_px[i]} px, covariance {self.covariance_px[i].tolist()} px^2, depth "
+            f"{self.unit_depth[i]:.3g}, near plane at {self.cut_at[i]:.3g} standard deviations"
+        )
+
+
+@dataclass(frozen=True)
+class _Profile:
+    """A footprint's weight by radius: in standard deviations for a Gaussian, that of the polygon for the paper's.
+
+    decay, coefficients: of a Gaussian. radii, weights: of rings, between which *alpha* is linear. corners: of a ring.
+    """
+
+    cutoff: float
+    narrowest_px: float
+    decay: float = 0.0
+    coefficients: tuple[float, ...] = ()
+    radii: Float64 = field(default_factory=lambda: np.empty(0))
+    weights: Float64 = field(default_factory=lambda: np.empty(0))
+    corners: int = 0
+
+
+def make_picture(voxels: Field, cells: Cells, scene: Scene, view: View, is_drawn: npt.NDArray[np.bool_]) -> Picture:
+    """Composite the cells in their order; those that the renderer leaves out are verified to leave nothing."""
+    image = np.zeros((view.size[1], view.size[0], 4))
+    bound = np.zeros_like(image)
+    profile = _profile(scene.splat)
+    splats = _footprints(voxels, cells, scene.splat, view, profile)
+    x_px, y_px = np.meshgrid(np.arange(view.size[0]) + 0.5, np.arange(view.size[1]) + 0.5)
+    for i in range(len(cells.depths)):
+        if cells.high[i] == 0 or splats.unit_depth[i] == 0:
+            continue
+        window = _window(splats, i, profile, view.size)
+        if window is None:
+            continue
+        low, alpha, high = _alphas(splats, i, profile, cells, x_px[window], y_px[window])
+        if abs(splats.cut_at[i] - FARTHEST_CUT) < RELATIVE:
+            low = np.zeros_like(low)
+        elif splats.cut_at[i] > FARTHEST_CUT:
+            continue
+        if not is_drawn[i]:
+            if low.max() > 0:
+                raise DisagreementError(
+                    f"cell {i} is left out, and has an alpha of {low.max():.3g}: {splats.describe(i)}"
+                )
+            continue
+        color = np.append(cells.colors[i], 1.0)
+        slack = np.append(np.full(3, cells.color_slack[i]), 0.0)
+        behind, of_behind = image[window], bound[window]
+        off = np.maximum(high - alpha, alpha - low)[..., None]
+        rounding = splats.rounding[i]
+        bound[window] = (
+            rounding
+            + off * (np.abs(color - behind) + of_behind)
+            + (1 - alpha[..., None]) * of_behind
+            + high[..., None] * slack
+            + 3 * FLOAT32 * (high[..., None] * color + np.abs(behind))
+        )
+        image[window] = alpha[..., None] * color + (1 - alpha[..., None]) * behind
+    return Picture(image, bound)
+
+
+def view_depths(voxels: Field, cells: Cells, view: View) -> Float64:
+    """float64 [n]: how far beyond the eye plane the centres are, world units."""
+    return np.asarray(-(_centers(voxels, cells) @ view.view_from_world[2, :3] + view.view_from_world[2, 3]))
+
+
+def _centers(voxels: Field, cells: Cells) -> Float64:
+    world_from_index = voxels.volume.world_from_index
+    return np.asarray((cells.first + (cells.extent - 1) / 2) @ world_from_index[:3, :3].T + world_from_index[:3, 3])
+
+
+def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profile: _Profile) -> _Footprints:
+    """Every cell's Gaussian, cut by the near plane, on the image."""
+    edges = voxels.volume.world_from_index[:3, :3]
+    spacing = float(np.linalg.norm(edges, axis=0).min())
+    num_voxels = np.prod(cells.extent, axis=1, dtype=np.float64)
+    thickness = num_voxels if spec.opacity_correction else num_voxels ** (2 / 3)
+    areas = spacing**2 * abs(np.linalg.det(edges / spacing)) * thickness  # optical area of a depth of 1
+    to_away = np.diag([1.0, 1.0, -1.0]) @ view.view_from_world[:3]
+    mean = _centers(voxels, cells) @ to_away[:, :3].T + to_away[:, 3]
+    axes = to_away[:, :3] @ (edges * (spec.sigma * cells.extent)[:, None, :])
+    covariance = axes @ axes.transpose(0, 2, 1)
+
+    # In float32 positions are relative to the volume's centre and to half its diagonal.
+    middle = voxels.volume.centre
+    length = 0.5 * float(np.linalg.norm(edges * np.array(voxels.volume.shape_xyz)))
+    eye = np.abs(to_away[:, :3] @ middle + to_away[:, 3])
+    off = ULPS * (length + eye)
+
+    sigma = np.sqrt(covariance[:, 2, 2])
+    a = (view.near - mean[:, 2]) / sigma
+    is_cut = a > -5
+    mass, hazard = 0.5 * erfc(a / math.sqrt(2)), _hazard(a)
+    regression = covariance[:, :, 2] / covariance[:, 2, 2, None]
+    mean = mean + regression * (sigma * hazard)[:, None]
+    lost = np.clip(hazard * (hazard - a), 0, 1) * covariance[:, 2, 2]
+    covariance = covariance - lost[:, None, None] * regression[:, :, None] * regression[:, None, :]
+
+    size = np.array(view.size)
+    limit = SLOPE_LIMIT * size / 2 / view.scale_px
+    perspective = view.projection == "perspective"
+    depth = np.where(mass > 0, mean[:, 2], 1.0) if perspective else np.ones(len(mean))
+    slopes = np.clip(mean[:, :2] / depth[:, None], -limit, limit) if perspective else np.zeros((len(mean), 2))
+    jacobian = np.zeros((len(mean), 2, 3))
+    jacobian[:, 0, 0], jacobian[:, 1, 1] = 1, -1
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = -slopes[:, 0], slopes[:, 1]
+    px_per_unit = view.scale_px / depth
+    jacobian *= px_per_unit[:, None, None]
+    variances, directions = np.linalg.eigh(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
+    variances = np.maximum(variances, profile.narrowest_px**2)
+    offset_px = mean[:, :2] * px_per_unit[:, None] * [1, -1]
+
+    relative_depth = (off[2] + ULPS * sigma * (1 + np.abs(a)) * is_cut) / depth if perspective else 0.0
+    # Where the plane cuts a splat is a difference of two depths from the eye, which may be far away.
+    relative_cut = RELATIVE_CUT + (1 + np.abs(a)) * off[2] / sigma
+    relative = relative_depth + np.where(is_cut, relative_cut, RELATIVE)
+    away_px = np.linalg.norm(offset_px, axis=1)
+    sigma_px = np.sqrt(variances[:, 1])
+    shift_px = (
+        px_per_unit * math.hypot(off[0], off[1])
+        + away_px * relative_depth
+        + 4 * FLOAT32 * (away_px + size.max())
+        + np.where(is_cut, relative_cut, ULPS) * sigma_px
+    )
+    return _Footprints(
+        size / 2 + offset_px,
+        (directions * variances[:, None, :]) @ directions.transpose(0, 2, 1),
+        mass * areas * px_per_unit**2 * np.sqrt(1 + np.sum(slopes**2, axis=1)) / np.sqrt(np.prod(variances, axis=1)),
+        shift_px,
+        np.minimum(relative, 1.0),
+        a,
+        _rounding(profile, np.sqrt(variances[:, 0]), view),
+    )
+
+
+def _rounding(profile: _Profile, narrow_px: Float64, view: View) -> Float64:
+    """The device evaluates a triangle's plane from a corner of the image: ulps of its steepest slope, a whole alpha
+    from ring to ring, times the image's size."""
+    if not profile.corners:
+        return np.zeros_like(narrow_px)
+    ring_px = narrow_px * profile.cutoff / (len(profile.radii) - 1) * math.cos(math.pi / profile.corners)
+    return 2 * FLOAT32 * sum(view.size) / ring_px
+
+
+def _hazard(a: Float64) -> Float64:
+    """Density over the rest of the normal distribution, at a."""
+    with np.errstate(over="ignore"):
+        return np.asarray(math.sqrt(2 / math.pi) / np.maximum(erfcx(a / math.sqrt(2)), 1e-300))
+
+
+def _window(splats: _Footprints, i: int, profile: _Profile, size: tuple[int, int]) -> tuple[slice, slice] | None:
+    """Rows and columns that the footprint may reach."""
+    reach = profile.cutoff * np.sqrt(np.diag(splats.covariance_px[i])) * (1 + splats.relative[i]) + splats.shift_px[i]
+    low = np.clip(np.floor(splats.center_px[i] - reach) - 1, 0, size).astype(int)
+    high = np.clip(np.ceil(splats.center_px[i] + reach) + 1, 0, size).astype(int)
+    return (slice(low[1], high[1]), slice(low[0], high[0])) if (low < high).all() else None
+
+
+def _alphas(
+    splats: _Footprints, i: int, profile: _Profile, cells: Cells, x_px: Float64, y_px: Float64
+) -> tuple[Float64, Float64, Float64]:
+    """Least, exact and largest alpha at some pixels."""
+    root = np.linalg.cholesky(splats.covariance_px[i])
+    dx, dy = x_px - splats.center_px[i, 0], y_px - splats.center_px[i, 1]
+    u = dx / root[0, 0]
+    v = (dy - root[1, 0] * u) / root[1, 1]
+    radius = np.hypot(u, v)
+    shift, relative, unit_depth = splats.shift_px[i], splats.relative[i], splats.unit_depth[i]
+    narrow = math.sqrt(np.linalg.eigvalsh(splats.covariance_px[i])[0])
+    if profile.corners:
+        # The hardware's triangles: linear in the distance from the centre along the sides of the polygon.
+        angle = 2 * math.pi / profile.corners
+        within = np.mod(np.arctan2(v, u), angle) - angle / 2
+        radius = radius * np.cos(within) / math.cos(angle / 2)
+        shift += SUBPIXEL
+    slack = shift / narrow / math.cos(math.pi / profile.corners if profile.corners else 0.0) + relative * radius
+    low, depth, high = (unit_depth * value[i] for value in (cells.low, cells.depths, cells.high))
+    low, high = low * (1 - 2 * relative), high * (1 + 2 * relative)
+    near, far = np.maximum(radius - slack, 0), radius + slack
+    at_ends = [(_alpha(profile, low, r), _alpha(profile, high, r)) for r in (near, radius, far)]
+    # A profile need not fall all the way: its turns are at the rings.
+    for ring in profile.radii:
+        r = np.where((near <= ring) & (ring <= far), ring, radius)
+        at_ends.append((_alpha(profile, low, r), _alpha(profile, high, r)))
+    least, most = zip(*at_ends, strict=True)
+    return np.min(least, axis=0), _alpha(profile, depth, radius), np.max(most, axis=0)
+
+
+def _alpha(profile: _Profile, depth: float, radius: Float64) -> Float64:
+    if profile.corners:
+        alpha = np.interp(radius, profile.radii, -np.expm1(-depth * profile.weights))
+    else:
+        q = radius**2
+        weight = np.exp(-profile.decay * q) * np.polynomial.polynomial.polyval(q, profile.coefficients)
+        alpha = -np.expm1(-depth * weight)
+    return np.where(radius <= profile.cutoff, alpha, 0.0)
+
+
+def _profile(spec: SplatSpec) -> _Profile:
+    """The footprint of a scene, normalised by quadrature: its integral over the plane is 1."""
+    if spec.footprint == "gaussian":
+        s2 = spec.sigma**2 - 3 / (4 * math.pi**2)  # see GaussianFootprint
+        a, ratio = 1 / (4 * math.pi**2 * s2), spec.sigma**2 / s2
+        # 1 + 3/2 a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8) with u = r^2 / s^2 = ratio q
+        factor = np.array([1 - 3 * a + 4 * a**2, (1.5 * a - 4 * a**2) * ratio, 0.5 * a**2 * ratio**2])
+        nodes, shares = np.polynomial.legendre.leggauss(64)
+        q = GAUSSIAN_CUTOFF**2 * (nodes + 1) / 2
+        values = np.exp(-0.5 * ratio * q) * np.polynomial.polynomial.polyval(q, factor)
+        integral = math.pi * GAUSSIAN_CUTOFF**2 / 2 * float(shares @ values)  # dA = pi dq
+        return _Profile(GAUSSIAN_CUTOFF, GaussianFootprint.narrowest_px, 0.5 * ratio, tuple(factor / integral))
+    rings = np.arange(spec.radial + 1) / spec.radial
+    weights = np.interp(rings, *np.array(spec.profile, np.float64).T)
+    # Over a regular polygon of circumradius 1, dA = 2 area s ds and r^2 has the mean moment / area at s = 1.
+    angle = 2 * math.pi / spec.angular
+    area = spec.angular / 2 * math.sin(angle)
+    moment = area / 2 * (1 - 2 / 3 * math.sin(angle / 2) ** 2)
+    mass, second = 0.0, 0.0
+    for s0, s1, w0, w1 in zip(rings[:-1], rings[1:], weights[:-1], weights[1:], strict=True):
+        nodes, shares = np.polynomial.legendre.leggauss(4)  # exact: polynomials of degree 4
+        s = s0 + (s1 - s0) * (nodes + 1) / 2
+        w = w0 + (w1 - w0) * (nodes + 1) / 2
+        mass += area * float(shares @ (2 * s * w)) * (s1 - s0) / 2
+        second += moment / 2 * float(shares @ (4 * s**3 * w)) * (s1 - s0) / 2
+    scale = math.sqrt(mass / second)
+    return _Profile(
+        scale,
+        GouraudFootprint.narrowest_px,
+        radii=rings * scale,
+        weights=weights / (mass * scale**2),
+        corners=spec.angular,
+    )
