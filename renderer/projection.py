@@ -114,7 +114,7 @@ def longest_sigma(batch: SplatBatch) -> Float64:
 
 
 def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.NDArray[np.uint32]:
-    """uint32 [k]: the splats that can touch the image, back to front; only `order` boxes needs the cells of their cut."""
+    """uint32 [k]: the splats that can touch the image, back to front; only for `boxes` must the cut have its cells."""
     camera = model_view(batch, view)
     sigmas = longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
