@@ -326,9 +326,8 @@ SECTION = Section(
             of_classified([1e-21, 1e-20], np.float64, SINGLE, lambda p, c: worst_of_scale(p, c) * float(c.max())),
         ),
     ),
-    "Relative errors of what is classified are those of nodes whose error is a tenth of the largest channel or more. The"
-    " means of all nodes are rounded to float32, to 6e-8 of the values, and errors below a tenth of them are as exact as"
-    " that: in the row of opacities that differ by less than 1e-4, and in all others.",
+    "What is classified has relative errors where the error is a tenth of the largest channel or more. The means of all"
+    " nodes are rounded to float32, 6e-8 of the values, and smaller errors are as exact as that.",
 )
 
 
