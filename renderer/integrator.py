@@ -38,6 +38,9 @@ Progress = Callable[[float], None]
 # milliseconds, half a second where each meets a thousand cells with light), enough to be worth a task.
 _RAYS_PER_TASK = 256
 _FIRST_STEP = 1.0
+# The largest scalar or control value is brought between these powers of two, which few are not: sums, differences and
+# slopes then neither overflow nor get lost.
+_LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
 
 
 class PiecewiseLinear(Protocol):
@@ -204,7 +207,8 @@ def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | N
     bricks = np.zeros([n // BRICK + 1 for n in values.shape], np.uint8)
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     largest = max(abs(float(values.min())), abs(float(values.max())), float(np.abs(transfer.values).max()))
-    scale = math.ldexp(1.0, min(-math.frexp(largest)[1], 1000))
+    exponent = math.frexp(largest)[1]
+    scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
     intervals, lighting = _intervals(transfer, scale), _lighting(shading, index_from_world)
     return _Field(volume, values, bricks, index_from_world, intervals, lighting)
 

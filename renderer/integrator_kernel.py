@@ -54,8 +54,7 @@ class Intervals(NamedTuple):
         for the right side, so that the value of a step belongs to its upper side.
     rows: float64 [n + 1, 10], base [4], slope [4], origin and the number of the first k control points that have
         extinction: (r, g, b, extinction) of a value is base + slope * (value - origin).
-    scale: the power of two with which scalars and knots are within [-1, 1], so that sums and differences of a few
-        neither overflow nor get lost.
+    scale: of scalars and knots, a power of two, so that sums and differences of a few neither overflow nor get lost.
     """
 
     knots: Float64
@@ -98,6 +97,21 @@ def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, lightin
 
 
 @jit
+def _resolved(value: Cubic, low: float, high: float) -> Cubic:
+    """The cubic on x in [0, 1] that should lie in [low, high]; constant where it strays too far from there.
+
+    That is where an interval is narrower than the rounding of the cubic, and so is the piece: between such knots
+    extinction would be extrapolated without bounds.
+    """
+    v0, v1, v2, v3 = value
+    one, two, three = v0 + v1 / 3.0, v0 + (2.0 * v1 + v2) / 3.0, v0 + v1 + v2 + v3  # the other Bernstein coefficients
+    room = high - low
+    if min(v0, one, two, three) >= low - room and max(v0, one, two, three) <= high + room:
+        return value
+    return min(max(0.5 * (v0 + three), low), high), 0.0, 0.0, 0.0
+
+
+@jit
 def _integrate_piece(
     cubic: Cubic,
     gradient: Gradient,
@@ -120,6 +134,8 @@ def _integrate_piece(
     if base == 0.0 and slope == 0.0:
         return ray
     value = part_of(cubic, start, end - start)
+    if 0 < k < intervals.knots.size:
+        value = _resolved(value, intervals.knots[k - 1], intervals.knots[k])
     scale = (end - start) * length
     # Optical depth per unit of x in [0, 1], a cubic; its largest Bernstein coefficient bounds it from above.
     t0 = (base + slope * (value[0] - origin)) * scale

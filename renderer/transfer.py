@@ -25,6 +25,9 @@ Float64 = npt.NDArray[np.float64]
 # exp(-40) = 4e-18 is far below half a level of 8 bits, and below the resolution of float64 at 1: opaque in any image.
 MAX_VOXEL_DEPTH = 40.0
 
+# Control values below two to this have finite differences.
+_LARGEST_EXPONENT = 1022
+
 # Colormaps are published as 256 samples of a smooth curve.
 NUM_COLORMAP_SAMPLES = 256
 
@@ -51,8 +54,8 @@ class TransferFunction:
 
     @property
     def scale(self) -> float:
-        """The power of two that brings the control values into [-1/2, 1/2], where differences are finite and normal."""
-        return _scale_of(self.values)
+        """The power of two, 1 but for the largest control values, with which their differences are finite."""
+        return math.ldexp(1.0, min(0, _LARGEST_EXPONENT - _exponent(self.values)))
 
     def classify(self, scalars: npt.NDArray[Any]) -> tuple[Float64, Float64]:
         """Colours float64 [..., 3] and extinctions float64 [...] of scalars of any real dtype and shape."""
@@ -100,8 +103,9 @@ def make_transfer(spec: TransferSpec, finest_spacing: float) -> TransferFunction
     return TransferFunction(values, colors, extinction(opacities), unit)
 
 
-def _scale_of(values: Float64) -> float:
-    return math.ldexp(1.0, min(-1 - math.frexp(float(np.abs(values).max()))[1], 1000))
+def _exponent(values: npt.ArrayLike) -> int:
+    """Of the power of two above the largest magnitude."""
+    return math.frexp(float(np.abs(values).max()))[1]
 
 
 def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tuple[Float64, Float64, Float64]:
@@ -109,7 +113,7 @@ def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tup
     from renderer.colormaps import colormap_points  # noqa: PLC0415  the package behind it is loaded only when it is used
 
     first, last = spec.range
-    scale = _scale_of(np.array(spec.range, np.float64))
+    scale = math.ldexp(1.0, min(-1 - _exponent(spec.range), 1000))  # to [-1/2, 1/2], where slopes are finite, too
     samples = np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale
     table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)
     extra = samples[~np.isin(samples, at)]  # where both have a point the one of the extinction stays: it may be a step
