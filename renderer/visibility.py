@@ -29,7 +29,7 @@ NUM_PASSES = 3
 NUM_DIGITS = 1 << RADIX_BITS
 
 # Wide enough that a mixture changes no faster than a turning picture does anyhow: in opaque noise a pop is 0.4, of
-# which it makes 0.003 for 0.01 degrees. Narrow enough that 3 to 6 % of a turntable's frames need two orders.
+# which it makes 0.003 for 0.01 degrees. Narrow enough that 4 to 9 % of a turntable's frames need two orders.
 FADE_ANGLE = math.radians(1.5)
 
 # The slope at which a lattice's planes are sorted while they are (almost) seen face-on: between voxels of a volume of

@@ -50,6 +50,7 @@ def sections() -> list[Section]:
         spec = importlib.util.spec_from_file_location(path.stem, path)
         assert spec is not None and spec.loader is not None
         module = importlib.util.module_from_spec(spec)
+        sys.modules[path.stem] = module  # where dataclasses look for it
         spec.loader.exec_module(module)
         found.append(module.SECTION)
     return found
