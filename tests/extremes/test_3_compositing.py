@@ -32,9 +32,7 @@ def pile(depths: Float64, colors: Float64, size: int) -> tuple[SplatBatch, View,
     vertices[:, :2] = 0.5
     vertices[:, 6] = depths / PEAK
     vertices[:, 3:6] = vertices[:, 6:7] * colors
-    view_from_world = np.eye(4)
-    view_from_world[2, 3] = -100.0
-    view = View(view_from_world, "orthographic", 1.0, (size, size))
+    view = View(np.eye(3), np.zeros(3), 100.0, "orthographic", 1.0, (size, size))
     batch = SplatBatch(vertices, np.eye(3)[None], np.zeros(3), 1.0, FOOTPRINT)
     return batch, view, vertices[:, 6].astype(np.float64) * PEAK
 

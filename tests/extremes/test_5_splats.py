@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -117,12 +118,11 @@ def ranges(cases: int, spec: SplatSpec, most_px: float = math.inf) -> float:
     worst = 0.0
     with GLRasterizer() as gl:
         for case in range(cases):
-            view_from_world = np.eye(4)
             distance = 10 ** rng.uniform(-2, 12)
-            view_from_world[:3, 3] = 0.0, 0.0, -distance
             scale_px = 10 ** rng.uniform(-12, 16)
             scale_px = min(scale_px, most_px * distance if case % 2 else most_px)
-            view = View(view_from_world, "perspective" if case % 2 else "orthographic", scale_px, (16, 16))
+            projection: Any = "perspective" if case % 2 else "orthographic"
+            view = View(np.eye(3), np.zeros(3), distance, projection, scale_px, (16, 16))
             axes = random_rotation(rng) @ np.diag(10 ** rng.uniform(-9, 0, 3))
             direction = rng.standard_normal(3) * 10 ** rng.uniform(-12, 0)
             batch = place_splats(np.zeros(3), axes[None], 10 ** rng.uniform(-3, 3), spec=spec)
