@@ -36,10 +36,6 @@ COLOR_NAMES = {
 _HEX = re.compile(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 _PART = number(least=0, most=1)
 
-# In data units; the difference of two of them is a float64, too.
-MAX_VALUE = 8e307
-_VALUE = number(least=-MAX_VALUE, most=MAX_VALUE)
-
 
 def _parse_color(node: Node) -> Color:
     if isinstance(node.value, (list, tuple)):
@@ -81,16 +77,16 @@ def _parse_colormap(node: Node) -> str:
 
 _COLORMAP: Kind[str] = Kind("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
 
-_POINT_FIELDS: Table = {"value": _VALUE, "color": COLOR, "opacity": _PART}
+_POINT_FIELDS: Table = {"value": number(), "color": COLOR, "opacity": _PART}
 _POINT = section(_POINT_FIELDS, lambda node, given: ControlPoint(**given), required=tuple(_POINT_FIELDS))
-_VALUE_RANGE = sequence(_VALUE, "[low, high]: two numbers, low less than high", count=2)
+_VALUE_RANGE = sequence(number(), "[low, high]: two numbers, low less than high", count=2)
 
 
 def _parse_opacity_point(node: Node) -> tuple[float, float]:
     if not isinstance(node.value, (list, tuple)) or len(node.value) != 2:
         return _OPACITY_POINT.refuse(node, "not a pair", got=show(node.value))
     value, opacity = node.value
-    return _VALUE.read(node.child(0, value)), _PART.read(node.child(1, opacity))
+    return number().read(node.child(0, value)), _PART.read(node.child(1, opacity))
 
 
 _OPACITY_POINT: Kind[tuple[float, float]] = Kind(

@@ -20,12 +20,13 @@ from renderer.raster_gl import GLRasterizer
 from renderer.scene import LONGEST, PROCEDURAL_NAMES, SHORTEST
 from renderer.scene_schema import LARGEST_TOLERANCE, LEAST_TOLERANCE, parse_scene
 from renderer.schema_camera import MAX_ANGLE, MAX_ZOOM, MIN_ZOOM, NARROWEST_VIEW, WIDEST_VIEW
-from renderer.schema_transfer import MAX_VALUE
 
 Numbers = st.SearchStrategy[float]
 
 # Of a picture that adds up to 1: what float32 rounds in a few hundred layers.
 ROUNDING = 1e-4
+
+LARGEST_VALUE = float(np.finfo(np.float64).max)
 
 
 def size(least: float, most: float) -> Numbers:
@@ -55,7 +56,7 @@ COLOR = st.tuples(PART, PART, PART).map(list)
 def transfers(draw: st.DrawFn) -> dict[str, Any]:
     """Points where the voxels have values, or anywhere, the last one visible."""
     values = sorted(
-        draw(st.lists(st.one_of(st.floats(0, 255), signed(1e-300, MAX_VALUE)), min_size=1, max_size=4, unique=True))
+        draw(st.lists(st.one_of(st.floats(0, 255), signed(1e-300, LARGEST_VALUE)), min_size=1, max_size=4, unique=True))
     )
     points = [{"value": value, "color": draw(COLOR), "opacity": draw(PART)} for value in values]
     points[-1]["opacity"] = draw(size(1e-300, 1.0))
