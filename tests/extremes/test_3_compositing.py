@@ -124,7 +124,7 @@ SECTION = Section(
             lambda cases: depth_as_drawn(cases, "gaussian"),
         ),
         Extreme(
-            "the same, Gouraud",
+            "optical depths from 1e-12 to 1e6, Gouraud",
             "the same, at the vertices",
             "relative error of alpha as drawn",
             1e-6,
