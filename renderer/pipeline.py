@@ -5,7 +5,6 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch 
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -170,8 +169,7 @@ def _draw(
     view = view_of(stage, number)
     orders = visible_orders(splats, lattice, view, scene.splat.order)
     watch.lap("order")
-    images = (share * rasterizer.rasterize(splats, order, view) for share, order in orders)
-    image = functools.reduce(np.add, images)
+    image = _mixture(splats, orders, view, rasterizer)
     watch.lap("draw")
     if edges is not None:
         lines = rasterizer.rasterize_edges(edges, view)
@@ -181,6 +179,19 @@ def _draw(
     pixels = quantize(image, scene.output.background)
     watch.lap("quantize")
     return Frame(number, pixels, image, tolerance, len(splats), len(orders[0][1]), watch.seconds)
+
+
+def _mixture(
+    splats: SplatBatch, orders: Sequence[tuple[float, npt.NDArray[np.uint32]]], view: View, rasterizer: Rasterizer
+) -> npt.NDArray[np.float32]:
+    """The picture: for nearly all views that of the only order, else each order's with its share."""
+    (share, order), *others = orders
+    image = rasterizer.rasterize(splats, order, view)
+    if others:
+        image *= share
+    for share, order in others:
+        image += share * rasterizer.rasterize(splats, order, view)
+    return image
 
 
 def _extent(volume: Volume) -> Extent:
