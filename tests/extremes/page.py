@@ -59,7 +59,7 @@ def sections() -> list[Section]:
 def _row(extreme: Extreme, cases: int) -> str:
     worst = extreme.measure(cases)
     print(f"{extreme.name}: {worst:.2g} ({extreme.bound:g})", flush=True)
-    return f"| {extreme.name} | {extreme.method} | {extreme.quantity} | {worst:.2g} | {extreme.bound:g} |"
+    return f"| {extreme.name} | {extreme.method} | {extreme.quantity} | {worst:.2g} | {extreme.bound:.2g} |"
 
 
 if __name__ == "__main__":

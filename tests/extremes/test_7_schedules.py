@@ -142,7 +142,7 @@ LOGARITHM = "exp of the shared rise of the logarithm, half of it at a time"
 STRICT = "a node is drawn when its error is below the tolerance, compared in float64"
 
 SECTION = Section(
-    "7. Schedules",
+    "Schedules",
     (
         Extreme("keys from 1e-300 to 1e300", LOGARITHM, "relative error", 1e-12, relative_error(whole_range)),
         Extreme("keys over five decades", LOGARITHM, "relative error", 1e-14, relative_error(usual)),
