@@ -266,12 +266,10 @@ def integrated(stage: Stage) -> npt.NDArray[np.floating]:
     return integrate(stage.volume, transfer, view, step_voxels=1.0, num_threads=1)
 
 
-def difference(
-    scales: Sequence[float], shift: float, *, truth: bool = False, exact: bool = False
-) -> Callable[[int], float]:
+def difference(scales: Sequence[float], shift: float, *, truth: bool = False) -> Callable[[int], float]:
     """The worst channel of a pixel against the picture of the scene at the origin with voxels of 1.
 
-    shift: the length of the shift, in voxels. exact: shifts along an axis, by a power of two.
+    shift: the length of the shift, in voxels.
     """
 
     def measure(num_cases: int) -> float:
@@ -282,7 +280,7 @@ def difference(
                 camera, volume = cameras_everywhere(rng), random_volume(rng)
                 expected = picture(staged(camera, volume))
                 scale = rng.choice(scales)
-                away = shift * scale * (np.eye(3)[rng.integers(3)] if exact else direction(rng))
+                away = shift * scale * direction(rng)
                 stage = staged(*moved(camera, volume, scale, away), unit=scale)
                 worst = max(worst, float(np.abs(picture(stage) - expected).max()))
         return worst
@@ -381,7 +379,6 @@ SECTION = Section(
         ),
         Extreme("volume 2^-30 or 2^30 wide", RELATIVE, MOVED, 0.0, difference([2.0**-30, 2.0**30], 0.0)),
         Extreme("volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-5, difference([1e-9, 1e9], 0.0)),
-        Extreme("2^20 voxels from the origin", RELATIVE, MOVED, 0.0, difference([1.0], 2.0**20, exact=True)),
         Extreme("1e6 units away, 1e-3 wide", RELATIVE, MOVED, 1e-5, difference([1e-3 / 6], 6e9)),
         Extreme("1e9 voxels away, any size", RELATIVE, MOVED, 1e-5, difference([1e-9, 1.0, 1e9], 1e9)),
         Extreme("truth: volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-9, difference([1e-9, 1e9], 0.0, truth=True)),
