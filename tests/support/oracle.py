@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -105,8 +106,7 @@ def _interpolated(
     mapping = transfer.mapping
     if isinstance(mapping, ColormapSpec):
         at, opacities = (np.array(column, np.float64) for column in zip(*mapping.opacity, strict=True))
-        color_at = np.linspace(*mapping.range, NUM_COLORMAP_SAMPLES)
-        table = np.array(colormap_points(mapping.name, NUM_COLORMAP_SAMPLES))
+        color_at, table = _colormap(mapping)
     else:
         at = color_at = np.array([point.value for point in mapping])
         opacities = np.array([point.opacity for point in mapping])
@@ -115,6 +115,16 @@ def _interpolated(
     extinctions = np.array([most if a == 1 else min(-math.log1p(-a) / unit, most) for a in opacities])
     colors = np.stack([_between(scalars, color_at, table[:, k]) for k in range(3)], axis=-1)
     return colors, _between(scalars, at, extinctions), float(extinctions.max())
+
+
+def _colormap(mapping: ColormapSpec) -> tuple[Float64, Float64]:
+    """The numbers next to its samples, each of which has the colour of its own place in the range."""
+    first, last = (Fraction(end) for end in mapping.range)
+    table = np.array(colormap_points(mapping.name, NUM_COLORMAP_SAMPLES))
+    at = sorted({float(first + (last - first) * k / (len(table) - 1)) for k in range(len(table))})
+    places = [float((Fraction(value) - first) / (last - first) * (len(table) - 1)) for value in at]
+    colors = [np.interp(places, np.arange(len(table)), channel) for channel in table.T]
+    return np.array(at), np.stack(colors, axis=-1)
 
 
 def _between(s: Float64, at: Float64, values: Float64) -> Float64:

@@ -85,7 +85,8 @@ class _Footprints:
 class _Profile:
     """A footprint's weight by radius: in standard deviations for a Gaussian, that of the polygon for the paper's.
 
-    decay, coefficients, rim: of a Gaussian. radii, weights: of rings, between which *alpha* is linear. corners: of a ring.
+    decay, coefficients, rim: of a Gaussian.
+    radii, weights: of rings, between which *alpha* is linear. corners: of a ring.
     """
 
     cutoff: float
