@@ -291,11 +291,20 @@ def _alphas(
     near, far = np.maximum(radius - slack, 0), radius + slack
     at_ends = [(_alpha(profile, low, r), _alpha(profile, high, r)) for r in (near, radius, far)]
     # A profile need not fall all the way: its turns are at the rings.
+    beyond = np.zeros_like(radius)
     for ring in profile.radii:
-        r = np.where((near <= ring) & (ring <= far), ring, radius)
+        is_near = (near <= ring) & (ring <= far)
+        r = np.where(is_near, ring, radius)
         at_ends.append((_alpha(profile, low, r), _alpha(profile, high, r)))
+        # A pixel given to the triangle next to its own has the plane of that one, continued.
+        beyond[is_near] = slack[is_near] * _steepest(profile, high)
     least, most = zip(*at_ends, strict=True)
-    return np.min(least, axis=0), _alpha(profile, depth, radius), np.max(most, axis=0)
+    return np.maximum(np.min(least, axis=0) - beyond, 0), _alpha(profile, depth, radius), np.max(most, axis=0) + beyond
+
+
+def _steepest(profile: _Profile, depth: float) -> float:
+    """The largest slope of alpha from ring to ring."""
+    return float(np.abs(np.diff(-np.expm1(-depth * profile.weights)) / np.diff(profile.radii)).max())
 
 
 def _alpha(profile: _Profile, depth: float, radius: Float64) -> Float64:
