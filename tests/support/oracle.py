@@ -148,20 +148,26 @@ def _power_of_two(largest: float) -> float:
 
 def _light(volume: Volume, scalars: Float64, shading: ShadingSpec) -> Float64:
     """ambient + diffuse max(0, n . l) with n against the gradient, which is that of central differences."""
-    values = scalars * _power_of_two(2 * np.abs(scalars).max())
-    gradient = np.zeros((*scalars.shape, 3))
-    for k in range(3):
-        if scalars.shape[2 - k] > 1:
-            gradient[..., k] = np.gradient(values, axis=2 - k)
-    largest = np.abs(gradient).max(axis=-1, keepdims=True)
-    flat = largest[..., 0] == 0
-    gradient /= np.where(largest == 0, 1, largest)
+    # In fractions: beside the largest numbers the smallest still have a slope.
+    exact = np.vectorize(Fraction, otypes=[object])(scalars)
+    slopes = np.stack([_slope(exact, axis) for axis in (2, 1, 0)], axis=-1)
+    largest = np.abs(slopes).max(axis=-1)
+    flat = largest == 0
+    gradient = (slopes / np.where(flat, 1, largest)[..., None]).astype(np.float64)
     edges = volume.world_from_index[:3, :3]
     world = gradient @ np.linalg.inv(edges / np.linalg.norm(edges, axis=0).min())
     world /= np.where(flat, 1, np.linalg.norm(world, axis=-1))[..., None]
     light = np.array(shading.light) / np.abs(shading.light).max()
     cosine = np.maximum(0, -world @ (light / np.linalg.norm(light)))
     return np.where(flat, shading.ambient, shading.ambient + shading.diffuse * cosine)
+
+
+def _slope(values: npt.NDArray[np.object_], axis: int) -> npt.NDArray[np.object_]:
+    """Central differences, one-sided at the border, 0 across one voxel."""
+    at = np.arange(values.shape[axis])
+    low, high = np.maximum(at - 1, 0), np.minimum(at + 1, len(at) - 1)
+    steps = np.maximum(high - low, 1).astype(object).reshape([-1 if k == axis else 1 for k in range(3)])
+    return np.asarray((values.take(high, axis) - values.take(low, axis)) / steps)
 
 
 @dataclass(frozen=True)
