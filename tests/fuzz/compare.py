@@ -149,6 +149,7 @@ def compare_radiance(radiance: Array, picture: Picture) -> dict[str, float]:
         "radiance": float(off.max()),
         "radiance off rims": float(off[picture.bound < TIGHT].max(initial=0.0)),
         "bound": float(picture.bound.max()),
+        "pixels at rims": float((picture.bound >= TIGHT).any(axis=2).mean()),
         "share of the bound": float(share.max()),
     }
 
