@@ -317,6 +317,8 @@ def random_camera(rng: Random, volume: Volume) -> Tree:
         reach = camera["distance"] * math.tan(math.radians(camera.get("field_of_view", 30.0)) / 2)
         if reach < SMALLEST_VIEW * diagonal:
             camera["field_of_view"] = 30.0
+        if "near" in camera and camera["distance"] > 2 * diagonal:  # about the target, however far away
+            camera["near"] += camera["distance"] - 0.75 * diagonal
     if rng.random() < 0.12:  # the eye at a special point: turned about +z, a multiple of 90 degrees or not
         azimuth, elevation = float(_one_of(rng, [0, 90, 180, 33])), float(_one_of(rng, [0, 90, -90, 20]))
         camera["path"] = {"type": "turntable", "frames": 1, "start": azimuth, "elevation": elevation}
