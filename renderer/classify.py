@@ -169,10 +169,15 @@ def _lighting_factor(codes: Codes, scalars: Float64 | None, lighting: Lighting, 
     """
     z0, y0, x0 = max(z - 1, 0), max(y - 1, 0), max(x - 1, 0)
     z1, y1, x1 = min(z + 1, codes.shape[0] - 1), min(y + 1, codes.shape[1] - 1), min(x + 1, codes.shape[2] - 1)
-    # Only the direction counts: halves, whose differences do not overflow, of which the largest becomes 1.
-    gx = (0.5 * scalar_at(codes, scalars, z, y, x1) - 0.5 * scalar_at(codes, scalars, z, y, x0)) / max(x1 - x0, 1)
-    gy = (0.5 * scalar_at(codes, scalars, z, y1, x) - 0.5 * scalar_at(codes, scalars, z, y0, x)) / max(y1 - y0, 1)
-    gz = (0.5 * scalar_at(codes, scalars, z1, y, x) - 0.5 * scalar_at(codes, scalars, z0, y, x)) / max(z1 - z0, 1)
+    x_low, x_high = scalar_at(codes, scalars, z, y, x0), scalar_at(codes, scalars, z, y, x1)
+    y_low, y_high = scalar_at(codes, scalars, z, y0, x), scalar_at(codes, scalars, z, y1, x)
+    z_low, z_high = scalar_at(codes, scalars, z0, y, x), scalar_at(codes, scalars, z1, y, x)
+    # Only the direction counts, of which the largest part becomes 1. Halves have differences that do not overflow;
+    # where those are small the numbers themselves have, too, and no halves, which would round denormals.
+    gx, gy, gz = 0.5 * x_high - 0.5 * x_low, 0.5 * y_high - 0.5 * y_low, 0.5 * z_high - 0.5 * z_low
+    if max(abs(gx), abs(gy), abs(gz)) < 1.0:
+        gx, gy, gz = 2.0 * (x_high - x_low), 2.0 * (y_high - y_low), 2.0 * (z_high - z_low)
+    gx, gy, gz = gx / max(x1 - x0, 1), gy / max(y1 - y0, 1), gz / max(z1 - z0, 1)
     largest = max(abs(gx), abs(gy), abs(gz))
     if largest == 0.0:
         return lighting.ambient

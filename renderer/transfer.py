@@ -114,13 +114,15 @@ def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tup
 
     first, last = spec.range
     scale = math.ldexp(1.0, min(-1 - _exponent(spec.range), 1000))  # to [-1/2, 1/2], where slopes are finite, too
-    samples = np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale
+    # Once each, where the range has fewer numbers than the colormap has samples.
+    samples = np.unique(np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale)
     table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)
     extra = samples[~np.isin(samples, at)]  # where both have a point the one of the extinction stays: it may be a step
     values = np.concatenate([extra, at])
     order = np.argsort(values, kind="stable")
     opaque = TransferFunction(at, np.zeros((len(at), 3)), extinctions, 1.0)
     merged = np.concatenate([opaque.classify(extra)[1], extinctions])[order]
-    inside = np.clip(values[order], first, last) * scale
-    colors = np.column_stack([np.interp(inside, samples * scale, table[:, channel]) for channel in range(3)])
+    share = (np.clip(values[order], first, last) * scale - first * scale) / (last * scale - first * scale)
+    shares = np.linspace(0, 1, NUM_COLORMAP_SAMPLES)
+    colors = np.column_stack([np.interp(share, shares, table[:, channel]) for channel in range(3)])
     return values[order], colors, merged

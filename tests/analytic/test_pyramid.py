@@ -343,6 +343,18 @@ def test_light_on_scalars_at_the_ends_of_float64_stays_finite() -> None:
         assert np.all(level.means[:, :3] <= level.means[:, 3:])
 
 
+@pytest.mark.parametrize("exponent", [-1074, 1015])
+def test_light_depends_on_the_direction_of_the_gradient_alone(exponent: int) -> None:
+    """Scalars that are a few of the smallest numbers, or whose sums overflow, are lit as plain ones."""
+    tf = TransferFunction(np.zeros(1), np.ones((1, 3)), np.ones(1), 1.0)
+    plain = np.random.default_rng(0).integers(-200, 200, (9, 1, 20)).astype(np.float64)
+    means = [
+        build_pyramid(volume(values), tf, spec=SINGLE, error=OPTICAL, shading=ShadingSpec()).levels[0].means
+        for values in (plain, np.ldexp(plain, exponent))
+    ]
+    np.testing.assert_array_equal(*means)
+
+
 @pytest.mark.parametrize("extinction", [1e-300, 1e-25, 1e-20])
 @pytest.mark.parametrize("spec", [PyramidSpec(), SINGLE], ids=["half", "single"])
 def test_a_volume_that_is_all_but_transparent(extinction: float, spec: PyramidSpec) -> None:

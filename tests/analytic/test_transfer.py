@@ -169,3 +169,14 @@ def test_a_step_in_a_colormaps_opacity(at: float) -> None:
 def test_a_colormap_with_one_opacity_point_is_equally_opaque_everywhere() -> None:
     tf = colormap((1000.0, 0.5))
     np.testing.assert_array_equal(tf.extinctions, np.full(len(tf.values), math.log(2)))
+
+
+def test_a_colormap_over_fewer_numbers_than_it_has_samples() -> None:
+    """Every number has the colour of its own place in the range; those outside have those of its ends."""
+    first = 1e6
+    numbers = first + np.spacing(first) * np.arange(-1, 7)
+    spec = ColormapSpec("viridis", (float(numbers[1]), float(numbers[6])), ((first, 0.5),))
+    colors, _ = make_transfer(TransferSpec(spec, 1.0), 1.0).classify(numbers)
+    table = np.array(colormap_points("viridis", NUM_COLORMAP_SAMPLES))
+    at = np.array([0, 0, 51, 102, 153, 204, 255, 255])  # 255 / 5 samples from number to number
+    np.testing.assert_allclose(colors, table[at], rtol=1e-12)

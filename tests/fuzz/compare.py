@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from oracle import FLOAT32, Leaf, classify, drawn, require_cut
-from oracle_splats import Picture, make_picture, view_depths
+from oracle_splats import Order, Picture, centers, make_picture
 
 from renderer.camera import View
 from renderer.cell_edges import make_cell_edges
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import Frame, Stage, finest_level_at, render_frames
-from renderer.projection import visible_order
+from renderer.projection import visible_orders
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import Color
 from renderer.splats import make_splats
+from renderer.visibility import FADE_ANGLE, LEAST_SLOPE, DepthDirection, depth_directions
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
@@ -32,7 +35,7 @@ class WrongError(AssertionError):
 
 
 def reference(stage: Stage, frame: Frame, view: View) -> Picture:
-    """What the frame must look like; takes the renderer's cut and order, and verifies them."""
+    """What the frame must look like; takes the renderer's cut and orders, and verifies them."""
     scene, volume = stage.scene, stage.volume
     finest_level = finest_level_at(stage, frame.tolerance)
     cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level)
@@ -43,26 +46,51 @@ def reference(stage: Stage, frame: Frame, view: View) -> Picture:
         (int(level), int(x), int(y), int(z)) for level, (x, y, z) in zip(cut.levels, cut.cells, strict=True)
     ]
     require_cut(field, scene, frame.tolerance, finest_level, leaves)
-    order = visible_order(make_splats(cut, scene.splat), cut, view, scene.splat.order).astype(int)
-    left_out = np.setdiff1d(np.arange(len(cut)), order)
-    every = [leaves[i] for i in (*left_out, *order)]
-    cells = drawn(field, scene, every)
-    is_drawn = np.arange(len(every)) >= len(left_out)
+    cells = drawn(field, scene, leaves)
+    splats = make_splats(cut, scene.splat)
+    orders = [(share, order.astype(np.int64)) for share, order in visible_orders(splats, cut, view, scene.splat.order)]
+    _require_shares(orders)
     if scene.splat.order == "boxes":
-        _require_box_order(cut, order, view)
+        for _, order in orders:
+            _require_box_order(cut, order, view)
     else:
-        _require_depth_order(cut, view_depths(field, cells, view)[is_drawn])
-    return make_picture(field, cells, scene, view, is_drawn)
+        _require_depth_orders(cut, orders, centers(field, cells), view)
+    return make_picture(field, cells, scene, view, orders)
 
 
-def _require_depth_order(cut: Cut, depths: Float64) -> None:
-    """Back to front by the depth of the centres, [n] in the order of drawing."""
+def _require_shares(orders: list[Order]) -> None:
+    """Of one and the same set of splats."""
+    shares = [share for share, _ in orders]
+    if min(shares) < 0 or abs(sum(shares) - 1) > 1e-12:
+        raise WrongError(f"shares {shares}")
+    first, *more = (np.sort(order) for _, order in orders)
+    if (np.diff(first) == 0).any() or any(not np.array_equal(first, other) for other in more):
+        raise WrongError(f"orders of other splats: {[len(order) for _, order in orders]}")
+
+
+def _require_depth_orders(cut: Cut, orders: list[Order], at: Float64, view: View) -> None:
+    """Back to front by the centres `at` [n, 3] along the view, or along directions next to it, where neighbours on the
+    lattice are at almost the same depth."""
     edges = cut.volume.world_from_index[:3, :3]
-    diagonal = float(np.linalg.norm(edges @ np.array(cut.volume.shape_xyz)))
-    rise = float((depths - np.minimum.accumulate(depths)).max(initial=0.0))
-    # Depths are those of float32 centres within half the diagonal.
-    if rise > 4 * FLOAT32 * max(diagonal, float(np.linalg.norm(edges * cut.volume.shape_xyz))):
-        raise WrongError(f"not back to front: {rise / diagonal:.3g} diagonals")
+    steps = np.array([step for step in itertools.product((-1, 0, 1), repeat=3) if 0 < np.abs(step).sum() < 3])
+    along = steps @ edges.T
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    slopes = np.abs(along @ view.forward)
+    turned = depth_directions(cut, view) or [DepthDirection(1.0, view.forward)]
+    if len(turned) != len(orders) or any(each.share != share for each, (share, _) in zip(turned, orders, strict=True)):
+        raise WrongError(f"{len(orders)} orders, {len(turned)} directions")
+    # One step is turned by the angle at most, and a second one by as much and by what the first has turned it.
+    most = 3 * (math.sin(FADE_ANGLE) + LEAST_SLOPE) if slopes.min() < math.sin(FADE_ANGLE) else 0.0
+    diagonal = float(np.linalg.norm(edges * np.array(cut.volume.shape_xyz)))
+    for each, (_, order) in zip(turned, orders, strict=True):
+        turn = float(np.linalg.norm(each.direction - view.forward))
+        if turn > most:
+            raise WrongError(f"sorted along a direction {turn:.3g} off the view's, where slopes are {np.sort(slopes)}")
+        depths = (at[order] - cut.volume.centre) @ each.direction
+        rise = float((depths - np.minimum.accumulate(depths)).max(initial=0.0))
+        # Depths are those of float32 centres within half the diagonal.
+        if rise > 4 * FLOAT32 * diagonal:
+            raise WrongError(f"not back to front: {rise / diagonal:.3g} diagonals")
 
 
 def _require_box_order(cut: Cut, order: Array, view: View) -> None:
@@ -121,6 +149,7 @@ def compare_radiance(radiance: Array, picture: Picture) -> dict[str, float]:
         "radiance": float(off.max()),
         "radiance off rims": float(off[picture.bound < TIGHT].max(initial=0.0)),
         "bound": float(picture.bound.max()),
+        "pixels at rims": float((picture.bound >= TIGHT).any(axis=2).mean()),
         "share of the bound": float(share.max()),
     }
 

@@ -29,11 +29,9 @@ ZOOM = (0.1, 30.0)
 DISTANCE = (1e-2, 1e3)  # of the eye, in diagonals
 SMALLEST_VIEW = 1e-3  # half the height that is seen at the target without a zoom, in diagonals
 TOLERANCES = (0.0, 1e-300, 1e-6, 10.0, 1e6, 1e300)
-COLORMAP_SPAN = 1e-12  # of the ends of its range: its 256 samples need numbers of their own
 OPACITIES = (0.0, 1e-12, 1e-6, 0.01, 0.1, 0.5, 0.9, 1 - 1e-12, 1.0)
 LARGEST_VALUE = 1e300  # of a voxel
 EXACT_INTEGER = 2**53 - 3  # that float64 tells from its neighbours
-SMALLEST_SPAN = 1e-150  # between two voxels that are not equal, and not integers
 
 AXIS_LENGTHS = (1, 1, 2, 3, 3, 4, 5, 5, 7, 8, 9)
 LONGEST_AXIS = 200
@@ -161,11 +159,11 @@ def _float_range(rng: Random, info: np.finfo[Any]) -> tuple[float, float]:
     if kind < 0.6:
         return -largest, largest
     if kind < 0.7:
-        return 0.0, max(100 * float(info.smallest_subnormal), SMALLEST_SPAN)
+        return 0.0, 100 * float(info.smallest_subnormal)
     if kind < 0.85:  # far from 0 and close together
         offset = float(_one_of(rng, [1e3, -1e4])) if info.bits == 16 else float(_one_of(rng, [1e6, -1e6]))
         return offset, offset + 64 * float(np.spacing(np.array(abs(offset), info.dtype)))
-    size = _between(rng, (max(float(info.smallest_normal), SMALLEST_SPAN), largest))
+    size = _between(rng, (float(info.smallest_normal), largest))
     return -size, size
 
 
@@ -288,8 +286,7 @@ def random_transfer(rng: Random, low: float, high: float, spacing: float) -> Tre
             for value, opacity in zip(values, opacities, strict=True)
         ]
     else:
-        end = max(high if high > low else low + span, low + COLORMAP_SPAN * abs(low))
-        tree |= {"colormap": _one_of(rng, COLORMAPS), "range": [low, end]}
+        tree |= {"colormap": _one_of(rng, COLORMAPS), "range": [low, high if high > low else low + span]}
         tree["opacity"] = [[value, opacity] for value, opacity in zip(values, opacities, strict=True)]
     if rng.random() < 0.5:
         tree["unit"] = spacing * _between(rng, UNIT)
@@ -320,6 +317,8 @@ def random_camera(rng: Random, volume: Volume) -> Tree:
         reach = camera["distance"] * math.tan(math.radians(camera.get("field_of_view", 30.0)) / 2)
         if reach < SMALLEST_VIEW * diagonal:
             camera["field_of_view"] = 30.0
+        if "near" in camera and camera["distance"] > 2 * diagonal:  # about the target, however far away
+            camera["near"] += camera["distance"] - 0.75 * diagonal
     if rng.random() < 0.12:  # the eye at a special point: turned about +z, a multiple of 90 degrees or not
         azimuth, elevation = float(_one_of(rng, [0, 90, 180, 33])), float(_one_of(rng, [0, 90, -90, 20]))
         camera["path"] = {"type": "turntable", "frames": 1, "start": azimuth, "elevation": elevation}

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 from judge import judge, make_case, write_case
 
-from renderer import pipeline
+from renderer import pipeline, raster_gl
 from renderer.raster_gl import GLRasterizer
 from renderer.splats import SplatBatch, make_splats
 
 SEED = 2
 # Kernels are compiled for every type of voxel, which takes longer than all scenes here; the whole run has them all.
 DTYPES = ("uint8", "int16", "float32")
-SCENES = 160
+SCENES = 112
 AT_ONCE = 16
+CHUNK = 7  # splats
 
 
 @pytest.mark.parametrize("first", range(0, SCENES, AT_ONCE))
@@ -32,6 +33,14 @@ def test_right_pictures_or_clear_errors(rasterizer: GLRasterizer, tmp_path: Path
     assert not wrong, "\n".join(wrong)
     assert any(verdict.outcome == "picture" for verdict in verdicts)
     assert any(verdict.outcome == "refused" for verdict in verdicts)
+
+
+def test_pictures_in_chunks(rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenes here have too few splats to be drawn in chunks, unless these are small."""
+    monkeypatch.setattr(raster_gl, "LEAST_CHUNK", CHUNK)
+    monkeypatch.setattr(raster_gl, "splats_at_once", lambda num_pixels: CHUNK)
+    verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer) for index in range(0, 24, 2)]
+    assert [verdict.why for verdict in verdicts if verdict.outcome == "wrong"] == []
 
 
 def _changed(batch: SplatBatch, part: slice, factor: float, offset: float) -> SplatBatch:

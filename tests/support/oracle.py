@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -105,8 +106,7 @@ def _interpolated(
     mapping = transfer.mapping
     if isinstance(mapping, ColormapSpec):
         at, opacities = (np.array(column, np.float64) for column in zip(*mapping.opacity, strict=True))
-        color_at = np.linspace(*mapping.range, NUM_COLORMAP_SAMPLES)
-        table = np.array(colormap_points(mapping.name, NUM_COLORMAP_SAMPLES))
+        color_at, table = _colormap(mapping)
     else:
         at = color_at = np.array([point.value for point in mapping])
         opacities = np.array([point.opacity for point in mapping])
@@ -115,6 +115,16 @@ def _interpolated(
     extinctions = np.array([most if a == 1 else min(-math.log1p(-a) / unit, most) for a in opacities])
     colors = np.stack([_between(scalars, color_at, table[:, k]) for k in range(3)], axis=-1)
     return colors, _between(scalars, at, extinctions), float(extinctions.max())
+
+
+def _colormap(mapping: ColormapSpec) -> tuple[Float64, Float64]:
+    """The numbers next to its samples, each of which has the colour of its own place in the range."""
+    first, last = (Fraction(end) for end in mapping.range)
+    table = np.array(colormap_points(mapping.name, NUM_COLORMAP_SAMPLES))
+    at = sorted({float(first + (last - first) * k / (len(table) - 1)) for k in range(len(table))})
+    places = [float((Fraction(value) - first) / (last - first) * (len(table) - 1)) for value in at]
+    colors = [np.interp(places, np.arange(len(table)), channel) for channel in table.T]
+    return np.array(at), np.stack(colors, axis=-1)
 
 
 def _between(s: Float64, at: Float64, values: Float64) -> Float64:
@@ -138,20 +148,26 @@ def _power_of_two(largest: float) -> float:
 
 def _light(volume: Volume, scalars: Float64, shading: ShadingSpec) -> Float64:
     """ambient + diffuse max(0, n . l) with n against the gradient, which is that of central differences."""
-    values = scalars * _power_of_two(2 * np.abs(scalars).max())
-    gradient = np.zeros((*scalars.shape, 3))
-    for k in range(3):
-        if scalars.shape[2 - k] > 1:
-            gradient[..., k] = np.gradient(values, axis=2 - k)
-    largest = np.abs(gradient).max(axis=-1, keepdims=True)
-    flat = largest[..., 0] == 0
-    gradient /= np.where(largest == 0, 1, largest)
+    # In fractions: beside the largest numbers the smallest still have a slope.
+    exact = np.vectorize(Fraction, otypes=[object])(scalars)
+    slopes = np.stack([_slope(exact, axis) for axis in (2, 1, 0)], axis=-1)
+    largest = np.abs(slopes).max(axis=-1)
+    flat = largest == 0
+    gradient = (slopes / np.where(flat, 1, largest)[..., None]).astype(np.float64)
     edges = volume.world_from_index[:3, :3]
     world = gradient @ np.linalg.inv(edges / np.linalg.norm(edges, axis=0).min())
     world /= np.where(flat, 1, np.linalg.norm(world, axis=-1))[..., None]
     light = np.array(shading.light) / np.abs(shading.light).max()
     cosine = np.maximum(0, -world @ (light / np.linalg.norm(light)))
     return np.where(flat, shading.ambient, shading.ambient + shading.diffuse * cosine)
+
+
+def _slope(values: npt.NDArray[np.object_], axis: int) -> npt.NDArray[np.object_]:
+    """Central differences, one-sided at the border, 0 across one voxel."""
+    at = np.arange(values.shape[axis])
+    low, high = np.maximum(at - 1, 0), np.minimum(at + 1, len(at) - 1)
+    steps = np.maximum(high - low, 1).astype(object).reshape([-1 if k == axis else 1 for k in range(3)])
+    return np.asarray((values.take(high, axis) - values.take(low, axis)) / steps)
 
 
 @dataclass(frozen=True)

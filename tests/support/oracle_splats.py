@@ -16,6 +16,7 @@ hundredth of a degree has a wider bound than one seen as a whole, and both have 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,6 +30,7 @@ from renderer.scene import Scene, SplatSpec
 from renderer.splats import GAUSSIAN_CUTOFF, GaussianFootprint, GouraudFootprint
 
 Float64 = npt.NDArray[np.float64]
+Order = tuple[float, npt.NDArray[np.int64]]  # a share of the picture, and the cells back to front
 
 # Rounding of a coordinate on its way through a matrix of float32, in units of the last place of its largest part.
 ULPS = 6 * FLOAT32
@@ -59,7 +61,8 @@ class Picture:
 class _Footprints:
     """[n] each: centres [n, 2] in pixels (row 0 at the top), covariances [n, 2, 2], optical depth where the weight is 1
     and the cell has a depth of 1; how far the centre may be off in pixels, and size and depth in parts of themselves;
-    by how many standard deviations the near plane lies beyond the centre; rounding of what the device interpolates."""
+    by how many standard deviations the near plane lies beyond the centre, and how far off that may be; rounding of what
+    the device interpolates."""
 
     center_px: Float64
     covariance_px: Float64
@@ -67,6 +70,7 @@ class _Footprints:
     shift_px: Float64
     relative: Float64
     cut_at: Float64
+    cut_slack: Float64
     rounding: Float64
 
     def describe(self, i: int) -> str:
@@ -81,64 +85,95 @@ class _Footprints:
 class _Profile:
     """A footprint's weight by radius: in standard deviations for a Gaussian, that of the polygon for the paper's.
 
-    decay, coefficients: of a Gaussian. radii, weights: of rings, between which *alpha* is linear. corners: of a ring.
+    decay, coefficients, rim: of a Gaussian.
+    radii, weights: of rings, between which *alpha* is linear. corners: of a ring.
     """
 
     cutoff: float
     narrowest_px: float
     decay: float = 0.0
     coefficients: tuple[float, ...] = ()
+    rim: float = 0.0
     radii: Float64 = field(default_factory=lambda: np.empty(0))
     weights: Float64 = field(default_factory=lambda: np.empty(0))
     corners: int = 0
 
 
-def make_picture(voxels: Field, cells: Cells, scene: Scene, view: View, is_drawn: npt.NDArray[np.bool_]) -> Picture:
-    """Composite the cells in their order; those that the renderer leaves out are verified to leave nothing."""
-    image = np.zeros((view.size[1], view.size[0], 4))
-    bound = np.zeros_like(image)
+@dataclass(frozen=True)
+class _Layer:
+    """What one splat does to the pixels of a window: alpha [h, w], the least and the largest that it may be, its colour
+    (RGBA), and how far off each channel of that may be; rounding: of what the device interpolates."""
+
+    window: tuple[slice, slice]
+    low: Float64
+    alpha: Float64
+    high: Float64
+    color: Float64
+    color_slack: Float64
+    rounding: float
+
+
+def make_picture(voxels: Field, cells: Cells, scene: Scene, view: View, orders: Sequence[Order]) -> Picture:
+    """Composite the cells in every order, and mix the pictures; cells that no order has are verified to leave nothing.
+
+    orders: which share of the picture has which order, int64 [k].
+    """
     profile = _profile(scene.splat)
     splats = _footprints(voxels, cells, scene.splat, view, profile)
     x_px, y_px = np.meshgrid(np.arange(view.size[0]) + 0.5, np.arange(view.size[1]) + 0.5)
-    for i in range(len(cells.depths)):
-        if cells.high[i] == 0 or splats.unit_depth[i] == 0:
+    layers = [_layer(splats, i, profile, cells, x_px, y_px) for i in range(len(cells.depths))]
+    for i in np.setdiff1d(np.arange(len(layers)), orders[0][1]):
+        layer = layers[i]
+        if layer is not None and layer.low.max() > 0:
+            raise DisagreementError(
+                f"cell {i} is left out, and has an alpha of {layer.low.max():.3g}: {splats.describe(i)}"
+            )
+    mixed = Picture(np.zeros((*x_px.shape, 4)), np.zeros((*x_px.shape, 4)))
+    for share, order in orders:
+        picture = _composite([layers[i] for i in order], x_px.shape)
+        mixed.radiance[:] += share * picture.radiance
+        mixed.bound[:] += share * picture.bound
+    if len(orders) > 1:  # a product and a sum in float32 for each
+        mixed.bound[:] += 2 * len(orders) * FLOAT32 * mixed.radiance
+    return mixed
+
+
+def _layer(splats: _Footprints, i: int, profile: _Profile, cells: Cells, x_px: Float64, y_px: Float64) -> _Layer | None:
+    """What a cell leaves on the image, None for nothing."""
+    if cells.high[i] == 0 or splats.unit_depth[i] == 0 or splats.cut_at[i] - splats.cut_slack[i] > FARTHEST_CUT:
+        return None
+    window = _window(splats, i, profile, (x_px.shape[1], x_px.shape[0]))
+    if window is None:
+        return None
+    low, alpha, high = _alphas(splats, i, profile, cells, x_px[window], y_px[window])
+    if splats.cut_at[i] + splats.cut_slack[i] > FARTHEST_CUT:  # it may be gone
+        low = np.zeros_like(low)
+    color_slack = np.append(np.full(3, cells.color_slack[i]), 0.0)
+    return _Layer(window, low, alpha, high, np.append(cells.colors[i], 1.0), color_slack, float(splats.rounding[i]))
+
+
+def _composite(layers: Sequence[_Layer | None], shape: tuple[int, ...]) -> Picture:
+    """One over the other, and what rounding may have changed."""
+    image, bound = np.zeros((*shape, 4)), np.zeros((*shape, 4))
+    for layer in layers:
+        if layer is None:
             continue
-        window = _window(splats, i, profile, view.size)
-        if window is None:
-            continue
-        low, alpha, high = _alphas(splats, i, profile, cells, x_px[window], y_px[window])
-        if abs(splats.cut_at[i] - FARTHEST_CUT) < RELATIVE:
-            low = np.zeros_like(low)
-        elif splats.cut_at[i] > FARTHEST_CUT:
-            continue
-        if not is_drawn[i]:
-            if low.max() > 0:
-                raise DisagreementError(
-                    f"cell {i} is left out, and has an alpha of {low.max():.3g}: {splats.describe(i)}"
-                )
-            continue
-        color = np.append(cells.colors[i], 1.0)
-        slack = np.append(np.full(3, cells.color_slack[i]), 0.0)
-        behind, of_behind = image[window], bound[window]
-        off = np.maximum(high - alpha, alpha - low)[..., None]
-        rounding = splats.rounding[i]
-        bound[window] = (
-            rounding
-            + off * (np.abs(color - behind) + of_behind)
-            + (1 - alpha[..., None]) * of_behind
-            + high[..., None] * slack
-            + 3 * FLOAT32 * (high[..., None] * color + np.abs(behind))
+        behind, of_behind = image[layer.window], bound[layer.window]
+        alpha, high = layer.alpha[..., None], layer.high[..., None]
+        off = np.maximum(layer.high - layer.alpha, layer.alpha - layer.low)[..., None]
+        bound[layer.window] = (
+            layer.rounding
+            + off * (np.abs(layer.color - behind) + of_behind)
+            + (1 - alpha) * of_behind
+            + high * layer.color_slack
+            + 3 * FLOAT32 * (high * layer.color + np.abs(behind))
         )
-        image[window] = alpha[..., None] * color + (1 - alpha[..., None]) * behind
+        image[layer.window] = alpha * layer.color + (1 - alpha) * behind
     return Picture(image, bound)
 
 
-def view_depths(voxels: Field, cells: Cells, view: View) -> Float64:
-    """float64 [n]: how far beyond the eye plane the centres are, world units."""
-    return np.asarray(-(_centers(voxels, cells) @ view.view_from_world[2, :3] + view.view_from_world[2, 3]))
-
-
-def _centers(voxels: Field, cells: Cells) -> Float64:
+def centers(voxels: Field, cells: Cells) -> Float64:
+    """float64 [n, 3]: of the cells, in the world."""
     world_from_index = voxels.volume.world_from_index
     return np.asarray((cells.first + (cells.extent - 1) / 2) @ world_from_index[:3, :3].T + world_from_index[:3, 3])
 
@@ -151,7 +186,7 @@ def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profil
     thickness = num_voxels if spec.opacity_correction else num_voxels ** (2 / 3)
     areas = spacing**2 * abs(np.linalg.det(edges / spacing)) * thickness  # optical area of a depth of 1
     to_away = np.diag([1.0, 1.0, -1.0]) @ view.view_from_world[:3]
-    mean = _centers(voxels, cells) @ to_away[:, :3].T + to_away[:, 3]
+    mean = centers(voxels, cells) @ to_away[:, :3].T + to_away[:, 3]
     axes = to_away[:, :3] @ (edges * (spec.sigma * cells.extent)[:, None, :])
     covariance = axes @ axes.transpose(0, 2, 1)
 
@@ -185,8 +220,10 @@ def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profil
     offset_px = mean[:, :2] * px_per_unit[:, None] * [1, -1]
 
     relative_depth = (off[2] + ULPS * sigma * (1 + np.abs(a)) * is_cut) / depth if perspective else 0.0
-    # Where the plane cuts a splat is a difference of two depths from the eye, which may be far away.
-    relative_cut = RELATIVE_CUT + (1 + np.abs(a)) * off[2] / sigma
+    # Where the plane cuts a splat is a difference of two depths from the volume's centre.
+    near_beyond_middle = abs(view.near - float(to_away[2, :3] @ middle + to_away[2, 3]))
+    cut_slack = ULPS * ((length + near_beyond_middle) / sigma + np.abs(a))
+    relative_cut = RELATIVE_CUT + (1 + np.abs(a)) * cut_slack
     relative = relative_depth + np.where(is_cut, relative_cut, RELATIVE)
     away_px = np.linalg.norm(offset_px, axis=1)
     sigma_px = np.sqrt(variances[:, 1])
@@ -203,6 +240,7 @@ def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profil
         shift_px,
         np.minimum(relative, 1.0),
         a,
+        cut_slack,
         _rounding(profile, np.sqrt(variances[:, 0]), view),
     )
 
@@ -253,11 +291,20 @@ def _alphas(
     near, far = np.maximum(radius - slack, 0), radius + slack
     at_ends = [(_alpha(profile, low, r), _alpha(profile, high, r)) for r in (near, radius, far)]
     # A profile need not fall all the way: its turns are at the rings.
+    beyond = np.zeros_like(radius)
     for ring in profile.radii:
-        r = np.where((near <= ring) & (ring <= far), ring, radius)
+        is_near = (near <= ring) & (ring <= far)
+        r = np.where(is_near, ring, radius)
         at_ends.append((_alpha(profile, low, r), _alpha(profile, high, r)))
+        # A pixel given to the triangle next to its own has the plane of that one, continued.
+        beyond[is_near] = slack[is_near] * _steepest(profile, high)
     least, most = zip(*at_ends, strict=True)
-    return np.min(least, axis=0), _alpha(profile, depth, radius), np.max(most, axis=0)
+    return np.maximum(np.min(least, axis=0) - beyond, 0), _alpha(profile, depth, radius), np.max(most, axis=0) + beyond
+
+
+def _steepest(profile: _Profile, depth: float) -> float:
+    """The largest slope of alpha from ring to ring."""
+    return float(np.abs(np.diff(-np.expm1(-depth * profile.weights)) / np.diff(profile.radii)).max())
 
 
 def _alpha(profile: _Profile, depth: float, radius: Float64) -> Float64:
@@ -265,8 +312,8 @@ def _alpha(profile: _Profile, depth: float, radius: Float64) -> Float64:
         alpha = np.interp(radius, profile.radii, -np.expm1(-depth * profile.weights))
     else:
         q = radius**2
-        weight = np.exp(-profile.decay * q) * np.polynomial.polynomial.polyval(q, profile.coefficients)
-        alpha = -np.expm1(-depth * weight)
+        weight = np.exp(-profile.decay * q) * np.polynomial.polynomial.polyval(q, profile.coefficients) - profile.rim
+        alpha = -np.expm1(-depth * np.maximum(weight, 0))  # which rounding leaves below 0 at the rim itself
     return np.where(radius <= profile.cutoff, alpha, 0.0)
 
 
@@ -280,8 +327,12 @@ def _profile(spec: SplatSpec) -> _Profile:
         nodes, shares = np.polynomial.legendre.leggauss(64)
         q = GAUSSIAN_CUTOFF**2 * (nodes + 1) / 2
         values = np.exp(-0.5 * ratio * q) * np.polynomial.polynomial.polyval(q, factor)
-        integral = math.pi * GAUSSIAN_CUTOFF**2 / 2 * float(shares @ values)  # dA = pi dq
-        return _Profile(GAUSSIAN_CUTOFF, GaussianFootprint.narrowest_px, 0.5 * ratio, tuple(factor / integral))
+        # What it has at its end is taken from all of it.
+        end = GAUSSIAN_CUTOFF**2
+        rim = math.exp(-0.5 * ratio * end) * float(np.polynomial.polynomial.polyval(end, factor))
+        integral = math.pi * end / 2 * float(shares @ (values - rim))  # dA = pi dq
+        narrowest = GaussianFootprint.narrowest_px
+        return _Profile(GAUSSIAN_CUTOFF, narrowest, 0.5 * ratio, tuple(factor / integral), rim / integral)
     rings = np.arange(spec.radial + 1) / spec.radial
     weights = np.interp(rings, *np.array(spec.profile, np.float64).T)
     # Over a regular polygon of circumradius 1, dA = 2 area s ds and r^2 has the mean moment / area at s = 1.
