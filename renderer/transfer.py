@@ -114,7 +114,7 @@ def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tup
 
     first, last = spec.range
     scale = math.ldexp(1.0, min(-1 - _exponent(spec.range), 1000))  # to [-1/2, 1/2], where slopes are finite, too
-    # Once each, where the range has fewer numbers than the colormap has samples.
+    # Once each where the range has fewer numbers than the colormap has samples, with the colour of their own place.
     samples = np.unique(np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale)
     table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)
     extra = samples[~np.isin(samples, at)]  # where both have a point the one of the extinction stays: it may be a step

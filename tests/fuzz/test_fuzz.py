@@ -18,7 +18,7 @@ from renderer.splats import SplatBatch, make_splats
 SEED = 2
 # Kernels are compiled for every type of voxel, which takes longer than all scenes here; the whole run has them all.
 DTYPES = ("uint8", "int16", "float32")
-SCENES = 112
+SCENES = 96
 AT_ONCE = 16
 CHUNK = 7  # splats
 

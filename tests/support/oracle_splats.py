@@ -128,14 +128,10 @@ def make_picture(voxels: Field, cells: Cells, scene: Scene, view: View, orders: 
             raise DisagreementError(
                 f"cell {i} is left out, and has an alpha of {layer.low.max():.3g}: {splats.describe(i)}"
             )
-    mixed = Picture(np.zeros((*x_px.shape, 4)), np.zeros((*x_px.shape, 4)))
-    for share, order in orders:
-        picture = _composite([layers[i] for i in order], x_px.shape)
-        mixed.radiance[:] += share * picture.radiance
-        mixed.bound[:] += share * picture.bound
-    if len(orders) > 1:  # a product and a sum in float32 for each
-        mixed.bound[:] += 2 * len(orders) * FLOAT32 * mixed.radiance
-    return mixed
+    mixed = [(share, _composite([layers[i] for i in order], x_px.shape)) for share, order in orders]
+    radiance = np.sum([share * picture.radiance for share, picture in mixed], axis=0)
+    bound = np.sum([share * picture.bound for share, picture in mixed], axis=0)
+    return Picture(radiance, bound + 2 * (len(orders) - 1) * FLOAT32 * radiance)  # products and sums in float32
 
 
 def _layer(splats: _Footprints, i: int, profile: _Profile, cells: Cells, x_px: Float64, y_px: Float64) -> _Layer | None:
