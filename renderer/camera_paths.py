@@ -20,7 +20,7 @@ its two keys. A path that does not loop starts and ends at rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,9 @@ import numpy as np
 from renderer.camera import Float64, View
 from renderer.errors import InputError
 from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath, Vector
+
+# Looked at together, for bounded memory.
+_FRAMES_IN_RUN = 1 << 16
 
 CameraPath = TurntablePath | RockerPath | KeyframePath
 
@@ -82,6 +85,13 @@ def camera_poses(path: CameraPath, frames: Sequence[int]) -> Poses:
         up=np.column_stack([-sin_e * sin_a, sin_e * cos_a, cos_e]) @ turned,
         zoom=zoom,
     )
+
+
+def axes_in_runs(path: CameraPath) -> Iterator[Float64]:
+    """The axes of all frames, as in `View`: float64 [n, 3, 3], in runs that overlap by one frame."""
+    for first in range(0, max(path.frames - 1, 1), _FRAMES_IN_RUN):
+        poses = camera_poses(path, range(first, min(first + _FRAMES_IN_RUN + 1, path.frames)))
+        yield np.stack([poses.right, poses.up, poses.direction], axis=1)
 
 
 def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, size: tuple[int, int]) -> View:

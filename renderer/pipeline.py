@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.camera import View
-from renderer.camera_paths import make_view
+from renderer.camera_paths import axes_in_runs, make_view
 from renderer.cell_edges import CellEdges, make_cell_edges
+from renderer.depth_directions import Turning, make_turning
 from renderer.extents import Extent, camera_problems, require_proportion, volume_problems
 from renderer.framing import finest_useful_level, fit_distance, visible_centre, visible_points
 from renderer.octree import Cut, cut_pyramid
@@ -46,6 +47,7 @@ class Stage:
     target: world position that the camera looks at.
     distance: of the eye from it, world units.
     finest_level: cells of lower levels would be too small to see on every frame.
+    turning: which neighbours change their order on the way.
     seconds: what it took, by stage.
     """
 
@@ -55,6 +57,7 @@ class Stage:
     target: Vector
     distance: float
     finest_level: int
+    turning: Turning
     seconds: dict[str, float]
 
 
@@ -120,8 +123,9 @@ def prepare(
     target, distance = _framing(scene, volume, points)
     require_proportion(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
+    turning = make_turning(volume.world_from_index, axes_in_runs(camera.path))
     watch.lap("framing")
-    return Stage(scene, volume, pyramid, target, distance, finest_level, watch.seconds)
+    return Stage(scene, volume, pyramid, target, distance, finest_level, turning, watch.seconds)
 
 
 def view_of(stage: Stage, frame: int) -> View:
@@ -167,7 +171,7 @@ def _draw(
 ) -> Frame:
     scene = stage.scene
     view = view_of(stage, number)
-    orders = visible_orders(splats, lattice, view, scene.splat.order)
+    orders = visible_orders(splats, lattice, view, scene.splat.order, stage.turning)
     watch.lap("order")
     image = _mixture(splats, orders, view, rasterizer)
     watch.lap("draw")

@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.camera import View
+from renderer.depth_directions import Turning, depth_directions
 from renderer.jit import jit
 from renderer.octree import Cut
 from renderer.splats import SplatBatch
-from renderer.visibility import box_order, depth_directions, depth_order
+from renderer.visibility import box_order, depth_order
 
 Float64 = npt.NDArray[np.float64]
 
@@ -113,15 +114,21 @@ def longest_sigma(batch: SplatBatch) -> Float64:
     return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
-def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.NDArray[np.uint32]:
-    """uint32 [k]: the splats that can touch the image, back to front; only for `boxes` must the cut have its cells."""
+def visible_order(
+    batch: SplatBatch, cut: Cut, view: View, order: str, *, along: Float64 | None = None
+) -> npt.NDArray[np.uint32]:
+    """uint32 [k]: the splats that can touch the image, back to front; only for `boxes` must the cut have its cells.
+
+    along: float64 [3], the world direction to sort along if not the view's.
+    """
     camera = model_view(batch, view)
     sigmas = longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
     half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.narrowest_px + 1 for n in camera.size)
     _depths_and_culling(
         batch.vertices, sigmas, batch.footprint.cutoff, camera.view_from_model, camera.perspective,
-        camera.scale_px, half_width, half_height, camera.slope_limit, camera.near, depths, seen,
+        camera.scale_px, half_width, half_height, camera.slope_limit, camera.near,
+        view.forward if along is None else along, depths, seen,
     )  # fmt: skip
     if order == "boxes":
         assert len(cut) == len(batch), "boxes without their cells"
@@ -131,15 +138,16 @@ def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str) -> npt.ND
     return indices[depth_order(depths[indices])]
 
 
-def visible_orders(batch: SplatBatch, cut: Cut, view: View, order: str) -> list[tuple[float, npt.NDArray[np.uint32]]]:
-    """As `visible_order`, but without a jump between views: orders, and which share of the picture each has."""
-    plain = visible_order(batch, cut, view, order)
-    directions = depth_directions(cut, view) if order == "depth" else []
-    if not directions:
-        return [(1.0, plain)]
-    indices = np.sort(plain)
-    depths = [(batch.centers[indices] @ each.direction).astype(np.float32) for each in directions]
-    return [(each.share, indices[depth_order(d)]) for each, d in zip(directions, depths, strict=True)]
+def visible_orders(
+    batch: SplatBatch, cut: Cut, view: View, order: str, turning: Turning
+) -> list[tuple[float, npt.NDArray[np.uint32]]]:
+    """As `visible_order`, but without a jump between views by depth: orders, and the share of the picture of each."""
+    if order == "boxes":
+        return [(1.0, visible_order(batch, cut, view, order))]
+    return [
+        (each.share, visible_order(batch, cut, view, order, along=each.direction))
+        for each in depth_directions(turning, view.forward)
+    ]
 
 
 @jit
@@ -154,10 +162,11 @@ def _depths_and_culling(
     half_height: float,
     slope_limit: Float64,
     near: float,
+    along: Float64,
     depths: npt.NDArray[np.float32],
     seen: npt.NDArray[np.bool_],
 ) -> None:
-    """Depth of every centre behind the model's origin, and whether its footprint can meet the image (conservative).
+    """Depth of every centre in the direction `along`, and whether its footprint can meet the image (conservative).
 
     A splat that the near plane cuts is drawn elsewhere than its centre would be: it counts as in the image. Depths from
     the eye would lose their order to float32 where the eye is far away.
@@ -169,9 +178,8 @@ def _depths_and_culling(
         cx, cy, cz = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         x = abs(r[0, 0] * cx + r[0, 1] * cy + r[0, 2] * cz + r[0, 3])
         y = abs(r[1, 0] * cx + r[1, 1] * cy + r[1, 2] * cz + r[1, 3])
-        behind_origin = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz)
-        depth = behind_origin - r[2, 3]
-        depths[i] = behind_origin
+        depth = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz) - r[2, 3]
+        depths[i] = along[0] * cx + along[1] * cy + along[2] * cz
         sigma = sigmas[int(vertices[i, 7])]
         radius = cutoff * sigma
         if perspective:

@@ -3,16 +3,9 @@
 Two orders. `depth` sorts the cells' centres by view depth, which is what splats that overlap need. `boxes` is the exact
 visibility order of the octree's cells taken as boxes (the paper's traversal): right for footprints that stay inside
 their cells, but overlapping ones show seams along the planes between large cells seen edge-on.
-
-Where a view turns past a direction in which neighbours on the lattice have the same depth (0, 45, 90 degrees ...), all
-such pairs change their order at once, and what overlaps with another colour would pop. Within FADE_ANGLE beyond such a
-direction the picture is therefore a mixture of both orders, `depth_directions`.
 """
 
 from __future__ import annotations
-
-import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -21,71 +14,10 @@ from renderer.camera import View
 from renderer.jit import jit
 from renderer.octree import Cut
 
-Float64 = npt.NDArray[np.float64]
-
 # Three passes over a 32-bit key, with counters that stay in the first-level cache.
 RADIX_BITS = 11
 NUM_PASSES = 3
 NUM_DIGITS = 1 << RADIX_BITS
-
-# Wide enough that a mixture changes no faster than a turning picture does anyhow: in opaque noise a pop is 0.4, of
-# which it makes 0.003 for 0.01 degrees. Narrow enough that 4 to 9 % of a turntable's frames need two orders.
-FADE_ANGLE = math.radians(1.5)
-
-# The slope at which a lattice's planes are sorted while they are (almost) seen face-on: between voxels of a volume of
-# 2048^3 it is still a difference in float32.
-LEAST_SLOPE = 2e-4
-
-# A slope that is 0 but for rounding.
-LEVEL = 1e-12
-
-# Steps to the next cell and to the next but diagonally in a plane: what is farther hardly overlaps. x, y, z.
-NEIGHBOURS = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1))
-
-
-@dataclass(frozen=True)
-class DepthDirection:
-    """A direction, float64 [3] in the world, along which to sort; `share` of the picture that has this order."""
-
-    share: float
-    direction: Float64
-
-
-def depth_directions(cut: Cut, view: View) -> list[DepthDirection]:
-    """The directions to sort along in place of the view's: none for nearly all views, else 1, 2 or, seldom, 4.
-
-    Their shares add up to 1. Shares and orders are continuous in the view: past the direction in which a step on the
-    lattice is level the old order fades out and the new one in. Up to there, and where a step stays level, as one along
-    the axis of a turntable at elevation 0, there is one order, that of the cells' numbers.
-    """
-    steps = np.array(NEIGHBOURS) @ cut.volume.world_from_index[:3, :3].T
-    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
-    forward = view.forward
-    slopes = steps @ forward
-    level_axes = np.flatnonzero(np.abs(slopes[:3]) < LEVEL)
-    uprightness = np.abs(steps @ view.view_from_world[1, :3])
-    left_level = max(level_axes, key=lambda axis: float(uprightness[axis]), default=None)
-    directions = [DepthDirection(1.0, forward)]
-    crossed: set[int] = set()
-    for number, (step, slope) in enumerate(zip(steps, slopes, strict=True)):
-        axes = set(np.flatnonzero(NEIGHBOURS[number]).tolist())
-        if not -LEAST_SLOPE < slope < math.sin(FADE_ANGLE) or (number >= 3 and axes & crossed):
-            continue  # a diagonal goes with its axes
-        crossed |= axes
-        if number != left_level:
-            directions = [turned for each in directions for turned in _turned(each, step, float(slope))]
-    return directions if directions[0].direction is not forward else []
-
-
-def _turned(old: DepthDirection, step: Float64, slope: float) -> list[DepthDirection]:
-    """`old` with the step descending, with it ascending, or both, as its slope in the view wants."""
-    ascending = min(max(slope / math.sin(FADE_ANGLE), 0.0), 1.0)
-    made = []
-    for share, wanted in ((1 - ascending, -LEAST_SLOPE), (ascending, max(slope, LEAST_SLOPE))):
-        if share > 0:
-            direction = old.direction + step * (wanted - old.direction @ step)
-            made.append(DepthDirection(old.share * share, direction))
-    return made
 
 
 def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import replace
 from typing import Any
@@ -14,13 +13,13 @@ from oracle_splats import Order, Picture, centers, make_picture
 
 from renderer.camera import View
 from renderer.cell_edges import make_cell_edges
+from renderer.depth_directions import FADE_ANGLE, LEAST_SLOPE, Turning, depth_directions
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import Frame, Stage, finest_level_at, render_frames
 from renderer.projection import visible_orders
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import Color
 from renderer.splats import make_splats
-from renderer.visibility import FADE_ANGLE, LEAST_SLOPE, DepthDirection, depth_directions
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
@@ -48,13 +47,16 @@ def reference(stage: Stage, frame: Frame, view: View) -> Picture:
     require_cut(field, scene, frame.tolerance, finest_level, leaves)
     cells = drawn(field, scene, leaves)
     splats = make_splats(cut, scene.splat)
-    orders = [(share, order.astype(np.int64)) for share, order in visible_orders(splats, cut, view, scene.splat.order)]
+    orders = [
+        (share, order.astype(np.int64))
+        for share, order in visible_orders(splats, cut, view, scene.splat.order, stage.turning)
+    ]
     _require_shares(orders)
     if scene.splat.order == "boxes":
         for _, order in orders:
             _require_box_order(cut, order, view)
     else:
-        _require_depth_orders(cut, orders, centers(field, cells), view)
+        _require_depth_orders(cut, orders, centers(field, cells), view, stage.turning)
     return make_picture(field, cells, scene, view, orders)
 
 
@@ -68,24 +70,21 @@ def _require_shares(orders: list[Order]) -> None:
         raise WrongError(f"orders of other splats: {[len(order) for _, order in orders]}")
 
 
-def _require_depth_orders(cut: Cut, orders: list[Order], at: Float64, view: View) -> None:
+def _require_depth_orders(cut: Cut, orders: list[Order], at: Float64, view: View, turning: Turning) -> None:
     """Back to front by the centres `at` [n, 3] along the view, or along directions next to it, where neighbours on the
     lattice are at almost the same depth."""
     edges = cut.volume.world_from_index[:3, :3]
-    steps = np.array([step for step in itertools.product((-1, 0, 1), repeat=3) if 0 < np.abs(step).sum() < 3])
-    along = steps @ edges.T
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    slopes = np.abs(along @ view.forward)
-    turned = depth_directions(cut, view) or [DepthDirection(1.0, view.forward)]
+    turned = depth_directions(turning, view.forward)
     if len(turned) != len(orders) or any(each.share != share for each, (share, _) in zip(turned, orders, strict=True)):
         raise WrongError(f"{len(orders)} orders, {len(turned)} directions")
-    # One step is turned by the angle at most, and a second one by as much and by what the first has turned it.
-    most = 3 * (math.sin(FADE_ANGLE) + LEAST_SLOPE) if slopes.min() < math.sin(FADE_ANGLE) else 0.0
+    # As far as the views around this one; and by what keeps the order of level steps, and makes them level.
+    most = math.sin(FADE_ANGLE) + 2 * LEAST_SLOPE if len(turned) > 1 else 0.0
+    most += 12 * LEAST_SLOPE
     diagonal = float(np.linalg.norm(edges * np.array(cut.volume.shape_xyz)))
     for each, (_, order) in zip(turned, orders, strict=True):
         turn = float(np.linalg.norm(each.direction - view.forward))
         if turn > most:
-            raise WrongError(f"sorted along a direction {turn:.3g} off the view's, where slopes are {np.sort(slopes)}")
+            raise WrongError(f"sorted along a direction {turn:.3g} off the view's")
         depths = (at[order] - cut.volume.centre) @ each.direction
         rise = float((depths - np.minimum.accumulate(depths)).max(initial=0.0))
         # Depths are those of float32 centres within half the diagonal.

@@ -1,15 +1,37 @@
-"""Neither drawing in chunks nor mixing two orders leaves anything out, and orders change without a jump."""
+"""Neither drawing in chunks nor mixing orders leaves anything out, and orders change without a jump."""
 
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from splatting import cut_of, in_order, look, place_splats, volume_of
 
 from renderer import raster_gl
+from renderer.camera_paths import axes_in_runs, camera_pose
+from renderer.depth_directions import (
+    FADE_ANGLE,
+    LEAST_SHARE,
+    NEIGHBOURS,
+    DepthDirection,
+    depth_directions,
+    make_turning,
+)
+from renderer.projection import visible_orders
 from renderer.raster_gl import GLRasterizer
-from renderer.scene import SplatSpec
-from renderer.visibility import FADE_ANGLE, LEVEL, depth_directions
+from renderer.scene import SplatSpec, TurntablePath
+from renderer.splats import make_splats
+
+Float64 = npt.NDArray[np.float64]
+
+IDENTITY = np.eye(3)
+
+
+def tilted(degrees: float) -> Float64:
+    """Voxels a little out of the world's axes."""
+    a = np.radians(degrees)
+    turn = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    return np.asarray(turn @ np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]]))
 
 
 @pytest.mark.parametrize("footprint", ["gaussian", "gouraud"])
@@ -36,26 +58,66 @@ def test_chunks_draw_what_one_go_draws(
             np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
 
 
-def test_most_views_have_one_order_and_shares_add_up() -> None:
-    cut = cut_of(volume_of(np.full((4, 4, 4), 200, np.uint8)), 0.5)
-    for projection in ("perspective", "orthographic"):
-        for elevation, most in ((0.0, 0.06), (20.0, 0.1)):
-            views = [look(projection, azimuth=azimuth, elevation=elevation) for azimuth in np.arange(0, 360, 0.5)]
-            mixtures = [depth_directions(cut, view) for view in views]
-            for shares in ([each.share for each in mixture] for mixture in mixtures if mixture):
-                assert sum(shares) == pytest.approx(1, abs=1e-15)
-                assert min(shares) > 0
-            assert np.mean([len(mixture) > 1 for mixture in mixtures]) <= most
+SHEARED = np.array([[1.0, 0.4, 0.0], [0.0, -0.9, 0.2], [0.0, 0.0, 3.0]])
+STEP = 0.25
 
 
-def test_an_order_fades_in_over_the_fade_angle() -> None:
-    """Turning past azimuth 90 at elevation 20, where steps along y are level."""
-    cut = cut_of(volume_of(np.full((4, 4, 4), 200, np.uint8)), 0.5)
-    degrees = np.degrees(FADE_ANGLE) * np.linspace(-1.5, 1.5, 301)
-    shares = []
-    for azimuth in 90 + degrees:
-        view = look(azimuth=azimuth, elevation=20.0)
-        directions = [(each.share, each.direction[1]) for each in depth_directions(cut, view)]
-        shares.append(sum(share for share, slope in directions or [(1.0, view.forward[1])] if slope > LEVEL))
-    assert {shares[0], shares[-1]} == {0.0, 1.0}
-    assert np.abs(np.diff(shares)).max() < 0.011
+def turns(elevation: float, edges: Float64 = IDENTITY) -> list[list[DepthDirection]]:
+    """The directions to sort along on a turntable of STEP degrees a frame."""
+    path = TurntablePath(round(360 / STEP), elevation=elevation)
+    turning = make_turning(edges, axes_in_runs(path))
+    return [depth_directions(turning, -camera_pose(path, frame).direction) for frame in range(0, path.frames)]
+
+
+@pytest.mark.parametrize("elevation", [0.0, -0.5, 20.0, 45.0, 80.0, 89.0])
+def test_few_views_have_several_orders_and_shares_add_up(elevation: float) -> None:
+    mixtures = turns(elevation)
+    for mixture in mixtures:
+        assert sum(each.share for each in mixture) == pytest.approx(1, abs=1e-15)
+        assert min(each.share for each in mixture) > 0
+    assert np.mean([len(mixture) > 1 for mixture in mixtures]) < 0.12
+
+
+@pytest.mark.parametrize("elevation", [90.0, -90.0])
+def test_seen_from_a_pole_no_neighbours_change_their_order(elevation: float) -> None:
+    for mixture in turns(elevation):
+        assert len(mixture) == 1
+
+
+@pytest.mark.parametrize("elevation", [0.0, -0.5, 20.0, 89.0])
+@pytest.mark.parametrize("edges", [IDENTITY, SHEARED, tilted(1e-8), tilted(0.004), tilted(0.1)], ids=str)
+def test_the_share_in_which_a_neighbour_comes_first_changes_evenly(elevation: float, edges: Float64) -> None:
+    """By no more in a frame than if it grew from 0 to 1 over twice the fade angle; and a third, for sampling."""
+    steps = NEIGHBOURS @ edges.T
+    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
+    shares = np.array(
+        [sum(each.share * (steps @ each.direction > 0) for each in mixture) for mixture in turns(elevation, edges)]
+    )
+    changes = np.abs(np.diff(shares, axis=0))
+    assert changes.max() < 1.35 * STEP / np.degrees(2 * FADE_ANGLE) + LEAST_SHARE
+
+
+def test_a_camera_that_stands_still_sorts_along_its_view() -> None:
+    path = TurntablePath(1, start=30.0, elevation=20.0)
+    turning = make_turning(IDENTITY, axes_in_runs(path))
+    forward = -camera_pose(path, 0).direction
+    (only,) = depth_directions(turning, forward)
+    np.testing.assert_array_equal(only.direction, forward)
+    assert only.share == 1.0
+
+
+def test_pictures_on_both_sides_of_an_axis_are_mirror_images(rasterizer: GLRasterizer) -> None:
+    """Of a volume that is its own mirror image, within the rounding of float32 and the sampling of shares."""
+    half = np.random.default_rng(2).integers(0, 256, (6, 6, 3), np.uint8)
+    cut = cut_of(volume_of(np.concatenate([half, half[..., ::-1]], axis=2)), 0.5)
+    splats = make_splats(cut, SplatSpec())
+    turning = make_turning(IDENTITY, axes_in_runs(TurntablePath(360)))
+    for azimuth in (0.0, 0.3, 0.8, 2.0, 30.0):
+        left, right = (
+            sum(
+                share * rasterizer.rasterize(splats, order, view)
+                for share, order in visible_orders(splats, cut, view, "depth", turning)
+            )
+            for view in (look(azimuth=azimuth, size=(64, 64)), look(azimuth=-azimuth, size=(64, 64)))
+        )
+        np.testing.assert_allclose(np.asarray(left)[:, ::-1], right, atol=2e-3)

@@ -24,7 +24,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "volumes": ("readers procedural statistics", "words checks"),
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_kernels pyramid_memory emptiness", "words classification"),
-    "cut": ("octree visibility", "words classification pyramid"),
+    "cut": ("octree visibility depth_directions", "words classification pyramid"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_reference compositing shaders", "words splats"),
