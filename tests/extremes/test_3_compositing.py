@@ -10,7 +10,7 @@ import pytest
 from extremes import Extreme, Section
 
 from renderer.camera import View
-from renderer.compositing import LEAST_CHUNK
+from renderer.compositing import LEAST_CHUNK, MEAN_LAYERS
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
@@ -146,9 +146,9 @@ SECTION = Section(
             random_stacks,
         ),
     ),
-    "A pixel on which at most B splats of a chunk lie, and whose alpha is A, is right within `6 u B A`; a chunk has as "
-    f"many splats as the object covers pixels, and at least {LEAST_CHUNK}. Blended in one go, 1e6 layers of depth 1 in "
-    "all had an alpha of 0.6342 in place of 0.6321, and a colour wrong by 7e-3.",
+    "A pixel on which at most B splats of a chunk lie, and whose alpha is A, is right within `6 u B A`; a chunk has "
+    f"{MEAN_LAYERS} layers in the mean over the pixels under the object, and at least {LEAST_CHUNK} splats. Blended in "
+    "one go, 1e6 layers of depth 1 in all had an alpha of 0.6342 in place of 0.6321, and a colour wrong by 7e-3.",
 )
 
 
