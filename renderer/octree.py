@@ -58,10 +58,12 @@ class _Leaves(NamedTuple):
 def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) -> Cut:
     """The coarsest cells whose error is below `tolerance` (in the measure's unit); none finer than `finest_level`.
 
-    Neither may be below what the pyramid was built for.
+    Raises ValueError where either is below what the pyramid was built for.
     """
-    assert tolerance >= pyramid.least_tolerance, "no pyramid for this tolerance"
-    assert finest_level >= pyramid.finest_level, "no pyramid for this level"
+    if not tolerance >= pyramid.least_tolerance:
+        raise ValueError(f"no pyramid for this tolerance: got {tolerance}, expected at least {pyramid.least_tolerance}")
+    if finest_level < pyramid.finest_level:
+        raise ValueError(f"no pyramid for this level: got {finest_level}, expected at least {pyramid.finest_level}")
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     nodes = np.arange(len(cells))
     parts = []
