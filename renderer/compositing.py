@@ -10,6 +10,10 @@ What is bounded is the mean of the layers over the pixels under the model, for i
 chunk has MEAN_LAYERS of them, or LEAST_CHUNK splats if that is more. A pixel may have more than the mean, where what is
 visible is concentrated; then B is what it has. Chunks cost a wait for the device each, and ordinary frames, whose mean
 is lower, are drawn in one go.
+
+Measured, largest error of a channel: voxel by voxel an engine of 1.2 million splats, 102 layers in the mean and one
+chunk, 1.4e-6; from so far that the mean is 3554, in 14 chunks, 3e-6, and 6e-5 in one go; a million equal layers that
+are all there is, on one pixel, 4e-5; on one pixel in the middle of 512 x 512 that count as covered, 7e-3.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ from renderer.jit import jit
 Float64 = npt.NDArray[np.float64]
 
 # Layers of a chunk in the mean: 6 u B is 9e-5 for as many, a fortieth of the step of 8 bits, if every rounding went the
-# same way. Equal thin layers come closest to that, and reach a tenth of it.
+# same way.
 MEAN_LAYERS = 256
 
 # Splats in a chunk at least: fewer would cost more in waiting for the device than they gain. 6 u B is 1.5e-3 for as
