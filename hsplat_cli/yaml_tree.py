@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from renderer.errors import Problem
-from renderer.schema import join, show
+from renderer.schema import join, show, underflows
 
 # A scene has a few hundred values in three or four levels; what is far beyond that is a mistake or an attack.
 MAX_NODES = 20_000
@@ -158,7 +158,8 @@ class _Builder:
             if kind == "int":
                 return _integer(text)
             if kind == "float":
-                return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+                number = float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+                return text if number == 0 and underflows(text) else number  # for the schema to refuse
             if kind in ("null", "bool"):
                 return {"n": None, "~": None, "": None, "t": True, "f": False}[text[:1].lower()]
         except (KeyError, ValueError):  # an explicit tag on something else

@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.camera import Float64
 from renderer.camera_paths import CameraPath, Poses, camera_poses, focal_length_px
@@ -20,6 +21,8 @@ from renderer.errors import InputError
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
 from renderer.volume import Volume
+
+Int64 = npt.NDArray[np.int64]
 
 # Left free along every side, as a share of half the frame's smaller side: a footprint reaches beyond its cell's centre.
 MARGIN = 0.03
@@ -116,14 +119,21 @@ def visible_points(pyramid: Pyramid) -> Float64:
     if not rows.any():
         corners = np.stack(np.meshgrid(*([-0.5, n - 0.5] for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
         return _to_world(volume, corners)
-    # Of all corners on a line along x only the first and the last can be extreme.
-    z, y = np.nonzero(rows)
-    first = pyramid.occupied.argmax(axis=2)[z, y]
-    last = pyramid.occupied.shape[2] - pyramid.occupied[..., ::-1].argmax(axis=2)[z, y]
-    corners = np.concatenate(
-        [np.column_stack([x, y + dy, z + dz]) for x in (first, last) for dy in (0, 1) for dz in (0, 1)]
-    )
+    # Of all corners on a line along x only the first and the last can be extreme; up to four rows of cells share one.
+    num = pyramid.occupied.shape[2]
+    row_first = np.where(rows, pyramid.occupied.argmax(axis=2), num)
+    row_last = np.where(rows, num - pyramid.occupied[..., ::-1].argmax(axis=2), 0)
+    first, last = _of_rows_around(np.minimum, row_first, num), _of_rows_around(np.maximum, row_last, 0)
+    z, y = np.nonzero(last)
+    corners = np.concatenate([np.column_stack([x[z, y], y, z]) for x in (first, last)])
     return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
+
+
+def _of_rows_around(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:
+    """[nz + 1, ny + 1] at the corners of [nz, ny] rows: the extreme of the four around each."""
+    padded = np.pad(of_rows, 1, constant_values=outside)
+    in_y = extreme(padded[:, 1:], padded[:, :-1])
+    return np.asarray(extreme(in_y[1:], in_y[:-1]), np.int64)
 
 
 def finest_useful_level(

@@ -58,10 +58,12 @@ class _Leaves(NamedTuple):
 def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) -> Cut:
     """The coarsest cells whose error is below `tolerance` (in the measure's unit); none finer than `finest_level`.
 
-    Neither may be below what the pyramid was built for.
+    Raises ValueError where either is below what the pyramid was built for.
     """
-    assert tolerance >= pyramid.least_tolerance, "no pyramid for this tolerance"
-    assert finest_level >= pyramid.finest_level, "no pyramid for this level"
+    if not tolerance >= pyramid.least_tolerance:
+        raise ValueError(f"no pyramid for this tolerance: got {tolerance}, expected at least {pyramid.least_tolerance}")
+    if finest_level < pyramid.finest_level:
+        raise ValueError(f"no pyramid for this level: got {finest_level}, expected at least {pyramid.finest_level}")
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     nodes = np.arange(len(cells))
     parts = []
@@ -70,7 +72,7 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
         errors = level.errors[nodes] * _error_scale(pyramid, cells, number)
         is_leaf = errors < tolerance if number > finest_level else np.ones(len(nodes), np.bool_)
         means = level.means[nodes[is_leaf]].astype(np.float32) * np.float32(pyramid.mean_unit)
-        parts.append(_Leaves(number, cells[is_leaf], _extinctions(pyramid, means)))
+        parts.append(_Leaves(number, cells[is_leaf], means))
         nodes, cells = nodes[~is_leaf], cells[~is_leaf]
         if number > 1:
             nodes, cells = _children(nodes, cells, level.masks, level.first_children)
@@ -87,17 +89,6 @@ def _error_scale(pyramid: Pyramid, cells: Int32, level: int) -> Float64:
     """What the stored errors of these cells are in units of, [n] or []; see `renderer.pyramid.error_scale`."""
     num_voxels = cell_extents(cells, level, pyramid.volume.shape_xyz).prod(axis=1)
     return np.asarray(error_scale(pyramid.volume, pyramid.measure, num_voxels) * pyramid.error_unit)
-
-
-def _extinctions(pyramid: Pyramid, means: Float32) -> Float32:
-    """(tau c, tau) h0 from whatever the pyramid averages."""
-    if pyramid.average == "extinction":
-        return means
-    opacities = means[:, 3:]
-    with np.errstate(divide="ignore"):  # rounded to 1, it is as deep as the deepest voxel
-        depths = np.minimum(-np.log1p(-np.minimum(opacities, 1)), np.float32(pyramid.deepest))
-    # Rounded to 0, there is nothing to scale.
-    return np.asarray(means * np.divide(depths, opacities, out=np.ones_like(depths), where=opacities > 0))
 
 
 def _children(nodes: Int64, cells: Int32, masks: npt.NDArray[np.uint8], first_children: Int64) -> tuple[Int64, Int32]:

@@ -26,6 +26,9 @@ SLOPE_LIMIT = 1.3
 # those whose centre is so many before it; both as in shaders/project.glsl.
 CUT_SIGMAS, GONE_SIGMAS = 5.0, 4.0
 
+# Splats whose footprints are looked at, about, to know those of all: their mean is right within a few per cent.
+FOOTPRINT_SAMPLE = 4096
+
 
 @dataclass(frozen=True)
 class ModelView:
@@ -107,6 +110,23 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     low = np.clip(np.floor(center_px - reach_px), 0, size).astype(int)
     high = np.clip(np.ceil(center_px + reach_px), 0, size).astype(int)
     return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
+
+
+def mean_footprint_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView, region: Region) -> float:
+    """How many of the region's pixels a footprint of `batch[order]` covers in the mean; neither may be empty.
+
+    An estimate, from a sample: ellipses with the two longest of the splat's axes, as they appear at the image's centre
+    at the depth of the splat, or at the near plane if that is farther.
+    """
+    vertices = batch.vertices[order[:: max(1, len(order) // FOOTPRINT_SAMPLE)]]
+    axes = np.linalg.svd(batch.axes, compute_uv=False)[vertices[:, 7].astype(np.int64), :2]
+    scale_px: Float64 | float = camera.scale_px
+    if camera.perspective:
+        depths = -(vertices[:, :3] @ camera.view_from_model[2, :3] + camera.view_from_model[2, 3])
+        scale_px = (camera.scale_px / np.maximum(depths, max(camera.near, 1e-6)))[:, None]  # the near plane may be at 0
+    radii_px = batch.footprint.cutoff * np.maximum(axes * scale_px, batch.footprint.narrowest_px)
+    areas_px = math.pi * np.minimum(radii_px, region.num_pixels).prod(axis=1)
+    return float(np.minimum(areas_px, region.num_pixels).mean())
 
 
 def longest_sigma(batch: SplatBatch) -> Float64:

@@ -1,8 +1,9 @@
 """Pyramid: per octree node the mean of its voxels and the error of replacing them by it.
 
 Level l has cells of 2^l voxels a side; level 0 are the voxels themselves and is not stored, a table look-up gives it.
-A node's four channels are those of `renderer.classify`: means of `(tau c, tau) h0` or of `(a c, a)`. Its error is the
-root of the channels' summed variance (Laur and Hanrahan 1991, section 3: the RMS error of a node), of one of
+A node's four channels are means of those of `renderer.classify`: of `(tau c, tau) h0`, or of `(a c, a)`, which are then
+stored as the depths that have these opacities. Its error is the root of the channels' summed variance (Laur and
+Hanrahan 1991, section 3: the RMS error of a node), of one of
 
     optical           (tau c, tau) h0     times the cell's side in the cut: what the node can put into a pixel
     rms, classified   (a c, a)            opacity over the finest spacing
@@ -89,7 +90,7 @@ class Pyramid:
     """levels[0] is level 1 and levels[-1] the root (no node, where nothing is visible).
 
     Multiply stored means by `mean_unit` and errors by `error_unit` to have them in the units above. `classifier` gives
-    level 0, always as (tau c, tau) h0, and no voxel is deeper than `deepest`.
+    level 0, always as (tau c, tau) h0.
 
     occupied: bool [z, y, x], the cells of level `occupied_level` in which anything is visible.
     least_tolerance, finest_level: cuts at smaller tolerances, or of finer levels, need nodes that were left out.
@@ -99,9 +100,7 @@ class Pyramid:
     mean_unit: float
     error_unit: float
     classifier: Classifier
-    deepest: float
     volume: Volume
-    average: str
     measure: str
     occupied: npt.NDArray[np.bool_]
     occupied_level: int
@@ -152,9 +151,7 @@ def build_pyramid(
         mean_unit=plan.mean_unit,
         error_unit=plan.error_unit,
         classifier=depths,
-        deepest=volume.finest_spacing * transfer.max_extinction,
         volume=volume,
-        average=spec.average,
         measure=error.measure,
         occupied=room.occupied,
         occupied_level=room.occupied_level,
@@ -188,6 +185,7 @@ class _Plan:
     rule: classifies for the means; the variance that comes with them is the error where both of the others are None.
     error_rule: classifies for the errors. normal: (offset, scale) of the scalar that errors are of.
     mean_unit, error_unit: as in Pyramid. error_factor: brings the root of a variance to its stored unit.
+    deepest: of a voxel, where opacities are averaged; the means are stored as depths all the same.
     limits: nodes of level 2, and of level 3, with a variance below are leaves in every cut.
     """
 
@@ -199,6 +197,7 @@ class _Plan:
     error_unit: float
     error_factor: float
     dtype: type[np.float16] | type[np.float32]
+    deepest: float | None
     limits: tuple[float, float] = (0.0, 0.0)
 
     @property
@@ -239,10 +238,11 @@ def _make_plan(
         rule,
         error_rule,
         normal,
-        unit(opacity),
+        unit(False),
         error_unit,
         error_factor,
         np.float16 if spec.precision == "half" else np.float32,
+        depth if opacity else None,
     )
 
 
@@ -415,9 +415,22 @@ def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Stored) -> 
         scratch.spreads,
         target[2],
     )
+    if plan.deepest is not None:
+        _opacities_to_depths(scratch.visible[:num], plan.deepest)
     _store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
     _store(scratch.spreads[:num], plan.error_factor, target[1][:num])
     return num
+
+
+def _opacities_to_depths(means: npt.NDArray[np.float32], deepest: float) -> None:
+    """Means of (a c, a) [n, 4] become those depths times (c, 1), in place.
+
+    As depths they keep their digits in half precision: of opacities near 1 it would leave none.
+    """
+    opacities = means[:, 3].astype(np.float64)
+    with np.errstate(divide="ignore"):  # rounded to 1, it is as deep as the deepest voxel
+        depths = np.minimum(-np.log1p(-np.minimum(opacities, 1)), deepest)
+    means *= (depths / opacities)[:, None]
 
 
 def _store(values: npt.NDArray[np.float32], factor: float, out: Array) -> None:

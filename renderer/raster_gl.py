@@ -14,8 +14,9 @@ Rows are drawn upside down, so that what is read back has row 0 at the top.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import TracebackType
 from typing import Any
 
@@ -27,11 +28,12 @@ from renderer.camera import View
 from renderer.cell_edges import CellEdges, level_colors
 from renderer.compositing import LEAST_CHUNK, composite_over, splats_at_once
 from renderer.errors import RenderError
-from renderer.projection import ModelView, Region, covered_region, longest_sigma, model_view
+from renderer.projection import ModelView, Region, covered_region, longest_sigma, mean_footprint_px, model_view
 from renderer.shaders import load_shader
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 
 Image = npt.NDArray[np.float32]
+Draw = Callable[[npt.NDArray[np.uint32]], None]  # draws these splats of a batch, back to front
 
 # Splats on the device at a time: 9 MiB of vertices.
 BATCH_SIZE = 1 << 18
@@ -93,27 +95,44 @@ class GLRasterizer:
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
         camera = model_view(batch, view)
+        draw = self._prepared(batch, camera)
         if len(order) <= LEAST_CHUNK:
-            return self._chunk(batch, order, camera, Region(0, 0, *view.size))
+            return self._chunk(draw, order, view.size, Region(0, 0, *view.size))
         region = covered_region(batch, camera)
-        num_at_once = splats_at_once(region.num_pixels)
+        image = np.zeros((view.size[1], view.size[0], 4), np.float32)
+        if region.num_pixels == 0:
+            return image
+        num_at_once = splats_at_once(region.num_pixels, mean_footprint_px(batch, order, camera, region))
         if len(order) <= num_at_once:
-            return self._chunk(batch, order, camera, Region(0, 0, *view.size))
+            return self._chunk(draw, order, view.size, Region(0, 0, *view.size))
         covered = np.zeros((region.height, region.width, 4))
         for first in range(0, len(order), num_at_once):
-            composite_over(self._chunk(batch, order[first : first + num_at_once], camera, region), covered)
-        image = np.zeros((view.size[1], view.size[0], 4), np.float32)
+            composite_over(self._chunk(draw, order[first : first + num_at_once], view.size, region), covered)
         image[region.top : region.top + region.height, region.left : region.left + region.width] = covered
         return image
 
-    def _chunk(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView, region: Region) -> Image:
-        """The region of the picture of some splats, over nothing, blended in float32."""
-        with self._picture(camera.size, region) as image:
+    def _prepared(self, batch: SplatBatch, camera: ModelView) -> Draw:
+        """Shapes and a program with its uniforms on the device, and what draws some of the splats with them."""
+        is_gaussian = isinstance(batch.footprint, GaussianFootprint)
+        name = "gaussian" if is_gaussian else "gouraud"
+        with self._context:
             self._shapes.write(_shape_block(batch, camera))
             self._shapes.bind_to_uniform_block(0)
-            draw = self._gaussians if isinstance(batch.footprint, GaussianFootprint) else self._fans
+            program = self._program(
+                f"project.glsl opacity.glsl {name}_vertex.glsl", f"opacity.glsl {name}_fragment.glsl"
+            )
+            _set_camera(program, camera)
+            program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
+            program["slope_limit"] = tuple(camera.slope_limit)
+            for uniform in ("narrowest_px", *(("cutoff", "decay", "coefficients", "rim") if is_gaussian else ())):
+                program[uniform] = getattr(batch.footprint, uniform)
+        return partial(self._gaussians if is_gaussian else self._fans, program, batch, camera)
+
+    def _chunk(self, draw: Draw, order: npt.NDArray[np.uint32], size: tuple[int, int], region: Region) -> Image:
+        """The region of the picture of some splats, over nothing, blended in float32."""
+        with self._picture(size, region) as image:
             for first in range(0, len(order), BATCH_SIZE):
-                draw(batch, order[first : first + BATCH_SIZE], camera)
+                draw(order[first : first + BATCH_SIZE])
         return image
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
@@ -152,12 +171,8 @@ class GLRasterizer:
             if image.size:
                 target.read_into(image, viewport=place, components=4, dtype="f4")
 
-    def _gaussians(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> None:
+    def _gaussians(self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]) -> None:
         """Points, and in their place in the order quads where the driver's points are too small."""
-        assert isinstance(batch.footprint, GaussianFootprint)
-        program = self._splat_program("gaussian", batch, camera)
-        for name in ("cutoff", "decay", "coefficients", "rim"):
-            program[name] = getattr(batch.footprint, name)
         vertices = batch.vertices.take(order, axis=0)
         self._splats.orphan()
         self._splats.write(vertices)
@@ -180,11 +195,10 @@ class GLRasterizer:
             quads.release()
         points.release()
 
-    def _fans(self, batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> None:
+    def _fans(self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]) -> None:
         """The paper's footprints: one instance of the mesh for each splat."""
         footprint = batch.footprint
         assert isinstance(footprint, GouraudFootprint)
-        program = self._splat_program("gouraud", batch, camera)
         self._splats.orphan()
         self._splats.write(batch.vertices.take(order, axis=0))
         mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
@@ -196,15 +210,6 @@ class GLRasterizer:
             fans = self._context.vertex_array(program, content, index_buffer=triangles, index_element_size=4)
             fans.render(moderngl.TRIANGLES, instances=len(order))
             fans.release()
-
-    def _splat_program(self, name: str, batch: SplatBatch, camera: ModelView) -> Any:
-        """The program of a footprint, with the uniforms of all footprints set."""
-        program = self._program(f"project.glsl opacity.glsl {name}_vertex.glsl", f"opacity.glsl {name}_fragment.glsl")
-        _set_camera(program, camera)
-        program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
-        program["slope_limit"] = tuple(camera.slope_limit)
-        program["narrowest_px"] = batch.footprint.narrowest_px
-        return program
 
     def _program(self, vertex_files: str, fragment_files: str) -> Any:
         """A program from its files, compiled at its first use."""

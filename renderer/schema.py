@@ -160,6 +160,9 @@ def number(
             return kind.refuse(node, "not a number", got=show(node.value))
         if not math.isfinite(value):
             return kind.refuse(node, "not a finite number", got=show(node.value))
+        if isinstance(node.value, str) and underflows(node.value):
+            hint = "the smallest number above 0 is 5e-324; for zero write 0"
+            return kind.refuse(node, "too small a number to tell from 0", got=show(node.value), hint=hint)
         if not _within(value, least, most, above, below):
             return kind.refuse(node, "out of range", got=show(node.value))
         return value
@@ -183,6 +186,12 @@ def integer(*, least: int, most: int) -> Kind[int]:
     return kind
 
 
+def underflows(text: str) -> bool:
+    """Whether text that spells a number spells one that is not 0, and that float64 has only as 0."""
+    mantissa, _, _ = text.lower().partition("e")
+    return float(text) == 0 and any(digit in mantissa for digit in "123456789")
+
+
 def _as_float(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
@@ -198,7 +207,9 @@ def _as_int(value: object) -> int | None:
     if isinstance(value, int) and not isinstance(value, bool):
         return value
     as_float = _as_float(value)
-    return int(as_float) if as_float is not None and as_float.is_integer() else None
+    if as_float is None or not as_float.is_integer() or (isinstance(value, str) and underflows(value)):
+        return None
+    return int(as_float)
 
 
 def _within(value: float, least: float | None, most: float | None, above: float | None, below: float | None) -> bool:

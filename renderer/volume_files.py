@@ -30,11 +30,12 @@ def require_volume_file(path: Path) -> None:
     if not os.access(path, os.R_OK):
         raise InputError("no permission to read this", where=str(path))
     if path.is_dir():
-        if not any(path.iterdir()):
+        entries = list(path.iterdir())
+        if not any(_may_be_slice(entry) for entry in entries):
             raise InputError(
                 "this folder holds neither a DICOM series nor TIFF slices",
                 where=str(path),
-                got="an empty folder",
+                got=None if entries else "an empty folder",
                 expected="the files of one DICOM series, or .tif files, directly in the folder",
             )
         return
@@ -51,6 +52,22 @@ def require_volume_file(path: Path) -> None:
             expected=KNOWN_FORMATS,
             hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
         )
+
+
+def _may_be_slice(path: Path) -> bool:
+    """Whether something in a folder can be a DICOM file, of any name, or a TIFF file.
+
+    Numbers in their first bytes have zeros, with a mark or without. What cannot be looked at is left to the readers.
+    """
+    if path.suffix.lower() in (".tif", ".tiff"):
+        return True
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return b"\0" in file.read(_FIRST_BYTES)
+    except OSError:
+        return True
 
 
 def _may_be_volume(suffix: str, start: bytes) -> bool:

@@ -9,6 +9,7 @@ from splatting import cut_of, in_order, look, place_splats, volume_of
 
 from renderer import raster_gl
 from renderer.camera_paths import axes_in_runs, camera_pose
+from renderer.compositing import LEAST_CHUNK, MEAN_LAYERS, splats_at_once
 from renderer.depth_directions import (
     FADE_ANGLE,
     LEAST_SHARE,
@@ -17,7 +18,7 @@ from renderer.depth_directions import (
     depth_directions,
     make_turning,
 )
-from renderer.projection import visible_orders
+from renderer.projection import Region, mean_footprint_px, model_view, visible_orders
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import SplatSpec, TurntablePath
 from renderer.splats import make_splats
@@ -53,9 +54,36 @@ def test_chunks_draw_what_one_go_draws(
             whole = rasterizer.rasterize(batch, in_order(batch), view)
             with monkeypatch.context() as patch:
                 patch.setattr(raster_gl, "LEAST_CHUNK", 16)
-                patch.setattr(raster_gl, "splats_at_once", lambda _: 16)
+                patch.setattr(raster_gl, "splats_at_once", lambda *_: 16)
                 chunked = rasterizer.rasterize(batch, in_order(batch), view)
             np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_the_mean_footprint(projection: str) -> None:
+    """Round splats far from the eye, wide and narrow; around the eye none covers more than the region."""
+    centers = np.random.default_rng(5).uniform(-1e-3, 1e-3, (9000, 3))
+    region = Region(0, 0, 50, 40)
+    view = look(projection, distance=4.0)
+    for sigma in (0.03, 1e-6):
+        batch = place_splats(centers, sigma, 0.1, np.ones((9000, 3)), SplatSpec())
+        camera = model_view(batch, view)
+        scale_px = camera.scale_px / (4.0 / batch.length if camera.perspective else 1.0)
+        radius_px = batch.footprint.cutoff * max(sigma / batch.length * scale_px, batch.footprint.narrowest_px)
+        # depths differ by 1e-3 / 4, areas by twice that
+        assert mean_footprint_px(batch, in_order(batch), camera, region) == pytest.approx(
+            np.pi * radius_px**2, rel=1e-3
+        )
+    batch = place_splats(100 * centers, 0.1, 0.1, np.ones((9000, 3)), SplatSpec())
+    camera = model_view(batch, look(projection, distance=1e-3, size=(2000, 2000)))
+    assert mean_footprint_px(batch, in_order(batch), camera, region) == region.num_pixels
+
+
+@pytest.mark.parametrize(("num_pixels", "footprint_px"), [(1, 1.0), (2000, 8.0), (10**6, 40.0), (10**6, 1e6)])
+def test_a_chunk_has_its_layers_or_the_least_number(num_pixels: int, footprint_px: float) -> None:
+    num = splats_at_once(num_pixels, footprint_px)
+    layers = num * footprint_px / num_pixels
+    assert num == LEAST_CHUNK or MEAN_LAYERS * 0.999 < layers <= MEAN_LAYERS
 
 
 SHEARED = np.array([[1.0, 0.4, 0.0], [0.0, -0.9, 0.2], [0.0, 0.0, 3.0]])

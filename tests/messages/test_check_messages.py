@@ -73,6 +73,12 @@ REFUSED = {
         "/scans/slices: this folder holds neither a DICOM series nor TIFF slices\n  got: an empty folder\n"
         "  expected: the files of one DICOM series, or .tif files, directly in the folder\n",
     ),
+    "a folder of something else": (
+        ["--volume", "/scans/notes"],
+        2,
+        "/scans/notes: this folder holds neither a DICOM series nor TIFF slices\n"
+        "  expected: the files of one DICOM series, or .tif files, directly in the folder\n",
+    ),
     "out of proportion": (
         ["--set", "camera.near=1e20"],
         2,
@@ -95,6 +101,8 @@ def test_check_and_render_refuse_alike(name: str, scene_folder: Path, capsys: py
     arguments, code, text = REFUSED[name]
     for folder in ("folder.mp4", "007.png", "slices", "film.gif.json"):
         (scene_folder / folder).mkdir()
+    (scene_folder / "notes" / "more").mkdir(parents=True)
+    (scene_folder / "notes" / "readme").write_text("no volume here")
     (scene_folder / "empty.vtk").touch()
     before = sorted(scene_folder.rglob("*"))
     assert said(capsys, scene_folder, ["check", "scene.yaml", *arguments]) == (code, text)

@@ -296,6 +296,18 @@ scene.yaml:18:44: splat.profile: no weight at the radii that the footprint has
   hint: a larger splat.radial has more radii
 """,
     ),
+    "tolerance_too_small": (
+        "tolerance: 0.1",
+        "tolerance: 1e-400",
+        """\
+scene.yaml:16:14: error.tolerance: too small a number to tell from 0
+    | tolerance: 1e-400
+    |            ^
+  got: '1e-400'
+  expected: a number from 0 to 1e+300
+  hint: the smallest number above 0 is 5e-324; for zero write 0
+""",
+    ),
     "tolerance_not_a_number": (
         "tolerance: 0.1",
         "tolerance: .nan",

@@ -262,14 +262,14 @@ def _content(field: Field, scene: Scene, cell: Leaf) -> tuple[float, float, floa
         return depth, low, high, red / depth, green / depth, blue / depth, 2 * slack
     mean = _mean(field, scene, cell)
     noise, absolute = 8 * FLOAT32 * mean, 0.0
-    low, stored, high = mean - noise, mean, mean + noise
+    low, stored, high = np.maximum(mean - noise, 0), mean, mean + noise
+    if scene.pyramid.average == "opacity":
+        low, stored, high = (_as_depths(channels, field.deepest) for channels in (low, stored, high))
     if scene.pyramid.precision == "half":
-        largest = -math.expm1(-field.deepest) if scene.pyramid.average == "opacity" else field.deepest
-        absolute = 2 * largest * TINIEST_HALF
+        absolute = 2 * field.deepest * TINIEST_HALF
         low, stored, high = _half(low), _half(stored), _half(high)
     low, high = np.maximum(low - absolute, 0), high + absolute
-    of_opacity = scene.pyramid.average == "opacity"
-    shallow, depth, deep = (_depth(w[3], field.deepest) if of_opacity else float(w[3]) for w in (low, stored, high))
+    shallow, depth, deep = (float(channels[3]) for channels in (low, stored, high))
     color = stored[:3] / stored[3]
     brightest, darkest = high[:3] / max(low[3], 1e-300), low[:3] / high[3]
     slack = min(2.0, float(np.maximum(brightest - color, color - darkest).max()) + 8 * FLOAT32)
@@ -288,5 +288,8 @@ def _half(values: Float64) -> Float64:
     return np.asarray(np.ldexp(np.rint(mantissas * 2048) / 2048, exponents))
 
 
-def _depth(opacity: float, deepest: float) -> float:
-    return deepest if opacity >= 1 else min(-math.log1p(-opacity), deepest)
+def _as_depths(channels: Float64, deepest: float) -> Float64:
+    """(a c, a) as (tau c, tau)."""
+    opacity = float(channels[3])
+    depth = deepest if opacity >= 1 else min(-math.log1p(-opacity), deepest)
+    return channels * (depth / opacity if opacity > 0 else 1.0)

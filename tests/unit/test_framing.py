@@ -9,9 +9,20 @@ import numpy as np
 import pytest
 
 from renderer.camera_paths import CameraPath, camera_poses, make_view
-from renderer.framing import MARGIN, fit_distance, visible_centre
-from renderer.scene import CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath, Vector
-from renderer.volume import Float64
+from renderer.framing import MARGIN, fit_distance, visible_centre, visible_points
+from renderer.pyramid import build_pyramid
+from renderer.scene import (
+    CameraSpec,
+    ErrorSpec,
+    Keyframe,
+    KeyframePath,
+    PyramidSpec,
+    RockerPath,
+    TurntablePath,
+    Vector,
+)
+from renderer.transfer import TransferFunction
+from renderer.volume import Float64, make_volume
 
 PATHS: list[CameraPath] = [
     TurntablePath(12, start=7.0, elevation=20.0),
@@ -101,3 +112,27 @@ def test_long_paths_are_framed_exactly(shape: int) -> None:
 def test_visible_centre_is_the_middle_of_the_bounding_box() -> None:
     points = np.array([[0.0, 0.0, 0.0], [1.0, 8.0, -2.0], [4.0, 1.0, 1.0]])
     assert visible_centre(points) == (2.0, 4.0, -0.5)
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (5, 9, 14), (40, 3, 21), (17, 30, 30)])
+@pytest.mark.parametrize("share", [0.002, 0.05, 0.6])
+def test_the_ends_of_each_line_of_corners_stand_for_all_corners(shape: tuple[int, int, int], share: float) -> None:
+    rng = np.random.default_rng(6)
+    values = (rng.random(shape) < share).astype(np.uint8)
+    values[tuple(rng.integers(0, shape))] = 1
+    transfer = TransferFunction(np.array([0.0, 1.0]), np.ones((2, 3)), np.array([0.0, 1.0]), 1.0)
+    volume = make_volume(values, np.eye(4), "random")
+    pyramid = build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec())
+    cells = np.argwhere(pyramid.occupied)[:, ::-1]
+    corners = np.concatenate([cells + offset for offset in itertools.product((0, 1), repeat=3)])
+    everything = np.minimum(corners << pyramid.occupied_level, volume.shape_xyz) - 0.5
+    lines: dict[tuple[float, float], set[float]] = {}
+    for x, y, z in everything.tolist():
+        lines.setdefault((y, z), set()).add(x)
+    points = visible_points(pyramid)
+    assert sorted(points.tolist()) == sorted([x, *line] for line, xs in lines.items() for x in (min(xs), max(xs)))
+    for path in PATHS:
+        ends, every = (
+            fit_distance(CameraSpec(path), p, (1.0, 2.0, 3.0), (64, 64), range(9)) for p in (points, everything)
+        )
+        assert ends == pytest.approx(every, rel=1e-15)
