@@ -32,9 +32,8 @@ def tolerance_at(error: ErrorSpec, frame: int) -> float:
 
 
 def least_tolerance(error: ErrorSpec) -> float:
-    """No frame has a smaller tolerance, however its interpolation is rounded."""
-    least = min(tolerance for _, tolerance in error.tolerance)
-    return least if len(error.tolerance) == 1 else least * (1 - 1e-9)
+    """No frame has a smaller tolerance: `tolerance_at` stays between those that it interpolates."""
+    return min(tolerance for _, tolerance in error.tolerance)
 
 
 def at_tolerance(scene: Scene, tolerance: float) -> Scene:

@@ -39,3 +39,11 @@ def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: 
         return {key for item in tree for key in keys(item)} if isinstance(tree, list) else set()
 
     assert keys(scene_to_dict(scene)) - listed == set()
+
+
+@pytest.mark.parametrize(
+    "page", sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]), ids=lambda path: path.name
+)
+def test_links_within_the_documentation_lead_somewhere(page: Path) -> None:
+    targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8"))
+    assert [target for target in targets if not (page.parent / target).exists()] == []
