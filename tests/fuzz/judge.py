@@ -36,7 +36,7 @@ PATIENCE_S = 60
 SHARE_OF_COMMANDS = 0.125
 
 # What may be said about a scene of which every part is legal: that there is nothing to fit into the frame.
-LEGAL_REFUSALS = ("so there is nothing to frame",)
+LEGAL_REFUSALS = ("so there is nothing to frame", "and is in frame from any distance")
 
 # A message begins with its place: a file, a part of the scene, an option.
 PLACED = re.compile(r"\A(\S.*?): \S")
