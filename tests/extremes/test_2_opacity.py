@@ -246,7 +246,9 @@ SECTION = Section(
         ),
     ),
     "Opacities are 0, 1e-12 to 1 - 1e-12, and 1; units and spacings 1e-9 to 1e9, each with each; lengths 1 to 2^20"
-    " voxels, so that depths are 0 to 4e7. A voxel deeper than 40 is held at 40: it lets 4e-18 through and not less.",
+    " voxels, so that depths are 0 to 4e7. A voxel deeper than 40 is held at 40: it lets 4e-18 through and not less."
+    " With `average: opacity` a mean alpha that float32 rounds to 1, nearer than 3e-8, has the depth of the deepest"
+    " voxel: at the rim of such a cell the picture may be too opaque.",
 )
 
 
