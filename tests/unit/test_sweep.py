@@ -43,7 +43,7 @@ def stage() -> Stage:
     scene = Scene(
         volume=VolumeSpec(ProceduralSource("engine_block", (24, 24, 12))),
         transfer_function=TransferSpec(points, 1.0),
-        camera=CameraSpec(TurntablePath(8, elevation=20.0)),
+        camera=CameraSpec(TurntablePath(8, start=10.0, elevation=20.0)),
         output=OutputSpec(Path("unused.mp4"), size=(20, 16)),
     )
     return prepare(scene, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
