@@ -157,15 +157,42 @@ class CameraSpec:
     near: float = 0.0
 
 
+# (frame, value) in ascending frame order; one entry is constant, between two the value's logarithm is linear.
+ByFrame = tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
+class SplatBudget:
+    """The finest cut of at most so many cells."""
+
+    by_frame: ByFrame
+
+
+@dataclass(frozen=True)
+class TimeBudget:
+    """The finest cut that this machine draws, rounds and encodes in so many seconds a frame."""
+
+    by_frame: ByFrame
+
+
+@dataclass(frozen=True)
+class AccuracyGoal:
+    """The coarsest tolerance whose frames are so near to the truth, over all pixels; the same for the whole film."""
+
+    metric: Literal["psnr", "rmse"]
+    value: float
+
+
 @dataclass(frozen=True)
 class ErrorSpec:
-    """The error schedule: `tolerance` holds (frame, tolerance) in ascending frame order, one entry being constant. No
-    cell smaller than `2^finest_level` voxels is drawn, whatever its error."""
+    """The error schedule: a tolerance by frame or, with a `goal`, the one that has to be found for it. No cell smaller
+    than `2^finest_level` voxels is drawn, whatever its error."""
 
-    tolerance: tuple[tuple[int, float], ...] = ((0, 0.1),)
+    tolerance: ByFrame = ((0, 0.1),)
     measure: Literal["optical", "rms"] = "optical"
     of: Literal["classified", "scalar"] = "classified"
     finest_level: int = 0
+    goal: SplatBudget | TimeBudget | AccuracyGoal | None = None
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,13 @@
 """Plain data to a checked Scene, and back.
 
 The tree is what a YAML or JSON reader gives: nested mappings, lists and scalars. The large sections of a scene have a
-module each (`schema_volume`, `schema_transfer`, `schema_camera`, `schema_output`), the others are here. Defaults are
-those of the dataclasses in `renderer.scene`. Nothing here imports numpy or GL.
+module each (`schema_volume`, `schema_transfer`, `schema_camera`, `schema_error`, `schema_output`), the others are here.
+Defaults are those of the dataclasses in `renderer.scene`. Nothing here imports numpy or GL.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import fields as dataclass_fields
 from dataclasses import is_dataclass
 from itertools import pairwise
@@ -17,6 +17,8 @@ from typing import Any
 from renderer.errors import Problem, SceneError
 from renderer.extents import proportion_problems
 from renderer.scene import (
+    AccuracyGoal,
+    ByFrame,
     ColormapSpec,
     ErrorSpec,
     FileSource,
@@ -27,13 +29,16 @@ from renderer.scene import (
     RockerPath,
     Scene,
     ShadingSpec,
+    SplatBudget,
     SplatSpec,
+    TimeBudget,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
 )
 from renderer.schema import BOOLEAN, INVALID, Kind, Node, Table, choice, integer, known, number, section, sequence, show
-from renderer.schema_camera import CAMERA, MAX_FRAMES, direction
+from renderer.schema_camera import CAMERA, direction
+from renderer.schema_error import ERROR, check_frames
 from renderer.schema_output import OUTPUT
 from renderer.schema_transfer import TRANSFER_FUNCTION
 from renderer.schema_volume import volume_kind
@@ -61,7 +66,7 @@ def _scene_kind(base: Path) -> Kind[Scene]:
         "transfer_function": TRANSFER_FUNCTION,
         "shading": _SHADING,
         "camera": CAMERA,
-        "error": _ERROR,
+        "error": ERROR,
         "pyramid": _PYRAMID,
         "splat": _SPLAT,
         "overlay": choice("none", "octree"),
@@ -80,23 +85,11 @@ _VERSION: Kind[int] = Kind(str(VERSION), _parse_version)
 
 
 def _build_scene(node: Node, given: dict[str, Any]) -> Scene:
-    _check_schedule(node, given)
+    check_frames(node.child("error"), given)
     scene = Scene(**given)
     if not node.problems:  # with several values at once, only those that are right by themselves
         node.problems.extend(proportion_problems(scene))
     return scene
-
-
-def _check_schedule(node: Node, given: dict[str, Any]) -> None:
-    """Tolerances by frame must be those of frames that there are."""
-    num_frames = getattr(getattr(given["camera"], "path", None), "frames", None)
-    tolerance = getattr(given.get("error"), "tolerance", None)
-    if isinstance(num_frames, int) and isinstance(tolerance, tuple):
-        for frame, _ in tolerance:
-            if isinstance(frame, int) and frame >= num_frames:
-                node.child("error").child("tolerance").key(frame).complain(
-                    "after the last frame", got=show(frame), expected=f"a frame from 0 to {num_frames - 1}"
-                )
 
 
 _SHADING = section(
@@ -111,65 +104,6 @@ _SHADING = section(
 _PYRAMID = section(
     {"average": choice("extinction", "opacity"), "precision": choice("half", "single")},
     lambda node, given: PyramidSpec(**given),
-)
-
-
-# error
-
-# Cells of this level would be wider than any volume is long: indices of voxels along an axis are int32.
-MAX_LEVEL = 30
-
-# Beyond these no error of a node lies, so that they are as good as 0 and as infinity.
-LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-300, 1e300
-
-_CONSTANT = number(least=0, most=LARGEST_TOLERANCE)
-_FRAME = integer(least=0, most=MAX_FRAMES - 1)
-_AT_FRAME = number(least=LEAST_TOLERANCE, most=LARGEST_TOLERANCE)
-
-
-def _parse_tolerance(node: Node) -> tuple[tuple[int, float], ...]:
-    if not isinstance(node.value, Mapping):
-        return ((0, _CONSTANT.read(node)),)
-    if not node.value:
-        return _TOLERANCE.refuse(node, "empty")
-    by_frame: dict[int, float] = {}
-    for key, value in node.value.items():
-        place = node.child(key, value)
-        frame = _FRAME.read(node.key(key))  # text, too: JSON has no other keys
-        if frame in by_frame:
-            node.key(key).complain("the same frame twice", got=show(key))
-        if value == 0 and value is not False:
-            hint = "it is interpolated in the logarithm; only a constant tolerance can be 0 and draw every voxel"
-            _AT_FRAME.refuse(place, "0 in a tolerance by frame", got=show(value), hint=hint)
-        else:
-            by_frame[frame] = _AT_FRAME.read(place)
-    return tuple(sorted((frame, at) for frame, at in by_frame.items() if isinstance(frame, int)))
-
-
-_TOLERANCE: Kind[tuple[tuple[int, float], ...]] = Kind(
-    "a number of at least 0, or numbers greater than 0 by frame, such as {0: 0.5, 60: 0.02}", _parse_tolerance
-)
-
-
-def _build_error(node: Node, given: dict[str, Any]) -> ErrorSpec:
-    if given.get("of") == "scalar" and given.get("measure", ErrorSpec.measure) == "optical":
-        node.child("of").complain(
-            "contradicts measure: optical",
-            got=show("scalar"),
-            expected="classified",
-            hint="the error of the scalar needs measure: rms",
-        )
-    return ErrorSpec(**given)
-
-
-_ERROR = section(
-    {
-        "measure": choice("optical", "rms"),
-        "of": choice("classified", "scalar"),
-        "tolerance": _TOLERANCE,
-        "finest_level": integer(least=0, most=MAX_LEVEL),
-    },
-    _build_error,
 )
 
 
@@ -261,7 +195,7 @@ def _plain_dataclass(value: Any) -> dict[str, Any]:
         mapping = plain.pop("mapping")
         return (_plain_colormap(mapping) if isinstance(value.mapping, ColormapSpec) else {"points": mapping}) | plain
     if isinstance(value, ErrorSpec):
-        return plain | {"tolerance": _plain_tolerance(value.tolerance)}
+        return _plain_schedule(value, plain)
     if isinstance(value, SplatSpec) and value.footprint == "gaussian":
         return {key: item for key, item in plain.items() if key not in _GOURAUD_KEYS}
     if isinstance(value, OutputSpec):
@@ -285,7 +219,19 @@ def _plain_colormap(plain: dict[str, Any]) -> dict[str, Any]:
     return {"colormap": plain.pop("name")} | plain
 
 
-def _plain_tolerance(tolerance: tuple[tuple[int, float], ...]) -> float | dict[int, float]:
+def _plain_schedule(error: ErrorSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    """The one key that says how exact, in front of the others."""
+    rest = {key: value for key, value in plain.items() if key not in ("tolerance", "goal")}
+    if isinstance(error.goal, SplatBudget):
+        return {"splats": _plain_by_frame(error.goal.by_frame)} | rest
+    if isinstance(error.goal, TimeBudget):
+        return {"seconds": _plain_by_frame(error.goal.by_frame)} | rest
+    if isinstance(error.goal, AccuracyGoal):
+        return {error.goal.metric: error.goal.value} | rest
+    return {"tolerance": _plain_by_frame(error.tolerance)} | rest
+
+
+def _plain_by_frame(by_frame: ByFrame) -> float | dict[int, float]:
     """A mapping with whole numbers for keys, or one number; `parse_scene` takes the keys as text, too."""
-    (frame, first), *more = tolerance
-    return first if frame == 0 and not more else dict(tolerance)
+    (frame, first), *more = by_frame
+    return first if frame == 0 and not more else dict(by_frame)

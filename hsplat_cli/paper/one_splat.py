@@ -13,7 +13,7 @@ from hsplat_cli.paper.studio import OPAQUE, Studio, counted, transfer_of, with_e
 from renderer.errors import InputError
 from renderer.pipeline import Frame
 from renderer.scene import ProceduralSource, Scene
-from renderer.scene_schema import MAX_LEVEL
+from renderer.schema_error import MAX_LEVEL
 
 SIDES = (1, 2, 4, 8, 16, 32)
 # Of an optical depth: what float16 in the pyramid and float32 in the picture leave, ten times over.

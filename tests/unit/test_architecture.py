@@ -18,7 +18,8 @@ MAX_FUNCTION_LINES = 60
 ROOMS: dict[str, tuple[str, str]] = {
     "words": ("errors scene volume camera jit", ""),
     "checks": (
-        "extents volume_files schema schema_camera schema_output schema_transfer schema_volume scene_schema colormaps",
+        "extents volume_files schema schema_camera schema_error schema_output schema_transfer schema_volume scene_schema "
+        "colormaps",
         "words",
     ),
     "volumes": ("readers procedural statistics", "words checks"),
