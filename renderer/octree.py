@@ -69,29 +69,33 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
     parts = []
     for number in range(pyramid.num_levels, 0, -1):
         level = pyramid.levels[number - 1]
-        errors = level.errors[nodes] * _error_scale(pyramid, cells, number)
-        is_leaf = errors < tolerance if number > finest_level else np.ones(len(nodes), np.bool_)
+        is_leaf = (
+            node_errors(pyramid, nodes, cells, number) < tolerance
+            if number > finest_level
+            else np.ones(len(nodes), np.bool_)
+        )
         means = level.means[nodes[is_leaf]].astype(np.float32) * np.float32(pyramid.mean_unit)
         parts.append(_Leaves(number, cells[is_leaf], means))
         nodes, cells = nodes[~is_leaf], cells[~is_leaf]
         if number > 1:
-            nodes, cells = _children(nodes, cells, level.masks, level.first_children)
+            nodes, cells = children(nodes, cells, level.masks, level.first_children)
     return _joined(pyramid, parts, cells)
 
 
 def root_error(pyramid: Pyramid) -> float:
     """The error of the whole volume as one cell, in the measure's unit: any tolerance above draws a single splat."""
-    errors = pyramid.levels[-1].errors * _error_scale(pyramid, np.zeros((1, 3), np.int32), pyramid.num_levels)
-    return float(errors.max(initial=0.0))
+    nodes = np.arange(len(pyramid.levels[-1].errors))
+    return float(node_errors(pyramid, nodes, np.zeros((len(nodes), 3), np.int32), pyramid.num_levels).max(initial=0.0))
 
 
-def _error_scale(pyramid: Pyramid, cells: Int32, level: int) -> Float64:
-    """What the stored errors of these cells are in units of, [n] or []; see `renderer.pyramid.error_scale`."""
+def node_errors(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int) -> Float64:
+    """float64 [n]: the errors of some nodes of a level, and of their cells, in the measure's unit."""
     num_voxels = cell_extents(cells, level, pyramid.volume.shape_xyz).prod(axis=1)
-    return np.asarray(error_scale(pyramid.volume, pyramid.measure, num_voxels) * pyramid.error_unit)
+    scale = np.asarray(error_scale(pyramid.volume, pyramid.measure, num_voxels) * pyramid.error_unit)
+    return np.asarray(pyramid.levels[level - 1].errors[nodes] * scale)
 
 
-def _children(nodes: Int64, cells: Int32, masks: npt.NDArray[np.uint8], first_children: Int64) -> tuple[Int64, Int32]:
+def children(nodes: Int64, cells: Int32, masks: npt.NDArray[np.uint8], first_children: Int64) -> tuple[Int64, Int32]:
     """The visible children of some nodes: their indices in the level below and their cells."""
     num = int(np.bitwise_count(masks[nodes]).sum(dtype=np.int64))
     child_nodes, child_cells = np.empty(num, np.int64), np.empty((num, 3), np.int32)
@@ -137,6 +141,33 @@ def _joined(pyramid: Pyramid, parts: list[_Leaves], parents: Int32) -> Cut:
     for array in (levels, cells, depths):
         array.flags.writeable = False
     return Cut(levels, cells, depths, pyramid.volume)
+
+
+def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> npt.NDArray[np.uint8]:
+    """uint8 [n]: how many voxels are visible in cells of level 1."""
+    counts = np.empty(len(cells), np.uint8)
+    _count_voxels(voxel_codes(pyramid.volume), *pyramid.classifier, cells, counts)
+    return counts
+
+
+@jit
+def _count_voxels(
+    codes: Codes,
+    table: Float32 | None,
+    segments: Segments | None,
+    scalars: Float64 | None,
+    lighting: Lighting | None,
+    parents: Int32,
+    counts: npt.NDArray[np.uint8],
+) -> None:
+    """As many as `_fill_voxels` appends for each of the parents."""
+    for i in range(len(parents)):
+        num = 0
+        for k in range(8):
+            x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
+            if x < codes.shape[2] and y < codes.shape[1] and z < codes.shape[0]:
+                num += classify_voxel(codes, table, segments, scalars, lighting, z, y, x)[3] > 0
+        counts[i] = num
 
 
 @jit

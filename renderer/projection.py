@@ -162,7 +162,7 @@ def visible_orders(
     batch: SplatBatch, cut: Cut, view: View, order: str, turning: Turning
 ) -> list[tuple[float, npt.NDArray[np.uint32]]]:
     """As `visible_order`, but without a jump between views by depth: orders, and the share of the picture of each."""
-    if order == "boxes":
+    if order != "depth":
         return [(1.0, visible_order(batch, cut, view, order))]
     return [
         (each.share, visible_order(batch, cut, view, order, along=each.direction))

@@ -214,7 +214,7 @@ class SplatSpec:
     radial: int = 3
     profile: tuple[tuple[float, float], ...] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))
     opacity_correction: bool = True
-    order: Literal["depth", "boxes"] = "depth"
+    order: Literal["depth", "unmixed", "boxes"] = "depth"
 
 
 @dataclass(frozen=True)

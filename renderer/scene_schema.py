@@ -18,7 +18,6 @@ from renderer.errors import Problem, SceneError
 from renderer.extents import proportion_problems
 from renderer.scene import (
     AccuracyGoal,
-    ByFrame,
     ColormapSpec,
     ErrorSpec,
     FileSource,
@@ -158,7 +157,7 @@ _SPLAT = section(
         "radial": integer(least=1, most=32),
         "profile": _PROFILE,
         "opacity_correction": BOOLEAN,
-        "order": choice("depth", "boxes"),
+        "order": choice("depth", "unmixed", "boxes"),
     },
     _build_splat,
 )
@@ -195,7 +194,7 @@ def _plain_dataclass(value: Any) -> dict[str, Any]:
         mapping = plain.pop("mapping")
         return (_plain_colormap(mapping) if isinstance(value.mapping, ColormapSpec) else {"points": mapping}) | plain
     if isinstance(value, ErrorSpec):
-        return _plain_schedule(value, plain)
+        return schedule_to_dict(value) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
     if isinstance(value, SplatSpec) and value.footprint == "gaussian":
         return {key: item for key, item in plain.items() if key not in _GOURAUD_KEYS}
     if isinstance(value, OutputSpec):
@@ -219,19 +218,11 @@ def _plain_colormap(plain: dict[str, Any]) -> dict[str, Any]:
     return {"colormap": plain.pop("name")} | plain
 
 
-def _plain_schedule(error: ErrorSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    """The one key that says how exact, in front of the others."""
-    rest = {key: value for key, value in plain.items() if key not in ("tolerance", "goal")}
-    if isinstance(error.goal, SplatBudget):
-        return {"splats": _plain_by_frame(error.goal.by_frame)} | rest
-    if isinstance(error.goal, TimeBudget):
-        return {"seconds": _plain_by_frame(error.goal.by_frame)} | rest
-    if isinstance(error.goal, AccuracyGoal):
-        return {error.goal.metric: error.goal.value} | rest
-    return {"tolerance": _plain_by_frame(error.tolerance)} | rest
-
-
-def _plain_by_frame(by_frame: ByFrame) -> float | dict[int, float]:
-    """A mapping with whole numbers for keys, or one number; `parse_scene` takes the keys as text, too."""
-    (frame, first), *more = by_frame
-    return first if frame == 0 and not more else dict(by_frame)
+def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
+    """The one key of a section `error` that says how exact, and its value."""
+    goal = error.goal
+    if isinstance(goal, AccuracyGoal):
+        return {goal.metric: goal.value}
+    name = {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(goal), "tolerance")
+    (frame, first), *more = by_frame = error.tolerance if goal is None else goal.by_frame
+    return {name: first if frame == 0 and not more else dict(by_frame)}  # keys become text in JSON, and are read so

@@ -14,9 +14,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from renderer.drawing import Clock, Frame, Rasterizer, Stage, finest_level_at
 from renderer.metrics import Accuracy, compare, over_background, pooled
 from renderer.octree import cut_pyramid
-from renderer.pipeline import Clock, Frame, Rasterizer, Stage, finest_level_at, render_frames
+from renderer.pipeline import render_frames
 from renderer.scene import ErrorSpec, SplatSpec
 from renderer.thumbnails import difference_thumbnail, thumbnail
 from renderer.truths import Truth

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 
-from renderer.pipeline import Stage
+from renderer.drawing import Stage
 from renderer.scene import ErrorSpec, Scene, SplatSpec
 from renderer.schedule import at_tolerance
 from renderer.sweep import num_cells_at

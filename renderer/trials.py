@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from renderer.drawing import Clock, Rasterizer, Stage
 from renderer.metrics import over_background, single
-from renderer.pipeline import Clock, Rasterizer, Stage, render_frames
+from renderer.pipeline import render_frames
 from renderer.schedule import at_tolerance
 from renderer.search import coarsest_good
 from renderer.truths import Truth

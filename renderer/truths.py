@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from renderer.drawing import Clock, Rasterizer, Stage, view_of
 from renderer.integrator import Convergence, Progress, converged_image
 from renderer.metrics import Mask, Picture, over_background
-from renderer.pipeline import Clock, Rasterizer, Stage, render_frames, view_of
+from renderer.pipeline import render_frames
 from renderer.scene import KeyframePath, RockerPath, TurntablePath
 from renderer.schedule import at_tolerance
 from renderer.transfer import make_transfer

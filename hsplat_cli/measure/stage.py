@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import time
 
-from renderer.pipeline import Stage, prepare
+from renderer.drawing import Stage
+from renderer.pipeline import prepare
 from renderer.scene import Scene
 from renderer.volume import Volume
 

@@ -29,9 +29,9 @@ from hsplat_cli.progress import progress
 from hsplat_cli.report.files import check_writable, write_study
 from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
+from renderer.drawing import Stage, view_of
 from renderer.errors import HsplatError
 from renderer.metrics import require_measuring_packages
-from renderer.pipeline import Stage, view_of
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
 from renderer.scene import Scene

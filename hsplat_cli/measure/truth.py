@@ -6,8 +6,8 @@ import time
 from collections.abc import Sequence
 
 from hsplat_cli.progress import progress
+from renderer.drawing import Stage
 from renderer.errors import InputError
-from renderer.pipeline import Stage
 from renderer.study import TruthRecord
 from renderer.thumbnails import thumbnail
 from renderer.truths import Truth, find_truth

@@ -11,9 +11,9 @@ from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.measure.options import Want
 from hsplat_cli.measure.stage import prepared
 from hsplat_cli.measure.truth import find_truths, require_something
+from renderer.drawing import Stage
 from renderer.errors import InputError, RenderError
 from renderer.metrics import SSIM_WINDOW_PX, require_measuring_packages
-from renderer.pipeline import Stage
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
 from renderer.scene import Scene

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Pixels, Row, Table
 from hsplat_cli.paper.studio import Studio, transfer_of, with_splat
+from renderer.drawing import Stage, view_of
 from renderer.errors import InputError
-from renderer.pipeline import Stage, view_of
 from renderer.scene import Scene
 from renderer.splats import GouraudFootprint, make_footprint
 

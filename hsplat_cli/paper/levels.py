@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, counted, transfer_of, with_error, with_splat
+from renderer.drawing import Stage, view_of
 from renderer.errors import InputError
 from renderer.integrator import integrate
 from renderer.metrics import over_background
-from renderer.pipeline import Stage, view_of
 from renderer.scene import Scene
 
 # Pixels whose ray goes through at least this share of the longest way through the volume are its inside.

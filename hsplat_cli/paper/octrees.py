@@ -12,10 +12,10 @@ import numpy.typing as npt
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, counted, transfer_of, with_error
 from hsplat_cli.report.numbers import short_count_text
+from renderer.drawing import Stage, finest_level_at
 from renderer.errors import InputError
 from renderer.metrics import over_background, single
 from renderer.octree import Cut, cut_pyramid
-from renderer.pipeline import Stage, finest_level_at
 from renderer.scene import Scene
 
 Float64 = npt.NDArray[np.float64]

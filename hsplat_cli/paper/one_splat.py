@@ -10,8 +10,8 @@ import numpy as np
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import OPAQUE, Studio, counted, transfer_of, with_error, with_splat
+from renderer.drawing import Frame
 from renderer.errors import InputError
-from renderer.pipeline import Frame
 from renderer.scene import ProceduralSource, Scene
 from renderer.schema_error import MAX_LEVEL
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import OPAQUE, Studio, with_error, with_splat
+from renderer.drawing import Stage, view_of
 from renderer.errors import InputError
-from renderer.pipeline import Stage, view_of
 from renderer.scene import ProceduralSource, Scene
 
 Float64 = npt.NDArray[np.float64]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from hsplat_cli.paper.figure import Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, with_error
+from renderer.drawing import Stage
 from renderer.metrics import over_background, single
-from renderer.pipeline import Stage
 from renderer.scene import Scene
 from renderer.thumbnails import DIFFERENCE_GAIN, difference_picture
 

@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from renderer.drawing import Frame, Rasterizer, Stage
 from renderer.metrics import Picture
-from renderer.pipeline import Frame, Rasterizer, Stage, prepare, render_frames
+from renderer.pipeline import prepare, render_frames
 from renderer.scene import Scene, VolumeSpec
 from renderer.sweep import FRAME_STAGES
 from renderer.transfer import TransferFunction, make_transfer

@@ -10,9 +10,10 @@ import pytest
 
 from renderer.camera import View
 from renderer.camera_paths import make_view
+from renderer.drawing import Stage
 from renderer.integrator import integrate
 from renderer.octree import cut_pyramid
-from renderer.pipeline import Stage, prepare
+from renderer.pipeline import prepare
 from renderer.projection import visible_order
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import (

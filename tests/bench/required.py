@@ -20,8 +20,9 @@ import numpy as np
 
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.scene_file import load_scene
+from renderer.drawing import Stage, view_of
 from renderer.octree import cut_pyramid
-from renderer.pipeline import Stage, prepare, render_frames, view_of
+from renderer.pipeline import prepare, render_frames
 from renderer.projection import visible_order
 from renderer.pyramid import Pyramid, build_pyramid
 from renderer.raster_gl import GLRasterizer

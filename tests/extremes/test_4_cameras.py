@@ -16,10 +16,11 @@ from splatting import Float64, volume_of
 
 from renderer.camera import View
 from renderer.camera_paths import make_view
+from renderer.drawing import Stage
 from renderer.errors import SceneError
 from renderer.integrator import integrate
 from renderer.octree import cut_pyramid
-from renderer.pipeline import Stage, prepare, render_frames
+from renderer.pipeline import prepare, render_frames
 from renderer.projection import visible_order
 from renderer.raster_gl import GLRasterizer
 from renderer.raster_reference import rasterize_reference

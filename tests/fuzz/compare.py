@@ -14,8 +14,9 @@ from oracle_splats import Order, Picture, centers, make_picture
 from renderer.camera import View
 from renderer.cell_edges import make_cell_edges
 from renderer.depth_directions import FADE_ANGLE, LEAST_SLOPE, Turning, depth_directions
+from renderer.drawing import Frame, Stage, finest_level_at
 from renderer.octree import Cut, cut_pyramid
-from renderer.pipeline import Frame, Stage, finest_level_at, render_frames
+from renderer.pipeline import render_frames
 from renderer.projection import visible_orders
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import Color

@@ -23,8 +23,9 @@ from spoil import spoil
 
 from hsplat_cli.main import run
 from hsplat_cli.scene_file import load_scene
+from renderer.drawing import Frame, Stage, view_of
 from renderer.errors import InputError
-from renderer.pipeline import Frame, Stage, prepare, render_frames, view_of
+from renderer.pipeline import prepare, render_frames
 from renderer.png import encode_png
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import Scene

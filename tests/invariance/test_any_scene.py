@@ -18,8 +18,9 @@ from renderer.errors import InputError
 from renderer.pipeline import prepare, render_frames
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import LONGEST, PROCEDURAL_NAMES, SHORTEST
-from renderer.scene_schema import LARGEST_TOLERANCE, LEAST_TOLERANCE, parse_scene
+from renderer.scene_schema import parse_scene
 from renderer.schema_camera import MAX_ANGLE, MAX_ZOOM, MIN_ZOOM, NARROWEST_VIEW, WIDEST_VIEW
+from renderer.schema_error import LARGEST_TOLERANCE, LEAST_TOLERANCE
 
 Numbers = st.SearchStrategy[float]
 

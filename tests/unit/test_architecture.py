@@ -18,31 +18,32 @@ MAX_FUNCTION_LINES = 60
 ROOMS: dict[str, tuple[str, str]] = {
     "words": ("errors scene volume camera jit", ""),
     "checks": (
-        "extents volume_files schema schema_camera schema_error schema_output schema_transfer schema_volume scene_schema "
-        "colormaps",
+        "extents volume_files schema schema_camera schema_error schema_output schema_transfer schema_volume "
+        "scene_schema colormaps",
         "words",
     ),
     "volumes": ("readers procedural statistics", "words checks"),
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_kernels pyramid_memory emptiness", "words classification"),
-    "cut": ("octree visibility depth_directions", "words classification pyramid"),
+    "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_reference compositing shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
     "film": ("film encode output_files png quantize sidecar staging", "words"),
-    "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film"),
+    "frame": ("drawing costs pacing", "words pyramid cut path splats film"),
+    "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film frame"),
     "study": (
         "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths",
-        "words checks classification pyramid cut path splats truth film contents",
+        "words checks classification pyramid cut path splats truth film frame contents",
     ),
 }
 # The doors of renderer/ to the command line.
 COMMANDS_MAY_IMPORT = {
-    "errors", "scene", "schema", "scene_schema",  # without numpy: `check` answers at once
+    "errors", "scene", "schema", "scene_schema", "schema_error",  # without numpy: `check` answers at once
     "output_files", "volume_files",  # as quick
     "readers", "volume", "statistics",  # info
-    "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
+    "drawing", "pacing", "costs", "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "png", "staging",  # reports
     "camera", "thumbnails", "transfer",  # peers

@@ -12,7 +12,8 @@ import pytest
 
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
-from renderer.pipeline import Frame, Stage, finest_level_at, prepare, render_frames
+from renderer.drawing import Frame, Stage, finest_level_at
+from renderer.pipeline import prepare, render_frames
 from renderer.scene import (
     CameraSpec,
     ControlPoint,

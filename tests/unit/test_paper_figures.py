@@ -18,8 +18,8 @@ from hsplat_cli.paper.studio import TRUTH_TOLERANCE, Studio
 from hsplat_cli.scene_file import load_scene
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
+from renderer.drawing import Rasterizer
 from renderer.octree import cut_pyramid
-from renderer.pipeline import Rasterizer
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import Scene
 from renderer.splats import SplatBatch

@@ -38,7 +38,8 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.scene_schema import MAX_LEVEL, parse_scene, scene_to_dict
+from renderer.scene_schema import parse_scene, scene_to_dict
+from renderer.schema_error import MAX_LEVEL
 
 HERE = Path(__file__).resolve()
 FILE_BYTES = HERE.stat().st_size

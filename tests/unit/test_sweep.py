@@ -13,9 +13,10 @@ import pytest
 
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
+from renderer.drawing import Stage
 from renderer.integrator import Convergence
 from renderer.metrics import compare, pooled
-from renderer.pipeline import Stage, prepare
+from renderer.pipeline import prepare
 from renderer.scene import (
     CameraSpec,
     ControlPoint,

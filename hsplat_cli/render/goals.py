@@ -1,0 +1,71 @@
+"""From what a scene asks for (splats, seconds, an accuracy) to the tolerances that give it; and was it met?"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from hsplat_cli.render.record import IN_TIME, Record, frame_seconds, span
+from renderer.costs import CostLog
+from renderer.drawing import Rasterizer, Stage
+from renderer.errors import RenderError
+from renderer.pacing import Details, Pacer, try_drawings
+from renderer.scene import SplatBudget, TimeBudget
+from renderer.schedule import at_tolerances, value_at
+
+# A trial drawing that takes this part of a frame's time tells enough about the whole.
+_ENOUGH = 0.3
+BEST_EFFORT = "with --best-effort it is good enough"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How frames get their tolerances: from the scene's schedule, whose goal has been resolved, or from a pacer.
+
+    shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
+    """
+
+    stage: Stage
+    pacer: Pacer | None = None
+    shortfall: RenderError | None = None
+
+
+def make_plan(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool) -> Plan:
+    """Find what the scene's goal takes, if it has one."""
+    goal = stage.scene.error.goal
+    if goal is None:
+        return Plan(stage)
+    if isinstance(goal, TimeBudget) and stage.scene.splat.order == "depth":
+        # A second drawing of some frames would take twice their time, or a far coarser cut, which flickers.
+        stage = replace(stage, scene=replace(stage.scene, splat=replace(stage.scene.splat, order="unmixed")))
+    details = Details(stage, CostLog())
+    if isinstance(goal, SplatBudget):
+        tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
+        return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
+    if isinstance(goal, TimeBudget):
+        least = min(value_at(goal.by_frame, frame) for frame in frames)
+        try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
+        return Plan(details.stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)))
+    raise NotImplementedError
+
+
+def shortfall_of(plan: Plan, frames: Sequence[Record]) -> RenderError | None:
+    """What was asked for and not had, now that the frames are there."""
+    goal = plan.stage.scene.error.goal
+    return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall
+
+
+def _time_shortfall(goal: TimeBudget, frames: Sequence[Record]) -> RenderError | None:
+    shares = [frame_seconds(frame) / value_at(goal.by_frame, frame["frame"]) for frame in frames]
+    if statistics.median(shares) <= 1 + IN_TIME:
+        return None
+    taken = statistics.median(map(frame_seconds, frames))
+    return RenderError(
+        "the frames took longer than they had",
+        where="error.seconds",
+        got=f"{taken:.3g} s a frame in the median, at tolerance {span([frame['tolerance'] for frame in frames])}",
+        expected=f"{span([seconds for _, seconds in goal.by_frame])} s",
+        hint=f"a smaller output.size is drawn sooner; {BEST_EFFORT}",
+    )

@@ -1,0 +1,117 @@
+"""What is told about a film: what goes into the JSON file beside it, notes, and a few lines on the terminal."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from hsplat_cli.job import Job
+from hsplat_cli.versions import package_versions
+from renderer.drawing import Frame, Stage, finest_level_at
+from renderer.errors import RenderError
+from renderer.scene import TimeBudget
+from renderer.scene_schema import scene_to_dict
+from renderer.schedule import at_tolerances, value_at
+
+# A frame is in time when it takes no longer and no shorter than its budget by more than this part.
+IN_TIME = 0.2
+
+Record = Mapping[str, Any]
+
+
+def frame_record(frame: Frame, encode_seconds: float) -> dict[str, Any]:
+    """One frame: how exact it is, and what it took."""
+    record = {
+        "frame": frame.number,
+        "tolerance": frame.tolerance,
+        "cells": frame.num_cells,
+        "splats": frame.num_splats,
+        "seconds": frame.seconds | {"encode": encode_seconds},
+    }
+    predicted = {} if frame.predicted_seconds is None else {"predicted_seconds": frame.predicted_seconds}
+    return record | predicted
+
+
+def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[str, Any]:
+    """The sidecar's first part: a scene that makes these frames again, with all defaults, and what it met."""
+    scene, volume, pyramid = stage.scene, stage.volume, stage.pyramid
+    finest_level = min(finest_level_at(stage, frame["tolerance"]) for frame in frames)
+    if scene.error.goal is not None:
+        scene = at_tolerances(scene, {frame["frame"]: frame["tolerance"] for frame in frames})
+    return {
+        "scene": scene_to_dict(scene),
+        "volume": {
+            "name": volume.name,
+            "fingerprint": volume.fingerprint,
+            "dtype": str(volume.values.dtype),
+            "shape": volume.shape_xyz,
+            "world_from_index": volume.world_from_index,
+        },
+        "camera": {"target": stage.target, "distance": stage.distance},
+        "pyramid": {"levels": pyramid.num_levels, "bytes": pyramid.num_bytes, "finest_level_drawn": finest_level},
+        "gl": made_by,
+        "versions": package_versions(),
+    }
+
+
+def schedule_record(job: Job, frames: Sequence[Record], shortfall: RenderError | None) -> dict[str, Any]:
+    """What was asked for and what was reached.
+
+    reproducible: whether the scene makes this film again; if not, this file does.
+    """
+    record = {
+        "asked": job.asked,
+        "tolerance": limits(frame["tolerance"] for frame in frames),
+        "cells": limits(frame["cells"] for frame in frames),
+        "met": shortfall is None,
+        "reproducible": not isinstance(job.scene.error.goal, TimeBudget),
+    }
+    return record if shortfall is None else record | {"shortfall": str(shortfall)}
+
+
+def visibility_notes(frames: Sequence[Record]) -> list[str]:
+    """What the user should know about the pictures."""
+    if all(frame["cells"] == 0 for frame in frames):
+        return [
+            "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
+        ]
+    empty = [frame["frame"] for frame in frames if frame["splats"] == 0]
+    if not empty:
+        return []
+    return [f"nothing is in view on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]}"]
+
+
+def summary(job: Job, frames: Sequence[Record], seconds: float) -> str:
+    """`120 frames in 25.1 s, 149990 splats a frame`, and what came of a budget."""
+    return ", ".join(_summary(job, frames, seconds))
+
+
+def _summary(job: Job, frames: Sequence[Record], seconds: float) -> Iterator[str]:
+    num, goal = len(frames), job.scene.error.goal
+    yield f"{num} frame{'s' * (num > 1)} in {seconds:.1f} s"
+    yield f"{span([frame['splats'] for frame in frames], 'd')} splats a frame"
+    if goal is not None:
+        yield f"tolerance {span([frame['tolerance'] for frame in frames])}"
+    if isinstance(goal, TimeBudget):
+        shares = [frame_seconds(frame) / value_at(goal.by_frame, frame["frame"]) for frame in frames]
+        in_time = sum(abs(share - 1) <= IN_TIME for share in shares)
+        yield f"{statistics.median(map(frame_seconds, frames)):.3g} s a frame"
+        yield f"{in_time} of them within {IN_TIME:.0%} of their time"
+
+
+def span(values: Sequence[float], form: str = "g") -> str:
+    """`0.1`, or `0.05 to 0.1`."""
+    low, high = limits(values)
+    return f"{low:{form}}" if low == high else f"{low:{form}} to {high:{form}}"
+
+
+def limits(values: Iterable[float]) -> list[float]:
+    """The smallest and the largest."""
+    found = list(values)
+    return [min(found), max(found)]
+
+
+def frame_seconds(frame: Record) -> float:
+    """From the start of a frame until it was in the file, or on its way there."""
+    return float(sum(frame["seconds"].values()))

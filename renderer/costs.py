@@ -1,0 +1,108 @@
+"""What drawing a frame costs on this machine: a model of three rates, fitted to the frames that were drawn.
+
+    seconds = per_frame + per_splat * splats + per_pixel * pixels + per_written, for a frame that goes into a file
+
+`pixels` are those that the footprints cover, each footprint by itself: what the rasteriser shades.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.drawing import Pose
+from renderer.projection import covered_region, mean_footprint_px, model_view
+
+Float64 = npt.NDArray[np.float64]
+
+# A software renderer's on two cores, seconds: where the frames drawn so far say nothing of a rate, it is this one.
+_TYPICAL = np.array([1e-2, 3e-7, 1e-8, 5e-3])
+# How much a rate that is off by its own size weighs against a frame that is.
+_TRUST_IN_TYPICAL = 1e-4
+# Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
+_NUM_REMEMBERED, _NUM_RECENT = 16, 5
+
+
+class Load(NamedTuple):
+    """What there is to draw: splats, pixels under them, and whether the frame is written to a file (1) or not (0)."""
+
+    num_splats: float
+    num_pixels: float
+    num_written: int
+
+
+def load_of(pose: Pose, *, is_written: bool = True) -> Load:
+    """What a frame draws, in all its orders."""
+    batch = pose.detail.splats
+    camera = model_view(batch, pose.view)
+    region = covered_region(batch, camera)
+    num_splats = sum(len(order) for _, order in pose.orders)
+    if num_splats == 0 or region.num_pixels == 0:
+        return Load(num_splats, 0.0, int(is_written))
+    _, order = pose.orders[0]
+    return Load(num_splats, num_splats * mean_footprint_px(batch, order, camera, region), int(is_written))
+
+
+@dataclass(frozen=True)
+class CostModel:
+    """Seconds per frame, splat, pixel and written frame."""
+
+    per_frame: float
+    per_splat: float
+    per_pixel: float
+    per_written: float
+
+    def seconds(self, load: Load) -> float:
+        """What drawing a frame takes, its cut and order not counted."""
+        drawn = self.per_frame + self.per_splat * load.num_splats + self.per_pixel * load.num_pixels
+        return drawn + self.per_written * load.num_written
+
+
+def fit_costs(samples: list[tuple[Load, float]]) -> CostModel:
+    """The rates, none negative, with the least squared relative errors; `samples` are loads and their seconds."""
+    seconds = np.array([max(taken, 1e-9) for _, taken in samples])
+    # Unknowns are in units of the typical rates, and those are what a weak equation for each wants them to be.
+    amounts = np.array([(1.0, *load) for load, _ in samples]).reshape(-1, 4) * _TYPICAL / seconds[:, None]
+    matrix = amounts.T @ amounts + _TRUST_IN_TYPICAL * np.eye(4)
+    wanted = amounts.sum(axis=0) + _TRUST_IN_TYPICAL
+    free = np.ones(4, np.bool_)
+    rates = np.zeros(4)
+    while free.any():  # without the most negative one, until none is
+        rates[:] = 0
+        rates[free] = np.linalg.solve(matrix[np.ix_(free, free)], wanted[free])
+        if rates.min() >= 0:
+            break
+        free[np.argmin(rates)] = False
+    return CostModel(*(rates * _TYPICAL).tolist())
+
+
+class CostLog:
+    """The frames drawn so far, and what the next ones will take."""
+
+    def __init__(self) -> None:
+        self._trials: list[tuple[Load, float]] = []
+        self._frames: deque[tuple[Load, float]] = deque(maxlen=_NUM_REMEMBERED)
+        self._model: CostModel | None = None
+
+    def add(self, load: Load, seconds: float) -> None:
+        """A frame was drawn: of the film, where it was written, or only to see what it takes."""
+        (self._frames if load.num_written else self._trials).append((load, seconds))
+        self._model = None
+
+    @property
+    def model(self) -> CostModel:
+        """Fitted to what was drawn."""
+        if self._model is None:
+            self._model = fit_costs([*self._trials, *self._frames])
+        return self._model
+
+    def predict(self, load: Load) -> float:
+        """Seconds of drawing: the model's, corrected by what the last frames took against it."""
+        recent = list(self._frames)[-_NUM_RECENT:]
+        drift = statistics.median(taken / self.model.seconds(drawn) for drawn, taken in recent) if recent else 1.0
+        return drift * self.model.seconds(load)

@@ -1,0 +1,177 @@
+"""One frame: from the stage of a film and a tolerance to 8 bits, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.camera import View
+from renderer.camera_paths import make_view
+from renderer.cell_edges import CellEdges, make_cell_edges
+from renderer.depth_directions import Turning
+from renderer.octree import Cut, cut_pyramid
+from renderer.projection import visible_orders
+from renderer.pyramid import Pyramid
+from renderer.quantize import quantize
+from renderer.scene import Scene, Vector
+from renderer.splats import SplatBatch, make_splats
+from renderer.volume import Volume
+
+Clock = Callable[[], float]
+
+
+class Rasterizer(Protocol):
+    """What draws sorted splats, and lines if the scene asks: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
+
+    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]: ...
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]: ...
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Everything of a film that does not change from frame to frame.
+
+    target: world position that the camera looks at.
+    distance: of the eye from it, world units.
+    finest_level: cells of lower levels would be too small to see on every frame.
+    turning: which neighbours change their order on the way.
+    seconds: what it took, by stage.
+    """
+
+    scene: Scene
+    volume: Volume
+    pyramid: Pyramid
+    target: Vector
+    distance: float
+    finest_level: int
+    turning: Turning
+    seconds: dict[str, float]
+
+
+class Stopwatch:
+    """Seconds between laps, by name; renderer/ has no clock of its own."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock, self._last = clock, clock()
+        self.seconds: dict[str, float] = {}
+
+    def lap(self, name: str) -> float:
+        """Book the time since the lap before under `name`; it is returned, too."""
+        now = self._clock()
+        seconds, self._last = now - self._last, now
+        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        return seconds
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What is drawn at a tolerance, from any side.
+
+    num_cells: of the cut, each of which is a splat. lattice: the cut, without its cells where only `boxes` needs them.
+    edges: lines of an overlay.
+    """
+
+    tolerance: float
+    num_cells: int
+    splats: SplatBatch
+    lattice: Cut
+    edges: CellEdges | None
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A detail seen on a frame: `orders` are those of its splats, back to front, with each one's share of the picture.
+
+    order_seconds: what finding them took.
+    """
+
+    number: int
+    detail: Detail
+    view: View
+    orders: Sequence[tuple[float, npt.NDArray[np.uint32]]]
+    order_seconds: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One finished frame.
+
+    image: uint8 [height, width, 3], or 4 with straight alpha where the background is transparent.
+    radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
+    num_cells: cells in the cut; num_splats: those of them that the frame can show.
+    seconds: what it took, by stage.
+    predicted_seconds: what it was to take from start to end, where there is a budget.
+    """
+
+    number: int
+    image: npt.NDArray[np.uint8]
+    radiance: npt.NDArray[np.float32]
+    tolerance: float
+    num_cells: int
+    num_splats: int
+    seconds: dict[str, float]
+    predicted_seconds: float | None = None
+
+
+def view_of(stage: Stage, frame: int) -> View:
+    """The view of a frame of the film."""
+    return make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
+
+
+def finest_level_at(stage: Stage, tolerance: float) -> int:
+    """The finest level that is drawn at a tolerance."""
+    return max(stage.scene.error.finest_level, stage.finest_level if tolerance > 0 else 0)
+
+
+def make_detail(stage: Stage, tolerance: float, watch: Stopwatch) -> Detail:
+    """Cut the pyramid and make its splats."""
+    scene = stage.scene
+    cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
+    watch.lap("cut")
+    splats = make_splats(cut, scene.splat)
+    watch.lap("splats")
+    edges = None
+    if scene.overlay == "octree":
+        edges = make_cell_edges(cut)
+        watch.lap("overlay")
+    lattice = cut if scene.splat.order == "boxes" else cut.without_cells()  # nothing else needs them again
+    return Detail(tolerance, len(cut), splats, lattice, edges)
+
+
+def make_pose(stage: Stage, detail: Detail, number: int, watch: Stopwatch) -> Pose:
+    """See a detail from where the camera is on a frame."""
+    view = view_of(stage, number)
+    orders = visible_orders(detail.splats, detail.lattice, view, stage.scene.splat.order, stage.turning)
+    return Pose(number, detail, view, orders, watch.lap("order"))
+
+
+def draw(stage: Stage, pose: Pose, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
+    """The finished frame."""
+    detail = pose.detail
+    image = _mixture(pose, rasterizer)
+    watch.lap("draw")
+    if detail.edges is not None:
+        lines = rasterizer.rasterize_edges(detail.edges, pose.view)
+        image *= 1 - lines[..., 3:]
+        image += lines
+        watch.lap("overlay")
+    pixels = quantize(image, stage.scene.output.background)
+    watch.lap("quantize")
+    num_splats = len(pose.orders[0][1])
+    return Frame(pose.number, pixels, image, detail.tolerance, detail.num_cells, num_splats, dict(watch.seconds))
+
+
+def _mixture(pose: Pose, rasterizer: Rasterizer) -> npt.NDArray[np.float32]:
+    """The picture: for nearly all views that of the only order, else each order's with its share."""
+    (share, order), *others = pose.orders
+    image = rasterizer.rasterize(pose.detail.splats, order, pose.view)
+    if others:
+        image *= share
+    for share, order in others:
+        image += share * rasterizer.rasterize(pose.detail.splats, order, pose.view)
+    return image

@@ -1,0 +1,150 @@
+"""The finest cut that can be drawn in a given time: details by size, trial drawings, and a pacer for a film.
+
+A detail stays while its frames keep to their time: a film that changed its cut from frame to frame would flicker.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from renderer.costs import CostLog, Load, load_of
+from renderer.cut_sizes import CutSizes, cut_sizes
+from renderer.drawing import (
+    Clock,
+    Detail,
+    Pose,
+    Rasterizer,
+    Stage,
+    Stopwatch,
+    draw,
+    finest_level_at,
+    make_detail,
+    make_pose,
+)
+
+# Cells of the first trial drawing, and how many times more the next one has.
+_FIRST_TRIAL, _TRIAL_GROWTH = 1000, 4
+
+# A detail is looked for that takes this part of its time, give or take, in so many tries.
+_AIM, _CLOSE, _MOST_TRIES = 0.96, 0.03, 7
+# It is kept while it is predicted to take from and up to these parts of its time, or what it took when it was chosen.
+_KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.86, 1.08, 0.1
+
+# What passes between the start of a frame and the next one but is not drawing it.
+_CUT_STAGES = ("cut", "splats", "order")
+
+
+class Details:
+    """Details of a stage by their number of cells, and what a frame of them will take."""
+
+    def __init__(self, stage: Stage, log: CostLog) -> None:
+        self.stage, self.log = stage, log
+        self._sizes: CutSizes | None = None
+
+    def tolerance(self, num_cells: float) -> float:
+        """Of the finest cut with at most so many cells."""
+        most = max(1, int(min(num_cells, self.stage.volume.values.size)))
+        if self._sizes is None or (self._sizes.most_cells < most and self._sizes.num_in_all is None):
+            self._sizes = cut_sizes(
+                self.stage.pyramid,
+                _TRIAL_GROWTH * most,
+                finest_level=finest_level_at(self.stage, tolerance=1.0),
+                finest_level_at_zero=finest_level_at(self.stage, tolerance=0.0),
+            )
+        return self._sizes.finest(min(most, self._sizes.most_cells)).tolerance
+
+    def pose(self, number: int, tolerance: float, watch: Stopwatch) -> Pose:
+        """A frame of the detail of a tolerance."""
+        return make_pose(self.stage, make_detail(self.stage, tolerance, watch), number, watch)
+
+    def predict(self, pose: Pose, *, is_written: bool = True) -> float:
+        """Seconds that a frame takes of a detail that is made."""
+        return pose.order_seconds + self.log.predict(load_of(pose, is_written=is_written))
+
+
+def try_drawings(details: Details, number: int, enough_seconds: float, rasterizer: Rasterizer, *, clock: Clock) -> None:
+    """Draw a frame with more and more splats, to learn what drawing costs, until one takes `enough_seconds`."""
+    num_cells, is_first = _FIRST_TRIAL, True
+    while True:
+        pose = details.pose(number, details.tolerance(num_cells), Stopwatch(clock))
+        if is_first:  # shaders are compiled, and buffers made
+            draw(details.stage, pose, rasterizer, Stopwatch(clock))
+            is_first = False
+        watch = Stopwatch(clock)
+        draw(details.stage, pose, rasterizer, watch)
+        seconds = sum(watch.seconds.values())
+        details.log.add(load_of(pose, is_written=False), seconds)
+        if seconds >= enough_seconds or pose.detail.tolerance == 0:
+            return
+        num_cells *= _TRIAL_GROWTH
+
+
+def finest_within(details: Details, number: int, seconds: float, guess: float, watch: Stopwatch) -> tuple[Pose, float]:
+    """A frame that is predicted to take nearly so many seconds, or less where it shows every voxel; and what it takes.
+
+    Where even a single cell takes longer, the quickest one found. guess: the number of cells to begin with.
+    """
+    aim, fixed = _AIM * seconds, details.log.predict(Load(0, 0, 1))
+    enough, too_many = 1.0, math.inf  # cells
+    best: tuple[Pose, float] | None = None
+    tried: set[float] = set()
+    for _ in range(_MOST_TRIES):
+        tolerance = details.tolerance(guess)
+        if tolerance in tried:
+            break
+        tried.add(tolerance)
+        pose = details.pose(number, tolerance, watch)
+        predicted = details.predict(pose)
+        if best is None or _is_better(predicted, best[1], seconds):
+            best = pose, predicted
+        if abs(predicted - aim) <= _CLOSE * aim or (predicted < aim and tolerance == 0):
+            break
+        enough, too_many = (max(enough, guess), too_many) if predicted <= aim else (enough, min(too_many, guess))
+        # Of many small cells the splats cost, of few large ones the pixels, whose number is about the root of theirs.
+        guess *= (max(aim - fixed, 0.01 * aim) / max(predicted - fixed, 0.01 * aim)) ** 2
+        guess = min(max(guess, enough), _TRIAL_GROWTH**2 * enough) if math.isinf(too_many) else guess
+        if not enough < guess < too_many:
+            guess = math.sqrt(enough * too_many)
+    assert best is not None
+    return best
+
+
+def _is_better(seconds: float, before: float, most: float) -> bool:
+    """Nearer to `most` without going beyond it, or less far beyond."""
+    return before < seconds <= most if before <= most else seconds < before
+
+
+class Pacer:
+    """Finds, frame by frame, what can be drawn in time.
+
+    seconds_of: the time of a frame: from its start until the next one is asked for.
+    """
+
+    def __init__(self, details: Details, seconds_of: Callable[[int], float]) -> None:
+        self._details, self._seconds_of = details, seconds_of
+        self._chosen: tuple[Detail, float, float] | None = None  # a detail, what it was predicted to take and may take
+
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float]:
+        """The frame to be drawn, and what it is predicted to take from start to end."""
+        seconds, guess = self._seconds_of(number), float(_FIRST_TRIAL)
+        if self._chosen is not None:
+            detail, predicted_then, seconds_then = self._chosen
+            pose = make_pose(self._details.stage, detail, number, watch)
+            predicted = self._details.predict(pose)
+            is_unchanged = abs(predicted / predicted_then - 1) < _UNCHANGED and seconds == seconds_then
+            is_all = detail.tolerance == 0 and predicted <= seconds
+            if is_unchanged or is_all or _KEPT_FROM <= predicted / seconds <= _KEPT_TO:
+                return pose, predicted
+            guess = max(detail.num_cells * seconds / predicted, 1.0)
+            del detail, pose  # let go of the old ones first
+            self._chosen = None
+        pose, predicted = finest_within(self._details, number, seconds, guess, watch)
+        self._chosen = pose.detail, predicted, seconds
+        return pose, predicted
+
+    def took(self, pose: Pose, watch: Stopwatch) -> None:
+        """The frame has been drawn and, at this moment, taken care of."""
+        watch.lap("written")
+        drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in _CUT_STAGES)
+        self._details.log.add(load_of(pose), drawing)
