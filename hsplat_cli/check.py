@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.frame_range import parse_frames
-from hsplat_cli.scene_file import load_scene
+from hsplat_cli.job import load_job
 from renderer.output_files import first_files
 from renderer.scene import FileSource, ProceduralSource, RawSource, RockerPath, Scene, TurntablePath
 from renderer.staging import require_possible
@@ -25,20 +24,19 @@ from renderer.volume_files import require_volume_file
 def check(
     scene: Path, overrides: tuple[str, ...], output: Path | None, frames: str | None, volume: Path | None
 ) -> None:
-    """Check a scene file and list everything that is wrong with it.
+    """Check a scene file, or a film's sidecar, and list everything that is wrong with it.
 
     All that render refuses before it loads a library to read voxels, to draw or to encode: nothing is written, and of
     the volume no more is read than the first bytes. What only those libraries see remains: a damaged header or voxels,
     a size that GL does not have, no GL at all, no ffmpeg, a full disk.
     """
-    job = load_scene(scene, overrides=overrides, volume=volume, output=output)
-    numbers = parse_frames(frames, job.camera.path.frames)
-    for file in first_files(job.output, numbers):
+    job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
+    for file in first_files(job.scene.output, job.frames):
         require_possible(file)
-    if isinstance(job.volume.source, FileSource):
-        require_volume_file(job.volume.source.file)
+    if isinstance(job.scene.volume.source, FileSource):
+        require_volume_file(job.scene.volume.source.file)
     click.echo(f"{scene}: ok")
-    for name, text in _summary(job, len(numbers)):
+    for name, text in _summary(job.scene, len(job.frames)):
         click.echo(f"  {name:<8} {text}")
 
 

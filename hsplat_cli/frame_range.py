@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from renderer.errors import InputError
 from renderer.schema import show
 
 
-def parse_frames(text: str | None, num_frames: int) -> range:
+def is_one_frame(text: str | None) -> bool:
+    """Whether this picks one frame by its number, if it picks any."""
+    return text is not None and ":" not in text
+
+
+def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | None = None) -> Sequence[int]:
     """The frames that `a:b:step`, a Python slice, or a single number picks from range(num_frames); all for None.
 
-    Raises InputError where it is not a slice, has a step below 1, or picks nothing.
+    recorded: those, ascending, that a film has.
+
+    Raises InputError where it is not a slice, has a step below 1, or picks nothing or a frame that is not recorded.
     """
     if text is None:
-        return range(num_frames)
+        return range(num_frames) if recorded is None else recorded
     expected = f"A:B or A:B:STEP or one number; this path has the frames 0 to {num_frames - 1}"
     try:
         parts = [int(part) if part.strip() else None for part in text.split(":")]
@@ -30,4 +39,21 @@ def parse_frames(text: str | None, num_frames: int) -> range:
         picked = range(num_frames)[slice(*parts)]
     if not picked:
         raise InputError("no frame is in this range", where="--frames", got=show(text), expected=expected)
+    missing = next(iter(sorted({*picked}.difference(picked if recorded is None else recorded))), None)
+    if recorded is not None and missing is not None:
+        raise InputError(
+            f"frame {missing} is not in the film",
+            where="--frames",
+            got=show(text),
+            expected=f"of {_as_slice(recorded)}",
+        )
     return picked
+
+
+def _as_slice(frames: Sequence[int]) -> str:
+    """`0:118:3`, or a list where there is no such slice."""
+    step = frames[1] - frames[0] if len(frames) > 1 else 1
+    steady = range(frames[0], frames[-1] + 1, step)
+    if len(steady) != len(frames) or any(a != b for a, b in zip(steady, frames, strict=True)):
+        return show(frames)
+    return ":".join(map(str, (steady.start, steady.stop, step)[: 3 if step > 1 else 2]))

@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.frame_range import parse_frames
-from hsplat_cli.scene_file import load_scene
+from hsplat_cli.frame_range import is_one_frame, parse_frames
+from hsplat_cli.input_file import read_content
+from hsplat_cli.scene_editor import Editor
+from hsplat_cli.scene_file import scene_in
+from hsplat_cli.sidecar_file import Original, Sidecar, sidecar_in
+from hsplat_cli.yaml_tree import Tree
+from renderer.errors import InputError, Problem, SceneError
+from renderer.output_files import film_beside
 from renderer.scene import Scene
 from renderer.scene_schema import schedule_to_dict
+
+# What to do about volumes that are no longer there.
+_MOVED = {
+    "volume.file": "if it was moved, --volume names it",
+    "volume.raw.file": "if it was moved, --set volume.raw.file=FILE names it",
+}
 
 
 @dataclass(frozen=True)
 class Job:
     """frames: their numbers, ascending.
     asked: how exact, as a section `error` says it: `{"splats": 100000}`.
-    fingerprint: of the volume that it has to be, where that is known.
+    original: the film that is made again, if it is one.
     """
 
     scene: Scene
     frames: Sequence[int]
     asked: Mapping[str, Any]
-    fingerprint: str | None = None
+    original: Original | None = None
 
 
 def load_job(
@@ -34,6 +47,58 @@ def load_job(
     volume: Path | None = None,
     output: Path | None = None,
 ) -> Job:
-    """The job that a scene file describes, with what the options of the command line change in it."""
-    scene = load_scene(path, overrides=overrides, volume=volume, output=output)
-    return Job(scene, parse_frames(frames, scene.camera.path.frames), schedule_to_dict(scene.error))
+    """The job that a scene file or a sidecar describes, with what the options of the command line change in it.
+
+    That of a sidecar is to make its film again. Raises InputError, and SceneError as `load_scene`.
+    """
+    content = read_content(path)
+    still = is_one_frame(frames)
+    sidecar = sidecar_in(content, path)
+    if sidecar is None:
+        scene = scene_in(content, path, overrides=overrides, volume=volume, output=output, still=still)
+        return Job(scene, parse_frames(frames, scene.camera.path.frames), schedule_to_dict(scene.error))
+    editor = _editor(sidecar)
+    editor.apply(overrides, volume, output)
+    scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
+    _require_in_path(sidecar, scene)
+    picked = sidecar.frames if frames is None else parse_frames(frames, scene.camera.path.frames, sidecar.frames)
+    _require_same(editor, sidecar, picked)
+    original, asked = sidecar.original, sidecar.original.asked
+    if any(key.partition(".")[0] == "error" for key in editor.changed):
+        original, asked = replace(original, told={}), scene.error
+    return Job(scene, picked, schedule_to_dict(asked or scene.error), original)
+
+
+def _editor(sidecar: Sidecar) -> Editor:
+    """The recorded scene, with an output that is the film beside the sidecar, wherever they are now."""
+    scene, path = sidecar.scene, sidecar.original.path
+    output = scene.get("output")
+    if isinstance(output, dict) and isinstance(output.get("file"), str):
+        output["file"] = str(film_beside(path, Path(output["file"])))
+    return Editor(Tree(scene), path, within="scene", hints=_MOVED)
+
+
+def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:
+    num_frames = scene.camera.path.frames
+    index = bisect_left(sidecar.frames, num_frames)
+    if index < len(sidecar.frames):
+        expected = f"a frame from 0 to {num_frames - 1}"
+        got, place = str(sidecar.frames[index]), str(sidecar.original.path)
+        raise SceneError(
+            [Problem(f"frames.{index}.frame", "after the last frame", got=got, expected=expected, place=place)]
+        )
+
+
+def _require_same(editor: Editor, sidecar: Sidecar, picked: Sequence[int]) -> None:
+    """Raise InputError where another film would come under the name of the one that is recorded.
+
+    Its only record would be gone. A volume may have moved: its fingerprint is looked at.
+    """
+    changed = [key for key in editor.changed if key.partition(".")[0] != "volume"]
+    if {"output", "output.file"} & set(changed) or not (changed or len(picked) < len(sidecar.frames)):
+        return
+    raise InputError(
+        "a changed film would take the place of the one that is recorded here",
+        where=str(sidecar.original.path),
+        hint="--output names another file",
+    )

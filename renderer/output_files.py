@@ -30,6 +30,17 @@ def sidecar_path(output_file: Path) -> Path:
     return output_file.with_name(f"{output_file.name}.json")
 
 
+def film_beside(sidecar: Path, recorded: Path) -> Path:
+    """The output that a sidecar belongs to by its name and place; `recorded` is where the output was once.
+
+    `engine.mp4` for `engine.mp4.json` and for `engine.json`; frames keep their template.
+    """
+    if FRAME_FIELD.search(recorded.name) or not recorded.suffix:
+        return sidecar.with_name(recorded.name) if recorded.name else recorded
+    film = sidecar.with_suffix("")
+    return film if film.suffix.lower() == recorded.suffix.lower() else film.with_name(f"{film.name}{recorded.suffix}")
+
+
 def first_files(output: OutputSpec, frames: Sequence[int]) -> tuple[Path, Path]:
     """The film or the picture of the first frame, and the sidecar: where what cannot be written shows at once."""
     return frame_path(output.file, frames[0]), sidecar_path(output.file)

@@ -30,23 +30,24 @@ def prepare(
     num_threads: int,
     volume: Volume | None = None,
     fingerprint: str | None = None,
+    recorded_in: str = "",
     any_tolerance: bool = False,
 ) -> Stage:
     """Read the volume, build the pyramid, frame what is visible. Raises InputError for a volume that cannot be used.
 
-    A `volume` that is given is drawn in place of the scene's, which is then not read. One with another `fingerprint`
-    than a given one cannot be used. The pyramid has what the scene's schedule can ask for; with `any_tolerance` it
-    serves every tolerance and level.
+    A `volume` that is given is drawn in place of the scene's, which is then not read. One with another fingerprint
+    than `fingerprint`, which is `recorded_in` some place, cannot be used. The pyramid has what the scene's schedule can
+    ask for; with `any_tolerance` it serves every tolerance and level.
     """
     watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
     volume = read_volume(scene.volume) if volume is None else volume
     if fingerprint is not None and volume.fingerprint != fingerprint:
         raise InputError(
-            "not the volume that the film was made of",
-            where=volume.name,
-            got=f"fingerprint {volume.fingerprint}",
+            "the film was made of another volume",
+            where=recorded_in or None,
+            got=f"the fingerprint {volume.fingerprint} of {volume.name}",
             expected=fingerprint,
-            hint="--volume names a file that was moved; `hsplat render` of a scene draws any volume",
+            hint="if the volume was moved, --volume names it; another one can be drawn with a scene of its own",
         )
     extent = _extent(volume)
     require_proportion([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])

@@ -38,27 +38,28 @@ from renderer.scene import (
 from renderer.schema import BOOLEAN, INVALID, Kind, Node, Table, choice, integer, known, number, section, sequence, show
 from renderer.schema_camera import CAMERA, direction
 from renderer.schema_error import ERROR, check_frames
-from renderer.schema_output import OUTPUT
+from renderer.schema_output import OUTPUT, check_name
 from renderer.schema_transfer import TRANSFER_FUNCTION
 from renderer.schema_volume import volume_kind
 
 VERSION = 1
 
 
-def parse_scene(tree: object, *, base: Path) -> Scene:
+def parse_scene(tree: object, *, base: Path, still: bool = False) -> Scene:
     """The scene that `tree` describes.
 
-    Volume files are looked for relative to `base` and kept as `base / file`; the output file is kept as given.
+    Volume files are looked for relative to `base` and kept as `base / file`; the output file is kept as given. It may
+    be a PNG without a number in its name where the path has one frame or, as `still` says, one of them is drawn.
     Raises SceneError with every problem that there is.
     """
     problems: list[Problem] = []
-    scene = _scene_kind(base).read(Node(tree, "", problems))
+    scene = _scene_kind(base, still).read(Node(tree, "", problems))
     if problems:
         raise SceneError(problems)
     return scene
 
 
-def _scene_kind(base: Path) -> Kind[Scene]:
+def _scene_kind(base: Path, still: bool) -> Kind[Scene]:
     table: Table = {
         "version": _VERSION,
         "volume": volume_kind(base),
@@ -71,7 +72,8 @@ def _scene_kind(base: Path) -> Kind[Scene]:
         "overlay": choice("none", "octree"),
         "output": OUTPUT,
     }
-    return section(table, _build_scene, required=("volume", "transfer_function", "camera", "output"))
+    required = ("volume", "transfer_function", "camera", "output")
+    return section(table, lambda node, given: _build_scene(node, given, still), required=required)
 
 
 def _parse_version(node: Node) -> int:
@@ -83,8 +85,10 @@ def _parse_version(node: Node) -> int:
 _VERSION: Kind[int] = Kind(str(VERSION), _parse_version)
 
 
-def _build_scene(node: Node, given: dict[str, Any]) -> Scene:
+def _build_scene(node: Node, given: dict[str, Any], still: bool) -> Scene:
     check_frames(node.child("error"), given)
+    if not still:
+        check_name(node.child("output"), given)
     scene = Scene(**given)
     if not node.problems:  # with several values at once, only those that are right by themselves
         node.problems.extend(proportion_problems(scene))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -32,9 +33,6 @@ def _parse_file(node: Node) -> Path:
     if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(name)):
         expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
         return _FILE.refuse(node, "not a legal template", got=show(node.value), expected=expected)
-    if suffix == ".png" and not num_fields:
-        hint = f"write {PurePath(name).stem}-{{frame:04}}.png"
-        return _FILE.refuse(node, "frames need a number in their names", got=show(node.value), hint=hint)
     if suffix != ".png" and num_fields:
         return _FILE.refuse(node, f"a film and frames at once: {suffix} with a frame number", got=show(node.value))
     return Path(node.value)
@@ -85,3 +83,19 @@ def _build_output(node: Node, given: dict[str, Any]) -> OutputSpec:
 
 
 OUTPUT = section(_FIELDS, _build_output, required=("file",))
+
+
+def check_name(node: Node, given: Mapping[str, Any]) -> None:
+    """Complain about one name for the pictures of several frames; `given` is of the whole scene."""
+    num_frames = getattr(getattr(given["camera"], "path", None), "frames", INVALID)
+    file = getattr(given["output"], "file", INVALID)
+    if INVALID in (num_frames, file) or num_frames == 1:
+        return
+    if file.suffix.lower() != ".png" or FRAME_FIELD.search(file.name):
+        return
+    node.child("file").complain(
+        "frames need a number in their names",
+        got=show(str(file)),
+        expected=_FILE_WORDS,
+        hint=f"write {file.stem}-{{frame:04}}.png",
+    )

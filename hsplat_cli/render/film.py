@@ -13,6 +13,7 @@ import click
 
 from hsplat_cli.job import Job
 from hsplat_cli.progress import progress
+from hsplat_cli.render.again import maker_notes
 from hsplat_cli.render.goals import Plan, shortfall_of
 from hsplat_cli.render.record import film_record, frame_record, schedule_record, summary, visibility_notes
 from renderer.drawing import Rasterizer, Stage
@@ -42,13 +43,18 @@ class Done:
     @property
     def notes(self) -> list[str]:
         """What the user should know."""
-        return [*self.file_notes, *visibility_notes(self.frames)]
+        return [*self.file_notes, *maker_notes(self.job, self.made_by), *visibility_notes(self.frames)]
 
 
 def prepare_job(job: Job) -> Stage:
     """The job's stage, on all cores."""
-    num_threads = os.cpu_count() or 1
-    return prepare(job.scene, clock=time.perf_counter, num_threads=num_threads, fingerprint=job.fingerprint)
+    return prepare(
+        job.scene,
+        clock=time.perf_counter,
+        num_threads=os.cpu_count() or 1,
+        fingerprint=job.original.fingerprint if job.original else None,
+        recorded_in=f"{job.original.path}: volume.fingerprint" if job.original else "",
+    )
 
 
 def draw_film(

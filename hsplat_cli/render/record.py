@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from hsplat_cli.job import Job
+from hsplat_cli.render.again import recorded_schedule
 from hsplat_cli.versions import package_versions
 from renderer.drawing import Frame, Stage, finest_level_at
 from renderer.errors import RenderError
@@ -67,7 +68,8 @@ def schedule_record(job: Job, frames: Sequence[Record], shortfall: RenderError |
         "met": shortfall is None,
         "reproducible": not isinstance(job.scene.error.goal, TimeBudget),
     }
-    return record if shortfall is None else record | {"shortfall": str(shortfall)}
+    record |= {} if shortfall is None else {"shortfall": str(shortfall)}
+    return record | recorded_schedule(job)
 
 
 def visibility_notes(frames: Sequence[Record]) -> list[str]:

@@ -1,0 +1,58 @@
+"""The content of a file that a command is told to work on: a scene in YAML, or a sidecar in JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from renderer.errors import InputError, nearest
+
+MAX_SCENE_BYTES = 2**20
+# The longest film that a scene can ask for has a million frames, and a sidecar some 500 bytes for each.
+MAX_SIDECAR_BYTES = 2**29
+
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+def read_content(path: Path) -> bytes:
+    """What is in a file, or so much of it that it shows to be too large. Raises InputError."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_SCENE_BYTES + 1)
+            if may_be_json(content):
+                content += file.read(MAX_SIDECAR_BYTES - MAX_SCENE_BYTES)
+            return content
+    except FileNotFoundError as error:
+        raise InputError("no such file", where=str(path), hint=_nearest_file(path)) from error
+    except IsADirectoryError as error:
+        raise InputError("a folder", where=str(path), expected="a scene file") from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
+
+
+def may_be_json(content: bytes) -> bool:
+    """Whether a file that begins like this may hold an object of JSON."""
+    return content.removeprefix(_BYTE_ORDER_MARK).lstrip(b" \t\r\n").startswith(b"{")
+
+
+def decode(content: bytes, path: Path) -> str:
+    """The text that a file holds in UTF-8. Raises InputError."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            "not a text file in UTF-8",
+            where=f"{path}:{line}",
+            got=f"the byte 0x{content[error.start]:02x}",
+            hint="a volume is rendered with `hsplat render SCENE --volume FILE`" if b"\0" in content else None,
+        ) from error
+
+
+def _nearest_file(path: Path) -> str | None:
+    try:
+        names = sorted(entry.name for entry in path.parent.iterdir())
+    except OSError:
+        return None
+    close = nearest(path.name, names)
+    return f"did you mean {path.with_name(close)}?" if close else None
