@@ -24,11 +24,12 @@ from renderer.volume_files import require_volume_file
 def check(
     scene: Path, overrides: tuple[str, ...], output: Path | None, frames: str | None, volume: Path | None
 ) -> None:
-    """Check a scene file, or a film's sidecar, and list everything that is wrong with it.
+    """Check a scene file and list everything that is wrong with it.
 
-    All that render refuses before it loads a library to read voxels, to draw or to encode: nothing is written, and of
-    the volume no more is read than the first bytes. What only those libraries see remains: a damaged header or voxels,
-    a size that GL does not have, no GL at all, no ffmpeg, a full disk.
+    SCENE is a YAML file, or the JSON file beside a film. All that render refuses before it loads a library to read
+    voxels, to draw or to encode: nothing is written, and of the volume no more is read than the first bytes. What only
+    those libraries see remains: a damaged header or voxels, a size that GL does not have, no GL at all, no ffmpeg, a
+    full disk.
     """
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
     for file in first_files(job.scene.output, job.frames):

@@ -46,10 +46,12 @@ def load_job(
     frames: str | None = None,
     volume: Path | None = None,
     output: Path | None = None,
+    is_drawn: bool = True,
 ) -> Job:
     """The job that a scene file or a sidecar describes, with what the options of the command line change in it.
 
-    That of a sidecar is to make its film again. Raises InputError, and SceneError as `load_scene`.
+    That of a sidecar is to make its film again, or another one elsewhere; where nothing is drawn, it does not matter
+    where. Raises InputError, and SceneError as `load_scene`.
     """
     content = read_content(path)
     still = is_one_frame(frames)
@@ -62,7 +64,8 @@ def load_job(
     scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
     _require_in_path(sidecar, scene)
     picked = sidecar.frames if frames is None else parse_frames(frames, scene.camera.path.frames, sidecar.frames)
-    _require_same(editor, sidecar, picked)
+    if is_drawn:
+        _require_same(editor, sidecar, picked)
     original, asked = sidecar.original, sidecar.original.asked
     if any(key.partition(".")[0] == "error" for key in editor.changed):
         original, asked = replace(original, told={}), scene.error

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.interrupts import terminated_as_interrupted
+from hsplat_cli.job import load_job
 from hsplat_cli.measure.options import parse_sweep, parse_want
-from hsplat_cli.scene_file import load_scene
 from renderer.errors import InputError
 
 # They say what to sweep and where to; a search for one tolerance does neither.
@@ -64,8 +63,8 @@ def measure(
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
-    job = replace(load_scene(scene, overrides=overrides, volume=volume), overlay="none")  # lines are no error
-    numbers = parse_frames(frames, job.camera.path.frames)
+    given = load_job(scene, overrides=overrides, frames=frames, volume=volume, is_drawn=False)
+    job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
     if not 0 < truth_tolerance < 1:
         raise InputError(
             "out of range",

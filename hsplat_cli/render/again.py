@@ -1,4 +1,4 @@
-"""A film that is made again from its sidecar: what differs from when it was made first."""
+"""A film that is made again from its sidecar: what differs from when it was made before."""
 
 from __future__ import annotations
 
@@ -8,21 +8,30 @@ from hsplat_cli.job import Job
 from hsplat_cli.versions import package_versions
 from renderer.schema import show
 
+_LONGEST_NAME = 200
+
 
 def maker_notes(job: Job, made_by: str) -> list[str]:
-    """What other versions, or another OpenGL, have made the film than the one before."""
+    """That other versions or another OpenGL make the film than before, if so."""
     if job.original is None:
         return []
-    now = package_versions() | {"GL": made_by}
-    then = job.original.made_with
-    differ = [
-        f"{name} {show(now[name])}, not {show(then[name])}" for name in now if then.get(name, now[name]) != now[name]
+    before, now = job.original.made_with, package_versions() | {"GL": made_by}
+    changed = [
+        f"{name} {now[name]}, which was {_name(before[name])}"
+        for name in now
+        if name in before and before[name] != now[name]
     ]
-    if not differ:
+    if not changed:
         return []
-    return [f"the bytes may differ from those of the film before, which other versions made: {'; '.join(differ)}"]
+    return [f"the bytes may differ from those of the film before, made with other versions: {'; '.join(changed)}"]
+
+
+def _name(value: object) -> str:
+    """What a file says that anybody may have written, for the terminal."""
+    is_plain = isinstance(value, str) and value.isprintable() and len(value) <= _LONGEST_NAME
+    return str(value) if is_plain else show(value)
 
 
 def recorded_schedule(job: Job) -> dict[str, Any]:
-    """What the record of the schedule takes over from the film before: whether it was met, and what was measured."""
+    """What the record of the schedule has from that of the film before: whether it met what was asked for, and why."""
     return {} if job.original is None else {**job.original.told, "made_from": job.original.path.name}

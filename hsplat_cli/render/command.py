@@ -19,7 +19,10 @@ from renderer.output_files import sidecar_path
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
 )
 @click.option(
-    "--output", type=click.Path(path_type=Path), metavar="FILE", help="Write to this .mp4, .gif or {frame}.png."
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write to this .mp4, .gif, {frame}.png or, for one frame, .png.",
 )
 @click.option("--frames", metavar="A:B:STEP", help="Draw only these frames, as Python slices them: 0:30, ::10, 7.")
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
@@ -36,7 +39,8 @@ def render(
 ) -> None:
     """Render a scene to a film or to numbered frames.
 
-    SCENE is a YAML file. Beside the output comes a JSON file that says how it was made.
+    SCENE is a YAML file. Beside the output comes a JSON file that says how it was made; in place of SCENE it makes the
+    same again.
     """
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
     with terminated_as_interrupted():
