@@ -1,0 +1,246 @@
+"""`hsplat render film.mp4.json`: the same film once more, byte for byte, wherever its files are by then."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hsplat_cli import main
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [24, 24, 12]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.1}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 7, elevation: 20}
+output:
+  file: film.mp4
+  size: [48, 32]
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+def render(*arguments: str) -> None:
+    assert main.run(["render", *arguments, "--quiet"]) == 0
+
+
+def pictures(folder: Path) -> dict[str, bytes]:
+    """The films and frames in a folder."""
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".mp4", ".gif", ".png")}
+
+
+def read(sidecar: Path) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(sidecar.read_text(encoding="utf-8"))
+    return data
+
+
+def change(sidecar: Path, edit: Callable[[dict[str, Any]], None]) -> None:
+    data = read(sidecar)
+    edit(data)
+    sidecar.write_text(json.dumps(data), encoding="utf-8")
+
+
+# What times allow, and so whether they are met, differs from run to run; the film made again must not.
+@pytest.mark.parametrize("frames", [[], ["--frames", "::3"]], ids=["whole", "thirds"])
+@pytest.mark.parametrize("output", ["film.mp4", "film.gif", "{frame:03}.png"])
+@pytest.mark.parametrize(
+    "schedule",
+    [
+        "{tolerance: 0.1}",
+        "{tolerance: {0: 0.5, 6: 0.02}}",
+        "{tolerance: {0: 0, 2: 0, 3: 0.3, 5: 0.3, 6: 0}}",
+        "{splats: 300}",
+        "{splats: {0: 50, 6: 5000}}",
+        "{seconds: 0.004}",
+        "{seconds: {0: 0.002, 6: 0.05}}",
+    ],
+)
+def test_the_same_bytes(schedule: str, output: str, frames: list[str], folder: Path) -> None:
+    """From the sidecar, and from that of the film made again."""
+    first, second, third = (folder / name for name in ("first", "second", "third"))
+    asked = ["--set", f"error={schedule}", *frames]
+    render("scene.yaml", *asked, "--output", str(first / output), "--best-effort")
+    (sidecar,) = first.glob("*.json")
+    made, told = pictures(first), read(sidecar)
+    assert len(made) == (len(told["frames"]) if "png" in output else 1)
+    for name in made:
+        (first / name).unlink()
+    render(str(sidecar))
+    assert pictures(first) == made
+    render(str(sidecar), "--output", str(second / output))
+    assert pictures(second) == made
+    render(str(second / sidecar.name), "--output", str(third / output))
+    assert pictures(third) == made
+    again = read(third / sidecar.name)
+    assert [frame["tolerance"] for frame in again["frames"]] == [frame["tolerance"] for frame in told["frames"]]
+    assert again["schedule"] == told["schedule"] | {"made_from": sidecar.name}
+
+
+def test_it_still_tells_what_was_asked_for() -> None:
+    render("scene.yaml", "--set", "error.seconds=0.0001", "--best-effort")
+    first = read(Path("film.mp4.json"))["schedule"]
+    assert first["asked"] == {"seconds": 0.0001}
+    assert not first["met"]
+    assert not first["reproducible"]
+    render("film.mp4.json")  # nothing is missed: it is what it is
+    assert read(Path("film.mp4.json"))["schedule"] == first | {"made_from": "film.mp4.json"}
+
+
+def test_another_schedule_is_asked_for_anew() -> None:
+    render("scene.yaml", "--set", "error.seconds=0.0001", "--best-effort")
+    render("film.mp4.json", "--set", "error.tolerance=0.3", "--output", "other.mp4")
+    schedule = read(Path("other.mp4.json"))["schedule"]
+    assert schedule["asked"] == {"tolerance": 0.3}
+    assert schedule["met"] and schedule["reproducible"]
+    assert "shortfall" not in schedule
+    assert schedule["made_from"] == "film.mp4.json"
+
+
+@pytest.mark.parametrize("shape", ["file: scan.npy", "raw: {file: scan.raw, shape: [5, 4, 3], dtype: uint8}"])
+def test_volumes_are_found_from_anywhere(shape: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of the scene lies beside it; film and sidecar may move together, and are written where they are then."""
+    work = folder / "work"
+    work.mkdir()
+    values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5) * 4
+    np.save(work / "scan.npy", values)
+    values.tofile(work / "scan.raw")
+    text = SCENE.replace("procedural: {name: engine_block, shape: [24, 24, 12]}", shape)
+    (work / "scene.yaml").write_text(text, encoding="utf-8")
+    render("work/scene.yaml")
+    made = pictures(folder)
+    (folder / "new").mkdir()
+    for name in ("film.mp4", "film.mp4.json"):
+        (folder / name).rename(folder / "new" / name)
+    (folder / "new" / "film.mp4").unlink()
+    monkeypatch.chdir(work)
+    render("../new/film.mp4.json")
+    assert pictures(folder / "new") == made
+    assert pictures(work) == {}
+
+
+def test_a_volume_that_was_moved(folder: Path) -> None:
+    np.save("scan.npy", np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
+    render("scene.yaml", "--volume", "scan.npy")
+    made = pictures(folder)
+    Path("film.mp4").unlink()
+    Path("scan.npy").rename("moved.npy")
+    render("film.mp4.json", "--volume", "moved.npy")
+    assert pictures(folder) == made
+    assert read(Path("film.mp4.json"))["scene"]["volume"]["file"] == str(folder / "moved.npy")
+
+
+def test_a_part_of_the_film(folder: Path) -> None:
+    render("scene.yaml", "--set", "error.splats={0: 50, 6: 5000}", "--output", "all/{frame}.png", "--frames", "::2")
+    render("all/frames.json", "--frames", "2::4", "--output", "some/{frame}.png")
+    made = pictures(folder / "all")
+    assert pictures(folder / "some") == {name: made[name] for name in ("2.png", "6.png")}
+
+
+def test_a_film_in_another_format_and_size(folder: Path) -> None:
+    render("scene.yaml", "--set", "error.splats=300")
+    render("film.mp4.json", "--output", "large.gif", "--set", "output.size=[96, 64]")
+    render("scene.yaml", "--set", "error.tolerance=" + repr(read(Path("film.mp4.json"))["frames"][0]["tolerance"]),
+           "--output", "expected.gif", "--set", "output.size=[96, 64]")  # fmt: skip
+    made = pictures(folder)
+    assert made["large.gif"] == made["expected.gif"]
+
+
+def test_a_sidecar_of_another_name_has_a_film_of_that_name(folder: Path) -> None:
+    render("scene.yaml")
+    Path("film.mp4.json").rename("best.json")
+    render("best.json")
+    made = pictures(folder)
+    assert made["best.mp4"] == made["film.mp4"]
+
+
+def test_sidecars_of_older_versions(folder: Path) -> None:
+    """They have no schedule, and their frames may say less."""
+    render("scene.yaml", "--set", "error.tolerance={0: 0.5, 6: 0.02}", "--frames", "1:5")
+    made = pictures(folder)
+
+    def make_older(data: dict[str, Any]) -> None:
+        del data["schedule"]
+        data["frames"] = [{"frame": frame["frame"]} for frame in data["frames"]]
+
+    change(Path("film.mp4.json"), make_older)
+    Path("film.mp4").unlink()
+    render("film.mp4.json")
+    assert pictures(folder) == made
+    schedule = read(Path("film.mp4.json"))["schedule"]
+    assert schedule["asked"] == {"tolerance": {"0": 0.5, "6": 0.02}}
+    assert schedule["made_from"] == "film.mp4.json"
+
+
+def test_other_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    render("scene.yaml")
+    made = read(Path("film.mp4.json"))
+
+    def make_other(data: dict[str, Any]) -> None:
+        data["gl"] = "Other GL\x1b[31m"
+        data["versions"] |= {"numpy": "1.0", "abandoned": "3.2"}
+
+    change(Path("film.mp4.json"), make_other)
+    assert main.run(["render", "film.mp4.json"]) == 0
+    note = (
+        "the bytes may differ from those of the film before, made with other versions: "
+        f"numpy {np.__version__}, which was 1.0; GL {made['gl']}, which was 'Other GL\\x1b[31m'"
+    )
+    assert f"note: {note}\n" in capsys.readouterr().out
+    again = read(Path("film.mp4.json"))
+    assert again["notes"] == [note]
+    assert (again["gl"], again["versions"]) == (made["gl"], made["versions"])
+
+
+@pytest.mark.parametrize("frames", [["--frames", "3"], ["--set", "camera.path.frames=1"]], ids=["one", "only"])
+def test_a_still(frames: list[str], folder: Path) -> None:
+    """One frame needs no number in its name."""
+    render("scene.yaml", *frames, "--output", "still.png")
+    render("scene.yaml", *frames, "--output", "numbered-{frame}.png")
+    number = read(Path("still.png.json"))["frames"][0]["frame"]
+    made = pictures(folder)
+    assert made["still.png"] == made[f"numbered-{number}.png"]
+    Path("still.png").unlink()
+    render("still.png.json")
+    assert pictures(folder) == made
+    assert main.run(["check", "still.png.json"]) == 0
+
+
+def test_a_still_out_of_a_film(folder: Path) -> None:
+    render("scene.yaml", "--output", "{frame}.png")
+    render("frames.json", "--frames", "3", "--output", "still.png")
+    made = pictures(folder)
+    assert made["still.png"] == made["3.png"]
+
+
+def test_check_says_what_would_be_made(capsys: pytest.CaptureFixture[str]) -> None:
+    render("scene.yaml", "--frames", "::3", "--output", "new/film.gif")
+    assert main.run(["check", "new/film.gif.json"]) == 0
+    assert capsys.readouterr().out == (
+        "new/film.gif.json: ok\n"
+        "  volume   engine_block, 24 x 24 x 12\n"
+        "  camera   turntable, 3 of 7 frames\n"
+        "  error    optical, tolerance 0.1\n"
+        "  output   new/film.gif, 48 x 32, 0.1 s at 30 frames per second\n"
+    )
+
+
+def test_measure_takes_the_scene_from_it(capsys: pytest.CaptureFixture[str]) -> None:
+    render("scene.yaml", "--set", "splat.sigma=0.5")
+    assert main.run(["measure", "film.mp4.json", "--want", "psnr=15", "--frames", "2", "--quiet"]) == 0
+    assert capsys.readouterr().out.startswith("error: {measure: optical, tolerance: ")
