@@ -40,7 +40,7 @@ ROOMS: dict[str, tuple[str, str]] = {
 }
 # The doors of renderer/ to the command line.
 COMMANDS_MAY_IMPORT = {
-    "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error",  # without numpy: `check` answers at once
+    "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error",  # without numpy: `check` is quick
     "output_files", "volume_files",  # as quick
     "readers", "volume", "statistics",  # info
     "drawing", "pacing", "costs", "pipeline", "raster_gl", "film", "sidecar", "jit",  # render

@@ -212,7 +212,10 @@ def refuses(content: str | bytes, **options: Any) -> bool:
     try:
         load(content, **options)
     except InputError as error:
-        assert "INVALID" not in str(error)
-        assert "_Refused" not in str(error)
-        return bool(str(error))
-    return False
+        text = str(error)
+    else:
+        return False
+    assert text
+    assert "INVALID" not in text
+    assert "_Refused" not in text
+    return True
