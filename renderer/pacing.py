@@ -6,6 +6,7 @@ A detail stays while its frames keep to their time: a film that changed its cut 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from renderer.drawing import (
     make_detail,
     make_pose,
 )
+from renderer.schedule import tolerance_at
 
 # Cells of the first trial drawing, and how many times more the next one has.
 _FIRST_TRIAL, _TRIAL_GROWTH = 1000, 4
@@ -69,6 +71,12 @@ class Details:
         load = load_of(pose)
         self._seen[pose.detail.num_cells] = load, pose.order_seconds
         return self.log.predict(load) + pose.order_seconds
+
+    def learn(self, pose: Pose, watch: Stopwatch) -> None:
+        """A frame has been drawn and, at this moment, taken care of."""
+        watch.lap("written")
+        drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in _CUT_STAGES)
+        self.log.add(load_of(pose), drawing)
 
     def num_cells_within(self, seconds: float) -> float:
         """How many cells a frame may have that is to take so long, by the frames that were predicted so far.
@@ -132,18 +140,53 @@ def _is_better(seconds: float, before: float, most: float) -> bool:
     return before < seconds <= most if before <= most else seconds < before
 
 
+class Guide(Protocol):
+    """Decides, frame by frame, at which tolerance the film is drawn."""
+
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """The frame to be drawn, and what it is predicted to take from its start until the next one is asked for."""
+
+    def took(self, pose: Pose, watch: Stopwatch) -> None:
+        """The frame has been drawn and, at this moment, taken care of."""
+
+
+class Scheduled:
+    """Follows the schedule of the stage's scene; a detail is used again while the tolerance stays.
+
+    details: told what frames take, and asked what they will take.
+    """
+
+    def __init__(self, stage: Stage, details: Details | None = None) -> None:
+        self._stage, self._details = stage, details
+        self._detail: Detail | None = None
+
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """As in Guide."""
+        tolerance = tolerance_at(self._stage.scene.error, number)
+        if self._detail is None or self._detail.tolerance != tolerance:
+            self._detail = None  # let go of the old one first
+            self._detail = make_detail(self._stage, tolerance, watch)
+        pose = make_pose(self._stage, self._detail, number, watch)
+        return pose, self._details.predict(pose) if self._details else None
+
+    def took(self, pose: Pose, watch: Stopwatch) -> None:
+        """As in Guide."""
+        if self._details:
+            self._details.learn(pose, watch)
+
+
 class Pacer:
     """Finds, frame by frame, what can be drawn in time.
 
-    seconds_of: the time of a frame: from its start until the next one is asked for.
+    seconds_of: the time of a frame.
     """
 
     def __init__(self, details: Details, seconds_of: Callable[[int], float]) -> None:
         self._details, self._seconds_of = details, seconds_of
         self._chosen: tuple[Detail, float, float] | None = None  # a detail, what it was predicted to take and may take
 
-    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float]:
-        """The frame to be drawn, and what it is predicted to take from start to end."""
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """As in Guide."""
         seconds = self._seconds_of(number)
         if self._chosen is not None:
             detail, predicted_then, seconds_then = self._chosen
@@ -160,7 +203,5 @@ class Pacer:
         return pose, predicted
 
     def took(self, pose: Pose, watch: Stopwatch) -> None:
-        """The frame has been drawn and, at this moment, taken care of."""
-        watch.lap("written")
-        drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in _CUT_STAGES)
-        self._details.log.add(load_of(pose), drawing)
+        """As in Guide."""
+        self._details.learn(pose, watch)
