@@ -57,11 +57,11 @@ class _Pass:
     frame_seconds: float
 
 
-def render_progressively(job: Job, *, time_limit: float | None, quiet: bool) -> RenderError | None:
+def render_progressively(job: Job, *, time_limit: float | None, best_effort: bool, quiet: bool) -> RenderError | None:
     """Film after film, until one is what the scene asks for or time is up; what was asked for and not had.
 
     time_limit: seconds; the first pass is made all the same. When a later one is interrupted, the film of the pass
-    before it stays, which is said before KeyboardInterrupt goes on.
+    before it stays; KeyboardInterrupt then goes on, unless `best_effort` takes that film for good enough.
     """
     start = time.perf_counter()
     for file in first_files(job.scene.output, job.frames):
@@ -76,7 +76,8 @@ def render_progressively(job: Job, *, time_limit: float | None, quiet: bool) -> 
             pass
         except KeyboardInterrupt:
             maker.tell_interrupted()
-            raise
+            if not (maker.done and best_effort):
+                raise
     assert maker.done is not None
     tell(maker.done, quiet=quiet)
     return maker.done.shortfall
