@@ -38,8 +38,9 @@ from renderer.staging import require_writable
 _FEW_CELLS, _FIRST_PART = 1000, 1.3
 # Each pass takes so many times as long as the one before; the second one, to be worth the while, at least so many.
 _STEP, _LEAST_STEP = 8.0, 3.0
-# Trial drawings, which tell what more cells cost, go up to this part of a frame of the last pass, and up to so long.
-_TRIAL_PART, _LONGEST_TRIAL_S = 0.1, 0.5
+# Trial drawings, which tell what more cells cost, begin with so many times those of the first pass, and go up to this
+# part of a frame of the last pass, and up to so long.
+_TRIAL_GROWTH, _TRIAL_PART, _LONGEST_TRIAL_S = 4, 0.1, 0.5
 # Of the time that remains a pass may be predicted to take this part.
 _SAFE_PART = 0.9
 # Frames from which the time of a pass is predicted.
@@ -106,6 +107,11 @@ class _Maker:
         """What a frame of the last pass took, in the mean."""
         return float(self._passes[-1]["seconds"]) / len(self._job.frames)
 
+    @property
+    def num_cells(self) -> int:
+        """Of the last pass, at most."""
+        return int(self._passes[-1]["cells"][1])
+
     def make(self, each: _Pass) -> None:
         """One pass. Raises _TimeIsUp where there has been one before."""
         job, number, start = self._job, len(self._passes) + 1, time.perf_counter()
@@ -171,7 +177,7 @@ class _Planner:
         if plan is None or self._frame_seconds(plan) >= _LEAST_STEP * seconds:
             yield self._pass_within(seconds, plan)
             plan = plan or self._last_plan()
-            self._try_more(plan)
+            self._try_more(plan, _TRIAL_GROWTH * maker.num_cells)
         last = self._frame_seconds(plan)
         if not maker.done:
             yield _Pass(plan, last)
@@ -188,10 +194,12 @@ class _Planner:
         plan = make_plan(self._details, self._frames, self._rasterizer, quiet=self._quiet)
         return plan if plan.guide else replace(plan, guide=Scheduled(plan.stage, self._details))
 
-    def _try_more(self, plan: Plan) -> None:
-        """Learn what more cells cost."""
+    def _try_more(self, plan: Plan, first_cells: int) -> None:
+        """Learn what more cells cost than the first pass had."""
         enough = min(_TRIAL_PART * self._frame_seconds(plan), _LONGEST_TRIAL_S)
-        try_drawings(self._details, self._frames[0], enough, self._rasterizer, clock=time.perf_counter)
+        try_drawings(
+            self._details, self._frames[0], enough, self._rasterizer, clock=time.perf_counter, first_cells=first_cells
+        )
 
     def _frame_seconds(self, plan: Plan) -> float:
         """What a frame of the last pass is predicted to take, in the mean of some."""
