@@ -101,7 +101,8 @@ def _summary(job: Job, frames: Sequence[Record], seconds: float) -> Iterator[str
         in_time = sum(abs(share - 1) <= IN_TIME for share in shares)
         predicted = statistics.median(frame["predicted_seconds"] for frame in frames)
         taken = statistics.median(map(frame_seconds, frames))
-        yield f"{taken:.3g} s a frame (predicted: {predicted:.3g} s), {in_time} of them within {IN_TIME:.0%} of their time"
+        yield f"{taken:.3g} s a frame (predicted: {predicted:.3g} s)"
+        yield f"{in_time} of them within {IN_TIME:.0%} of their time"
 
 
 def span(values: Sequence[float], form: str = "g") -> str:
