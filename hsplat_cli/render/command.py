@@ -61,5 +61,8 @@ def _render(job: Job, *, best_effort: bool, quiet: bool) -> None:
         made_by = rasterizer.renderer_name
     done = Done(job, plan, frames, film.notes, made_by, time.perf_counter() - start)
     publish(done, quiet=quiet)
-    if done.shortfall is not None and not best_effort:
-        raise done.shortfall
+    shortfall = done.shortfall
+    if shortfall is not None and not best_effort:
+        raise shortfall
+    if shortfall is not None and not quiet:
+        click.echo(f"note: {shortfall.what}: {shortfall.got}, not {shortfall.expected}")

@@ -70,12 +70,12 @@ def publish(done: Done, *, quiet: bool) -> None:
     job = done.job
     sidecar = sidecar_path(job.scene.output.file)
     record = film_record(done.plan.stage, done.frames, done.made_by)
-    record |= {"schedule": schedule_record(job, done.frames, done.shortfall), "notes": done.notes}
+    record |= {"schedule": schedule_record(job, done.frames, done.shortfall, done.plan.found), "notes": done.notes}
     record |= {"seconds": done.plan.stage.seconds | {"total": done.seconds}, "frames": done.frames}
     write_sidecar(sidecar, record)
     if quiet:
         return
-    click.echo(f"{job.scene.output.file}: {summary(job, done.frames, done.seconds)}")
+    click.echo(f"{job.scene.output.file}: {summary(job, done.frames, done.seconds, done.plan.found)}")
     for note in done.notes:
         click.echo(f"note: {note}")
     click.echo(f"how it was made: {sidecar}")

@@ -8,15 +8,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from hsplat_cli.render.record import IN_TIME, Record, frame_seconds, span
+from hsplat_cli.search import beyond_full_resolution, search_tolerance
 from renderer.costs import CostLog
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
 from renderer.pacing import Details, Pacer, try_drawings
-from renderer.scene import SplatBudget, TimeBudget
-from renderer.schedule import at_tolerances, value_at
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
+from renderer.schedule import at_tolerance, at_tolerances, value_at
+from renderer.trials import Found
+from renderer.want import Want
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _ENOUGH = 0.3
+# Of the truth of a probe frame, in every channel: a thousandth of the RMSE of a picture with 40 dB.
+_TRUTH_TOLERANCE = 1e-5
 BEST_EFFORT = "with --best-effort it is good enough"
 
 
@@ -25,11 +30,13 @@ class Plan:
     """How frames get their tolerances: from the scene's schedule, whose goal has been resolved, or from a pacer.
 
     shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
+    found: what the search for an accuracy came to.
     """
 
     stage: Stage
     pacer: Pacer | None = None
     shortfall: RenderError | None = None
+    found: Found | None = None
 
 
 def make_plan(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool) -> Plan:
@@ -37,6 +44,8 @@ def make_plan(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, qu
     goal = stage.scene.error.goal
     if goal is None:
         return Plan(stage)
+    if isinstance(goal, AccuracyGoal):
+        return _plan_accuracy(stage, goal, frames, rasterizer, quiet=quiet)
     if isinstance(goal, TimeBudget) and stage.scene.splat.order == "depth":
         # A second drawing of some frames would take twice their time, or a far coarser cut, which flickers.
         stage = replace(stage, scene=replace(stage.scene, splat=replace(stage.scene.splat, order="unmixed")))
@@ -44,11 +53,23 @@ def make_plan(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, qu
     if isinstance(goal, SplatBudget):
         tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
         return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
-    if isinstance(goal, TimeBudget):
-        least = min(value_at(goal.by_frame, frame) for frame in frames)
-        try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
-        return Plan(details.stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)))
-    raise NotImplementedError
+    least = min(value_at(goal.by_frame, frame) for frame in frames)
+    try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
+    return Plan(details.stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)))
+
+
+def _plan_accuracy(
+    stage: Stage, goal: AccuracyGoal, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool
+) -> Plan:
+    """One tolerance for the whole film; where none is good enough, every voxel."""
+    want = Want(goal.metric, goal.value)
+    found = search_tolerance(stage, frames, want, _TRUTH_TOLERANCE, rasterizer, quiet=quiet)
+    shortfall = None
+    if found.tolerance is None:
+        hint = f"the film is drawn at full resolution, and {BEST_EFFORT}"
+        shortfall = beyond_full_resolution(found, where=f"error.{goal.metric}", hint=hint)
+    exact = replace(stage, scene=at_tolerance(stage.scene, found.tolerance or 0.0))
+    return Plan(exact, shortfall=shortfall, found=found)
 
 
 def shortfall_of(plan: Plan, frames: Sequence[Record]) -> RenderError | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -13,6 +14,7 @@ from renderer.errors import RenderError
 from renderer.scene import TimeBudget
 from renderer.scene_schema import scene_to_dict
 from renderer.schedule import at_tolerances, value_at
+from renderer.trials import Found
 
 # A frame is in time when it takes no longer and no shorter than its budget by more than this part.
 IN_TIME = 0.2
@@ -55,8 +57,10 @@ def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[st
     }
 
 
-def schedule_record(job: Job, frames: Sequence[Record], shortfall: RenderError | None) -> dict[str, Any]:
-    """What was asked for and what was reached.
+def schedule_record(
+    job: Job, frames: Sequence[Record], shortfall: RenderError | None, found: Found | None
+) -> dict[str, Any]:
+    """What was asked for and what was reached; `found` by the search for an accuracy, if there was one.
 
     reproducible: whether the scene makes this film again; if not, this file does.
     """
@@ -67,7 +71,14 @@ def schedule_record(job: Job, frames: Sequence[Record], shortfall: RenderError |
         "met": shortfall is None,
         "reproducible": not isinstance(job.scene.error.goal, TimeBudget),
     }
-    return record if shortfall is None else record | {"shortfall": str(shortfall)}
+    measured = {} if found is None else {"measured": _measured(found)}
+    return record | measured | ({} if shortfall is None else {"shortfall": str(shortfall)})
+
+
+def _measured(found: Found) -> dict[str, Any]:
+    worst = found.worst
+    value = worst.value if math.isfinite(worst.value) else None  # the PSNR of equal pictures
+    return {"metric": found.want.metric, "worst": value, "frame": worst.frame, "probes": found.frames}
 
 
 def visibility_notes(frames: Sequence[Record]) -> list[str]:
@@ -82,12 +93,12 @@ def visibility_notes(frames: Sequence[Record]) -> list[str]:
     return [f"nothing is in view on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]}"]
 
 
-def summary(job: Job, frames: Sequence[Record], seconds: float) -> str:
-    """`120 frames in 25.1 s, 149990 splats a frame`, and what came of a budget."""
-    return ", ".join(_summary(job, frames, seconds))
+def summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None) -> str:
+    """`120 frames in 25.1 s, 149990 splats a frame`, and what came of a budget or an accuracy."""
+    return ", ".join(_summary(job, frames, seconds, found))
 
 
-def _summary(job: Job, frames: Sequence[Record], seconds: float) -> Iterator[str]:
+def _summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None) -> Iterator[str]:
     num, goal = len(frames), job.scene.error.goal
     yield f"{num} frame{'s' * (num > 1)} in {seconds:.1f} s"
     yield f"{span([frame['splats'] for frame in frames], 'd')} splats a frame"
@@ -98,6 +109,9 @@ def _summary(job: Job, frames: Sequence[Record], seconds: float) -> Iterator[str
         in_time = sum(abs(share - 1) <= IN_TIME for share in shares)
         yield f"{statistics.median(map(frame_seconds, frames)):.3g} s a frame"
         yield f"{in_time} of them within {IN_TIME:.0%} of their time"
+    if found is not None:
+        worst, num_probes = found.want.of(found.worst.value), len(found.frames)
+        yield f"{worst} or better on {num_probes} probe frames" if num_probes > 1 else worst
 
 
 def span(values: Sequence[float], form: str = "g") -> str:
