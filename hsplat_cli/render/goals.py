@@ -16,12 +16,11 @@ from renderer.pacing import Details, Pacer, try_drawings
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
 from renderer.schedule import at_tolerance, at_tolerances, value_at
 from renderer.trials import Found
+from renderer.truths import TRUTH_TOLERANCE
 from renderer.want import Want
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _ENOUGH = 0.3
-# Of the truth of a probe frame, in every channel: a thousandth of the RMSE of a picture with 40 dB.
-_TRUTH_TOLERANCE = 1e-5
 BEST_EFFORT = "with --best-effort it is good enough"
 
 
@@ -63,7 +62,7 @@ def _plan_accuracy(
 ) -> Plan:
     """One tolerance for the whole film; where none is good enough, every voxel."""
     want = Want(goal.metric, goal.value)
-    found = search_tolerance(stage, frames, want, _TRUTH_TOLERANCE, rasterizer, quiet=quiet)
+    found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet)
     shortfall = None
     if found.tolerance is None:
         hint = f"the film is drawn at full resolution, and {BEST_EFFORT}"
