@@ -6,18 +6,19 @@ import statistics
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from hsplat_cli.render.record import IN_TIME, Record, frame_seconds, span
-from hsplat_cli.search import beyond_full_resolution, search_tolerance
 from renderer.costs import CostLog
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
 from renderer.pacing import Details, Pacer, try_drawings
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
 from renderer.schedule import at_tolerance, at_tolerances, value_at
-from renderer.trials import Found
-from renderer.truths import TRUTH_TOLERANCE
 from renderer.want import Want
+
+if TYPE_CHECKING:
+    from renderer.trials import Found
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _ENOUGH = 0.3
@@ -61,6 +62,10 @@ def _plan_accuracy(
     stage: Stage, goal: AccuracyGoal, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool
 ) -> Plan:
     """One tolerance for the whole film; where none is good enough, every voxel."""
+    # Imported where they are used: other films need no ray integral, which takes a while to load.
+    from hsplat_cli.search import beyond_full_resolution, search_tolerance  # noqa: PLC0415
+    from renderer.truths import TRUTH_TOLERANCE  # noqa: PLC0415
+
     want = Want(goal.metric, goal.value)
     found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet)
     shortfall = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.job import Job
 from hsplat_cli.versions import package_versions
@@ -14,7 +14,9 @@ from renderer.errors import RenderError
 from renderer.scene import TimeBudget
 from renderer.scene_schema import scene_to_dict
 from renderer.schedule import at_tolerances, value_at
-from renderer.trials import Found
+
+if TYPE_CHECKING:
+    from renderer.trials import Found
 
 # A frame is in time when it takes no longer and no shorter than its budget by more than this part.
 IN_TIME = 0.2
