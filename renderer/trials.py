@@ -69,7 +69,7 @@ def find_tolerance(
     """
     stage = replace(stage, scene=replace(stage.scene, overlay="none"))
     rungs = list(distinct_rungs(stage.pyramid, lambda tolerance: num_cells_at(stage, tolerance)))
-    probes, checks = frames_to_try(stage, frames, rungs, rasterizer, clock=clock)
+    probes, checks = _frames_to_try(stage, frames, rungs, rasterizer, clock=clock)
     trials = Trials(stage, rasterizer, want, truth_of=truth_of, clock=clock, on_trial=on_trial)
     tolerance = coarsest_tolerance(trials, rungs, probes, checks)
     tried = tuple(sorted([*probes, *checks]))
@@ -77,7 +77,7 @@ def find_tolerance(
     return Found(want, tolerance, tried, worst, not any(truth_of(frame).on_volume.any() for frame in tried))
 
 
-def frames_to_try(
+def _frames_to_try(
     stage: Stage, frames: Sequence[int], rungs: Sequence[float], rasterizer: Rasterizer, *, clock: Clock
 ) -> tuple[list[int], list[int]]:
     """Probes: the largest picture first, for it is usually the worst; and checks, half-way between the spread ones."""
