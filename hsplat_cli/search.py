@@ -10,6 +10,7 @@ import click
 from hsplat_cli.measure.truth import find_truths
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
+from renderer.scene import ErrorSpec
 from renderer.trials import Found, Trial, TruthOf, find_tolerance
 from renderer.truths import Truth
 from renderer.want import Want
@@ -30,15 +31,21 @@ def search_tolerance(
     )
 
 
-def beyond_full_resolution(found: Found, *, where: str, hint: str) -> RenderError:
-    """The error where nothing was good enough."""
+def beyond_full_resolution(found: Found, error: ErrorSpec, *, where: str, hint: str) -> RenderError:
+    """The error where nothing was good enough. hint: what to do about it, to which is added what limits the scene."""
     want, worst = found.want, found.worst
+    level, splats = error.finest_level, f"{worst.num_cells} splat{'s' * (worst.num_cells != 1)}"
+    limit = (
+        f"error.finest_level: {level} lets no cell be smaller"
+        if level
+        else "what limits it is told in docs/accuracy.md"
+    )
     return RenderError(
         "the accuracy that is wanted is beyond full resolution",
         where=where,
-        got=f"{want.of(worst.value)} on frame {worst.frame}, with {worst.num_cells} splats at tolerance 0",
+        got=f"{want.of(worst.value)} on frame {worst.frame}, with {splats} at tolerance 0",
         expected=str(want),
-        hint=f"{hint}; what limits it is told in docs/accuracy.md",
+        hint=f"{hint}; {limit}",
     )
 
 

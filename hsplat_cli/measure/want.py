@@ -28,7 +28,8 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
     if found.shows_nothing:
         raise nothing_to_measure(len(found.frames))
     if found.tolerance is None:
-        raise beyond_full_resolution(found, where=f"--want {want.metric}={want.value:g}", hint="want less")
+        where = f"--want {want.metric}={want.value:g}"
+        raise beyond_full_resolution(found, scene.error, where=where, hint="want less")
     worst = found.worst
     click.echo(_line(scene, found.tolerance))
     click.echo(

@@ -61,7 +61,7 @@ def make_plan(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, qu
 def _plan_accuracy(
     stage: Stage, goal: AccuracyGoal, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool
 ) -> Plan:
-    """One tolerance for the whole film; where none is good enough, every voxel."""
+    """One tolerance for the whole film; 0 where none is good enough."""
     # Imported where they are used: other films need no ray integral, which takes a while to load.
     from hsplat_cli.search import beyond_full_resolution, search_tolerance  # noqa: PLC0415
     from renderer.truths import TRUTH_TOLERANCE  # noqa: PLC0415
@@ -70,8 +70,8 @@ def _plan_accuracy(
     found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet)
     shortfall = None
     if found.tolerance is None:
-        hint = f"the film is drawn at full resolution, and {BEST_EFFORT}"
-        shortfall = beyond_full_resolution(found, where=f"error.{goal.metric}", hint=hint)
+        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT}"
+        shortfall = beyond_full_resolution(found, stage.scene.error, where=f"error.{goal.metric}", hint=hint)
     exact = replace(stage, scene=at_tolerance(stage.scene, found.tolerance or 0.0))
     return Plan(exact, shortfall=shortfall, found=found)
 

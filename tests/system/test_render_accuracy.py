@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import yaml
 
-from hsplat_cli import main
+from hsplat_cli import main, search
 from hsplat_cli.scene_file import load_scene
 from renderer.metrics import over_background, single
 from renderer.pipeline import prepare, render_frames
@@ -162,6 +162,15 @@ def test_beyond_full_resolution_the_film_is_there(capsys: pytest.CaptureFixture[
     *_, note = capsys.readouterr().out.splitlines()
     assert note.startswith("note: the accuracy that is wanted is beyond full resolution: psnr ")
     assert note.endswith(" splats at tolerance 0, not psnr 150.00 dB")
+
+
+def test_interrupted_while_it_searches(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*arguments: Any, **options: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(search, "find_truths", interrupt)
+    render("--quiet", code=130)
+    assert [path.name for path in folder.iterdir()] == ["scene.yaml"]
 
 
 def test_a_part_of_the_film_is_probed_on_its_own_frames() -> None:
