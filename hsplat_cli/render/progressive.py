@@ -19,7 +19,7 @@ import click
 from hsplat_cli.job import Job
 from hsplat_cli.render.difference import Difference, Differences
 from hsplat_cli.render.film import Done, draw_film, prepare_job, record, tell
-from hsplat_cli.render.goals import BEST_EFFORT, Plan, make_plan
+from hsplat_cli.render.goals import Plan, make_plan
 from hsplat_cli.render.record import Record, limits, span
 from renderer.costs import CostLog
 from renderer.drawing import Frame, Rasterizer, Stopwatch
@@ -30,7 +30,6 @@ from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawin
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import AccuracyGoal, TimeBudget
 from renderer.schedule import at_tolerances, tolerance_at, value_at
-from renderer.schema import show
 from renderer.staging import require_writable
 
 # A frame of so many cells shows what it is. Their pixels, not their number, are what it costs, so that there are far
@@ -161,12 +160,6 @@ class _Planner:
     def __init__(self, job: Job, details: Details, rasterizer: Rasterizer, *, quiet: bool) -> None:
         self._details, self._frames, self._goal = details, job.frames, job.scene.error.goal
         self._rasterizer, self._quiet = rasterizer, quiet
-        self._unfinished = RenderError(
-            "the film was not refined to what the scene asks for",
-            where=str(job.scene.output.file),
-            expected=", ".join(f"{name} {show(value)}" for name, value in job.asked.items()),
-            hint=f"it needs more time; {BEST_EFFORT}",
-        )
 
     def passes(self, maker: _Maker) -> Iterator[_Pass]:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
@@ -216,14 +209,14 @@ class _Planner:
         if isinstance(goal, TimeBudget):
             part = seconds / value_at(goal.by_frame, self._frames[0])
             pacer = Pacer(self._details, lambda frame: part * value_at(goal.by_frame, frame))
-            return _Pass(Plan(stage, pacer, self._unfinished, by_clock=True), seconds)
+            return _Pass(Plan(stage, pacer, is_unfinished=True), seconds)
         pose, predicted = finest_within(self._details, self._frames[0], seconds, _watch())
         coarsest = pose.detail.tolerance
         tolerances = dict.fromkeys(self._frames, coarsest)
         if plan is not None:
             tolerances = {frame: max(coarsest, tolerance_at(plan.stage.scene.error, frame)) for frame in self._frames}
         stage = replace(stage, scene=at_tolerances(stage.scene, tolerances))
-        return _Pass(Plan(stage, Scheduled(stage, self._details), self._unfinished, by_clock=True), predicted)
+        return _Pass(Plan(stage, Scheduled(stage, self._details), is_unfinished=True), predicted)
 
 
 def _steps(first: float, last: float) -> list[float]:
