@@ -6,7 +6,7 @@ from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from hsplat_cli.frame_range import is_one_frame, parse_frames
 from hsplat_cli.input_file import read_content
@@ -46,12 +46,12 @@ def load_job(
     frames: str | None = None,
     volume: Path | None = None,
     output: Path | None = None,
-    is_drawn: bool = True,
+    draws: Literal["film", "passes", "nothing"] = "film",
 ) -> Job:
     """The job that a scene file or a sidecar describes, with what the options of the command line change in it.
 
-    That of a sidecar is to make its film again, or another one elsewhere; where nothing is drawn, it does not matter
-    where. Raises InputError, and SceneError as `load_scene`.
+    That of a sidecar is to make its film again, or another one elsewhere. draws: what appears under the name of the
+    output, the film at once, or passes that are coarser at first. Raises InputError, and SceneError as `load_scene`.
     """
     content = read_content(path)
     still = is_one_frame(frames)
@@ -64,8 +64,8 @@ def load_job(
     scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
     _require_in_path(sidecar, scene)
     picked = sidecar.frames if frames is None else parse_frames(frames, scene.camera.path.frames, sidecar.frames)
-    if is_drawn:
-        _require_same(editor, sidecar, picked)
+    if draws != "nothing":
+        _require_same(editor, sidecar, picked, at_once=draws == "film")
     original, asked = sidecar.original, sidecar.original.asked
     if any(key.partition(".")[0] == "error" for key in editor.changed):
         original, asked = replace(original, told={}), scene.error
@@ -92,16 +92,17 @@ def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:
         )
 
 
-def _require_same(editor: Editor, sidecar: Sidecar, picked: Sequence[int]) -> None:
+def _require_same(editor: Editor, sidecar: Sidecar, picked: Sequence[int], *, at_once: bool) -> None:
     """Raise InputError where another film would come under the name of the one that is recorded.
 
     Its only record would be gone. A volume may have moved: its fingerprint is looked at.
     """
     changed = [key for key in editor.changed if key.partition(".")[0] != "volume"]
-    if {"output", "output.file"} & set(changed) or not (changed or len(picked) < len(sidecar.frames)):
+    is_elsewhere = "output" in changed or "output.file" in changed
+    if is_elsewhere or (at_once and not changed and len(picked) == len(sidecar.frames)):
         return
     raise InputError(
-        "a changed film would take the place of the one that is recorded here",
+        "another film would take the place of the one that is recorded here",
         where=str(sidecar.original.path),
         hint="--output names another file",
     )

@@ -21,7 +21,7 @@ from renderer.projection import covered_region, mean_footprint_px, model_view
 Float64 = npt.NDArray[np.float64]
 
 # A software renderer's on two cores, seconds: where the frames drawn so far say nothing of a rate, it is this one.
-_TYPICAL = np.array([1e-2, 3e-7, 1e-8, 5e-3])
+_TYPICAL = np.array([5e-3, 1e-6, 8e-9, 2e-3])
 # How much a rate that is off by its own size weighs against a frame that is.
 _TRUST_IN_TYPICAL = 1e-4
 # Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
@@ -88,6 +88,11 @@ class CostLog:
         self._trials: list[tuple[Load, float]] = []
         self._frames: deque[tuple[Load, float]] = deque(maxlen=_NUM_REMEMBERED)
         self._model: CostModel | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was drawn yet."""
+        return not (self._trials or self._frames)
 
     def add(self, load: Load, seconds: float) -> None:
         """A frame was drawn: of the film, where it was written, or only to see what it takes."""

@@ -63,7 +63,7 @@ def measure(
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
-    given = load_job(scene, overrides=overrides, frames=frames, volume=volume, is_drawn=False)
+    given = load_job(scene, overrides=overrides, frames=frames, volume=volume, draws="nothing")
     job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
     if not 0 < truth_tolerance < 1:
         raise InputError(

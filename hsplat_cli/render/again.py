@@ -32,6 +32,9 @@ def _name(value: object) -> str:
     return str(value) if is_plain else show(value)
 
 
-def recorded_schedule(job: Job) -> dict[str, Any]:
+def recorded_schedule(job: Job, *, is_unfinished: bool) -> dict[str, Any]:
     """What the record of the schedule has from that of the film before: whether it met what was asked for, and why."""
-    return {} if job.original is None else {**job.original.told, "made_from": job.original.path.name}
+    if job.original is None:
+        return {}
+    told = {} if is_unfinished else job.original.told
+    return {**told, "made_from": job.original.path.name}

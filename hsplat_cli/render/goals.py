@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+from hsplat_cli.job import Job
 from hsplat_cli.render.record import IN_TIME, Record, frame_seconds, span
-from renderer.costs import CostLog
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
-from renderer.pacing import Details, Pacer, try_drawings
-from renderer.scene import SplatBudget, TimeBudget
-from renderer.schedule import at_tolerances, value_at
+from renderer.pacing import Details, Guide, Pacer, try_drawings
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
+from renderer.schedule import at_tolerance, at_tolerances, value_at
+from renderer.schema import show
+from renderer.want import Want
+
+if TYPE_CHECKING:
+    from renderer.trials import Found
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _ENOUGH = 0.3
@@ -22,38 +28,81 @@ BEST_EFFORT = "with --best-effort it is good enough"
 
 @dataclass(frozen=True)
 class Plan:
-    """How frames get their tolerances: from the scene's schedule, whose goal has been resolved, or from a pacer.
+    """How frames get their tolerances: from the schedule of the stage's scene, whose goal is resolved, or from a guide.
 
     shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
+    is_unfinished: finer passes are to follow.
+    found: what the search for an accuracy came to.
     """
 
     stage: Stage
-    pacer: Pacer | None = None
+    guide: Guide | None = None
     shortfall: RenderError | None = None
+    is_unfinished: bool = False
+    found: Found | None = None
 
 
-def make_plan(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool) -> Plan:
-    """Find what the scene's goal takes, if it has one."""
+def make_plan(
+    details: Details,
+    frames: Sequence[int],
+    rasterizer: Rasterizer,
+    *,
+    quiet: bool,
+    on_step: Callable[[], None] = lambda: None,
+) -> Plan:
+    """Find what the goal of the scene takes, if it has one.
+
+    on_step: called now and then in a long search; what it raises goes through.
+    """
+    stage = details.stage
     goal = stage.scene.error.goal
     if goal is None:
         return Plan(stage)
-    if isinstance(goal, TimeBudget) and stage.scene.splat.order == "depth":
-        # A second drawing of some frames would take twice their time, or a far coarser cut, which flickers.
-        stage = replace(stage, scene=replace(stage.scene, splat=replace(stage.scene.splat, order="unmixed")))
-    details = Details(stage, CostLog())
+    if isinstance(goal, AccuracyGoal):
+        return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
     if isinstance(goal, SplatBudget):
         tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
         return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
-    if isinstance(goal, TimeBudget):
-        least = min(value_at(goal.by_frame, frame) for frame in frames)
-        try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
-        return Plan(details.stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)))
-    raise NotImplementedError
+    least = min(value_at(goal.by_frame, frame) for frame in frames)
+    try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
+    return Plan(stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)))
 
 
-def shortfall_of(plan: Plan, frames: Sequence[Record]) -> RenderError | None:
+def _plan_accuracy(
+    stage: Stage,
+    goal: AccuracyGoal,
+    frames: Sequence[int],
+    rasterizer: Rasterizer,
+    on_step: Callable[[], None],
+    *,
+    quiet: bool,
+) -> Plan:
+    """One tolerance for the whole film; 0 where none is good enough."""
+    # Imported where they are used: other films need no ray integral, which takes a while to load.
+    from hsplat_cli.search import beyond_full_resolution, search_tolerance  # noqa: PLC0415
+    from renderer.truths import TRUTH_TOLERANCE  # noqa: PLC0415
+
+    want = Want(goal.metric, goal.value)
+    found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)
+    shortfall = None
+    if found.tolerance is None:
+        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT}"
+        shortfall = beyond_full_resolution(found, stage.scene.error, where=f"error.{goal.metric}", hint=hint)
+    exact = replace(stage, scene=at_tolerance(stage.scene, found.tolerance or 0.0))
+    return Plan(exact, shortfall=shortfall, found=found)
+
+
+def shortfall_of(job: Job, plan: Plan, frames: Sequence[Record]) -> RenderError | None:
     """What was asked for and not had, now that the frames are there."""
-    goal = plan.stage.scene.error.goal
+    goal = job.scene.error.goal
+    if plan.is_unfinished:
+        return RenderError(
+            "the film was not refined to what the scene asks for",
+            where=str(job.scene.output.file),
+            got=f"tolerance {span([frame['tolerance'] for frame in frames])}",
+            expected=", ".join(f"{name} {show(value)}" for name, value in job.asked.items()),
+            hint=f"it needs more time; {BEST_EFFORT}",
+        )
     return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall
 
 

@@ -137,7 +137,7 @@ film.mp4.json: schedule: too many levels
         lambda data: None,
         ["--set", "error.tolerance=0.2"],
         """\
-film.mp4.json: a changed film would take the place of the one that is recorded here
+film.mp4.json: another film would take the place of the one that is recorded here
   hint: --output names another file
 """,
     ),
@@ -145,7 +145,7 @@ film.mp4.json: a changed film would take the place of the one that is recorded h
         lambda data: None,
         ["--frames", "1:3"],
         """\
-film.mp4.json: a changed film would take the place of the one that is recorded here
+film.mp4.json: another film would take the place of the one that is recorded here
   hint: --output names another file
 """,
     ),

@@ -244,3 +244,22 @@ def test_measure_takes_the_scene_from_it(capsys: pytest.CaptureFixture[str]) -> 
     render("scene.yaml", "--set", "splat.sigma=0.5")
     assert main.run(["measure", "film.mp4.json", "--want", "psnr=15", "--frames", "2", "--quiet"]) == 0
     assert capsys.readouterr().out.startswith("error: {measure: optical, tolerance: ")
+
+
+def test_a_progressive_film_whose_time_was_up(folder: Path) -> None:
+    """The pass that was the last can be made again in one go, though nobody asked for it."""
+    render(
+        "scene.yaml", "--set", "error.tolerance=0", "--progressive", "--time-limit", "0.001s", "--output", "a/film.gif"
+    )
+    render("a/film.gif.json", "--output", "b/film.gif")
+    assert pictures(folder / "b") == pictures(folder / "a")
+
+
+def test_made_again_progressively(folder: Path) -> None:
+    """Elsewhere: its first passes are other films."""
+    render("scene.yaml", "--set", "error.tolerance={0: 0.5, 6: 0.02}", "--output", "a/film.gif")
+    render("a/film.gif.json", "--progressive", "--output", "b/film.gif")
+    assert pictures(folder / "b") == pictures(folder / "a")
+    before = read(folder / "a" / "film.gif.json")
+    assert main.run(["render", "a/film.gif.json", "--progressive", "--quiet"]) == 2
+    assert read(folder / "a" / "film.gif.json") == before

@@ -34,14 +34,14 @@ ROOMS: dict[str, tuple[str, str]] = {
     "frame": ("drawing costs pacing", "words pyramid cut path splats film"),
     "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film frame"),
     "study": (
-        "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths",
+        "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths want",
         "words checks classification pyramid cut path splats truth film frame contents",
     ),
 }
 # The doors of renderer/ to the command line.
 COMMANDS_MAY_IMPORT = {
-    "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error",  # without numpy: `check` is quick
-    "output_files", "volume_files",  # as quick
+    "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error", "want",  # quick
+    "output_files", "volume_files",  # quick, too
     "readers", "volume", "statistics",  # info
     "drawing", "pacing", "costs", "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure

@@ -1,0 +1,237 @@
+"""A film that refines while time remains: whole films, one after the other, each more exact than the one before.
+
+The first pass has few cells and is there soon. Its frames and some trial drawings tell what drawing costs here; the
+following passes take 8 times as long each, and the last is what the scene asks for, so that all of them together take
+little longer than the last one alone.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import click
+
+from hsplat_cli.job import Job
+from hsplat_cli.render.difference import Difference, Differences
+from hsplat_cli.render.film import Done, draw_film, prepare_job, record, tell
+from hsplat_cli.render.goals import Plan, make_plan
+from hsplat_cli.render.record import Record, limits, span
+from renderer.costs import CostLog
+from renderer.drawing import Frame, Rasterizer, Stopwatch
+from renderer.errors import RenderError
+from renderer.film import open_film
+from renderer.output_files import first_files
+from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import AccuracyGoal, TimeBudget
+from renderer.schedule import at_tolerances, tolerance_at, value_at
+from renderer.staging import require_writable
+
+# A frame of so many cells shows what it is. Their pixels, not their number, are what it costs, so that there are far
+# more in the first pass, which may take so many times as long.
+_FEW_CELLS, _FIRST_PART = 1000, 1.3
+# Each pass takes so many times as long as the one before; the second one, to be worth the while, at least so many.
+_STEP, _LEAST_STEP = 8.0, 3.0
+# Trial drawings, which tell what more cells cost, begin with so many times those of the first pass, and go up to this
+# part of a frame of the last pass, and up to so long.
+_TRIAL_GROWTH, _TRIAL_PART, _LONGEST_TRIAL_S = 4, 0.1, 0.5
+# Of the time that remains a pass may be predicted to take this part.
+_SAFE_PART = 0.9
+# Frames from which the time of a pass is predicted.
+_NUM_LOOKED_AT = 3
+
+
+class _TimeIsUp(Exception):  # noqa: N818  no error
+    """The deadline has come; the pass is given up."""
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """A film to be made. frame_seconds: what a frame is predicted to take."""
+
+    plan: Plan
+    frame_seconds: float
+
+
+def render_progressively(job: Job, *, time_limit: float | None, best_effort: bool, quiet: bool) -> RenderError | None:
+    """Film after film, until one is what the scene asks for or time is up; what was asked for and not had.
+
+    time_limit: seconds; the first pass is made all the same. When a later one is interrupted, the film of the pass
+    before it stays; KeyboardInterrupt then goes on, unless `best_effort` takes that film for good enough.
+    """
+    start = time.perf_counter()
+    for file in first_files(job.scene.output, job.frames):
+        require_writable(file)
+    with GLRasterizer() as rasterizer:
+        maker = _Maker(job, rasterizer, start, time_limit, quiet=quiet)
+        planner = _Planner(job, Details(prepare_job(job), CostLog()), rasterizer, quiet=quiet)
+        try:
+            for each in planner.passes(maker):
+                maker.make(each)
+        except _TimeIsUp:
+            pass
+        except KeyboardInterrupt:
+            maker.tell_interrupted()
+            if not (maker.done and best_effort):
+                raise
+    assert maker.done is not None
+    tell(maker.done, quiet=quiet)
+    return maker.done.shortfall
+
+
+class _Maker:
+    """Makes one film after the other under the same name, each complete before it takes the place of the one before."""
+
+    def __init__(
+        self, job: Job, rasterizer: GLRasterizer, start: float, time_limit: float | None, *, quiet: bool
+    ) -> None:
+        self._job, self._rasterizer, self._start, self._quiet = job, rasterizer, start, quiet
+        self._deadline = math.inf if time_limit is None else start + time_limit
+        output = job.scene.output
+        self._differences = Differences(job.frames, math.prod(output.size) * (4 if output.background is None else 3))
+        self._passes: list[dict[str, Any]] = []
+        self.done: Done | None = None
+
+    def time_left(self) -> float:
+        """Seconds."""
+        return self._deadline - time.perf_counter()
+
+    @property
+    def frame_seconds(self) -> float:
+        """What a frame of the last pass took, in the mean."""
+        return float(self._passes[-1]["seconds"]) / len(self._job.frames)
+
+    @property
+    def num_cells(self) -> int:
+        """Of the last pass, at most."""
+        return int(self._passes[-1]["cells"][1])
+
+    def make(self, each: _Pass) -> None:
+        """One pass. Raises _TimeIsUp where there has been one before."""
+        job, number, start = self._job, len(self._passes) + 1, time.perf_counter()
+        label = f"{job.scene.output.file.name}, pass {number}"
+        with open_film(job.scene.output, job.frames, all_at_once=True) as film:
+            frames = draw_film(
+                each.plan, job.frames, film, self._rasterizer, label=label, quiet=self._quiet, on_frame=self._see
+            )
+        now = time.perf_counter()
+        difference = self._differences.of_pass()
+        made = {
+            "tolerance": limits(frame["tolerance"] for frame in frames),
+            "cells": limits(frame["cells"] for frame in frames),
+            "predicted_seconds": each.frame_seconds * len(frames),
+            "seconds": now - start,
+            "after_seconds": now - self._start,
+            "difference": difference.record() if difference else None,
+        }
+        self._passes.append(made)
+        self.done = Done(job, each.plan, frames, film.notes, self._rasterizer.renderer_name, now - self._start)
+        record(self.done, self._passes)
+        if not self._quiet:
+            click.echo(f"pass {number}: {', '.join(_facts(made, frames, difference))}")
+
+    def tell_interrupted(self) -> None:
+        """Say what there is now, if there is something."""
+        if self.done and not self._quiet:
+            click.echo(f"{self._job.scene.output.file} is whole, as pass {len(self._passes)} made it")
+
+    def require_time(self) -> None:
+        """Raise _TimeIsUp where it is, and there is a film."""
+        if self.done and self.time_left() < 0:
+            raise _TimeIsUp
+
+    def _see(self, frame: Frame) -> None:
+        self._differences.see(frame.number, frame.image)
+        self.require_time()
+
+
+def _facts(made: Record, frames: Sequence[Record], difference: Difference | None) -> Iterator[str]:
+    yield f"tolerance {span(made['tolerance'])}"
+    yield f"{span([frame['splats'] for frame in frames], 'd')} splats a frame"
+    yield f"{made['seconds']:.1f} s (predicted: {made['predicted_seconds']:.1f} s)"
+    if difference:
+        yield str(difference)
+
+
+class _Planner:
+    """Decides what the next pass is, by what frames took in the passes before."""
+
+    def __init__(self, job: Job, details: Details, rasterizer: Rasterizer, *, quiet: bool) -> None:
+        self._details, self._frames, self._goal = details, job.frames, job.scene.error.goal
+        self._rasterizer, self._quiet = rasterizer, quiet
+
+    def passes(self, maker: _Maker) -> Iterator[_Pass]:
+        """The passes, each decided when the one before it has been made; as many as there is time for."""
+        # Looking for an accuracy takes long, and there is no hurry once there is a film.
+        plan = None if isinstance(self._goal, AccuracyGoal) else self._last_plan(maker)
+        few = self._details.pose(self._frames[0], self._details.tolerance(_FEW_CELLS), _watch())
+        seconds = _FIRST_PART * self._details.predict(few)
+        if plan is None or self._frame_seconds(plan) >= _LEAST_STEP * seconds:
+            yield self._pass_within(seconds, plan)
+            plan = plan or self._last_plan(maker)
+            self._try_more(plan, _TRIAL_GROWTH * maker.num_cells)
+        last = self._frame_seconds(plan)
+        if not maker.done:
+            yield _Pass(plan, last)
+            return
+        for wanted in _steps(maker.frame_seconds, last):
+            affordable = _SAFE_PART * maker.time_left() / len(self._frames)
+            if wanted > affordable:
+                if affordable >= _LEAST_STEP * maker.frame_seconds:
+                    yield self._pass_within(affordable, plan)
+                return
+            yield _Pass(plan, last) if wanted == last else self._pass_within(wanted, plan)
+
+    def _last_plan(self, maker: _Maker) -> Plan:
+        frames, quiet = self._frames, self._quiet
+        plan = make_plan(self._details, frames, self._rasterizer, quiet=quiet, on_step=maker.require_time)
+        return plan if plan.guide else replace(plan, guide=Scheduled(plan.stage, self._details))
+
+    def _try_more(self, plan: Plan, first_cells: int) -> None:
+        """Learn what more cells cost than the first pass had."""
+        enough = min(_TRIAL_PART * self._frame_seconds(plan), _LONGEST_TRIAL_S)
+        try_drawings(
+            self._details, self._frames[0], enough, self._rasterizer, clock=time.perf_counter, first_cells=first_cells
+        )
+
+    def _frame_seconds(self, plan: Plan) -> float:
+        """What a frame of the last pass is predicted to take, in the mean of some."""
+        if isinstance(self._goal, TimeBudget):
+            wanted = value_at(self._goal.by_frame, self._frames[0])
+            return finest_within(self._details, self._frames[0], wanted, _watch())[1]
+        guide, num = Scheduled(plan.stage, self._details), min(_NUM_LOOKED_AT, len(self._frames))
+        looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
+        return statistics.fmean(self._details.predict(guide.ready(frame, _watch())[0]) for frame in looked_at)
+
+    def _pass_within(self, seconds: float, plan: Plan | None) -> _Pass:
+        """A pass whose frames take so long, none of them finer than in the last one, as far as that is known."""
+        goal, stage = self._goal, self._details.stage
+        if isinstance(goal, TimeBudget):
+            part = seconds / value_at(goal.by_frame, self._frames[0])
+            pacer = Pacer(self._details, lambda frame: part * value_at(goal.by_frame, frame))
+            return _Pass(Plan(stage, pacer, is_unfinished=True), seconds)
+        pose, predicted = finest_within(self._details, self._frames[0], seconds, _watch())
+        coarsest = pose.detail.tolerance
+        tolerances = dict.fromkeys(self._frames, coarsest)
+        if plan is not None:
+            tolerances = {frame: max(coarsest, tolerance_at(plan.stage.scene.error, frame)) for frame in self._frames}
+        stage = replace(stage, scene=at_tolerances(stage.scene, tolerances))
+        return _Pass(Plan(stage, Scheduled(stage, self._details), is_unfinished=True), predicted)
+
+
+def _steps(first: float, last: float) -> list[float]:
+    """Seconds a frame of the passes after the first, each an eighth of the next one's."""
+    found, wanted = [last], last / _STEP
+    while wanted >= _LEAST_STEP * first:
+        found.append(wanted)
+        wanted /= _STEP
+    return found[::-1]
+
+
+def _watch() -> Stopwatch:
+    return Stopwatch(time.perf_counter)
