@@ -64,12 +64,18 @@ def load_job(
     scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
     _require_in_path(sidecar, scene)
     picked = sidecar.frames if frames is None else parse_frames(frames, scene.camera.path.frames, sidecar.frames)
-    if draws != "nothing":
-        _require_same(editor, sidecar, picked, at_once=draws == "film")
-    original, asked = sidecar.original, sidecar.original.asked
-    if any(key.partition(".")[0] == "error" for key in editor.changed):
-        original, asked = replace(original, told={}), scene.error
-    return Job(scene, picked, schedule_to_dict(asked or scene.error), original)
+    is_changed = any(key != "output.file" and key.partition(".")[0] != "volume" for key in editor.changed)
+    is_elsewhere = "output.file" in editor.changed or "output" in editor.changed
+    is_whole = len(picked) == len(sidecar.frames)
+    if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
+        raise InputError(
+            "another film would take the place of the one that is recorded here",
+            where=str(path),
+            hint="--output names another file",
+        )
+    if is_changed:
+        return Job(scene, picked, schedule_to_dict(scene.error), replace(sidecar.original, told={}, made_with={}))
+    return Job(scene, picked, schedule_to_dict(sidecar.original.asked or scene.error), sidecar.original)
 
 
 def _editor(sidecar: Sidecar) -> Editor:
@@ -90,19 +96,3 @@ def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:
         raise SceneError(
             [Problem(f"frames.{index}.frame", "after the last frame", got=got, expected=expected, place=place)]
         )
-
-
-def _require_same(editor: Editor, sidecar: Sidecar, picked: Sequence[int], *, at_once: bool) -> None:
-    """Raise InputError where another film would come under the name of the one that is recorded.
-
-    Its only record would be gone. A volume may have moved: its fingerprint is looked at.
-    """
-    changed = [key for key in editor.changed if key.partition(".")[0] != "volume"]
-    is_elsewhere = "output" in changed or "output.file" in changed
-    if is_elsewhere or (at_once and not changed and len(picked) == len(sidecar.frames)):
-        return
-    raise InputError(
-        "another film would take the place of the one that is recorded here",
-        where=str(sidecar.original.path),
-        hint="--output names another file",
-    )

@@ -195,6 +195,15 @@ def _parse_text(node: Node) -> str:
 _TEXT: Kind[str] = Kind("text", _parse_text)
 
 
+def _parse_fingerprint(node: Node) -> str:
+    if isinstance(node.value, str) and re.fullmatch("[0-9a-f]{32}", node.value):
+        return node.value
+    return _FINGERPRINT.refuse(node, "not a fingerprint", got=show(node.value))
+
+
+_FINGERPRINT: Kind[str] = Kind("32 hexadecimal digits", _parse_fingerprint)
+
+
 def _parse_schedule(node: Node) -> dict[str, Any]:
     """Whatever it is, it is written into the next sidecar, too."""
     schedule = _MAPPING.parse(node)
@@ -238,7 +247,7 @@ _TABLE: Table = {
     "scene": _MAPPING,
     "volume": Kind(
         "a mapping with fingerprint",
-        lambda node: _known(node, {"fingerprint": _TEXT}, required=["fingerprint"])["fingerprint"],
+        lambda node: _known(node, {"fingerprint": _FINGERPRINT}, required=["fingerprint"])["fingerprint"],
     ),
     "gl": _TEXT,
     "versions": _MAPPING,

@@ -219,8 +219,9 @@ class SplatSpec:
 
 @dataclass(frozen=True)
 class OutputSpec:
-    """`file` ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png`; `background` None
-    is transparent (PNG, straight alpha); `quality` is 0 (smallest) to 10 (best), for MP4."""
+    """`file` ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png` or, where one frame
+    is drawn, a PNG; `background` None is transparent (PNG, straight alpha); `quality` is 0 (smallest) to 10 (best),
+    for MP4."""
 
     file: Path
     size: tuple[int, int] = (512, 512)

@@ -176,7 +176,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
     """The scene as plain data with every default written out; JSON and YAML can hold it.
 
     `parse_scene` makes the same scene from it, with any `base` if the volume's file is an absolute path and with the
-    current folder otherwise.
+    current folder otherwise; `still` as for the scene.
     """
     tree: dict[str, Any] = _plain(scene)
     return {key: tree[key] for key in ("version", *tree) if key in tree}

@@ -33,6 +33,15 @@ film.mp4.json: scene.error.tolerance.9: after the last frame
   expected: a frame from 0 to 5
 """,
     ),
+    "no fingerprint": (
+        lambda data: data["volume"].update(fingerprint="\x1b[31m"),
+        [],
+        """\
+film.mp4.json: volume.fingerprint: not a fingerprint
+  got: '\\x1b[31m'
+  expected: 32 hexadecimal digits
+""",
+    ),
     "no scene": (
         lambda data: data.update(scene=[1]),
         [],
@@ -51,7 +60,7 @@ film.mp4.json: scene: not a mapping
         ["--set", "camera.near=-1"],
         """\
 film.mp4.json: volume.fingerprint: missing
-  expected: text
+  expected: 32 hexadecimal digits
 film.mp4.json: gl: not text
   got: 3
   expected: text

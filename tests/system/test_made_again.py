@@ -112,6 +112,14 @@ def test_another_schedule_is_asked_for_anew() -> None:
     assert schedule["made_from"] == "film.mp4.json"
 
 
+def test_another_scene_is_another_film() -> None:
+    """What was found for the one, an accuracy for example, need not hold for the other."""
+    render("scene.yaml", "--set", "error.splats=300")
+    render("film.mp4.json", "--set", "output.size=[96, 64]", "--output", "large.mp4")
+    schedule = read(Path("large.mp4.json"))["schedule"]
+    assert schedule["asked"] == {"tolerance": schedule["tolerance"][0]}
+
+
 @pytest.mark.parametrize("shape", ["file: scan.npy", "raw: {file: scan.raw, shape: [5, 4, 3], dtype: uint8}"])
 def test_volumes_are_found_from_anywhere(shape: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """That of the scene lies beside it; film and sidecar may move together, and are written where they are then."""
