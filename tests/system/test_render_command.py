@@ -111,7 +111,7 @@ def test_the_sidecar_says_how_it_was_made() -> None:
     render("--set", "error.tolerance={0: 0.8, 3: 0.1}")
     made = sidecar("film.mp4.json")
     assert list(made) == [
-        "scene", "volume", "camera", "pyramid", "gl", "versions", "notes", "seconds", "frames",
+        "scene", "volume", "camera", "pyramid", "gl", "versions", "schedule", "notes", "seconds", "frames",
     ]  # fmt: skip
     assert made["volume"]["shape"] == [24, 24, 12]
     assert made["volume"]["dtype"] == "uint8"
