@@ -126,10 +126,7 @@ def _merged(found: _Found, divisions: Float64, num_more: Int64, most_cells: int)
 
 def _roundest(above: float, up_to: float) -> float:
     """A tolerance above the one (>= 0) and not above the other, of few digits where there is room for it."""
-    if up_to == sys.float_info.max:
-        middle = 2 * above or 1.0
-    else:
-        middle = math.sqrt(above or up_to / 4) * math.sqrt(up_to)
+    middle = 2 * above or 1.0 if up_to == sys.float_info.max else math.sqrt(above or up_to / 4) * math.sqrt(up_to)
     for digits in range(17):
         rounded = float(f"{middle:.{digits}e}")
         if above < rounded <= up_to and rounded >= LEAST_TOLERANCE:

@@ -175,7 +175,7 @@ def test_an_even_volume_is_one_cell_or_every_voxel(error: ErrorSpec) -> None:
 
 @pytest.mark.parametrize("error", ERRORS, ids=IDS)
 def test_cells_that_are_alike_are_divided_together(error: ErrorSpec) -> None:
-    """A checkerboard: all nodes of a level tie, so that there are the voxels, the root, and nothing between that counts."""
+    """A checkerboard: all nodes of a level tie."""
     values = (200 * (np.indices((16, 16, 16)).sum(axis=0) % 2)).astype(np.uint8)
     pyramid = build(make_volume(values, np.eye(4), "checkerboard"), error)
     cuts = all_cuts(pyramid, 0, 0)
@@ -191,16 +191,18 @@ def test_sizes_that_were_not_asked_for_are_refused() -> None:
             sizes.finest(num)
 
 
-def test_a_pyramid_that_was_built_for_some_tolerances_is_refused() -> None:
-    of, spec = volume_of(np.full((9, 9, 9), 200, np.uint8)), PyramidSpec()
-    for options, levels in (
-        ({"least_tolerance": 0.1}, (0, 0)),
-        ({"finest_level": 2}, (2, 1)),
-        ({"finest_level": 2}, (1, 2)),
-    ):
-        pyramid = build_pyramid(of, transfer(), spec=spec, error=ERRORS[0], **options)  # type: ignore[arg-type]
-        with pytest.raises(ValueError, match=r"^no pyramid for every tolerance$"):
-            sizes_of(pyramid, 9, *levels)
+@pytest.mark.parametrize(
+    ("least_tolerance", "finest_level", "levels"), [(0.1, 0, (0, 0)), (0.0, 2, (2, 1)), (0.0, 2, (1, 2))]
+)
+def test_a_pyramid_that_was_built_for_some_tolerances_is_refused(
+    least_tolerance: float, finest_level: int, levels: tuple[int, int]
+) -> None:
+    pyramid = build_pyramid(
+        volume_of(np.full((9, 9, 9), 200, np.uint8)), transfer(), spec=PyramidSpec(), error=ERRORS[0],
+        least_tolerance=least_tolerance, finest_level=finest_level,
+    )  # fmt: skip
+    with pytest.raises(ValueError, match=r"^no pyramid for every tolerance$"):
+        sizes_of(pyramid, 9, *levels)
 
 
 # Tolerances
