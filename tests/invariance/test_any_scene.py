@@ -130,7 +130,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
             splat=maybe(
                 footprint=st.sampled_from(["gaussian", "gouraud"]),
                 sigma=st.floats(0.38, 2),
-                order=st.sampled_from(["depth", "boxes"]),
+                order=st.sampled_from(["depth", "unmixed", "boxes"]),
             ),
             overlay=st.sampled_from(["none", "octree"]),
         )
