@@ -22,7 +22,7 @@ from renderer.projection import covered_region, mean_footprint_px, model_view
 Float64 = npt.NDArray[np.float64]
 
 # A software renderer's on two cores, seconds.
-_TYPICAL = np.array([1e-2, 3e-7, 1e-8, 5e-3])
+_TYPICAL = np.array([5e-3, 1e-6, 8e-9, 2e-3])
 # No frame takes less than this part of what it should: one at which the clock stood still must not outweigh the others.
 _FASTEST = 1e-3
 # How much a rate that is off by its own size weighs against a frame that is.

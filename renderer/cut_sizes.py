@@ -42,8 +42,8 @@ class CutSizes:
     divisions: float64 [n], falling, each different and at least LEAST_TOLERANCE.
     counts: int64 [n + 1], not falling; the cut has counts[k] cells at tolerances above divisions[k] and up to
         divisions[k - 1].
-    beyond: a tolerance that is not above it has more than `most_cells` cells; 0 where no tolerance above 0 has.
-    num_in_all: cells at tolerance 0; None where they are more than `most_cells`.
+    beyond: tolerances up to it have more than `most_cells` cells, or no pyramid; 0 where no tolerance above 0 has.
+    num_in_all: cells at tolerance 0; None where they are more than `most_cells`, or unknown.
     """
 
     divisions: Float64
@@ -70,12 +70,17 @@ class CutSizes:
 def cut_sizes(pyramid: Pyramid, most_cells: int, *, finest_level: int, finest_level_at_zero: int) -> CutSizes:
     """The sizes of all cuts of at most `most_cells` cells (at least 1).
 
-    finest_level, finest_level_at_zero: of the cells drawn at tolerances above 0, and at 0.
+    Of a pyramid that was built for tolerances from a least one on, those of its cuts, as if others had too many.
 
-    Raises ValueError where the pyramid does not serve every tolerance down to there.
+    finest_level, finest_level_at_zero: of the cells drawn at tolerances above 0, and at 0. Raises ValueError where the
+    pyramid has no cells of these levels.
     """
-    if pyramid.least_tolerance > 0 or min(finest_level, finest_level_at_zero) < pyramid.finest_level:
-        raise ValueError("no pyramid for every tolerance")
+    finest = min(finest_level, finest_level_at_zero)
+    if finest < pyramid.finest_level:
+        raise ValueError(f"no pyramid for this level: got {finest}, expected at least {pyramid.finest_level}")
+    if pyramid.least_tolerance > 0:
+        just_below = math.nextafter(pyramid.least_tolerance, 0.0)
+        return CutSizes(*_walk(pyramid, most_cells, finest_level, beyond=just_below), None, most_cells)
     at_zero = _walk(pyramid, most_cells, finest_level_at_zero, beyond=-math.inf)
     num_in_all = int(at_zero.counts[-1]) if at_zero.beyond < 0 else None
     found = at_zero if finest_level == finest_level_at_zero else _walk(pyramid, most_cells, finest_level, beyond=0.0)

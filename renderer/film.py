@@ -15,7 +15,7 @@ from renderer.encode import Encoder, gif_delay_cs, gif_options, mp4_options, ope
 from renderer.output_files import frame_path
 from renderer.png import encode_png
 from renderer.scene import OutputSpec
-from renderer.staging import require_writable, staged, write_staged
+from renderer.staging import explained, require_writable, staged, write_staged
 
 
 class FilmWriter(ABC):
@@ -57,24 +57,30 @@ class FilmWriter(ABC):
 
 
 @contextlib.contextmanager
-def open_film(output: OutputSpec, frames: Sequence[int]) -> Iterator[FilmWriter]:
+def open_film(output: OutputSpec, frames: Sequence[int], *, all_at_once: bool = False) -> Iterator[FilmWriter]:
     """A writer for `frames`, all of which must come, in this order.
 
     The files have their final names when they are complete: an MP4 or GIF at the end of the block, a PNG at the end of
-    its `write`. If the block raises, KeyboardInterrupt included, nothing unfinished is left; PNGs that were finished
-    stay. That the output can be written is tried at once. Raises InputError when its name cannot be a file, RenderError
-    when it cannot be written.
+    its `write` or, `all_at_once`, with the others at the end of the block. If the block raises, KeyboardInterrupt
+    included, nothing unfinished is left; PNGs that have their final names stay. That the output can be written is tried
+    at once. Raises InputError when its name cannot be a file, RenderError when it cannot be written.
     """
     is_png = output.file.suffix.lower() == ".png"
-    with contextlib.nullcontext(_PngWriter(output, frames)) if is_png else _open_video(output, frames) as writer:
+    with _open_png(output, frames, all_at_once) if is_png else _open_video(output, frames) as writer:
         yield writer
         assert writer.complete, "frames are missing"
 
 
+@contextlib.contextmanager
+def _open_png(output: OutputSpec, frames: Sequence[int], all_at_once: bool) -> Iterator[FilmWriter]:
+    with contextlib.ExitStack() as renamed_at_end:
+        yield _PngWriter(output, frames, renamed_at_end if all_at_once else None)
+
+
 class _PngWriter(FilmWriter):
-    def __init__(self, output: OutputSpec, frames: Sequence[int]) -> None:
+    def __init__(self, output: OutputSpec, frames: Sequence[int], renamed_at_end: contextlib.ExitStack | None) -> None:
         super().__init__(output, frames)
-        self._template = output.file
+        self._template, self._renamed_at_end = output.file, renamed_at_end
         assert len({frame_path(self._template, frame) for frame in frames}) == len(frames), "frames share a file"
         for frame in frames[:1]:
             require_writable(frame_path(self._template, frame))
@@ -84,7 +90,13 @@ class _PngWriter(FilmWriter):
         return tuple(frame_path(self._template, frame) for frame in self._frames[: self._num_written])
 
     def _put(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
-        write_staged(frame_path(self._template, frame), encode_png(image))
+        path, content = frame_path(self._template, frame), encode_png(image)
+        if self._renamed_at_end is None:
+            write_staged(path, content)
+        else:
+            temporary = self._renamed_at_end.enter_context(staged(path))
+            with explained(path):
+                temporary.write_bytes(content)
 
 
 class _VideoWriter(FilmWriter):

@@ -5,8 +5,10 @@ A detail stays while its frames keep to their time: a film that changed its cut 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
 
 from renderer.costs import CostLog, Load, load_of
 from renderer.cut_sizes import CutSizes, cut_sizes
@@ -22,25 +24,31 @@ from renderer.drawing import (
     make_detail,
     make_pose,
 )
+from renderer.schedule import tolerance_at
 
 # Cells of the first trial drawing, and how many times more the next one has.
 _FIRST_TRIAL, _TRIAL_GROWTH = 1000, 4
 
 # A detail is looked for that takes this part of its time, give or take, in so many tries.
-_AIM, _CLOSE, _MOST_TRIES = 0.96, 0.03, 7
+_AIM, _CLOSE, _MOST_TRIES = 0.97, 0.04, 5
 # It is kept while it is predicted to take from and up to these parts of its time, or what it took when it was chosen.
-_KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.86, 1.08, 0.1
+_KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.86, 1.09, 0.1
+
+# Seconds grow with these powers of the number of cells: of few large cells the pixels cost, of many small ones the
+# splats. And beyond the largest number seen one goes so far at once.
+_LEAST_POWER, _MOST_POWER, _MOST_GROWTH = 0.25, 1.0, 16.0
 
 # What passes between the start of a frame and the next one but is not drawing it.
 _CUT_STAGES = ("cut", "splats", "order")
 
 
 class Details:
-    """Details of a stage by their number of cells, and what a frame of them will take."""
+    """Details of a stage by their number of cells, and what a frame of them takes."""
 
     def __init__(self, stage: Stage, log: CostLog) -> None:
         self.stage, self.log = stage, log
         self._sizes: CutSizes | None = None
+        self._seen: dict[int, tuple[Load, float]] = {}  # by number of cells: what there was to draw, and order's time
 
     def tolerance(self, num_cells: float) -> float:
         """Of the finest cut with at most so many cells."""
@@ -58,9 +66,32 @@ class Details:
         """A frame of the detail of a tolerance."""
         return make_pose(self.stage, make_detail(self.stage, tolerance, watch), number, watch)
 
-    def predict(self, pose: Pose, *, is_written: bool = True) -> float:
-        """Seconds that a frame takes of a detail that is made."""
-        return pose.order_seconds + self.log.predict(load_of(pose, is_written=is_written))
+    def predict(self, pose: Pose) -> float:
+        """Seconds of a frame whose detail is made, until it is in its file."""
+        load = load_of(pose)
+        self._seen[pose.detail.num_cells] = load, pose.order_seconds
+        return self.log.predict(load) + pose.order_seconds
+
+    def learn(self, pose: Pose, watch: Stopwatch) -> None:
+        """A frame has been drawn and, at this moment, taken care of."""
+        watch.lap("written")
+        drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in _CUT_STAGES)
+        self.log.add(load_of(pose), drawing)
+
+    def num_cells_within(self, seconds: float) -> float:
+        """How many cells a frame may have that is to take so long, by the frames that were predicted so far.
+
+        Seconds are taken for a power of the number of cells, that of the two numbers around or nearest.
+        """
+        cells = np.log(sorted(self._seen))
+        costs = np.log([self.log.predict(load) + order for _, (load, order) in sorted(self._seen.items())])
+        wanted, power = np.log(seconds), _MOST_POWER
+        near = min(int(np.count_nonzero(costs < wanted)), len(cells) - 1)
+        if near > 0:
+            power = (costs[near] - costs[near - 1]) / (cells[near] - cells[near - 1])
+        power = min(max(power, _LEAST_POWER), _MOST_POWER)
+        steps = min((wanted - costs[near]) / power, np.log(_MOST_GROWTH))
+        return float(np.exp(cells[near] + steps))
 
 
 def try_drawings(details: Details, number: int, enough_seconds: float, rasterizer: Rasterizer, *, clock: Clock) -> None:
@@ -75,22 +106,22 @@ def try_drawings(details: Details, number: int, enough_seconds: float, rasterize
         draw(details.stage, pose, rasterizer, watch)
         seconds = sum(watch.seconds.values())
         details.log.add(load_of(pose, is_written=False), seconds)
+        details.predict(pose)
         if seconds >= enough_seconds or pose.detail.tolerance == 0:
             return
         num_cells *= _TRIAL_GROWTH
 
 
-def finest_within(details: Details, number: int, seconds: float, guess: float, watch: Stopwatch) -> tuple[Pose, float]:
+def finest_within(details: Details, number: int, seconds: float, watch: Stopwatch) -> tuple[Pose, float]:
     """A frame that is predicted to take nearly so many seconds, or less where it shows every voxel; and what it takes.
 
-    Where even a single cell takes longer, the quickest one found. guess: the number of cells to begin with.
+    Where even a single cell takes longer, the quickest one found. Frames have been predicted before.
     """
-    aim, fixed = _AIM * seconds, details.log.predict(Load(0, 0, 1))
-    enough, too_many = 1.0, math.inf  # cells
+    aim = _AIM * seconds
     best: tuple[Pose, float] | None = None
     tried: set[float] = set()
     for _ in range(_MOST_TRIES):
-        tolerance = details.tolerance(guess)
+        tolerance = details.tolerance(details.num_cells_within(aim))
         if tolerance in tried:
             break
         tried.add(tolerance)
@@ -98,14 +129,8 @@ def finest_within(details: Details, number: int, seconds: float, guess: float, w
         predicted = details.predict(pose)
         if best is None or _is_better(predicted, best[1], seconds):
             best = pose, predicted
-        if abs(predicted - aim) <= _CLOSE * aim or (predicted < aim and tolerance == 0):
+        if abs(predicted - aim) <= _CLOSE * aim:
             break
-        enough, too_many = (max(enough, guess), too_many) if predicted <= aim else (enough, min(too_many, guess))
-        # Of many small cells the splats cost, of few large ones the pixels, whose number is about the root of theirs.
-        guess *= (max(aim - fixed, 0.01 * aim) / max(predicted - fixed, 0.01 * aim)) ** 2
-        guess = min(max(guess, enough), _TRIAL_GROWTH**2 * enough) if math.isinf(too_many) else guess
-        if not enough < guess < too_many:
-            guess = math.sqrt(enough * too_many)
     assert best is not None
     return best
 
@@ -115,19 +140,54 @@ def _is_better(seconds: float, before: float, most: float) -> bool:
     return before < seconds <= most if before <= most else seconds < before
 
 
+class Guide(Protocol):
+    """Decides, frame by frame, at which tolerance the film is drawn."""
+
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """The frame to be drawn, and what it is predicted to take from its start until the next one is asked for."""
+
+    def took(self, pose: Pose, watch: Stopwatch) -> None:
+        """The frame has been drawn and, at this moment, taken care of."""
+
+
+class Scheduled:
+    """Follows the schedule of the stage's scene; a detail is used again while the tolerance stays.
+
+    details: told what frames take, and asked what they will take.
+    """
+
+    def __init__(self, stage: Stage, details: Details | None = None) -> None:
+        self._stage, self._details = stage, details
+        self._detail: Detail | None = None
+
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """As in Guide."""
+        tolerance = tolerance_at(self._stage.scene.error, number)
+        if self._detail is None or self._detail.tolerance != tolerance:
+            self._detail = None  # let go of the old one first
+            self._detail = make_detail(self._stage, tolerance, watch)
+        pose = make_pose(self._stage, self._detail, number, watch)
+        return pose, self._details.predict(pose) if self._details else None
+
+    def took(self, pose: Pose, watch: Stopwatch) -> None:
+        """As in Guide."""
+        if self._details:
+            self._details.learn(pose, watch)
+
+
 class Pacer:
     """Finds, frame by frame, what can be drawn in time.
 
-    seconds_of: the time of a frame: from its start until the next one is asked for.
+    seconds_of: the time of a frame.
     """
 
     def __init__(self, details: Details, seconds_of: Callable[[int], float]) -> None:
         self._details, self._seconds_of = details, seconds_of
         self._chosen: tuple[Detail, float, float] | None = None  # a detail, what it was predicted to take and may take
 
-    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float]:
-        """The frame to be drawn, and what it is predicted to take from start to end."""
-        seconds, guess = self._seconds_of(number), float(_FIRST_TRIAL)
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """As in Guide."""
+        seconds = self._seconds_of(number)
         if self._chosen is not None:
             detail, predicted_then, seconds_then = self._chosen
             pose = make_pose(self._details.stage, detail, number, watch)
@@ -136,15 +196,12 @@ class Pacer:
             is_all = detail.tolerance == 0 and predicted <= seconds
             if is_unchanged or is_all or _KEPT_FROM <= predicted / seconds <= _KEPT_TO:
                 return pose, predicted
-            guess = max(detail.num_cells * seconds / predicted, 1.0)
             del detail, pose  # let go of the old ones first
             self._chosen = None
-        pose, predicted = finest_within(self._details, number, seconds, guess, watch)
+        pose, predicted = finest_within(self._details, number, seconds, watch)
         self._chosen = pose.detail, predicted, seconds
         return pose, predicted
 
     def took(self, pose: Pose, watch: Stopwatch) -> None:
-        """The frame has been drawn and, at this moment, taken care of."""
-        watch.lap("written")
-        drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in _CUT_STAGES)
-        self._details.log.add(load_of(pose), drawing)
+        """As in Guide."""
+        self._details.learn(pose, watch)

@@ -10,15 +10,15 @@ from dataclasses import replace
 
 from renderer.camera_paths import axes_in_runs
 from renderer.depth_directions import make_turning
-from renderer.drawing import Clock, Frame, Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
+from renderer.drawing import Clock, Frame, Rasterizer, Stage, Stopwatch, draw
 from renderer.errors import InputError
 from renderer.extents import Extent, camera_problems, require_proportion, volume_problems
 from renderer.framing import finest_useful_level, fit_distance, visible_centre, visible_points
-from renderer.pacing import Pacer
+from renderer.pacing import Guide, Scheduled
 from renderer.pyramid import build_pyramid
 from renderer.readers import read_volume
-from renderer.scene import Scene, Vector
-from renderer.schedule import least_tolerance, tolerance_at
+from renderer.scene import Scene, TimeBudget, Vector
+from renderer.schedule import least_tolerance
 from renderer.transfer import make_transfer
 from renderer.volume import Float64, Volume
 
@@ -36,8 +36,11 @@ def prepare(
 
     A `volume` that is given is drawn in place of the scene's, which is then not read. One with another `fingerprint`
     than a given one cannot be used. The pyramid has what the scene's schedule can ask for; with `any_tolerance` it
-    serves every tolerance and level.
+    serves every tolerance and level. A film on a budget of time is drawn in a single order: a second drawing of some
+    frames would take twice their time, or a far coarser cut, which flickers.
     """
+    if isinstance(scene.error.goal, TimeBudget) and scene.splat.order == "depth":
+        scene = replace(scene, splat=replace(scene.splat, order="unmixed"))
     watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
     volume = read_volume(scene.volume) if volume is None else volume
     if fingerprint is not None and volume.fingerprint != fingerprint:
@@ -73,26 +76,15 @@ def prepare(
 
 
 def render_frames(
-    stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock, pacer: Pacer | None = None
+    stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock, guide: Guide | None = None
 ) -> Iterator[Frame]:
-    """Draw these frames of the film, in this order. A cut and its splats are used again while the tolerance stays.
-
-    The tolerances are those of the scene's schedule or, with a `pacer`, what it finds for the time that a frame has:
-    from its start until the next one is asked for.
-    """
-    detail = None
+    """Draw these frames of the film, in this order, at the tolerances of the scene's schedule or those of a `guide`."""
+    guide = Scheduled(stage) if guide is None else guide
     for number in frames:
         watch = Stopwatch(clock)
-        if pacer is None:
-            tolerance = tolerance_at(stage.scene.error, number)
-            if detail is None or detail.tolerance != tolerance:
-                detail = None  # let go of the old one first
-                detail = make_detail(stage, tolerance, watch)
-            yield draw(stage, make_pose(stage, detail, number, watch), rasterizer, watch)
-        else:
-            pose, predicted_seconds = pacer.ready(number, watch)
-            yield replace(draw(stage, pose, rasterizer, watch), predicted_seconds=predicted_seconds)
-            pacer.took(pose, watch)
+        pose, predicted_seconds = guide.ready(number, watch)
+        yield replace(draw(stage, pose, rasterizer, watch), predicted_seconds=predicted_seconds)
+        guide.took(pose, watch)
 
 
 def _extent(volume: Volume) -> Extent:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import click
 
+from hsplat_cli.duration import parse_duration
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
-from hsplat_cli.job import Job, load_job
-from renderer.output_files import sidecar_path
+from hsplat_cli.job import load_job
+from renderer.errors import InputError
 
 
 @click.command()
@@ -23,6 +23,8 @@ from renderer.output_files import sidecar_path
 )
 @click.option("--frames", metavar="A:B:STEP", help="Draw only these frames, as Python slices them: 0:30, ::10, 7.")
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
+@click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
+@click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even where less than what was asked for can be had.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def render(
@@ -31,6 +33,8 @@ def render(
     output: Path | None,
     frames: str | None,
     volume: Path | None,
+    progressive: bool,
+    time_limit: str | None,
     best_effort: bool,
     quiet: bool,
 ) -> None:
@@ -39,27 +43,18 @@ def render(
     SCENE is a YAML file. Beside the output comes a JSON file that says how it was made.
     """
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
+    limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
+    if limit is not None and not progressive:
+        raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
     with terminated_as_interrupted():
-        _render(job, best_effort=best_effort, quiet=quiet)
+        # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
+        from hsplat_cli.render.film import render_once  # noqa: PLC0415
+        from hsplat_cli.render.progressive import render_progressively  # noqa: PLC0415
 
-
-def _render(job: Job, *, best_effort: bool, quiet: bool) -> None:
-    # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
-    from hsplat_cli.render.film import Done, draw_film, prepare_job, publish  # noqa: PLC0415
-    from hsplat_cli.render.goals import make_plan  # noqa: PLC0415
-    from renderer.film import open_film  # noqa: PLC0415
-    from renderer.raster_gl import GLRasterizer  # noqa: PLC0415
-    from renderer.staging import require_writable  # noqa: PLC0415
-
-    tell_first_run(quiet=quiet)
-    output, start = job.scene.output, time.perf_counter()
-    # What can fail early does: the outputs and the GL context are tried before a voxel is read.
-    with open_film(output, job.frames) as film, GLRasterizer() as rasterizer:
-        require_writable(sidecar_path(output.file))
-        plan = make_plan(prepare_job(job), job.frames, rasterizer, quiet=quiet)
-        frames = draw_film(plan, job.frames, film, rasterizer, label=output.file.name, quiet=quiet)
-        made_by = rasterizer.renderer_name
-    done = Done(job, plan, frames, film.notes, made_by, time.perf_counter() - start)
-    publish(done, quiet=quiet)
-    if done.shortfall is not None and not best_effort:
-        raise done.shortfall
+        tell_first_run(quiet=quiet)
+        if progressive:
+            shortfall = render_progressively(job, time_limit=limit, quiet=quiet)
+        else:
+            shortfall = render_once(job, quiet=quiet)
+    if shortfall is not None and not best_effort:
+        raise shortfall

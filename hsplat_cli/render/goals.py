@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from hsplat_cli.render.record import IN_TIME, Record, frame_seconds, span
-from renderer.costs import CostLog
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
-from renderer.pacing import Details, Pacer, try_drawings
+from renderer.pacing import Details, Guide, Pacer, try_drawings
 from renderer.scene import SplatBudget, TimeBudget
 from renderer.schedule import at_tolerances, value_at
 
@@ -22,39 +21,40 @@ BEST_EFFORT = "with --best-effort it is good enough"
 
 @dataclass(frozen=True)
 class Plan:
-    """How frames get their tolerances: from the scene's schedule, whose goal has been resolved, or from a pacer.
+    """How frames get their tolerances: from the schedule of the stage's scene, whose goal is resolved, or from a guide.
 
     shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
+    by_clock: the tolerances depend on how quick this machine was.
     """
 
     stage: Stage
-    pacer: Pacer | None = None
+    guide: Guide | None = None
     shortfall: RenderError | None = None
+    by_clock: bool = False
 
 
-def make_plan(stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool) -> Plan:
-    """Find what the scene's goal takes, if it has one."""
+def make_plan(details: Details, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool) -> Plan:
+    """Find what the goal of the scene takes, if it has one."""
+    stage = details.stage
     goal = stage.scene.error.goal
     if goal is None:
         return Plan(stage)
-    if isinstance(goal, TimeBudget) and stage.scene.splat.order == "depth":
-        # A second drawing of some frames would take twice their time, or a far coarser cut, which flickers.
-        stage = replace(stage, scene=replace(stage.scene, splat=replace(stage.scene.splat, order="unmixed")))
-    details = Details(stage, CostLog())
     if isinstance(goal, SplatBudget):
         tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
         return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
     if isinstance(goal, TimeBudget):
         least = min(value_at(goal.by_frame, frame) for frame in frames)
         try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
-        return Plan(details.stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)))
+        return Plan(stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)), by_clock=True)
     raise NotImplementedError
 
 
 def shortfall_of(plan: Plan, frames: Sequence[Record]) -> RenderError | None:
     """What was asked for and not had, now that the frames are there."""
     goal = plan.stage.scene.error.goal
-    return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall
+    if plan.shortfall is None and isinstance(goal, TimeBudget):
+        return _time_shortfall(goal, frames)
+    return plan.shortfall
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[Record]) -> RenderError | None:

@@ -55,17 +55,20 @@ def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[st
     }
 
 
-def schedule_record(job: Job, frames: Sequence[Record], shortfall: RenderError | None) -> dict[str, Any]:
+def schedule_record(
+    job: Job, frames: Sequence[Record], shortfall: RenderError | None, *, by_clock: bool
+) -> dict[str, Any]:
     """What was asked for and what was reached.
 
-    reproducible: whether the scene makes this film again; if not, this file does.
+    by_clock: the tolerances depend on how quick the machine was. If so, the scene does not make the same film again,
+    but this file does.
     """
     record = {
         "asked": job.asked,
         "tolerance": limits(frame["tolerance"] for frame in frames),
         "cells": limits(frame["cells"] for frame in frames),
         "met": shortfall is None,
-        "reproducible": not isinstance(job.scene.error.goal, TimeBudget),
+        "reproducible": not by_clock,
     }
     return record if shortfall is None else record | {"shortfall": str(shortfall)}
 

@@ -191,18 +191,36 @@ def test_sizes_that_were_not_asked_for_are_refused() -> None:
             sizes.finest(num)
 
 
-@pytest.mark.parametrize(
-    ("least_tolerance", "finest_level", "levels"), [(0.1, 0, (0, 0)), (0.0, 2, (2, 1)), (0.0, 2, (1, 2))]
-)
-def test_a_pyramid_that_was_built_for_some_tolerances_is_refused(
-    least_tolerance: float, finest_level: int, levels: tuple[int, int]
-) -> None:
-    pyramid = build_pyramid(
-        volume_of(np.full((9, 9, 9), 200, np.uint8)), transfer(), spec=PyramidSpec(), error=ERRORS[0],
-        least_tolerance=least_tolerance, finest_level=finest_level,
-    )  # fmt: skip
-    with pytest.raises(ValueError, match=r"^no pyramid for every tolerance$"):
+@pytest.mark.parametrize("levels", [(2, 1), (1, 2)])
+def test_levels_that_the_pyramid_does_not_have_are_refused(levels: tuple[int, int]) -> None:
+    of, spec = volume_of(np.full((9, 9, 9), 200, np.uint8)), PyramidSpec()
+    pyramid = build_pyramid(of, transfer(), spec=spec, error=ERRORS[0], finest_level=2)
+    with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
         sizes_of(pyramid, 9, *levels)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(values=values(), error=st.sampled_from(ERRORS), share=st.floats(0, 1), finest=st.integers(0, 2))
+def test_a_pyramid_from_some_tolerance_on_has_its_own_cuts(
+    values: npt.NDArray[Any], error: ErrorSpec, share: float, finest: int
+) -> None:
+    """As if all finer ones were too large."""
+    of, spec = volume_of(values), PyramidSpec()
+    whole = build(of, error)
+    errors = all_node_errors(whole)
+    errors = errors[errors > 0]
+    assume(len(errors) > 0)
+    least = float(errors[round(share * (len(errors) - 1))])
+    for least_tolerance in (least, math.nextafter(least, 2 * least)):
+        part = build_pyramid(
+            of, transfer(), spec=spec, error=error, num_threads=1, least_tolerance=least_tolerance, finest_level=finest
+        )
+        most = len(cut_pyramid(whole, least_tolerance, finest_level=finest))
+        for num in {1, 5, max(1, most - 1), most, 10 * most}:
+            found = sizes_of(part, num, finest, finest).finest(num)
+            assert found.tolerance >= least_tolerance
+            assert found.num_cells == len(cut_pyramid(part, found.tolerance, finest_level=finest)) <= num
+            assert found.num_cells == sizes_of(whole, min(num, most), finest, finest).finest(min(num, most)).num_cells
 
 
 # Tolerances

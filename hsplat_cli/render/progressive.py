@@ -1,0 +1,232 @@
+"""A film that refines while time remains: whole films, one after the other, each more exact than the one before.
+
+The first pass has few cells and is there soon. Its frames and some trial drawings tell what drawing costs here; the
+following passes take 8 times as long each, and the last is what the scene asks for, so that all of them together take
+little longer than the last one alone.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import click
+
+from hsplat_cli.job import Job
+from hsplat_cli.render.difference import Difference, Differences
+from hsplat_cli.render.film import Done, draw_film, prepare_job, record, tell
+from hsplat_cli.render.goals import BEST_EFFORT, Plan, make_plan
+from hsplat_cli.render.record import Record, limits, span
+from renderer.costs import CostLog
+from renderer.drawing import Frame, Rasterizer, Stopwatch
+from renderer.errors import RenderError
+from renderer.film import open_film
+from renderer.output_files import first_files
+from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import AccuracyGoal, TimeBudget
+from renderer.schedule import at_tolerances, tolerance_at, value_at
+from renderer.schema import show
+from renderer.staging import require_writable
+
+# Cells of the first pass: enough to see what it is.
+_FIRST_CELLS = 1000
+# Each pass takes so many times as long as the one before; the second one, to be worth the while, at least so many.
+_STEP, _LEAST_STEP = 8.0, 3.0
+# Trial drawings, which tell what more cells cost, go up to this part of a frame of the last pass, and up to so long.
+_TRIAL_PART, _LONGEST_TRIAL_S = 0.1, 0.5
+# Of the time that remains a pass may be predicted to take this part.
+_SAFE_PART = 0.9
+# Frames from which the time of a pass is predicted.
+_NUM_LOOKED_AT = 3
+
+
+class _TimeIsUp(Exception):  # noqa: N818  no error
+    """The deadline has come; the pass is given up."""
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """A film to be made. frame_seconds: what a frame is predicted to take."""
+
+    plan: Plan
+    frame_seconds: float
+
+
+def render_progressively(job: Job, *, time_limit: float | None, quiet: bool) -> RenderError | None:
+    """Film after film, until one is what the scene asks for or time is up; what was asked for and not had.
+
+    time_limit: seconds; the first pass is made all the same. When a later one is interrupted, the film of the pass
+    before it stays, which is said before KeyboardInterrupt goes on.
+    """
+    start = time.perf_counter()
+    for file in first_files(job.scene.output, job.frames):
+        require_writable(file)
+    with GLRasterizer() as rasterizer:
+        maker = _Maker(job, rasterizer, start, time_limit, quiet=quiet)
+        planner = _Planner(job, Details(prepare_job(job), CostLog()), rasterizer, quiet=quiet)
+        try:
+            for each in planner.passes(maker):
+                maker.make(each)
+        except _TimeIsUp:
+            pass
+        except KeyboardInterrupt:
+            maker.tell_interrupted()
+            raise
+    assert maker.done is not None
+    tell(maker.done, quiet=quiet)
+    return maker.done.shortfall
+
+
+class _Maker:
+    """Makes one film after the other under the same name, each complete before it takes the place of the one before."""
+
+    def __init__(
+        self, job: Job, rasterizer: GLRasterizer, start: float, time_limit: float | None, *, quiet: bool
+    ) -> None:
+        self._job, self._rasterizer, self._start, self._quiet = job, rasterizer, start, quiet
+        self._deadline = math.inf if time_limit is None else start + time_limit
+        output = job.scene.output
+        self._differences = Differences(job.frames, math.prod(output.size) * (4 if output.background is None else 3))
+        self._passes: list[dict[str, Any]] = []
+        self.done: Done | None = None
+
+    def time_left(self) -> float:
+        """Seconds."""
+        return self._deadline - time.perf_counter()
+
+    @property
+    def frame_seconds(self) -> float:
+        """What a frame of the last pass took, in the mean."""
+        return float(self._passes[-1]["seconds"]) / len(self._job.frames)
+
+    def make(self, each: _Pass) -> None:
+        """One pass. Raises _TimeIsUp where there has been one before."""
+        job, number, start = self._job, len(self._passes) + 1, time.perf_counter()
+        label = f"{job.scene.output.file.name}, pass {number}"
+        with open_film(job.scene.output, job.frames, all_at_once=True) as film:
+            frames = draw_film(
+                each.plan, job.frames, film, self._rasterizer, label=label, quiet=self._quiet, on_frame=self._see
+            )
+        now = time.perf_counter()
+        difference = self._differences.of_pass()
+        made = {
+            "tolerance": limits(frame["tolerance"] for frame in frames),
+            "cells": limits(frame["cells"] for frame in frames),
+            "predicted_seconds": each.frame_seconds * len(frames),
+            "seconds": now - start,
+            "difference": difference.record() if difference else None,
+        }
+        self._passes.append(made)
+        self.done = Done(job, each.plan, frames, film.notes, self._rasterizer.renderer_name, now - self._start)
+        record(self.done, self._passes)
+        if not self._quiet:
+            click.echo(f"pass {number}: {', '.join(_facts(made, frames, difference))}")
+
+    def tell_interrupted(self) -> None:
+        """Say what there is now, if there is something."""
+        if self.done and not self._quiet:
+            click.echo(f"{self._job.scene.output.file} is whole, as pass {len(self._passes)} made it")
+
+    def _see(self, frame: Frame) -> None:
+        self._differences.see(frame.number, frame.image)
+        if self.done and self.time_left() < 0:
+            raise _TimeIsUp
+
+
+def _facts(made: Record, frames: Sequence[Record], difference: Difference | None) -> Iterator[str]:
+    yield f"tolerance {span(made['tolerance'])}"
+    yield f"{span([frame['splats'] for frame in frames], 'd')} splats a frame"
+    yield f"{made['seconds']:.1f} s (predicted: {made['predicted_seconds']:.1f} s)"
+    if difference:
+        yield str(difference)
+
+
+class _Planner:
+    """Decides what the next pass is, by what frames took in the passes before."""
+
+    def __init__(self, job: Job, details: Details, rasterizer: Rasterizer, *, quiet: bool) -> None:
+        self._details, self._frames, self._goal = details, job.frames, job.scene.error.goal
+        self._rasterizer, self._quiet = rasterizer, quiet
+        self._unfinished = RenderError(
+            "the film was not refined to what the scene asks for",
+            where=str(job.scene.output.file),
+            expected=", ".join(f"{name} {show(value)}" for name, value in job.asked.items()),
+            hint=f"it needs more time; {BEST_EFFORT}",
+        )
+
+    def passes(self, maker: _Maker) -> Iterator[_Pass]:
+        """The passes, each decided when the one before it has been made; as many as there is time for."""
+        # Looking for an accuracy takes long, and there is no hurry once there is a film.
+        plan = None if isinstance(self._goal, AccuracyGoal) else self._last_plan()
+        tolerance = self._details.tolerance(_FIRST_CELLS)
+        seconds = self._details.predict(self._details.pose(self._frames[0], tolerance, _watch()))
+        if plan is None or self._frame_seconds(plan) >= _LEAST_STEP * seconds:
+            yield _Pass(self._no_finer_than(tolerance), seconds)
+            plan = plan or self._last_plan()
+            self._try_more(plan)
+        last = self._frame_seconds(plan)
+        if not maker.done:
+            yield _Pass(plan, last)
+            return
+        for wanted in _steps(maker.frame_seconds, last):
+            affordable = _SAFE_PART * maker.time_left() / len(self._frames)
+            if wanted > affordable:
+                if affordable >= _LEAST_STEP * maker.frame_seconds:
+                    yield self._pass_within(affordable, plan, last)
+                return
+            yield _Pass(plan, last) if wanted == last else self._pass_within(wanted, plan, last)
+
+    def _last_plan(self) -> Plan:
+        plan = make_plan(self._details, self._frames, self._rasterizer, quiet=self._quiet)
+        return plan if plan.guide else replace(plan, guide=Scheduled(plan.stage, self._details))
+
+    def _try_more(self, plan: Plan) -> None:
+        """Learn what more cells cost."""
+        enough = min(_TRIAL_PART * self._frame_seconds(plan), _LONGEST_TRIAL_S)
+        try_drawings(self._details, self._frames[0], enough, self._rasterizer, clock=time.perf_counter)
+
+    def _frame_seconds(self, plan: Plan) -> float:
+        """What a frame of the last pass is predicted to take, in the mean of some."""
+        if isinstance(self._goal, TimeBudget):
+            wanted = value_at(self._goal.by_frame, self._frames[0])
+            return finest_within(self._details, self._frames[0], wanted, _watch())[1]
+        guide, num = Scheduled(plan.stage, self._details), min(_NUM_LOOKED_AT, len(self._frames))
+        looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
+        return statistics.fmean(self._details.predict(guide.ready(frame, _watch())[0]) for frame in looked_at)
+
+    def _pass_within(self, seconds: float, plan: Plan, last: float) -> _Pass:
+        """A pass whose frames take so long; those of the last one, `plan`, take `last`."""
+        goal = self._goal
+        if isinstance(goal, TimeBudget):
+            pacer = Pacer(self._details, lambda frame: seconds / last * value_at(goal.by_frame, frame))
+            return _Pass(Plan(plan.stage, pacer, self._unfinished, by_clock=True), seconds)
+        pose, predicted = finest_within(self._details, self._frames[0], seconds, _watch())
+        return _Pass(self._no_finer_than(pose.detail.tolerance, plan), predicted)
+
+    def _no_finer_than(self, tolerance: float, plan: Plan | None = None) -> Plan:
+        """At a tolerance, and at those of a plan where they are larger."""
+        stage = self._details.stage
+        error = None if plan is None else plan.stage.scene.error
+        tolerances = {
+            frame: max(tolerance, tolerance_at(error, frame)) if error else tolerance for frame in self._frames
+        }
+        stage = replace(stage, scene=at_tolerances(stage.scene, tolerances))
+        return Plan(stage, Scheduled(stage, self._details), self._unfinished, by_clock=True)
+
+
+def _steps(first: float, last: float) -> list[float]:
+    """Seconds a frame of the passes after the first, each an eighth of the next one's."""
+    found, wanted = [last], last / _STEP
+    while wanted >= _LEAST_STEP * first:
+        found.append(wanted)
+        wanted /= _STEP
+    return found[::-1]
+
+
+def _watch() -> Stopwatch:
+    return Stopwatch(time.perf_counter)
