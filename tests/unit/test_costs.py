@@ -54,7 +54,7 @@ def test_a_clock_with_noise(truth: CostModel) -> None:
         model = fit_costs(samples)
         off.append(np.sqrt(np.mean([(model.seconds(load) / truth.seconds(load) - 1) ** 2 for load in loads(rng, 200)])))
     assert np.median(off) < 0.05
-    assert max(off) < 0.1
+    assert max(off) < 0.15
 
 
 def test_nothing_drawn_yet() -> None:
