@@ -438,6 +438,18 @@ scene.yaml:16:27: error.tolerance.60: 0 in a tolerance by frame, with frames bet
   hint: it is interpolated in the logarithm; {0: 0.5, 59: 0.5, 60: 0} goes from one to the other at once
 """,
     ),
+    "zero_then_another": (
+        "tolerance: 0.1",
+        "tolerance: {0: 0, 60: 0.5}",
+        """\
+scene.yaml:16:18: error.tolerance.0: 0 in a tolerance by frame, with frames between it and another
+    | tolerance: {0: 0, 60: 0.5}
+    |                ^
+  got: {0: 0, 60: 0.5}
+  expected: a number greater than 0
+  hint: it is interpolated in the logarithm; {0: 0, 59: 0, 60: 0.5} goes from one to the other at once
+""",
+    ),
     "tolerance_after_the_end": (
         "tolerance: 0.1",
         "tolerance: {0: 0.5, 120: 0.1}",
