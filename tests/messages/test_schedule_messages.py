@@ -78,14 +78,14 @@ scene.yaml:16:9: error.psnr: not a number
   got: {0: 30}
   expected: a number greater than 0 and at most 200
 """,
-    "splats: {60: 1000, 30: 5000, 3e1: 4}": """\
+    "splats: {60: 1000, 30: 5000, '030': 4}": """\
 scene.yaml:16:22: error.splats.30: frames out of order
-    | splats: {60: 1000, 30: 5000, 3e1: 4}
+    | splats: {60: 1000, 30: 5000, '030': 4}
     |                    ^
   got: 30 after 60
   expected: frames in ascending order
-scene.yaml:16:32: error.splats.3e1: the same frame twice
-    | splats: {60: 1000, 30: 5000, 3e1: 4}
+scene.yaml:16:32: error.splats.030: the same frame twice
+    | splats: {60: 1000, 30: 5000, '030': 4}
     |                              ^
   got: 30
 """,
