@@ -31,12 +31,13 @@ _FIRST_TRIAL, _TRIAL_GROWTH = 1000, 4
 
 # A detail is looked for that takes this part of its time, give or take, in so many tries.
 _AIM, _CLOSE, _MOST_TRIES = 0.97, 0.04, 5
-# It is kept while it is predicted to take from and up to these parts of its time, or what it took when it was chosen.
+# It is kept while it is predicted to take from and up to these parts of its time or, where none could be found that
+# does, about what it was predicted to take when it was chosen.
 _KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.86, 1.09, 0.1
 
 # Seconds grow with these powers of the number of cells: of few large cells the pixels cost, of many small ones the
 # splats. And beyond the largest number seen one goes so far at once.
-_LEAST_POWER, _MOST_POWER, _MOST_GROWTH = 0.25, 1.0, 16.0
+_LEAST_POWER, _MOST_POWER, _MOST_GROWTH = 0.1, 1.0, 16.0
 
 # What passes between the start of a frame and the next one but is not drawing it.
 _CUT_STAGES = ("cut", "splats", "order")
@@ -87,8 +88,9 @@ class Details:
         costs = np.log([self.log.predict(load) + order for _, (load, order) in sorted(self._seen.items())])
         wanted, power = np.log(seconds), _MOST_POWER
         near = min(int(np.count_nonzero(costs < wanted)), len(cells) - 1)
-        if near > 0:
-            power = (costs[near] - costs[near - 1]) / (cells[near] - cells[near - 1])
+        if len(cells) > 1:
+            above = max(near, 1)
+            power = (costs[above] - costs[above - 1]) / (cells[above] - cells[above - 1])
         power = min(max(power, _LEAST_POWER), _MOST_POWER)
         steps = min((wanted - costs[near]) / power, np.log(_MOST_GROWTH))
         return float(np.exp(cells[near] + steps))
@@ -175,6 +177,13 @@ class Scheduled:
             self._details.learn(pose, watch)
 
 
+def _is_kept(share: float, share_then: float) -> bool:
+    """Whether a detail stays that is predicted to take this share of its time, and was when it was chosen."""
+    if _KEPT_FROM <= share_then <= _KEPT_TO:
+        return _KEPT_FROM <= share <= _KEPT_TO
+    return abs(share / share_then - 1) < _UNCHANGED  # there was none nearer, and there will be none now
+
+
 class Pacer:
     """Finds, frame by frame, what can be drawn in time.
 
@@ -192,9 +201,8 @@ class Pacer:
             detail, predicted_then, seconds_then = self._chosen
             pose = make_pose(self._details.stage, detail, number, watch)
             predicted = self._details.predict(pose)
-            is_unchanged = abs(predicted / predicted_then - 1) < _UNCHANGED and seconds == seconds_then
             is_all = detail.tolerance == 0 and predicted <= seconds
-            if is_unchanged or is_all or _KEPT_FROM <= predicted / seconds <= _KEPT_TO:
+            if is_all or _is_kept(predicted / seconds, predicted_then / seconds_then):
                 return pose, predicted
             del detail, pose  # let go of the old ones first
             self._chosen = None

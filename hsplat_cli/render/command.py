@@ -53,7 +53,7 @@ def render(
 
         tell_first_run(quiet=quiet)
         if progressive:
-            shortfall = render_progressively(job, time_limit=limit, quiet=quiet)
+            shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, quiet=quiet)
         else:
             shortfall = render_once(job, quiet=quiet)
     if shortfall is not None and not best_effort:

@@ -33,8 +33,9 @@ from renderer.schedule import at_tolerances, tolerance_at, value_at
 from renderer.schema import show
 from renderer.staging import require_writable
 
-# Cells of the first pass: enough to see what it is.
-_FIRST_CELLS = 1000
+# A frame of so many cells shows what it is. Their pixels, not their number, are what it costs, so that there are far
+# more in the first pass, which may take so many times as long.
+_FEW_CELLS, _FIRST_PART = 1000, 1.3
 # Each pass takes so many times as long as the one before; the second one, to be worth the while, at least so many.
 _STEP, _LEAST_STEP = 8.0, 3.0
 # Trial drawings, which tell what more cells cost, go up to this part of a frame of the last pass, and up to so long.
@@ -57,11 +58,11 @@ class _Pass:
     frame_seconds: float
 
 
-def render_progressively(job: Job, *, time_limit: float | None, quiet: bool) -> RenderError | None:
+def render_progressively(job: Job, *, time_limit: float | None, best_effort: bool, quiet: bool) -> RenderError | None:
     """Film after film, until one is what the scene asks for or time is up; what was asked for and not had.
 
     time_limit: seconds; the first pass is made all the same. When a later one is interrupted, the film of the pass
-    before it stays, which is said before KeyboardInterrupt goes on.
+    before it stays; KeyboardInterrupt then goes on, unless `best_effort` takes that film for good enough.
     """
     start = time.perf_counter()
     for file in first_files(job.scene.output, job.frames):
@@ -76,7 +77,8 @@ def render_progressively(job: Job, *, time_limit: float | None, quiet: bool) -> 
             pass
         except KeyboardInterrupt:
             maker.tell_interrupted()
-            raise
+            if not (maker.done and best_effort):
+                raise
     assert maker.done is not None
     tell(maker.done, quiet=quiet)
     return maker.done.shortfall
@@ -163,10 +165,10 @@ class _Planner:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
         # Looking for an accuracy takes long, and there is no hurry once there is a film.
         plan = None if isinstance(self._goal, AccuracyGoal) else self._last_plan()
-        tolerance = self._details.tolerance(_FIRST_CELLS)
-        seconds = self._details.predict(self._details.pose(self._frames[0], tolerance, _watch()))
+        few = self._details.pose(self._frames[0], self._details.tolerance(_FEW_CELLS), _watch())
+        seconds = _FIRST_PART * self._details.predict(few)
         if plan is None or self._frame_seconds(plan) >= _LEAST_STEP * seconds:
-            yield _Pass(self._no_finer_than(tolerance), seconds)
+            yield self._pass_within(seconds, plan)
             plan = plan or self._last_plan()
             self._try_more(plan)
         last = self._frame_seconds(plan)
@@ -177,9 +179,9 @@ class _Planner:
             affordable = _SAFE_PART * maker.time_left() / len(self._frames)
             if wanted > affordable:
                 if affordable >= _LEAST_STEP * maker.frame_seconds:
-                    yield self._pass_within(affordable, plan, last)
+                    yield self._pass_within(affordable, plan)
                 return
-            yield _Pass(plan, last) if wanted == last else self._pass_within(wanted, plan, last)
+            yield _Pass(plan, last) if wanted == last else self._pass_within(wanted, plan)
 
     def _last_plan(self) -> Plan:
         plan = make_plan(self._details, self._frames, self._rasterizer, quiet=self._quiet)
@@ -199,24 +201,20 @@ class _Planner:
         looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
         return statistics.fmean(self._details.predict(guide.ready(frame, _watch())[0]) for frame in looked_at)
 
-    def _pass_within(self, seconds: float, plan: Plan, last: float) -> _Pass:
-        """A pass whose frames take so long; those of the last one, `plan`, take `last`."""
-        goal = self._goal
+    def _pass_within(self, seconds: float, plan: Plan | None) -> _Pass:
+        """A pass whose frames take so long, none of them finer than in the last one, as far as that is known."""
+        goal, stage = self._goal, self._details.stage
         if isinstance(goal, TimeBudget):
-            pacer = Pacer(self._details, lambda frame: seconds / last * value_at(goal.by_frame, frame))
-            return _Pass(Plan(plan.stage, pacer, self._unfinished, by_clock=True), seconds)
+            part = seconds / value_at(goal.by_frame, self._frames[0])
+            pacer = Pacer(self._details, lambda frame: part * value_at(goal.by_frame, frame))
+            return _Pass(Plan(stage, pacer, self._unfinished, by_clock=True), seconds)
         pose, predicted = finest_within(self._details, self._frames[0], seconds, _watch())
-        return _Pass(self._no_finer_than(pose.detail.tolerance, plan), predicted)
-
-    def _no_finer_than(self, tolerance: float, plan: Plan | None = None) -> Plan:
-        """At a tolerance, and at those of a plan where they are larger."""
-        stage = self._details.stage
-        error = None if plan is None else plan.stage.scene.error
-        tolerances = {
-            frame: max(tolerance, tolerance_at(error, frame)) if error else tolerance for frame in self._frames
-        }
+        coarsest = pose.detail.tolerance
+        tolerances = dict.fromkeys(self._frames, coarsest)
+        if plan is not None:
+            tolerances = {frame: max(coarsest, tolerance_at(plan.stage.scene.error, frame)) for frame in self._frames}
         stage = replace(stage, scene=at_tolerances(stage.scene, tolerances))
-        return Plan(stage, Scheduled(stage, self._details), self._unfinished, by_clock=True)
+        return _Pass(Plan(stage, Scheduled(stage, self._details), self._unfinished, by_clock=True), predicted)
 
 
 def _steps(first: float, last: float) -> list[float]:

@@ -1,0 +1,54 @@
+"""A machine whose time passes as it is told: drawing takes what a formula says, and everything else no time at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.camera import View
+from renderer.cell_edges import CellEdges
+from renderer.projection import covered_region, mean_footprint_px, model_view
+from renderer.splats import SplatBatch
+
+
+class SimulatedMachine:
+    """A clock and a rasteriser that draws nothing.
+
+    A drawing takes `per_frame + per_splat * splats + per_pixel * pixels`, times `pace(number of drawings so far)` and a
+    random factor of mean 1 and relative deviation `noise`.
+    """
+
+    def __init__(
+        self,
+        *,
+        per_frame: float = 4e-3,
+        per_splat: float = 1e-6,
+        per_pixel: float = 8e-9,
+        noise: float = 0.0,
+        pace: Callable[[int], float] = lambda number: 1.0,
+        seed: int = 0,
+    ) -> None:
+        self.now, self.num_drawings = 0.0, 0
+        self._rates, self._noise, self._pace = (per_frame, per_splat, per_pixel), noise, pace
+        self._random = np.random.default_rng(seed)
+
+    def clock(self) -> float:
+        """Seconds."""
+        return self.now
+
+    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+        """An empty picture, after a while."""
+        camera = model_view(batch, view)
+        region = covered_region(batch, camera)
+        num_pixels = len(order) * mean_footprint_px(batch, order, camera, region) if len(order) else 0.0
+        per_frame, per_splat, per_pixel = self._rates
+        seconds = per_frame + per_splat * len(order) + per_pixel * num_pixels
+        self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())
+        self.num_drawings += 1
+        return np.zeros((view.size[1], view.size[0], 4), np.float32)
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
+        """No lines, in no time."""
+        return np.zeros((view.size[1], view.size[0], 4), np.float32)

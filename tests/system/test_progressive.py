@@ -1,0 +1,218 @@
+"""`hsplat render --progressive`: whatever happens, what lies under the final name is a whole film."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as imageio
+import pytest
+
+from hsplat_cli import main
+from hsplat_cli.render import film as film_module
+from renderer.drawing import Frame
+
+NUM_FRAMES = 4
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [96, 96, 64]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.1}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 4, elevation: 20}
+error:
+  tolerance: 0
+output:
+  file: film.mp4
+  size: [48, 32]
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+def render(*options: str) -> int:
+    return main.run(["render", "scene.yaml", "--quiet", *options])
+
+
+def sidecar(name: str = "film.mp4.json") -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(Path(name).read_text(encoding="utf-8"))
+    return data
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+Hook = Callable[[int, Frame], None]
+
+
+@pytest.fixture
+def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
+    """Sets what is called with the number of the pass and each frame, before it is written."""
+
+    def set_hook(hook: Hook) -> None:
+        original, num_passes = film_module.render_frames, 0
+
+        def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
+            nonlocal num_passes
+            num_passes += 1
+            for frame in original(*arguments, **options):
+                hook(num_passes, frame)
+                yield frame
+
+        monkeypatch.setattr(film_module, "render_frames", watched)
+
+    return set_hook
+
+
+def test_the_last_pass_is_the_film_that_one_pass_makes(folder: Path) -> None:
+    assert render("--output", "plain.mp4") == 0
+    assert render("--progressive") == 0
+    assert files(folder) == ["film.mp4", "film.mp4.json", "plain.mp4", "plain.mp4.json", "scene.yaml"]
+    assert Path("film.mp4").read_bytes() == Path("plain.mp4").read_bytes()
+    assert sidecar()["schedule"]["met"]
+    assert sidecar()["schedule"]["reproducible"]
+
+
+def test_every_pass_is_finer_and_says_what_it_changed(folder: Path) -> None:
+    assert render("--progressive") == 0
+    passes = sidecar()["passes"]
+    assert len(passes) >= 2
+    assert all(a["tolerance"][0] > b["tolerance"][0] and a["cells"][1] < b["cells"][0] for a, b in pairwise(passes))
+    assert passes[0]["difference"] is None
+    assert all(each["difference"]["rmse"] > 0 and each["difference"]["frames"] == NUM_FRAMES for each in passes[1:])
+    assert all(each["seconds"] > 0 and each["predicted_seconds"] > 0 for each in passes)
+
+
+def test_while_a_pass_is_drawn_the_film_of_the_one_before_can_be_played(
+    folder: Path, on_frame: Callable[[Hook], None]
+) -> None:
+    seen = []
+
+    def look(number: int, frame: Frame) -> None:
+        if number > 1:
+            seen.append(imageio.imread("film.mp4", plugin="FFMPEG").shape)
+            assert sidecar()["schedule"]["met"] is False
+            assert len(sidecar()["passes"]) == number - 1
+
+    on_frame(look)
+    assert render("--progressive") == 0
+    assert len(seen) >= NUM_FRAMES
+    assert set(seen) == {(NUM_FRAMES, 32, 48, 3)}
+
+
+def test_numbered_frames_change_all_together(folder: Path, on_frame: Callable[[Hook], None]) -> None:
+    """Never a film of which some frames are coarse and some fine."""
+    before: dict[int, list[bytes]] = {}
+
+    def look(number: int, frame: Frame) -> None:
+        if number > 1:
+            content = [Path(f"frames/{i}.png").read_bytes() for i in range(NUM_FRAMES)]
+            assert before.setdefault(number, content) == content
+
+    on_frame(look)
+    assert render("--progressive", "--output", "frames/{frame}.png") == 0
+    assert len(before) >= 1
+    assert files(folder) == [*(f"frames/{i}.png" for i in range(NUM_FRAMES)), "frames/frames.json", "scene.yaml"]
+    assert all(Path(f"frames/{i}.png").read_bytes() != before[2][i] for i in range(NUM_FRAMES))
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_an_interrupt_leaves_the_film_of_the_pass_before(
+    folder: Path, on_frame: Callable[[Hook], None], output: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(number: int, frame: Frame) -> None:
+        if number == 2 and frame.number == 2:
+            raise KeyboardInterrupt
+
+    on_frame(interrupt)
+    assert main.run(["render", "scene.yaml", "--progressive", "--output", output]) == 130
+    assert f"{output} is whole, as pass 1 made it\n" in capsys.readouterr().out
+    if output == "film.mp4":
+        assert files(folder) == ["film.mp4", "film.mp4.json", "scene.yaml"]
+        assert imageio.imread("film.mp4", plugin="FFMPEG").shape == (NUM_FRAMES, 32, 48, 3)
+        record = sidecar()
+        assert not record["schedule"]["met"]
+        assert not record["schedule"]["reproducible"]
+        assert len(record["passes"]) == 1
+        assert len(record["frames"]) == NUM_FRAMES
+    else:
+        assert files(folder) == ["0.png", "1.png", "2.png", "3.png", "frames.json", "scene.yaml"]
+
+
+def test_an_interrupt_of_the_first_pass_leaves_nothing(folder: Path, on_frame: Callable[[Hook], None]) -> None:
+    def interrupt(number: int, frame: Frame) -> None:
+        if frame.number == 2:
+            raise KeyboardInterrupt
+
+    on_frame(interrupt)
+    assert render("--progressive", "--output", "{frame}.png") == 130
+    assert files(folder) == ["scene.yaml"]
+
+
+def test_an_interrupted_film_that_is_good_enough(folder: Path, on_frame: Callable[[Hook], None]) -> None:
+    def interrupt(number: int, frame: Frame) -> None:
+        if number == 2:
+            raise KeyboardInterrupt
+
+    on_frame(interrupt)
+    assert render("--progressive", "--best-effort") == 0
+
+
+@pytest.mark.parametrize(("options", "code"), [((), 1), (("--best-effort",), 0)])
+def test_the_first_pass_is_made_whatever_the_limit(folder: Path, options: tuple[str, ...], code: int) -> None:
+    assert render("--progressive", "--time-limit", "0.01", *options) == code
+    assert len(sidecar()["passes"]) == 1
+    assert not sidecar()["schedule"]["met"]
+    assert imageio.imread("film.mp4", plugin="FFMPEG").shape == (NUM_FRAMES, 32, 48, 3)
+
+
+def test_when_time_is_up_in_the_middle_of_a_pass_it_is_given_up(
+    folder: Path, on_frame: Callable[[Hook], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from hsplat_cli.render import progressive  # noqa: PLC0415
+
+    now = progressive.time.perf_counter
+
+    def stop(number: int, frame: Frame) -> None:
+        if number == 2 and frame.number == 1:
+            monkeypatch.setattr(progressive.time, "perf_counter", lambda: now() + 1e6)
+
+    on_frame(stop)
+    assert render("--progressive", "--time-limit", "100000s") == 1
+    assert len(sidecar()["passes"]) == 1
+    assert files(folder) == ["film.mp4", "film.mp4.json", "scene.yaml"]
+
+
+def test_a_still_is_refined_too(folder: Path) -> None:
+    assert render("--progressive", "--frames", "2", "--output", "{frame}.png") == 0
+    assert files(folder) == ["2.png", "frames.json", "scene.yaml"]
+    assert len(sidecar("frames.json")["passes"]) >= 2
+
+
+def test_a_film_that_is_hardly_quicker_when_coarse_has_one_pass(folder: Path) -> None:
+    assert render("--progressive", "--set", "error.tolerance=5") == 0
+    assert len(sidecar()["passes"]) == 1
+    assert sidecar()["schedule"]["met"]
+
+
+@pytest.mark.parametrize("schedule", ["splats=20000", "seconds=0.05"])
+def test_budgets_are_refined_to(folder: Path, schedule: str) -> None:
+    changes = ("--set", "error.tolerance=null", "--set", f"error.{schedule}")
+    assert render("--progressive", "--best-effort", *changes) == 0
+    passes = sidecar()["passes"]
+    assert all(a["cells"][1] < b["cells"][1] for a, b in pairwise(passes))
+    assert sidecar()["schedule"]["asked"] == {schedule.partition("=")[0]: float(schedule.partition("=")[2])}
