@@ -121,6 +121,7 @@ class _Maker:
             "cells": limits(frame["cells"] for frame in frames),
             "predicted_seconds": each.frame_seconds * len(frames),
             "seconds": now - start,
+            "after_seconds": now - self._start,
             "difference": difference.record() if difference else None,
         }
         self._passes.append(made)

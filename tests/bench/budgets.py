@@ -1,0 +1,171 @@
+"""Are budgets kept, and what does refining cost? `python tests/bench/budgets.py DATA` writes docs/budgets.md.
+
+Films are made by whole commands and judged by what their sidecars say; the machine has to have nothing else to do.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from hsplat_cli.machine import describe_machine
+from hsplat_cli.scene_file import load_scene
+from renderer.cut_sizes import cut_sizes
+from renderer.drawing import finest_level_at
+from renderer.octree import cut_pyramid
+from renderer.pipeline import prepare
+from renderer.raster_gl import GLRasterizer
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "budgets.md"
+THREADS = os.cpu_count() or 1
+
+NUMBERS = (1_000, 10_000, 100_000, 1_000_000)
+SECONDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+# A film on a budget of time takes about this long to be measured.
+FILM_S, FEWEST_FRAMES, MOST_FRAMES = 40.0, 15, 120
+SETTLED = 5
+
+HEAD = """# Are budgets kept?
+
+Written by `python tests/bench/budgets.py DATA`, on a machine with nothing else to do. {machine}
+
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("data", type=Path, help="the folder with engine.nhdr and bonsai.nhdr")
+    parser.add_argument("--page", type=Path, default=PAGE)
+    parser.add_argument("--only", choices=["splats", "seconds", "progressive"], help="one part; no page is written")
+    arguments = parser.parse_args()
+    with GLRasterizer() as rasterizer:
+        machine = describe_machine(rasterizer.renderer_name)
+    lines = []
+    for part in (splats, seconds, progressive):
+        if arguments.only in (None, part.__name__):
+            for line in part(arguments.data):
+                print(line, flush=True)
+                lines.append(line)
+    if arguments.only is None:
+        where = "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine)
+        arguments.page.write_text(HEAD.format(machine=where) + "\n".join(lines) + "\n")
+
+
+def splats(data: Path) -> Iterator[str]:
+    """The finest cut of at most N cells: how far below N, and how far above it the next one is."""
+    yield "## `splats: N`"
+    yield ""
+    yield "The finest cut of at most N cells, found from the pyramid. Goal: 0.5 % under N, or the next coarser cut."
+    yield ""
+    yield "| volume | N | cells | under N | next finer cut | found in | the cut itself |"
+    yield "|---|---|---|---|---|---|---|"
+    for name in ("engine", "bonsai"):
+        scene = load_scene(ROOT / "configs" / f"{name}.yaml", volume=data / f"{name}.nhdr")
+        stage = prepare(scene, clock=time.perf_counter, num_threads=THREADS, any_tolerance=True)
+        levels = {
+            "finest_level": finest_level_at(stage, tolerance=1.0),
+            "finest_level_at_zero": finest_level_at(stage, tolerance=0.0),
+        }
+        for number in NUMBERS:
+            start = time.perf_counter()
+            sizes = cut_sizes(stage.pyramid, number, **levels)
+            found = sizes.finest(number)
+            middle = time.perf_counter()
+            cut = cut_pyramid(stage.pyramid, found.tolerance, finest_level=finest_level_at(stage, found.tolerance))
+            end = time.perf_counter()
+            assert len(cut) == found.num_cells <= number
+            next_finer = "none"
+            if sizes.beyond > 0:
+                finer = cut_pyramid(stage.pyramid, sizes.beyond, finest_level=levels["finest_level"])
+                assert len(finer) > number
+                next_finer = f"{len(finer)}"
+            under = f"{1 - len(cut) / number:.2%}" if found.tolerance > 0 else "full resolution"
+            yield (
+                f"| {name} | {number} | {len(cut)} | {under} | {next_finer} | {(middle - start) * 1e3:.0f} ms "
+                f"| {(end - middle) * 1e3:.0f} ms |"
+            )
+    yield ""
+
+
+def seconds(data: Path) -> Iterator[str]:
+    """Films on a budget of time."""
+    yield "## `seconds: S`"
+    yield ""
+    yield (
+        "Frames after the first five that took S within 20 %, or less at full resolution. Goal: 90 %. A frame's time "
+        "is from its start until it is with the encoder."
+    )
+    yield ""
+    yield "| volume | S | frames | in time | median | predicted | cells | cuts in the film |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for name in ("engine", "bonsai"):
+        for budget in SECONDS:
+            num = min(max(int(FILM_S / budget), FEWEST_FRAMES), MOST_FRAMES)
+            changes = [f"error.seconds={budget}", f"camera.path.frames={num}", "error.tolerance=null"]
+            frames = _render(data, name, changes)["frames"]
+            taken = [sum(frame["seconds"].values()) for frame in frames]
+            later = list(zip(frames, taken, strict=True))[SETTLED:]
+            in_time = [abs(t / budget - 1) <= 0.2 or (t < budget and frame["tolerance"] == 0) for frame, t in later]
+            cells = [frame["cells"] for frame in frames]
+            share, median = sum(in_time) / len(in_time), statistics.median(taken)
+            predicted = statistics.median(frame["predicted_seconds"] for frame in frames)
+            yield (
+                f"| {name} | {budget:g} s | {num} | {share:.0%} | {median:.3g} s | {predicted:.3g} s | {_span(cells)} "
+                f"| {len(set(cells))} |"
+            )
+    yield ""
+
+
+def progressive(data: Path) -> Iterator[str]:
+    """Progressive films against the last pass alone, one after the other."""
+    yield "## `--progressive`"
+    yield ""
+    yield (
+        "The whole command against `hsplat render` without it. Goal: at most 1.4 times its time, where passes are 8 "
+        "times apart in predicted seconds."
+    )
+    yield ""
+    yield "| film | passes, predicted / taken | first film after | in all | the last pass alone | factor |"
+    yield "|---|---|---|---|---|---|"
+    for name, tolerance, num in (("engine", 0.1, 120), ("engine", 0.0, 60), ("bonsai", 0.1, 120), ("engine", 0.0, 1)):
+        changes = [f"error.tolerance={tolerance}", f"camera.path.frames={num}"]
+        alone = _render(data, name, changes)
+        whole = _render(data, name, changes, "--progressive")
+        passes = ", ".join(f"{each['predicted_seconds']:.1f} / {each['seconds']:.1f} s" for each in whole["passes"])
+        total, single = whole["seconds"]["total"], alone["seconds"]["total"]
+        first = whole["passes"][0]["after_seconds"] - whole["seconds"]["read"]
+        what = f"{name}, tolerance {tolerance:g}, {num} frame{'s' * (num > 1)}"
+        yield f"| {what} | {passes} | {first:.2f} s | {total:.1f} s | {single:.1f} s | {total / single:.2f} |"
+    yield ""
+    yield "*First film after* counts from the start of the command, without the time to read the volume."
+
+
+def _render(data: Path, name: str, changes: Sequence[str], *options: str) -> dict[str, Any]:
+    """The sidecar of a film."""
+    with tempfile.TemporaryDirectory() as folder:
+        film = Path(folder) / "film.mp4"
+        command = [sys.executable, "-m", "hsplat_cli", "render", str(ROOT / "configs" / f"{name}.yaml"), "--quiet"]
+        command += ["--best-effort", "--volume", str(data / f"{name}.nhdr"), "--output", str(film), *options]
+        command += [word for change in changes for word in ("--set", change)]
+        subprocess.run(command, check=True, cwd=ROOT)
+        record: dict[str, Any] = json.loads((Path(folder) / "film.mp4.json").read_text())
+        return record
+
+
+def _span(cells: Sequence[int]) -> str:
+    low, high = min(cells), max(cells)
+    return f"{low}" if low == high else f"{low} to {high}"
+
+
+if __name__ == "__main__":
+    main()
