@@ -9,7 +9,18 @@ import click
 from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.scene_file import load_scene
 from renderer.output_files import first_files
-from renderer.scene import FileSource, ProceduralSource, RawSource, RockerPath, Scene, TurntablePath
+from renderer.scene import (
+    AccuracyGoal,
+    ByFrame,
+    ErrorSpec,
+    FileSource,
+    ProceduralSource,
+    RawSource,
+    RockerPath,
+    Scene,
+    SplatBudget,
+    TurntablePath,
+)
 from renderer.staging import require_possible
 from renderer.volume_files import require_volume_file
 
@@ -54,7 +65,7 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     return [
         ("volume", _source(scene.volume.source)),
         ("camera", f"{_path(scene)}, {frames}"),
-        ("error", _tolerance(scene)),
+        ("error", _schedule(scene.error)),
         ("output", f"{output.file}, {width} x {height}{film}"),
     ]
 
@@ -75,6 +86,19 @@ def _path(scene: Scene) -> str:
     return "rocker" if isinstance(path, RockerPath) else "keyframes"
 
 
-def _tolerance(scene: Scene) -> str:
-    (_, first), *_, (_, last) = [*scene.error.tolerance, scene.error.tolerance[-1]]
-    return f"{scene.error.measure}, tolerance {first:g}" + (f" to {last:g}" if last != first else "")
+def _schedule(error: ErrorSpec) -> str:
+    goal = error.goal
+    if goal is None:
+        wanted = f"tolerance {_first_to_last(error.tolerance)}"
+    elif isinstance(goal, AccuracyGoal):
+        wanted = f"{goal.metric} {goal.value:g}" + " dB" * (goal.metric == "psnr")
+    elif isinstance(goal, SplatBudget):
+        wanted = f"at most {_first_to_last(goal.by_frame)} splats"
+    else:
+        wanted = f"{_first_to_last(goal.by_frame)} s a frame"
+    return f"{error.measure}, {wanted}"
+
+
+def _first_to_last(by_frame: ByFrame) -> str:
+    first, last = (str(value) if isinstance(value, int) else f"{value:g}" for _, value in (by_frame[0], by_frame[-1]))
+    return first if first == last else f"{first} to {last}"

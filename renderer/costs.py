@@ -109,6 +109,11 @@ class CostLog:
         self._frames: deque[tuple[Load, float]] = deque(maxlen=_NUM_REMEMBERED)
         self._model: CostModel | None = None
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was drawn yet."""
+        return not (self._trials or self._frames)
+
     def add(self, load: Load, seconds: float) -> None:
         """A frame was drawn: of the film, where it was written, or only to see what it takes."""
         (self._frames if load.num_written else self._trials).append((load, seconds))

@@ -5,6 +5,7 @@ A detail stays while its frames keep to their time: a film that changed its cut 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -96,22 +97,30 @@ class Details:
         return float(np.exp(cells[near] + steps))
 
 
-def try_drawings(details: Details, number: int, enough_seconds: float, rasterizer: Rasterizer, *, clock: Clock) -> None:
-    """Draw a frame with more and more splats, to learn what drawing costs, until one takes `enough_seconds`."""
-    num_cells, is_first = _FIRST_TRIAL, True
-    while True:
-        pose = details.pose(number, details.tolerance(num_cells), Stopwatch(clock))
-        if is_first:  # shaders are compiled, and buffers made
+def try_drawings(
+    details: Details,
+    number: int,
+    enough_seconds: float,
+    rasterizer: Rasterizer,
+    *,
+    clock: Clock,
+    first_cells: int = _FIRST_TRIAL,
+) -> None:
+    """Draw a frame with more and more cells, to learn what drawing costs, until one takes `enough_seconds`."""
+    num_cells, tolerance, before = first_cells, details.tolerance(first_cells), math.inf
+    while tolerance < before:
+        pose = details.pose(number, tolerance, Stopwatch(clock))
+        if details.log.is_empty:  # shaders are compiled, and buffers made
             draw(details.stage, pose, rasterizer, Stopwatch(clock))
-            is_first = False
         watch = Stopwatch(clock)
         draw(details.stage, pose, rasterizer, watch)
         seconds = sum(watch.seconds.values())
         details.log.add(load_of(pose, is_written=False), seconds)
         details.predict(pose)
-        if seconds >= enough_seconds or pose.detail.tolerance == 0:
+        if seconds >= enough_seconds:
             return
         num_cells *= _TRIAL_GROWTH
+        tolerance, before = details.tolerance(num_cells), tolerance
 
 
 def finest_within(details: Details, number: int, seconds: float, watch: Stopwatch) -> tuple[Pose, float]:

@@ -57,7 +57,7 @@ def plan_sweep(
     """Every error measure, with all splats, at all tolerances, from coarse to fine.
 
     stage_of: prepares a scene; called once for each measure.
-    tolerances: None for a spread that suits each pyramid, with the scene's own first one among it.
+    tolerances: None for a spread that suits each pyramid, with the scene's own first one, if it has one, among it.
     """
     plan: list[Planned] = []
     for error in errors:
@@ -69,7 +69,8 @@ def plan_sweep(
         chosen = set(
             tolerances if tolerances is not None else spread_tolerances(stage.pyramid, num_cells, _MOST_TOLERANCES)
         )
-        if tolerances is None and (error.measure, error.of) == (scene.error.measure, scene.error.of):
+        is_own = (error.measure, error.of) == (scene.error.measure, scene.error.of)
+        if tolerances is None and is_own and scene.error.goal is None:
             chosen.add(scene.error.tolerance[0][1])
         counts = {tolerance: num_cells(tolerance) for tolerance in sorted(chosen, reverse=True)}
         plan += [

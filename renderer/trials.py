@@ -1,4 +1,4 @@
-"""Which tolerance is good enough: pictures at trial tolerances against the truth of probe frames."""
+"""The coarsest tolerance whose frames are good enough: trial pictures against the truth of probe frames."""
 
 from __future__ import annotations
 
@@ -10,7 +10,19 @@ from renderer.metrics import over_background, single
 from renderer.pipeline import render_frames
 from renderer.schedule import at_tolerance
 from renderer.search import coarsest_good
-from renderer.truths import Truth
+from renderer.sweep import num_cells_at
+from renderer.tolerances import distinct_rungs
+from renderer.truths import Truth, extreme_frames, is_loop, spread_frames
+from renderer.want import Want
+
+# Frames that are probed, besides those with the smallest and the largest picture; as many lie between them as a check.
+_NUM_PROBES = 4
+# Of a long path, only so many frames are looked at for the smallest and the largest picture.
+_MOST_LOOKED_AT = 120
+# Cells of the coarse cut that is drawn to look at them.
+_COARSE_CELLS = 4000
+
+TruthOf = Callable[[int], Truth]
 
 
 @dataclass(frozen=True)
@@ -23,36 +35,87 @@ class Trial:
     num_cells: int
 
 
-class Trials:
-    """Draws trial pictures, each once, and remembers how good they were.
+@dataclass(frozen=True)
+class Found:
+    """What came of a search.
 
-    metric: of `renderer.metrics.METRICS`, over all pixels. margin: of a value, how much better than wanted it is,
-    negative where it is not good enough. truth_of: the truth of a frame. on_trial: told of every picture.
+    tolerance: the coarsest that is good enough; None where not even 0 is.
+    frames: all that were tried, ascending. worst: the worst of them at that tolerance, or at 0.
+    shows_nothing: whether nothing of the volume is seen on any of them, so that any tolerance would do.
     """
+
+    want: Want
+    tolerance: float | None
+    frames: tuple[int, ...]
+    worst: Trial
+    shows_nothing: bool
+
+
+def find_tolerance(
+    stage: Stage,
+    frames: Sequence[int],
+    want: Want,
+    rasterizer: Rasterizer,
+    *,
+    truth_of: TruthOf,
+    clock: Clock,
+    on_trial: Callable[[Trial], None],
+) -> Found:
+    """The coarsest tolerance at which probe frames are as near to the truth as wanted, and then the check frames, too.
+
+    stage: with a pyramid for every tolerance. Its scene's own schedule is not looked at, nor is its overlay, which is
+        no error. frames: of the film, ascending.
+    truth_of: the truth of a frame; asked for the same one more than once. on_trial: told of every picture.
+    """
+    stage = replace(stage, scene=replace(stage.scene, overlay="none"))
+    rungs = list(distinct_rungs(stage.pyramid, lambda tolerance: num_cells_at(stage, tolerance)))
+    probes, checks = _frames_to_try(stage, frames, rungs, rasterizer, clock=clock)
+    trials = Trials(stage, rasterizer, want, truth_of=truth_of, clock=clock, on_trial=on_trial)
+    tolerance = coarsest_tolerance(trials, rungs, probes, checks)
+    tried = tuple(sorted([*probes, *checks]))
+    worst = trials.worst(tolerance or 0.0, tried)
+    return Found(want, tolerance, tried, worst, not any(truth_of(frame).on_volume.any() for frame in tried))
+
+
+def _frames_to_try(
+    stage: Stage, frames: Sequence[int], rungs: Sequence[float], rasterizer: Rasterizer, *, clock: Clock
+) -> tuple[list[int], list[int]]:
+    """Probes: the largest picture first, for it is usually the worst; and checks, half-way between the spread ones."""
+    path = stage.scene.camera.path
+    closed = is_loop(path) and len(frames) == path.frames
+    between = spread_frames(frames, 2 * _NUM_PROBES, is_loop=closed)
+    looked_at = spread_frames(frames, _MOST_LOOKED_AT, is_loop=closed)
+    coarse = next((rung for rung in rungs if num_cells_at(stage, rung) >= _COARSE_CELLS), 0.0)
+    smallest, largest = extreme_frames(stage, looked_at, coarse, rasterizer, clock=clock)
+    probes = list(dict.fromkeys([largest, *between[::2], smallest]))
+    return probes, [frame for frame in between[1::2] if frame not in probes]
+
+
+class Trials:
+    """Draws trial pictures, each once, and remembers how good they were; parameters as in `find_tolerance`."""
 
     def __init__(
         self,
         stage: Stage,
         rasterizer: Rasterizer,
+        want: Want,
         *,
-        metric: str,
-        margin: Callable[[float], float],
-        truth_of: Callable[[int], Truth],
+        truth_of: TruthOf,
         clock: Clock,
         on_trial: Callable[[Trial], None],
     ) -> None:
         self._stage, self._rasterizer, self._clock = stage, rasterizer, clock
-        self._metric, self._margin, self._truth_of, self._on_trial = metric, margin, truth_of, on_trial
+        self._want, self._truth_of, self._on_trial = want, truth_of, on_trial
         self._done: dict[tuple[float, int], Trial] = {}
 
     def first_bad(self, tolerance: float, frames: Sequence[int]) -> int | None:
         """The first of the frames that is not good enough at a tolerance; those behind it are not drawn."""
         known = [trial for frame in frames if (trial := self._done.get((tolerance, frame)))]
         for trial in known:
-            if self._margin(trial.value) < 0:
+            if self._want.margin(trial.value) < 0:
                 return trial.frame
         for trial in self._draw(tolerance, [frame for frame in frames if (tolerance, frame) not in self._done]):
-            if self._margin(trial.value) < 0:
+            if self._want.margin(trial.value) < 0:
                 return trial.frame
         return None
 
@@ -60,14 +123,14 @@ class Trials:
         """The worst of the frames at a tolerance."""
         for _ in self._draw(tolerance, [frame for frame in frames if (tolerance, frame) not in self._done]):
             pass
-        return min((self._done[tolerance, frame] for frame in frames), key=lambda trial: self._margin(trial.value))
+        return min((self._done[tolerance, frame] for frame in frames), key=lambda trial: self._want.margin(trial.value))
 
     def _draw(self, tolerance: float, frames: Sequence[int]) -> Iterable[Trial]:
         scene = at_tolerance(self._stage.scene, tolerance)
         stage = replace(self._stage, scene=scene)
         for frame in render_frames(stage, frames, self._rasterizer, clock=self._clock):
             picture = over_background(frame.radiance, scene.output.background)
-            value = single(self._metric, picture, self._truth_of(frame.number).picture)
+            value = single(self._want.metric, picture, self._truth_of(frame.number).picture)
             trial = Trial(tolerance, frame.number, value, frame.num_cells)
             self._done[tolerance, frame.number] = trial
             self._on_trial(trial)

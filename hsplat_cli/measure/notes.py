@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from renderer.scene import Scene
+from renderer.scene_schema import schedule_to_dict
 
 if TYPE_CHECKING:
     from renderer.sweep import Measurement
@@ -20,7 +21,12 @@ def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
     has_transparent_border: as where VTK is measured, too.
     """
     notes = []
-    if len(scene.error.tolerance) > 1:
+    if scene.error.goal is not None:
+        (schedule,) = schedule_to_dict(scene.error)
+        notes.append(
+            f"the scene asks for error.{schedule}, not for a tolerance; here each tolerance is measured by itself"
+        )
+    elif len(scene.error.tolerance) > 1:
         notes.append("the scene changes its tolerance over the film; here each tolerance is measured by itself")
     if scene.output.background is None:
         notes.append("the scene's background is transparent; pictures are compared over black")

@@ -6,11 +6,12 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 from renderer.errors import InputError
 from renderer.scene import ErrorSpec, Scene, SplatSpec
 from renderer.schema import did_you_mean, listed, show
+from renderer.want import Want
 
 T = TypeVar("T")
 
@@ -32,26 +33,6 @@ class Sweep:
     errors: tuple[ErrorSpec, ...]
     splats: tuple[SplatSpec, ...]
     tolerances: tuple[float, ...] | None
-
-
-@dataclass(frozen=True)
-class Want:
-    """An accuracy over all pixels: a metric's name and the value to be reached."""
-
-    name: Literal["psnr", "rmse", "ssim", "flip"]
-    value: float
-
-    def __str__(self) -> str:
-        return self.of(self.value)
-
-    def of(self, value: float) -> str:
-        """A value of this metric with its name and unit."""
-        return f"{self.name} {value:.2f} dB" if self.name == "psnr" else f"{self.name} {value:.4g}"
-
-    def margin(self, value: float) -> float:
-        """How much better than wanted a value is; negative where it is worse, or no number."""
-        margin = value - self.value if self.name in ("psnr", "ssim") else self.value - value
-        return -math.inf if math.isnan(margin) else margin
 
 
 def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measures: str, corrections: str) -> Sweep:

@@ -17,7 +17,7 @@ from hsplat_cli.machine import PeakMemory, describe_machine
 from hsplat_cli.measure.notes import monotony_notes, scene_notes
 from hsplat_cli.measure.options import Sweep
 from hsplat_cli.measure.stage import prepared
-from hsplat_cli.measure.truth import find_truths, require_something
+from hsplat_cli.measure.truth import find_truths, nothing_to_measure
 from hsplat_cli.peers.vtk_peer import (
     check_vtk,
     describe_vtk,
@@ -84,7 +84,8 @@ def run_study(request: Request) -> None:
     path = scene.camera.path
     frames = request.frames or spread_frames(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
     truths, records = find_truths(prepared(scene, volume), frames, request.truth_tolerance, quiet=request.quiet)
-    require_something(truths)
+    if not any(truth.on_volume.any() for truth in truths):
+        raise nothing_to_measure(len(truths))
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
     try:

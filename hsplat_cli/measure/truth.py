@@ -42,12 +42,11 @@ def find_truths(
     return truths, records
 
 
-def require_something(truths: Sequence[Truth]) -> None:
-    """Raise InputError where nothing of the volume is seen on any of the frames."""
-    if not any(truth.on_volume.any() for truth in truths):
-        raise InputError(
-            "the scene draws nothing, so there is nothing to measure",
-            got=f"{len(truths)} frame{'s' * (len(truths) > 1)} without anything of the volume",
-            expected="a volume in view, and a transfer function that shows some of it",
-            hint="`hsplat info` shows which values there are",
-        )
+def nothing_to_measure(num_frames: int) -> InputError:
+    """The error where nothing of the volume is seen on any of so many frames."""
+    return InputError(
+        "the scene draws nothing, so there is nothing to measure",
+        got=f"{num_frames} frame{'s' * (num_frames > 1)} without anything of the volume",
+        expected="a volume in view, and a transfer function that shows some of it",
+        hint="`hsplat info` shows which values there are",
+    )

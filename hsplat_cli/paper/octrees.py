@@ -17,6 +17,8 @@ from renderer.errors import InputError
 from renderer.metrics import over_background, single
 from renderer.octree import Cut, cut_pyramid
 from renderer.scene import Scene
+from renderer.scene_schema import schedule_to_dict
+from renderer.schema import show
 
 Float64 = npt.NDArray[np.float64]
 
@@ -89,11 +91,12 @@ def make(scene: Scene, studio: Studio) -> Figure:
 def measure(scene: Scene, studio: Studio) -> Octrees:
     """Cut at all tolerances, draw with and without lines, and compare with the ray integral."""
     base = scene.error.tolerance[0][1]
-    if base == 0:
+    if base == 0 or scene.error.goal is not None:
+        ((schedule, value),) = schedule_to_dict(scene.error).items()
         raise InputError(
             "figure 5 is of multiples of the scene's tolerance",
-            got="error.tolerance: 0",
-            expected="a number above 0",
+            got=f"error.{schedule}: {show(value)}",
+            expected="error.tolerance: a number above 0",
             hint="give the tolerance of the third of its four octrees, such as 1",
         )
     stage = studio.stage(scene)

@@ -58,3 +58,5 @@ def render(
             shortfall = render_once(job, quiet=quiet)
     if shortfall is not None and not best_effort:
         raise shortfall
+    if shortfall is not None and not quiet:
+        click.echo(f"note: {shortfall.what}: {shortfall.got}, not {shortfall.expected}")

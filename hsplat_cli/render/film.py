@@ -42,7 +42,7 @@ class Done:
     @cached_property
     def shortfall(self) -> RenderError | None:
         """What was asked for and not had."""
-        return shortfall_of(self.plan, self.frames)
+        return shortfall_of(self.job, self.plan, self.frames)
 
     @property
     def notes(self) -> list[str]:
@@ -102,8 +102,7 @@ def draw_film(
 def record(done: Done, passes: Sequence[dict[str, Any]] = ()) -> None:
     """Write the sidecar."""
     content = film_record(done.plan.stage, done.frames, done.made_by)
-    by_clock = done.plan.by_clock
-    content |= {"schedule": schedule_record(done.job, done.frames, done.shortfall, by_clock=by_clock)}
+    content |= {"schedule": schedule_record(done.job, done.plan, done.frames, done.shortfall)}
     content |= {"passes": list(passes)} if passes else {}
     content |= {"notes": done.notes, "seconds": done.plan.stage.seconds | {"total": done.seconds}}
     write_sidecar(done.sidecar, content | {"frames": done.frames})
@@ -113,7 +112,7 @@ def tell(done: Done, *, quiet: bool) -> None:
     """Say what was made and what it cost, in a few lines."""
     if quiet:
         return
-    click.echo(f"{done.job.scene.output.file}: {summary(done.job, done.frames, done.seconds)}")
+    click.echo(f"{done.job.scene.output.file}: {summary(done.job, done.frames, done.seconds, done.plan.found)}")
     for note in done.notes:
         click.echo(f"note: {note}")
     click.echo(f"how it was made: {done.sidecar}")

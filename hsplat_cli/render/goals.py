@@ -6,13 +6,20 @@ import statistics
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+from hsplat_cli.job import Job
 from hsplat_cli.render.record import IN_TIME, Record, frame_seconds, span
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
 from renderer.pacing import Details, Guide, Pacer, try_drawings
-from renderer.scene import SplatBudget, TimeBudget
-from renderer.schedule import at_tolerances, value_at
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
+from renderer.schedule import at_tolerance, at_tolerances, value_at
+from renderer.schema import show
+from renderer.want import Want
+
+if TYPE_CHECKING:
+    from renderer.trials import Found
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _ENOUGH = 0.3
@@ -24,13 +31,15 @@ class Plan:
     """How frames get their tolerances: from the schedule of the stage's scene, whose goal is resolved, or from a guide.
 
     shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
-    by_clock: the tolerances depend on how quick this machine was.
+    is_unfinished: finer passes are to follow.
+    found: what the search for an accuracy came to.
     """
 
     stage: Stage
     guide: Guide | None = None
     shortfall: RenderError | None = None
-    by_clock: bool = False
+    is_unfinished: bool = False
+    found: Found | None = None
 
 
 def make_plan(details: Details, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool) -> Plan:
@@ -39,22 +48,46 @@ def make_plan(details: Details, frames: Sequence[int], rasterizer: Rasterizer, *
     goal = stage.scene.error.goal
     if goal is None:
         return Plan(stage)
+    if isinstance(goal, AccuracyGoal):
+        return _plan_accuracy(stage, goal, frames, rasterizer, quiet=quiet)
     if isinstance(goal, SplatBudget):
         tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
         return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
-    if isinstance(goal, TimeBudget):
-        least = min(value_at(goal.by_frame, frame) for frame in frames)
-        try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
-        return Plan(stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)), by_clock=True)
-    raise NotImplementedError
+    least = min(value_at(goal.by_frame, frame) for frame in frames)
+    try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
+    return Plan(stage, Pacer(details, lambda frame: value_at(goal.by_frame, frame)))
 
 
-def shortfall_of(plan: Plan, frames: Sequence[Record]) -> RenderError | None:
+def _plan_accuracy(
+    stage: Stage, goal: AccuracyGoal, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool
+) -> Plan:
+    """One tolerance for the whole film; 0 where none is good enough."""
+    # Imported where they are used: other films need no ray integral, which takes a while to load.
+    from hsplat_cli.search import beyond_full_resolution, search_tolerance  # noqa: PLC0415
+    from renderer.truths import TRUTH_TOLERANCE  # noqa: PLC0415
+
+    want = Want(goal.metric, goal.value)
+    found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet)
+    shortfall = None
+    if found.tolerance is None:
+        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT}"
+        shortfall = beyond_full_resolution(found, stage.scene.error, where=f"error.{goal.metric}", hint=hint)
+    exact = replace(stage, scene=at_tolerance(stage.scene, found.tolerance or 0.0))
+    return Plan(exact, shortfall=shortfall, found=found)
+
+
+def shortfall_of(job: Job, plan: Plan, frames: Sequence[Record]) -> RenderError | None:
     """What was asked for and not had, now that the frames are there."""
-    goal = plan.stage.scene.error.goal
-    if plan.shortfall is None and isinstance(goal, TimeBudget):
-        return _time_shortfall(goal, frames)
-    return plan.shortfall
+    goal = job.scene.error.goal
+    if plan.is_unfinished:
+        return RenderError(
+            "the film was not refined to what the scene asks for",
+            where=str(job.scene.output.file),
+            got=f"tolerance {span([frame['tolerance'] for frame in frames])}",
+            expected=", ".join(f"{name} {show(value)}" for name, value in job.asked.items()),
+            hint=f"it needs more time; {BEST_EFFORT}",
+        )
+    return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[Record]) -> RenderError | None:

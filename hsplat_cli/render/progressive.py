@@ -19,7 +19,7 @@ import click
 from hsplat_cli.job import Job
 from hsplat_cli.render.difference import Difference, Differences
 from hsplat_cli.render.film import Done, draw_film, prepare_job, record, tell
-from hsplat_cli.render.goals import BEST_EFFORT, Plan, make_plan
+from hsplat_cli.render.goals import Plan, make_plan
 from hsplat_cli.render.record import Record, limits, span
 from renderer.costs import CostLog
 from renderer.drawing import Frame, Rasterizer, Stopwatch
@@ -30,7 +30,6 @@ from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawin
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import AccuracyGoal, TimeBudget
 from renderer.schedule import at_tolerances, tolerance_at, value_at
-from renderer.schema import show
 from renderer.staging import require_writable
 
 # A frame of so many cells shows what it is. Their pixels, not their number, are what it costs, so that there are far
@@ -38,8 +37,9 @@ from renderer.staging import require_writable
 _FEW_CELLS, _FIRST_PART = 1000, 1.3
 # Each pass takes so many times as long as the one before; the second one, to be worth the while, at least so many.
 _STEP, _LEAST_STEP = 8.0, 3.0
-# Trial drawings, which tell what more cells cost, go up to this part of a frame of the last pass, and up to so long.
-_TRIAL_PART, _LONGEST_TRIAL_S = 0.1, 0.5
+# Trial drawings, which tell what more cells cost, begin with so many times those of the first pass, and go up to this
+# part of a frame of the last pass, and up to so long.
+_TRIAL_GROWTH, _TRIAL_PART, _LONGEST_TRIAL_S = 4, 0.1, 0.5
 # Of the time that remains a pass may be predicted to take this part.
 _SAFE_PART = 0.9
 # Frames from which the time of a pass is predicted.
@@ -106,6 +106,11 @@ class _Maker:
         """What a frame of the last pass took, in the mean."""
         return float(self._passes[-1]["seconds"]) / len(self._job.frames)
 
+    @property
+    def num_cells(self) -> int:
+        """Of the last pass, at most."""
+        return int(self._passes[-1]["cells"][1])
+
     def make(self, each: _Pass) -> None:
         """One pass. Raises _TimeIsUp where there has been one before."""
         job, number, start = self._job, len(self._passes) + 1, time.perf_counter()
@@ -155,12 +160,6 @@ class _Planner:
     def __init__(self, job: Job, details: Details, rasterizer: Rasterizer, *, quiet: bool) -> None:
         self._details, self._frames, self._goal = details, job.frames, job.scene.error.goal
         self._rasterizer, self._quiet = rasterizer, quiet
-        self._unfinished = RenderError(
-            "the film was not refined to what the scene asks for",
-            where=str(job.scene.output.file),
-            expected=", ".join(f"{name} {show(value)}" for name, value in job.asked.items()),
-            hint=f"it needs more time; {BEST_EFFORT}",
-        )
 
     def passes(self, maker: _Maker) -> Iterator[_Pass]:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
@@ -171,7 +170,7 @@ class _Planner:
         if plan is None or self._frame_seconds(plan) >= _LEAST_STEP * seconds:
             yield self._pass_within(seconds, plan)
             plan = plan or self._last_plan()
-            self._try_more(plan)
+            self._try_more(plan, _TRIAL_GROWTH * maker.num_cells)
         last = self._frame_seconds(plan)
         if not maker.done:
             yield _Pass(plan, last)
@@ -188,10 +187,12 @@ class _Planner:
         plan = make_plan(self._details, self._frames, self._rasterizer, quiet=self._quiet)
         return plan if plan.guide else replace(plan, guide=Scheduled(plan.stage, self._details))
 
-    def _try_more(self, plan: Plan) -> None:
-        """Learn what more cells cost."""
+    def _try_more(self, plan: Plan, first_cells: int) -> None:
+        """Learn what more cells cost than the first pass had."""
         enough = min(_TRIAL_PART * self._frame_seconds(plan), _LONGEST_TRIAL_S)
-        try_drawings(self._details, self._frames[0], enough, self._rasterizer, clock=time.perf_counter)
+        try_drawings(
+            self._details, self._frames[0], enough, self._rasterizer, clock=time.perf_counter, first_cells=first_cells
+        )
 
     def _frame_seconds(self, plan: Plan) -> float:
         """What a frame of the last pass is predicted to take, in the mean of some."""
@@ -208,14 +209,14 @@ class _Planner:
         if isinstance(goal, TimeBudget):
             part = seconds / value_at(goal.by_frame, self._frames[0])
             pacer = Pacer(self._details, lambda frame: part * value_at(goal.by_frame, frame))
-            return _Pass(Plan(stage, pacer, self._unfinished, by_clock=True), seconds)
+            return _Pass(Plan(stage, pacer, is_unfinished=True), seconds)
         pose, predicted = finest_within(self._details, self._frames[0], seconds, _watch())
         coarsest = pose.detail.tolerance
         tolerances = dict.fromkeys(self._frames, coarsest)
         if plan is not None:
             tolerances = {frame: max(coarsest, tolerance_at(plan.stage.scene.error, frame)) for frame in self._frames}
         stage = replace(stage, scene=at_tolerances(stage.scene, tolerances))
-        return _Pass(Plan(stage, Scheduled(stage, self._details), self._unfinished, by_clock=True), predicted)
+        return _Pass(Plan(stage, Scheduled(stage, self._details), is_unfinished=True), predicted)
 
 
 def _steps(first: float, last: float) -> list[float]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.job import Job
 from hsplat_cli.versions import package_versions
@@ -13,6 +14,10 @@ from renderer.errors import RenderError
 from renderer.scene import TimeBudget
 from renderer.scene_schema import scene_to_dict
 from renderer.schedule import at_tolerances, value_at
+
+if TYPE_CHECKING:
+    from hsplat_cli.render.goals import Plan
+    from renderer.trials import Found
 
 # A frame is in time when it takes no longer and no shorter than its budget by more than this part.
 IN_TIME = 0.2
@@ -55,14 +60,13 @@ def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[st
     }
 
 
-def schedule_record(
-    job: Job, frames: Sequence[Record], shortfall: RenderError | None, *, by_clock: bool
-) -> dict[str, Any]:
+def schedule_record(job: Job, plan: Plan, frames: Sequence[Record], shortfall: RenderError | None) -> dict[str, Any]:
     """What was asked for and what was reached.
 
-    by_clock: the tolerances depend on how quick the machine was. If so, the scene does not make the same film again,
-    but this file does.
+    Where the tolerances depend on how quick the machine was, the scene does not make the same film again; this file
+    does.
     """
+    by_clock = plan.is_unfinished or isinstance(job.scene.error.goal, TimeBudget)
     record = {
         "asked": job.asked,
         "tolerance": limits(frame["tolerance"] for frame in frames),
@@ -70,7 +74,14 @@ def schedule_record(
         "met": shortfall is None,
         "reproducible": not by_clock,
     }
-    return record if shortfall is None else record | {"shortfall": str(shortfall)}
+    measured = {} if plan.found is None else {"measured": _measured(plan.found)}
+    return record | measured | ({} if shortfall is None else {"shortfall": str(shortfall)})
+
+
+def _measured(found: Found) -> dict[str, Any]:
+    worst = found.worst
+    value = worst.value if math.isfinite(worst.value) else None  # the PSNR of equal pictures
+    return {"metric": found.want.metric, "worst": value, "frame": worst.frame, "probes": found.frames}
 
 
 def visibility_notes(frames: Sequence[Record]) -> list[str]:
@@ -85,12 +96,12 @@ def visibility_notes(frames: Sequence[Record]) -> list[str]:
     return [f"nothing is in view on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]}"]
 
 
-def summary(job: Job, frames: Sequence[Record], seconds: float) -> str:
-    """`120 frames in 25.1 s, 149990 splats a frame`, and what came of a budget."""
-    return ", ".join(_summary(job, frames, seconds))
+def summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None) -> str:
+    """`120 frames in 25.1 s, 149990 splats a frame`, and what came of a budget or an accuracy."""
+    return ", ".join(_summary(job, frames, seconds, found))
 
 
-def _summary(job: Job, frames: Sequence[Record], seconds: float) -> Iterator[str]:
+def _summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None) -> Iterator[str]:
     num, goal = len(frames), job.scene.error.goal
     yield f"{num} frame{'s' * (num > 1)} in {seconds:.1f} s"
     yield f"{span([frame['splats'] for frame in frames], 'd')} splats a frame"
@@ -99,8 +110,13 @@ def _summary(job: Job, frames: Sequence[Record], seconds: float) -> Iterator[str
     if isinstance(goal, TimeBudget):
         shares = [frame_seconds(frame) / value_at(goal.by_frame, frame["frame"]) for frame in frames]
         in_time = sum(abs(share - 1) <= IN_TIME for share in shares)
-        yield f"{statistics.median(map(frame_seconds, frames)):.3g} s a frame"
+        predicted = statistics.median(frame["predicted_seconds"] for frame in frames)
+        taken = statistics.median(map(frame_seconds, frames))
+        yield f"{taken:.3g} s a frame (predicted: {predicted:.3g} s)"
         yield f"{in_time} of them within {IN_TIME:.0%} of their time"
+    if found is not None:
+        worst, num_probes = found.want.of(found.worst.value), len(found.frames)
+        yield f"{worst} or better on {num_probes} probe frames" if num_probes > 1 else worst
 
 
 def span(values: Sequence[float], form: str = "g") -> str:

@@ -202,7 +202,16 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "tolerance: 0 ",
             "figure 5 is of multiples of the scene's tolerance\n"
             "  got: error.tolerance: 0\n"
-            "  expected: a number above 0\n"
+            "  expected: error.tolerance: a number above 0\n"
+            "  hint: give the tolerance of the third of its four octrees, such as 1\n",
+        ),
+        (
+            "5_octrees",
+            "tolerance: 1 ",
+            "psnr: 30 ",
+            "figure 5 is of multiples of the scene's tolerance\n"
+            "  got: error.psnr: 30\n"
+            "  expected: error.tolerance: a number above 0\n"
             "  hint: give the tolerance of the third of its four octrees, such as 1\n",
         ),
     ],

@@ -80,6 +80,16 @@ def test_a_finer_tolerance_draws_more_and_is_nearer_to_the_truth() -> None:
     assert float(first[-1]["psnr_db"]) > float(first[0]["psnr_db"]) + 3
 
 
+@pytest.mark.parametrize("goal", ["psnr=30", "seconds=0.1", "splats={0: 100, 7: 5000}"])
+def test_a_scene_that_asks_for_no_tolerance_is_measured_at_those_that_suit_it(goal: str) -> None:
+    series = ("--footprints", "gaussian", "--measures", "optical", "--corrections", "on")
+    measure(*QUICK, *series, "--set", "error.tolerance=null", "--set", f"error.{goal}")
+    assert len(rows()) >= 6
+    data = json.loads((Path("scene.measured") / "measure.json").read_text("utf-8"))
+    name = goal.partition("=")[0]
+    assert data["notes"][0].startswith(f"the scene asks for error.{name}, not for a tolerance; ")
+
+
 def test_single_voxels_are_drawn_once_for_all_measures_and_corrections(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[Measurement] = []
 

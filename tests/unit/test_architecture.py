@@ -34,13 +34,13 @@ ROOMS: dict[str, tuple[str, str]] = {
     "frame": ("drawing costs pacing", "words pyramid cut path splats film"),
     "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film frame"),
     "study": (
-        "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths",
+        "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths want",
         "words checks classification pyramid cut path splats truth film frame contents",
     ),
 }
 # The doors of renderer/ to the command line.
 COMMANDS_MAY_IMPORT = {
-    "errors", "scene", "schema", "scene_schema", "schema_error",  # without numpy: `check` answers at once
+    "errors", "scene", "schema", "scene_schema", "schema_error", "want",  # without numpy: `check` answers at once
     "output_files", "volume_files",  # as quick
     "readers", "volume", "statistics",  # info
     "drawing", "pacing", "costs", "pipeline", "raster_gl", "film", "sidecar", "jit",  # render

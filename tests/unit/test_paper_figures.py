@@ -14,7 +14,7 @@ import pytest
 
 from hsplat_cli.paper import footprints, levels, octrees, one_splat, opacity, refinement
 from hsplat_cli.paper.figure import Claim
-from hsplat_cli.paper.studio import TRUTH_TOLERANCE, Studio
+from hsplat_cli.paper.studio import Studio
 from hsplat_cli.scene_file import load_scene
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
@@ -23,7 +23,7 @@ from renderer.octree import cut_pyramid
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import Scene
 from renderer.splats import SplatBatch
-from renderer.truths import find_truth
+from renderer.truths import TRUTH_TOLERANCE, find_truth
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
 STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
@@ -53,6 +53,16 @@ def test_the_truth_of_a_shaded_scene_has_converged(studio: Studio) -> None:
     stage = studio.stage(scene("5_octrees.yaml", STAND_IN, *changes))
     finer = find_truth(stage, 0, TRUTH_TOLERANCE / 100).picture
     assert np.abs(studio.truth(stage) - finer).max() < TRUTH_TOLERANCE
+
+
+@pytest.mark.parametrize("goal", ["psnr=30", "splats=100", "seconds=0.5"])
+def test_a_scene_that_asks_for_no_tolerance_shows_every_voxel(studio: Studio, goal: str) -> None:
+    """Until a figure says how exact it is to be."""
+    changes = "error.tolerance=null", f"error.{goal}", "output.size=[16, 16]"
+    frame = studio.draw(studio.stage(scene("6_engine.yaml", STAND_IN, *changes)))
+    plain = studio.draw(studio.stage(scene("6_engine.yaml", STAND_IN, "output.size=[16, 16]")))
+    assert frame.tolerance == plain.tolerance == 0
+    np.testing.assert_array_equal(frame.image, plain.image)
 
 
 # 1: footprints

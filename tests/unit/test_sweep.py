@@ -18,6 +18,7 @@ from renderer.integrator import Convergence
 from renderer.metrics import compare, pooled
 from renderer.pipeline import prepare
 from renderer.scene import (
+    AccuracyGoal,
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -161,6 +162,14 @@ def test_the_scenes_own_tolerance_is_among_those_that_are_chosen(stage: Stage) -
     own = [p.tolerance for p in plan if p.scene.error.measure == "optical"]
     assert 0.123 in own and 0.0 in own and len(own) <= 11
     assert 0.123 not in [p.tolerance for p in plan if p.scene.error.measure == "rms"]
+
+
+def test_a_scene_without_a_tolerance_of_its_own_adds_none(stage: Stage) -> None:
+    """Where one has to be found for a goal, the field holds no more than the default."""
+    goal = ErrorSpec(tolerance=((0, 0.123),), goal=AccuracyGoal("psnr", 30.0))
+    plan = plan_sweep(replace(stage.scene, error=goal), lambda _: stage, [goal], [SplatSpec()], None)
+    assert 0.123 not in [p.tolerance for p in plan] and len(plan) > 2
+    assert {p.scene.error.goal for p in plan} == {None}
 
 
 @pytest.mark.parametrize(

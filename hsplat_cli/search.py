@@ -1,0 +1,76 @@
+"""The search for the tolerance of an accuracy, for `hsplat measure --want` and for a scene that asks for one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import click
+
+from hsplat_cli.measure.truth import find_truths
+from renderer.drawing import Rasterizer, Stage
+from renderer.errors import RenderError
+from renderer.scene import ErrorSpec
+from renderer.trials import Found, Trial, TruthOf, find_tolerance
+from renderer.truths import Truth
+from renderer.want import Want
+
+
+def search_tolerance(
+    stage: Stage, frames: Sequence[int], want: Want, truth_tolerance: float, rasterizer: Rasterizer, *, quiet: bool
+) -> Found:
+    """Search, saying what is tried and how it came out; parameters as in `find_tolerance` and `find_truth`."""
+    return find_tolerance(
+        stage,
+        frames,
+        want,
+        rasterizer,
+        truth_of=_truths(stage, truth_tolerance, quiet=quiet),
+        clock=time.perf_counter,
+        on_trial=_teller(want, quiet=quiet),
+    )
+
+
+def beyond_full_resolution(found: Found, error: ErrorSpec, *, where: str, hint: str) -> RenderError:
+    """The error where nothing was good enough. hint: what to do about it, to which is added what limits the scene."""
+    want, worst = found.want, found.worst
+    level, splats = error.finest_level, f"{worst.num_cells} splat{'s' * (worst.num_cells != 1)}"
+    limit = (
+        f"error.finest_level: {level} lets no cell be smaller"
+        if level
+        else "what limits it is told in docs/accuracy.md"
+    )
+    return RenderError(
+        "the accuracy that is wanted is beyond full resolution",
+        where=where,
+        got=f"{want.of(worst.value)} on frame {worst.frame}, with {splats} at tolerance 0",
+        expected=str(want),
+        hint=f"{hint}; {limit}",
+    )
+
+
+def cells_text(trial: Trial) -> str:
+    """`1 cell`, `8 cells`."""
+    return "1 cell" if trial.num_cells == 1 else f"{trial.num_cells} cells"
+
+
+def _truths(stage: Stage, tolerance: float, *, quiet: bool) -> TruthOf:
+    """The truth of a frame, found when it is first asked for."""
+    found: dict[int, Truth] = {}
+
+    def truth_of(frame: int) -> Truth:
+        if frame not in found:
+            (truth,), _ = find_truths(stage, [frame], tolerance, quiet=quiet)
+            found[frame] = truth
+        return found[frame]
+
+    return truth_of
+
+
+def _teller(want: Want, *, quiet: bool) -> Callable[[Trial], None]:
+    def tell(trial: Trial) -> None:
+        if not quiet:
+            what = f"tolerance {trial.tolerance:g}: {want.of(trial.value)} on frame {trial.frame}"
+            click.echo(f"{what}, {cells_text(trial)}", err=True)
+
+    return tell

@@ -1,0 +1,227 @@
+"""`hsplat render` of scenes that ask for an accuracy: found, kept for the whole film, told; and where it cannot be."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+import yaml
+
+from hsplat_cli import main, search
+from hsplat_cli.scene_file import load_scene
+from renderer.metrics import over_background, single
+from renderer.pipeline import prepare, render_frames
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import Scene
+from renderer.schedule import at_tolerance
+from renderer.truths import TRUTH_TOLERANCE, find_truth
+
+ROOT = Path(__file__).resolve().parents[2]
+NUM_FRAMES = 24
+SCENE = f"""\
+volume:
+  procedural: {{name: engine_block, shape: [32, 32, 16]}}
+transfer_function:
+  points:
+    - {{value: 50, color: "#000000", opacity: 0.0}}
+    - {{value: 90, color: "#6680e6", opacity: 0.1}}
+    - {{value: 255, color: "#ffffff", opacity: 0.7}}
+camera:
+  path: {{type: turntable, frames: {NUM_FRAMES}, elevation: 20}}
+error:
+  psnr: 27
+output:
+  file: film.mp4
+  size: [48, 32]
+"""
+BEYOND = ("--set", "error.psnr=150")
+RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.04")
+ELSEWHERE = ("--set", "camera.target=[10000, 0, 0]")
+EXTRAS = ("skimage", "flip_evaluator", "matplotlib", "jinja2", "scipy", "vtkmodules")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+def render(*arguments: str, code: int = 0) -> None:
+    assert main.run(["render", "scene.yaml", *arguments]) == code
+
+
+def sidecar(name: str = "film.mp4.json") -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(Path(name).read_text(encoding="utf-8"))
+    return data
+
+
+def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLRasterizer) -> dict[int, float]:
+    """Of pictures of these frames, by frame."""
+    stage = prepare(scene, clock=lambda: 0.0, num_threads=1)
+    pictures = {
+        frame.number: over_background(frame.radiance, scene.output.background)
+        for frame in render_frames(stage, frames, rasterizer, clock=lambda: 0.0)
+    }
+    return {
+        frame: single(metric, picture, find_truth(stage, frame, TRUTH_TOLERANCE).picture)
+        for frame, picture in pictures.items()
+    }
+
+
+@pytest.mark.parametrize(("metric", "change", "wanted"), [("psnr", (), 27.0), ("rmse", RMSE, 0.04)])
+def test_the_whole_film_has_the_accuracy(
+    metric: str, change: tuple[str, ...], wanted: float, rasterizer: GLRasterizer
+) -> None:
+    """Of the frames that were tried all do, a third; of those between them the worst seen was 0.13 dB short."""
+    render("--quiet", *change)
+    made = sidecar()
+    measured = made["schedule"]["measured"]
+    scene = at_tolerance(load_scene(Path("scene.yaml")), made["frames"][0]["tolerance"])
+    sign, slack = (1, 0.2) if metric == "psnr" else (-1, wanted * (10 ** (0.2 / 20) - 1))  # 0.2 dB either way
+    values = accuracies(metric, scene, range(NUM_FRAMES), rasterizer)
+    tried = {frame: values[frame] for frame in measured["probes"]}
+    assert min(sign * (value - wanted) for value in tried.values()) >= 0
+    assert min(sign * (value - wanted) for value in values.values()) >= -slack
+    worst = min(tried, key=lambda frame: sign * tried[frame])
+    assert measured["frame"] == worst
+    assert measured["worst"] == pytest.approx(tried[worst], rel=1e-6)  # of float32 pictures that are drawn alike
+
+
+def test_the_sidecar_says_what_was_asked_for_and_measured() -> None:
+    render("--quiet")
+    made = sidecar()
+    schedule, tolerance = made["schedule"], made["scene"]["error"]["tolerance"]
+    assert tolerance > 0
+    assert {frame["tolerance"] for frame in made["frames"]} == {tolerance}
+    assert list(schedule) == ["asked", "tolerance", "cells", "met", "reproducible", "measured"]
+    assert schedule["asked"] == {"psnr": 27}
+    assert schedule["tolerance"] == [tolerance, tolerance]
+    assert schedule["met"] and schedule["reproducible"]
+    assert schedule["measured"]["metric"] == "psnr"
+    assert schedule["measured"]["worst"] >= 27
+    assert schedule["measured"]["probes"] == [0, 3, 6, 9, 12, 15, 18, 21]
+
+
+def test_the_film_is_that_at_the_tolerance_found() -> None:
+    """Byte for byte, though the pyramid for the search holds more."""
+    render("--quiet", "--output", "found/{frame}.png")
+    tolerance = sidecar("found/frames.json")["scene"]["error"]["tolerance"]
+    render(
+        "--quiet", "--output", "given/{frame}.png", "--set", "error.psnr=null", "--set", f"error.tolerance={tolerance}"
+    )
+    for frame in range(NUM_FRAMES):
+        assert Path(f"found/{frame}.png").read_bytes() == Path(f"given/{frame}.png").read_bytes()
+
+
+def test_measure_finds_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    """And prints a line that takes the place of what the scene asks for."""
+    render("--quiet", *RMSE)
+    assert main.run(["measure", "scene.yaml", "--quiet", "--want", "rmse=0.04"]) == 0
+    line = yaml.safe_load(capsys.readouterr().out.splitlines()[0])["error"]
+    assert line == {"measure": "optical", "tolerance": sidecar()["scene"]["error"]["tolerance"]}
+
+
+def test_what_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    render()
+    said = capsys.readouterr()
+    measured = sidecar()["schedule"]["measured"]
+    assert said.out.splitlines()[0].endswith(f", psnr {measured['worst']:.2f} dB or better on 8 probe frames")
+    lines = said.err.splitlines()
+    assert any(line.startswith("truth of frame ") for line in lines)
+    assert any(line.startswith("tolerance ") and " dB on frame 0, " in line for line in lines)
+    assert lines[-1].startswith("film.mp4: 24/24 frames, ")
+
+
+def test_quiet(capsys: pytest.CaptureFixture[str]) -> None:
+    render("--quiet")
+    render("--quiet", "--best-effort", *BEYOND)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_beyond_full_resolution_the_film_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+    """Whole, with every voxel; only the exit code, a note and the record of it depend on what was asked for."""
+    render("--quiet", *BEYOND, code=1)
+    assert np.asarray(imageio.imread("film.mp4", index=None)).shape == (NUM_FRAMES, 32, 48, 3)
+    without, error = sidecar(), capsys.readouterr().err
+    render(*BEYOND, "--best-effort")
+    made = sidecar()
+    assert made["scene"]["error"]["tolerance"] == 0
+    assert not made["schedule"]["met"]
+    assert made["schedule"]["measured"]["worst"] < 40
+    assert made["schedule"] == without["schedule"]
+    assert f"{made['schedule']['shortfall']}\n" == error
+    *_, note = capsys.readouterr().out.splitlines()
+    assert note.startswith("note: the accuracy that is wanted is beyond full resolution: psnr ")
+    assert note.endswith(" splats at tolerance 0, not psnr 150.00 dB")
+
+
+def test_interrupted_while_it_searches(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*arguments: Any, **options: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(search, "find_truths", interrupt)
+    render("--quiet", code=130)
+    assert [path.name for path in folder.iterdir()] == ["scene.yaml"]
+
+
+def test_a_part_of_the_film_is_probed_on_its_own_frames() -> None:
+    render("--quiet", "--frames", "6:12", "--output", "{frame}.png")
+    assert sidecar("frames.json")["schedule"]["measured"]["probes"] == [6, 7, 8, 9, 10, 11]
+
+
+def test_a_still_is_probed_on_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    render("--frames", "5", "--output", "{frame}.png")
+    measured = sidecar("frames.json")["schedule"]["measured"]
+    assert (measured["frame"], measured["probes"]) == (5, [5])
+    assert capsys.readouterr().out.splitlines()[0].endswith(f", psnr {measured['worst']:.2f} dB")
+
+
+def test_lines_and_transparency_do_not_count() -> None:
+    """An overlay is no error, and a transparent film is compared over black."""
+    film = ("--quiet", "--frames", "0:3")
+    render(*film, "--output", "plain/{frame}.png")
+    change = ("--set", "overlay=octree", "--set", "output.background=transparent")
+    render(*film, "--output", "lines/{frame}.png", *change)
+    plain, lines = sidecar("plain/frames.json"), sidecar("lines/frames.json")
+    assert lines["schedule"] == plain["schedule"]
+    assert Path("lines/0.png").read_bytes() != Path("plain/0.png").read_bytes()
+
+
+def test_a_film_of_nothing() -> None:
+    """There is nothing to find, and nothing is wrong."""
+    render("--quiet", *ELSEWHERE)
+    made = sidecar()
+    assert made["schedule"]["met"]
+    assert np.asarray(imageio.imread("film.mp4", index=None)).max() < 20  # black, as far as the encoder goes
+
+
+def test_pictures_without_any_error() -> None:
+    """The PSNR of equal pictures is infinite, which JSON has no number for."""
+    crop = ("--set", "volume.crop=[[0, 2], [0, 2], [0, 2]]")  # air
+    render("--quiet", *crop)
+    assert sidecar()["schedule"]["measured"]["worst"] is None
+    assert sidecar()["schedule"]["met"]
+
+
+def test_no_package_is_needed_that_only_measure_needs(folder: Path) -> None:
+    block = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))"
+    run = "from hsplat_cli.main import run; sys.exit(run(['render', 'scene.yaml', '--frames', '0', *sys.argv[1:]]))"
+    for arguments in ((), RMSE):
+        done = subprocess.run(
+            [sys.executable, "-c", f"{block}; sys.path.insert(0, {str(ROOT)!r}); {run}", "--quiet", *arguments],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert sidecar()["schedule"]["met"]
