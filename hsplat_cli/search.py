@@ -17,17 +17,27 @@ from renderer.want import Want
 
 
 def search_tolerance(
-    stage: Stage, frames: Sequence[int], want: Want, truth_tolerance: float, rasterizer: Rasterizer, *, quiet: bool
+    stage: Stage,
+    frames: Sequence[int],
+    want: Want,
+    truth_tolerance: float,
+    rasterizer: Rasterizer,
+    *,
+    quiet: bool,
+    on_step: Callable[[], None] = lambda: None,
 ) -> Found:
-    """Search, saying what is tried and how it came out; parameters as in `find_tolerance` and `find_truth`."""
+    """Search, saying what is tried and how it came out; parameters as in `find_tolerance` and `find_truth`.
+
+    on_step: called now and then; what it raises goes through.
+    """
     return find_tolerance(
         stage,
         frames,
         want,
         rasterizer,
-        truth_of=_truths(stage, truth_tolerance, quiet=quiet),
+        truth_of=_truths(stage, truth_tolerance, on_step, quiet=quiet),
         clock=time.perf_counter,
-        on_trial=_teller(want, quiet=quiet),
+        on_trial=_teller(want, on_step, quiet=quiet),
     )
 
 
@@ -54,21 +64,22 @@ def cells_text(trial: Trial) -> str:
     return "1 cell" if trial.num_cells == 1 else f"{trial.num_cells} cells"
 
 
-def _truths(stage: Stage, tolerance: float, *, quiet: bool) -> TruthOf:
+def _truths(stage: Stage, tolerance: float, on_step: Callable[[], None], *, quiet: bool) -> TruthOf:
     """The truth of a frame, found when it is first asked for."""
     found: dict[int, Truth] = {}
 
     def truth_of(frame: int) -> Truth:
         if frame not in found:
-            (truth,), _ = find_truths(stage, [frame], tolerance, quiet=quiet)
+            (truth,), _ = find_truths(stage, [frame], tolerance, quiet=quiet, on_step=on_step)
             found[frame] = truth
         return found[frame]
 
     return truth_of
 
 
-def _teller(want: Want, *, quiet: bool) -> Callable[[Trial], None]:
+def _teller(want: Want, on_step: Callable[[], None], *, quiet: bool) -> Callable[[Trial], None]:
     def tell(trial: Trial) -> None:
+        on_step()
         if not quiet:
             what = f"tolerance {trial.tolerance:g}: {want.of(trial.value)} on frame {trial.frame}"
             click.echo(f"{what}, {cells_text(trial)}", err=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from hsplat_cli.progress import progress
 from renderer.drawing import Stage
@@ -14,9 +14,17 @@ from renderer.truths import Truth, find_truth
 
 
 def find_truths(
-    stage: Stage, frames: Sequence[int], tolerance: float, *, quiet: bool
+    stage: Stage,
+    frames: Sequence[int],
+    tolerance: float,
+    *,
+    quiet: bool,
+    on_step: Callable[[], None] = lambda: None,
 ) -> tuple[list[Truth], list[TruthRecord]]:
-    """The truth of every frame, and how it came about."""
+    """The truth of every frame, and how it came about.
+
+    on_step: called now and then; what it raises goes through.
+    """
     truths: list[Truth] = []
     records = []
     label = f"truth of frame{'s' * (len(frames) > 1)} {', '.join(map(str, frames))}"
@@ -26,6 +34,7 @@ def find_truths(
         def show(share: float) -> None:
             """Percent by percent; the share of a frame may fall, when it needs more than was thought."""
             nonlocal shown
+            on_step()
             percent = int(100 * (len(truths) + share) / len(frames))
             for _ in range(shown, percent):
                 bar.advance()

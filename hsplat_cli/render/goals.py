@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -42,14 +42,24 @@ class Plan:
     found: Found | None = None
 
 
-def make_plan(details: Details, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool) -> Plan:
-    """Find what the goal of the scene takes, if it has one."""
+def make_plan(
+    details: Details,
+    frames: Sequence[int],
+    rasterizer: Rasterizer,
+    *,
+    quiet: bool,
+    on_step: Callable[[], None] = lambda: None,
+) -> Plan:
+    """Find what the goal of the scene takes, if it has one.
+
+    on_step: called now and then in a long search; what it raises goes through.
+    """
     stage = details.stage
     goal = stage.scene.error.goal
     if goal is None:
         return Plan(stage)
     if isinstance(goal, AccuracyGoal):
-        return _plan_accuracy(stage, goal, frames, rasterizer, quiet=quiet)
+        return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
     if isinstance(goal, SplatBudget):
         tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
         return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
@@ -59,7 +69,13 @@ def make_plan(details: Details, frames: Sequence[int], rasterizer: Rasterizer, *
 
 
 def _plan_accuracy(
-    stage: Stage, goal: AccuracyGoal, frames: Sequence[int], rasterizer: Rasterizer, *, quiet: bool
+    stage: Stage,
+    goal: AccuracyGoal,
+    frames: Sequence[int],
+    rasterizer: Rasterizer,
+    on_step: Callable[[], None],
+    *,
+    quiet: bool,
 ) -> Plan:
     """One tolerance for the whole film; 0 where none is good enough."""
     # Imported where they are used: other films need no ray integral, which takes a while to load.
@@ -67,7 +83,7 @@ def _plan_accuracy(
     from renderer.truths import TRUTH_TOLERANCE  # noqa: PLC0415
 
     want = Want(goal.metric, goal.value)
-    found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet)
+    found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)
     shortfall = None
     if found.tolerance is None:
         hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT}"

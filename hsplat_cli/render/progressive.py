@@ -140,10 +140,14 @@ class _Maker:
         if self.done and not self._quiet:
             click.echo(f"{self._job.scene.output.file} is whole, as pass {len(self._passes)} made it")
 
-    def _see(self, frame: Frame) -> None:
-        self._differences.see(frame.number, frame.image)
+    def require_time(self) -> None:
+        """Raise _TimeIsUp where it is, and there is a film."""
         if self.done and self.time_left() < 0:
             raise _TimeIsUp
+
+    def _see(self, frame: Frame) -> None:
+        self._differences.see(frame.number, frame.image)
+        self.require_time()
 
 
 def _facts(made: Record, frames: Sequence[Record], difference: Difference | None) -> Iterator[str]:
@@ -164,12 +168,12 @@ class _Planner:
     def passes(self, maker: _Maker) -> Iterator[_Pass]:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
         # Looking for an accuracy takes long, and there is no hurry once there is a film.
-        plan = None if isinstance(self._goal, AccuracyGoal) else self._last_plan()
+        plan = None if isinstance(self._goal, AccuracyGoal) else self._last_plan(maker)
         few = self._details.pose(self._frames[0], self._details.tolerance(_FEW_CELLS), _watch())
         seconds = _FIRST_PART * self._details.predict(few)
         if plan is None or self._frame_seconds(plan) >= _LEAST_STEP * seconds:
             yield self._pass_within(seconds, plan)
-            plan = plan or self._last_plan()
+            plan = plan or self._last_plan(maker)
             self._try_more(plan, _TRIAL_GROWTH * maker.num_cells)
         last = self._frame_seconds(plan)
         if not maker.done:
@@ -183,8 +187,9 @@ class _Planner:
                 return
             yield _Pass(plan, last) if wanted == last else self._pass_within(wanted, plan)
 
-    def _last_plan(self) -> Plan:
-        plan = make_plan(self._details, self._frames, self._rasterizer, quiet=self._quiet)
+    def _last_plan(self, maker: _Maker) -> Plan:
+        frames, quiet = self._frames, self._quiet
+        plan = make_plan(self._details, frames, self._rasterizer, quiet=quiet, on_step=maker.require_time)
         return plan if plan.guide else replace(plan, guide=Scheduled(plan.stage, self._details))
 
     def _try_more(self, plan: Plan, first_cells: int) -> None:

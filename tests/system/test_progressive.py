@@ -172,8 +172,12 @@ def test_an_interrupted_film_that_is_good_enough(folder: Path, on_frame: Callabl
     assert render("--progressive", "--best-effort") == 0
 
 
-@pytest.mark.parametrize(("options", "code"), [((), 1), (("--best-effort",), 0)])
+PSNR = ("--set", "error.tolerance=null", "--set", "error.psnr=20")
+
+
+@pytest.mark.parametrize(("options", "code"), [((), 1), (("--best-effort",), 0), (PSNR, 1)])
 def test_the_first_pass_is_made_whatever_the_limit(folder: Path, options: tuple[str, ...], code: int) -> None:
+    """And no search for an accuracy after it."""
     assert render("--progressive", "--time-limit", "0.01", *options) == code
     assert len(sidecar()["passes"]) == 1
     assert not sidecar()["schedule"]["met"]
