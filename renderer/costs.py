@@ -10,6 +10,7 @@ from __future__ import annotations
 import statistics
 from collections import deque
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +21,10 @@ from renderer.projection import covered_region, mean_footprint_px, model_view
 
 Float64 = npt.NDArray[np.float64]
 
-# A software renderer's on two cores, seconds: where the frames drawn so far say nothing of a rate, it is this one.
+# A software renderer's on two cores, seconds.
 _TYPICAL = np.array([5e-3, 1e-6, 8e-9, 2e-3])
+# No frame takes less than this part of what it should: one at which the clock stood still must not outweigh the others.
+_FASTEST = 1e-3
 # How much a rate that is off by its own size weighs against a frame that is.
 _TRUST_IN_TYPICAL = 1e-4
 # Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
@@ -64,21 +67,38 @@ class CostModel:
 
 
 def fit_costs(samples: list[tuple[Load, float]]) -> CostModel:
-    """The rates, none negative, with the least squared relative errors; `samples` are loads and their seconds."""
-    seconds = np.array([max(taken, 1e-9) for _, taken in samples])
-    # Unknowns are in units of the typical rates, and those are what a weak equation for each wants them to be.
-    amounts = np.array([(1.0, *load) for load, _ in samples]).reshape(-1, 4) * _TYPICAL / seconds[:, None]
-    matrix = amounts.T @ amounts + _TRUST_IN_TYPICAL * np.eye(4)
-    wanted = amounts.sum(axis=0) + _TRUST_IN_TYPICAL
-    free = np.ones(4, np.bool_)
-    rates = np.zeros(4)
-    while free.any():  # without the most negative one, until none is
-        rates[:] = 0
-        rates[free] = np.linalg.solve(matrix[np.ix_(free, free)], wanted[free])
-        if rates.min() >= 0:
-            break
-        free[np.argmin(rates)] = False
-    return CostModel(*(rates * _TYPICAL).tolist())
+    """The rates, none negative, with the least squared relative errors; `samples` are loads and their seconds.
+
+    What they leave open is as on a typical machine of this one's speed.
+    """
+    amounts = np.array([(1.0, *load) for load, _ in samples]).reshape(-1, 4) * _TYPICAL
+    typical = amounts.sum(axis=1)  # seconds
+    paces = np.array([taken for _, taken in samples]) / typical
+    speed = (float(np.median(paces)) or 1.0) if samples else 1.0
+    paces = np.maximum(paces, _FASTEST * speed)
+    # Unknowns are in units of those rates, and a weak equation for each of them wants it to be 1.
+    shares = amounts * (speed / (typical * paces))[:, None]
+    matrix = shares.T @ shares + _TRUST_IN_TYPICAL * np.eye(4)
+    rates = _least_squares(matrix, shares.sum(axis=0) + _TRUST_IN_TYPICAL)
+    return CostModel(*(rates * speed * _TYPICAL).tolist())
+
+
+def _least_squares(matrix: Float64, wanted: Float64) -> Float64:
+    """The x >= 0 with the least `x matrix x - 2 wanted x`; matrix [n, n] is positive definite, and n small.
+
+    It is the best without a bound, of some unknowns, the others being 0: of any choice of them, where it is legal.
+    """
+    best, least = np.zeros(len(wanted)), 0.0
+    for chosen in product((True, False), repeat=len(wanted)):
+        some = np.flatnonzero(chosen)
+        x = np.linalg.solve(matrix[np.ix_(some, some)], wanted[some])
+        at_best = -float(wanted[some] @ x)  # what is minimised, where it is level
+        if x.min(initial=0.0) >= 0 and at_best < least:
+            best, least = np.zeros(len(wanted)), at_best
+            best[some] = x
+            if all(chosen):
+                break
+    return best
 
 
 class CostLog:

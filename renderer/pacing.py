@@ -71,7 +71,7 @@ class Details:
     def predict(self, pose: Pose) -> float:
         """Seconds of a frame whose detail is made, until it is in its file."""
         load = load_of(pose)
-        self._seen[pose.detail.num_cells] = load, pose.order_seconds
+        self._seen[max(pose.detail.num_cells, 1)] = load, pose.order_seconds
         return self.log.predict(load) + pose.order_seconds
 
     def learn(self, pose: Pose, watch: Stopwatch) -> None:
@@ -87,14 +87,13 @@ class Details:
         """
         cells = np.log(sorted(self._seen))
         costs = np.log([self.log.predict(load) + order for _, (load, order) in sorted(self._seen.items())])
-        wanted, power = np.log(seconds), _MOST_POWER
+        wanted, power = math.log(seconds), _MOST_POWER
         near = min(int(np.count_nonzero(costs < wanted)), len(cells) - 1)
         if len(cells) > 1:
             above = max(near, 1)
             power = (costs[above] - costs[above - 1]) / (cells[above] - cells[above - 1])
         power = min(max(power, _LEAST_POWER), _MOST_POWER)
-        steps = min((wanted - costs[near]) / power, np.log(_MOST_GROWTH))
-        return float(np.exp(cells[near] + steps))
+        return math.exp(cells[near] + min((wanted - costs[near]) / power, math.log(_MOST_GROWTH)))
 
 
 def try_drawings(

@@ -19,6 +19,9 @@ Color = tuple[float, float, float]
 # shorter. Squares and cubes of such lengths, and products of a few, are far from float64's limits.
 SHORTEST, LONGEST = 1e-30, 1e30
 
+# Of tolerances other than 0: smaller numbers have fewer digits, and are lost where they are interpolated.
+LEAST_TOLERANCE = 1e-300
+
 # What `renderer.procedural` can make; here because the schema checks names without importing numpy.
 PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb")
 

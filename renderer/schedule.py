@@ -7,6 +7,7 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise, zip_longest
+from operator import itemgetter
 
 from renderer.scene import ByFrame, ErrorSpec, Scene
 
@@ -21,9 +22,9 @@ def value_at(by_frame: ByFrame, frame: int) -> float:
     """The value at a frame: linear in its logarithm between the scheduled frames, constant before and after them.
 
     At a scheduled frame it is the scheduled number, bit for bit, and between two of them it never turns back.
-    Values that are interpolated are from 1e-300 to 1e300; between equal ones, which may be 0, it is constant.
+    Values that are interpolated are at least 1e-300; between equal ones, which may be 0, it is constant.
     """
-    following = bisect_right([scheduled for scheduled, _ in by_frame], frame)
+    following = bisect_right(by_frame, frame, key=itemgetter(0))
     if following == 0:
         return by_frame[0][1]
     if following == len(by_frame):

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-from renderer.scene import AccuracyGoal, ByFrame, ErrorSpec, SplatBudget, TimeBudget
+from renderer.scene import LEAST_TOLERANCE, AccuracyGoal, ByFrame, ErrorSpec, SplatBudget, TimeBudget
 from renderer.schema import INVALID, Kind, Node, choice, integer, listed, number, section, show
 from renderer.schema_camera import MAX_FRAMES
 
 # Cells of this level would be wider than any volume is long: indices of voxels along an axis are int32.
 MAX_LEVEL = 30
 
-# Beyond these no error of a node lies, so that they are as good as 0 and as infinity.
-LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-300, 1e300
-
 # More cells than any volume has voxels.
-MOST_SPLATS = 2**40
+MOST_SPLATS = 10**12
 
 # A frame takes longer than the one and should not take longer than the other, a day.
 SHORTEST_S, LONGEST_S = 1e-4, 86400.0
@@ -27,8 +25,9 @@ MOST_PSNR_DB = 200.0
 _FRAME = integer(least=0, most=MAX_FRAMES - 1)
 
 
-def _by_frame(value: Kind[Any], at_frame: Kind[Any], expected: str) -> Kind[ByFrame]:
+def _by_frame(value: Kind[Any], example: str, at_frame: Kind[Any] | None = None) -> Kind[ByFrame]:
     """A constant, or values by frame in ascending order."""
+    item = at_frame or value
 
     def parse(node: Node) -> ByFrame:
         if not isinstance(node.value, Mapping):
@@ -36,24 +35,35 @@ def _by_frame(value: Kind[Any], at_frame: Kind[Any], expected: str) -> Kind[ByFr
         if not node.value:
             return kind.refuse(node, "empty")
         found: list[tuple[int, float]] = []
-        for key, item in node.value.items():
+        for key, written in node.value.items():
             frame = _FRAME.read(node.key(key))  # text, too: JSON has no other keys
-            if frame is not INVALID and found:
-                _require_later(node.key(key), frame, found[-1][0])
-            at = at_frame.read(node.child(key, item))
+            at = item.read(node.child(key, written))
             if frame is not INVALID:
+                _require_later(node.key(key), frame, found)
                 found.append((frame, at))
         return tuple(found) or INVALID
 
-    kind: Kind[ByFrame] = Kind(expected, parse)
+    kind: Kind[ByFrame] = Kind(f"{value.expected}, or by frame, such as {example}", parse)
     return kind
 
 
-def _require_later(key: Node, frame: int, before: int) -> None:
-    if frame == before:
+def _require_later(key: Node, frame: int, found: list[tuple[int, float]]) -> None:
+    last = found[-1][0] if found else -1
+    if frame == last:
         key.complain("the same frame twice", got=show(frame))
-    elif frame < before:
-        key.complain("frames out of order", got=f"{frame} after {before}", expected="frames in ascending order")
+    elif frame < last:
+        key.complain("frames out of order", got=f"{frame} after {last}", expected="frames in ascending order")
+
+
+def _not_zero(kind: Kind[Any], what: str, hint: str) -> Kind[Any]:
+    """The same kind, none of which is 0, with a hint to who writes it nevertheless."""
+
+    def parse(node: Node) -> Any:
+        if node.value == 0 and node.value is not False:
+            return kind.refuse(node, what, got=show(node.value), hint=hint)
+        return kind.parse(node)
+
+    return replace(kind, parse=parse)
 
 
 def _parse_tolerance(node: Node) -> ByFrame:
@@ -65,34 +75,44 @@ def _parse_tolerance(node: Node) -> ByFrame:
                     "0 in a tolerance by frame, with frames between it and another",
                     got=show({start: before, end: after}),
                     expected="a number greater than 0",
-                    hint="it is interpolated in the logarithm; 0 draws every voxel where the next frame has an entry",
+                    hint="it is interpolated in the logarithm; "
+                    f"{show({start: before, end - 1: before, end: after})} goes from one to the other at once",
                 )
     return by_frame
 
 
 def _parse_tolerance_at_frame(node: Node) -> float:
-    value = _CONSTANT.read(node)
+    value = _TOLERANCE.read(node)
     if value is not INVALID and 0 < value < LEAST_TOLERANCE:
         return _AT_FRAME.refuse(node, "out of range", got=show(node.value))
     return value
 
 
-_CONSTANT = number(least=0, most=LARGEST_TOLERANCE)
-_AT_FRAME: Kind[float] = Kind(
-    f"0, or a number from {show(LEAST_TOLERANCE)} to {show(LARGEST_TOLERANCE)}", _parse_tolerance_at_frame
+_TOLERANCE = number(least=0)
+_AT_FRAME: Kind[float] = Kind(f"0, or a number of at least {show(LEAST_TOLERANCE)}", _parse_tolerance_at_frame)
+_TOLERANCES = _by_frame(_TOLERANCE, "{0: 0.5, 60: 0.02}", _AT_FRAME)
+_NUM_SPLATS = _not_zero(
+    integer(least=1, most=MOST_SPLATS), "a budget of 0", "1 is the whole volume as one splat; tolerance: 0 has no limit"
 )
-_TOLERANCE_WORDS = "a number of at least 0, or numbers by frame, such as {0: 0.5, 60: 0.02}"
-_TOLERANCES = _by_frame(_CONSTANT, _AT_FRAME, _TOLERANCE_WORDS)
-_NUM_SPLATS = integer(least=1, most=MOST_SPLATS)
-_SECONDS = number(least=SHORTEST_S, most=LONGEST_S)
+_SECONDS = _not_zero(
+    number(least=SHORTEST_S, most=LONGEST_S),
+    "a budget of 0",
+    "it is the time for each frame; the quickest is splats: 1",
+)
 
 # What an `error` may have one of.
 _SCHEDULES: dict[str, Kind[Any]] = {
-    "tolerance": Kind(_TOLERANCE_WORDS, _parse_tolerance),
-    "splats": _by_frame(_NUM_SPLATS, _NUM_SPLATS, f"{_NUM_SPLATS.expected}, or such numbers by frame"),
-    "seconds": _by_frame(_SECONDS, _SECONDS, f"{_SECONDS.expected}, or such numbers by frame"),
-    "psnr": number(above=0, most=MOST_PSNR_DB),
-    "rmse": number(above=0, most=1),
+    "tolerance": replace(_TOLERANCES, parse=_parse_tolerance),
+    "splats": _by_frame(_NUM_SPLATS, "{0: 1000, 60: 100000}"),
+    "seconds": _by_frame(_SECONDS, "{0: 0.1, 60: 2}"),
+    "psnr": _not_zero(
+        number(above=0, most=MOST_PSNR_DB),
+        "an accuracy of 0",
+        "it is in decibels, the more the better: at 30 flaws are seen, at 40 hardly any",
+    ),
+    "rmse": _not_zero(
+        number(above=0, most=1), "an accuracy of 0", "nothing is as exact as that; tolerance: 0 draws every voxel"
+    ),
 }
 
 
@@ -104,7 +124,8 @@ def _build_error(node: Node, given: dict[str, Any]) -> ErrorSpec:
             expected="classified",
             hint="the error of the scalar needs measure: rms",
         )
-    schedules = [key for key in given if key in _SCHEDULES]
+    written = node.value if isinstance(node.value, Mapping) else {}
+    schedules = [key for key in given if key in _SCHEDULES and key in written]  # misspelt ones are given, too
     for other in schedules[1:]:
         node.key(other).complain(
             f"a second schedule beside {schedules[0]}",

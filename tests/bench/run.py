@@ -20,7 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from hsplat_cli.machine import commit
+from hsplat_cli.scene_file import load_scene
 from renderer.camera_paths import make_view
+from renderer.cut_sizes import CutSizes, cut_sizes
+from renderer.drawing import finest_level_at
 from renderer.octree import cut_pyramid
 from renderer.pipeline import prepare, render_frames
 from renderer.projection import visible_order
@@ -60,6 +63,9 @@ def main() -> None:
         print(f"{rasterizer.renderer_name}; {platform.machine()}, {os.cpu_count()} cores; commit {commit()}")
         bench_pyramid()
         bench_frame(rasterizer)
+    bench_splats("phantom", _phantom_scene((256, 256, 128), FRAME_TOLERANCE))
+    if arguments.engine:
+        bench_splats("engine", load_scene(ROOT / "configs" / "engine.yaml", volume=arguments.engine))
     bench_memory()
     if arguments.engine:
         bench_first_frame(arguments.engine)
@@ -110,6 +116,29 @@ def bench_frame(rasterizer: GLRasterizer) -> None:
     cut_ms, order_ms = cut_wall * per * 1e3, order_wall * per * 1e3
     print(f"  per 150 k splats: cut {cut_ms:.1f} ms (goal 10), order {order_ms:.1f} ms (goal 4)")
     print(f"  {len(cut) / draw_wall / 1e6:.2f} M splats/s")
+
+
+def bench_splats(name: str, scene: Scene) -> None:
+    """The finest cut of at most N cells: how near to N it is, and how long it takes to know its tolerance."""
+    stage = prepare(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1, any_tolerance=True)
+    above_zero, at_zero = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
+    for num in (10**3, 10**4, 10**5, 10**6):
+
+        def search(num: int = num) -> CutSizes:
+            return cut_sizes(stage.pyramid, num, finest_level=above_zero, finest_level_at_zero=at_zero)
+
+        sizes = search()
+        found = sizes.finest(num)
+        cut = cut_pyramid(stage.pyramid, found.tolerance, finest_level=finest_level_at(stage, found.tolerance))
+        finer = cut_pyramid(stage.pyramid, sizes.beyond, finest_level=finest_level_at(stage, sizes.beyond))
+        assert len(cut) == found.num_cells <= num, "another cut"
+        assert len(finer) > num or found.tolerance == 0, "not the finest"
+        wall, _ = _timed(search, 5)
+        print(
+            f"splats: {num} of the {name}: {len(cut)} cells, {1 - len(cut) / num:.2%} under "
+            f"(goal 0.5 %, or the next finer cut has more: {len(finer)}); "
+            f"tolerance {found.tolerance:g} found in {wall * 1e3:.1f} ms"
+        )
 
 
 def bench_memory() -> None:

@@ -13,7 +13,7 @@ from oracle_splats import Order, Picture, centers, make_picture
 
 from renderer.camera import View
 from renderer.cell_edges import make_cell_edges
-from renderer.depth_directions import FADE_ANGLE, LEAST_SLOPE, Turning, depth_directions
+from renderer.depth_directions import FADE_ANGLE, LEAST_SLOPE, DepthDirection, depth_directions
 from renderer.drawing import Frame, Stage, finest_level_at
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import render_frames
@@ -57,7 +57,10 @@ def reference(stage: Stage, frame: Frame, view: View) -> Picture:
         for _, order in orders:
             _require_box_order(cut, order, view)
     else:
-        _require_depth_orders(cut, orders, centers(field, cells), view, stage.turning)
+        turned = depth_directions(stage.turning, view.forward)
+        if scene.splat.order == "unmixed":
+            turned = [DepthDirection(1.0, view.forward)]
+        _require_depth_orders(cut, orders, centers(field, cells), view, turned)
     return make_picture(field, cells, scene, view, orders)
 
 
@@ -71,11 +74,10 @@ def _require_shares(orders: list[Order]) -> None:
         raise WrongError(f"orders of other splats: {[len(order) for _, order in orders]}")
 
 
-def _require_depth_orders(cut: Cut, orders: list[Order], at: Float64, view: View, turning: Turning) -> None:
+def _require_depth_orders(cut: Cut, orders: list[Order], at: Float64, view: View, turned: list[DepthDirection]) -> None:
     """Back to front by the centres `at` [n, 3] along the view, or along directions next to it, where neighbours on the
     lattice are at almost the same depth."""
     edges = cut.volume.world_from_index[:3, :3]
-    turned = depth_directions(turning, view.forward)
     if len(turned) != len(orders) or any(each.share != share for each, (share, _) in zip(turned, orders, strict=True)):
         raise WrongError(f"{len(orders)} orders, {len(turned)} directions")
     # As far as the views around this one; and by what keeps the order of level steps, and makes them level.

@@ -22,13 +22,18 @@ from scenes import DTYPES, Case, legal_case, random_of
 from spoil import spoil
 
 from hsplat_cli.main import run
+from hsplat_cli.render.goals import make_plan
 from hsplat_cli.scene_file import load_scene
-from renderer.drawing import Frame, Stage, view_of
+from renderer.costs import CostLog
+from renderer.drawing import Frame, Stage, finest_level_at, view_of
 from renderer.errors import InputError
+from renderer.octree import cut_pyramid
+from renderer.pacing import Details
 from renderer.pipeline import prepare, render_frames
 from renderer.png import encode_png
 from renderer.raster_gl import GLRasterizer
-from renderer.scene import Scene
+from renderer.scene import Scene, SplatBudget
+from renderer.schedule import value_at
 
 # Of a scene of this size, in any state.
 PATIENCE_S = 60
@@ -173,9 +178,12 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
     number = min(case.frame, scene.camera.path.frames - 1)
+    stage = make_plan(Details(stage, CostLog()), [number], rasterizer, quiet=True).stage
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():
         raise WrongError("the picture has pixels that are not numbers")
+    if isinstance(scene.error.goal, SplatBudget):
+        _require_finest(stage, frame, value_at(scene.error.goal.by_frame, number))
     view = view_of(stage, number)
     with np.errstate(all="ignore"):
         picture = reference(stage, frame, view)
@@ -189,6 +197,16 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
         verdict.worst |= compare_8_bit(frame.image, picture, scene.output.background)
     verdict.outcome = "picture"
     return frame
+
+
+def _require_finest(stage: Stage, frame: Frame, most_cells: float) -> None:
+    """Of at most so many cells: any cut with another number of cells, at a smaller tolerance, has too many."""
+    if frame.num_cells > most_cells:
+        raise WrongError(f"{frame.num_cells} cells instead of {most_cells}")
+    for tolerance in (*(frame.tolerance * factor for factor in (0.3, 0.9, 0.99, 0.9999)), 0.0):
+        finer = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
+        if frame.num_cells < len(finer) <= most_cells:
+            raise WrongError(f"{frame.num_cells} cells, {len(finer)} at tolerance {tolerance}, and {most_cells} may be")
 
 
 def _require_same_volume(stage: Stage, case: Case) -> None:
@@ -207,5 +225,6 @@ def _kinds(case: Case) -> tuple[str, ...]:
     kinds = [
         "gouraud" if isinstance(splat, dict) and splat.get("footprint") == "gouraud" else "gaussian",
         f"measure {error.get('measure', 'optical') if isinstance(error, dict) else 'optical'}",
+        "splats given" if isinstance(error, dict) and "splats" in error else "tolerance given",
     ]
     return tuple(kinds)

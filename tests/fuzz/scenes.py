@@ -29,6 +29,7 @@ ZOOM = (0.1, 30.0)
 DISTANCE = (1e-2, 1e3)  # of the eye, in diagonals
 SMALLEST_VIEW = 1e-3  # half the height that is seen at the target without a zoom, in diagonals
 TOLERANCES = (0.0, 1e-300, 1e-6, 10.0, 1e6, 1e300)
+SPLATS = (1, 1000)
 OPACITIES = (0.0, 1e-12, 1e-6, 0.01, 0.1, 0.5, 0.9, 1 - 1e-12, 1.0)
 LARGEST_VALUE = 1e300  # of a voxel
 EXACT_INTEGER = 2**53 - 3  # that float64 tells from its neighbours
@@ -360,7 +361,7 @@ def random_path(rng: Random) -> Tree:
 
 
 def random_error(rng: Random, num_frames: int, values: tuple[float, float]) -> Tree:
-    """Any measure, tolerance and level."""
+    """Any measure, tolerance or number of splats, and level."""
     error: Tree = {"measure": _one_of(rng, ["optical", "optical", "rms"])}
     tolerance = float(_one_of(rng, TOLERANCES)) if rng.random() < 0.4 else _between(rng, (1e-4, 2.0))
     if error["measure"] == "rms" and rng.random() < 0.4:
@@ -372,6 +373,11 @@ def random_error(rng: Random, num_frames: int, values: tuple[float, float]) -> T
         error["tolerance"] |= {num_frames - 1: 0.1}
     if rng.random() < 0.15:
         error["finest_level"] = int(rng.integers(0, 5))
+    if rng.random() < 0.2:
+        del error["tolerance"]
+        error["splats"] = round(_between(rng, SPLATS))
+        if rng.random() < 0.4:
+            error["splats"] = {frame: round(_between(rng, SPLATS)) for frame in range(num_frames) if frame % 2 == 0}
     return error
 
 
@@ -380,7 +386,7 @@ def random_splat(rng: Random) -> Tree:
     splat: Tree = {}
     _maybe(rng, 0.3, lambda: splat.update(sigma=float(rng.uniform(0.38, 2))))
     _maybe(rng, 0.2, lambda: splat.update(opacity_correction=False))
-    _maybe(rng, 0.25, lambda: splat.update(order="boxes"))
+    _maybe(rng, 0.35, lambda: splat.update(order=_one_of(rng, ["boxes", "boxes", "unmixed"])))
     if rng.random() < 0.3:
         splat |= {"footprint": "gouraud", "angular": int(rng.integers(3, 13)), "radial": int(rng.integers(1, 6))}
         radii = [0.0, *sorted(float(r) for r in rng.uniform(0.05, 0.95, int(rng.integers(0, 3)))), 1.0]

@@ -20,7 +20,7 @@ import pytest
 from golden_cases import CASES, FOLDER, FRAMES, Case
 from golden_compare import AMPLIFICATION, Difference, compare, read_frame, write_difference
 
-from renderer import pipeline
+from renderer import drawing
 from renderer.splats import SplatBatch
 
 FAILED = FOLDER / "failed"
@@ -87,8 +87,8 @@ def _narrower(splats: SplatBatch) -> SplatBatch:
 def test_a_defect_is_found(
     defect: Callable[[SplatBatch], SplatBatch], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    make_splats = pipeline.make_splats
-    monkeypatch.setattr(pipeline, "make_splats", lambda cut, spec: defect(make_splats(cut, spec)))
+    make_splats = drawing.make_splats
+    monkeypatch.setattr(drawing, "make_splats", lambda cut, spec: defect(make_splats(cut, spec)))
     case = CASES[0]
     texts = [mismatch(FRAMES / path.name, path, tmp_path / "failed") for path in case.draw(tmp_path)]
     assert all(texts)
@@ -110,12 +110,12 @@ def test_a_defect_of_the_order_is_found(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    visible_orders = pipeline.visible_orders
+    visible_orders = drawing.visible_orders
 
     def spoilt(splats: SplatBatch, *rest: Any) -> list[tuple[float, npt.NDArray[np.uint32]]]:
         return [(share, defect(order, splats)) for share, order in visible_orders(splats, *rest)]
 
-    monkeypatch.setattr(pipeline, "visible_orders", spoilt)
+    monkeypatch.setattr(drawing, "visible_orders", spoilt)
     assert all(mismatch(FRAMES / path.name, path, tmp_path / "failed") for path in CASES[0].draw(tmp_path))
 
 

@@ -17,10 +17,9 @@ from hypothesis import strategies as st
 from renderer.errors import InputError
 from renderer.pipeline import prepare, render_frames
 from renderer.raster_gl import GLRasterizer
-from renderer.scene import LONGEST, PROCEDURAL_NAMES, SHORTEST
+from renderer.scene import LEAST_TOLERANCE, LONGEST, PROCEDURAL_NAMES, SHORTEST
 from renderer.scene_schema import parse_scene
 from renderer.schema_camera import MAX_ANGLE, MAX_ZOOM, MIN_ZOOM, NARROWEST_VIEW, WIDEST_VIEW
-from renderer.schema_error import LARGEST_TOLERANCE, LEAST_TOLERANCE
 
 Numbers = st.SearchStrategy[float]
 
@@ -103,7 +102,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
     ratios = draw(st.tuples(*[st.one_of(st.just(1.0), size(3e-3, 3e2))] * 3))
     spacing = [min(max(side * ratio, SHORTEST), LONGEST) for ratio in ratios]
     shape = draw(st.tuples(*[st.integers(1, 5)] * 3))
-    tolerance = size(LEAST_TOLERANCE, LARGEST_TOLERANCE)
+    tolerance = size(LEAST_TOLERANCE, 1.7e308)
     volume = {"name": draw(st.sampled_from(PROCEDURAL_NAMES)), "shape": list(shape), "spacing": spacing}
     scene = {
         "volume": {"procedural": volume},
@@ -131,7 +130,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
             splat=maybe(
                 footprint=st.sampled_from(["gaussian", "gouraud"]),
                 sigma=st.floats(0.38, 2),
-                order=st.sampled_from(["depth", "boxes"]),
+                order=st.sampled_from(["depth", "unmixed", "boxes"]),
             ),
             overlay=st.sampled_from(["none", "octree"]),
         )

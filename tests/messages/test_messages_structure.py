@@ -113,7 +113,7 @@ scene.yaml:17:8: splat: not a mapping
 scene.yaml:14:7: error: no value
     | error:
     |       ^
-  expected: a mapping with measure, of, tolerance or finest_level
+  expected: a mapping with tolerance, splats, seconds, psnr, rmse, measure, of or finest_level
 """,
     ),
     "unquoted_color": (
@@ -304,7 +304,7 @@ scene.yaml:16:14: error.tolerance: too small a number to tell from 0
     | tolerance: 1e-400
     |            ^
   got: '1e-400'
-  expected: a number from 0 to 1e+300
+  expected: a number of at least 0
   hint: the smallest number above 0 is 5e-324; for zero write 0
 """,
     ),
@@ -316,7 +316,7 @@ scene.yaml:16:14: error.tolerance: not a finite number
     | tolerance: .nan
     |            ^
   got: .nan
-  expected: a number from 0 to 1e+300
+  expected: a number of at least 0
 """,
     ),
     "tolerance_negative": (
@@ -327,7 +327,7 @@ scene.yaml:16:14: error.tolerance: out of range
     | tolerance: -1e-300
     |            ^
   got: -1e-300
-  expected: a number from 0 to 1e+300
+  expected: a number of at least 0
 """,
     ),
     "tolerance_by_list": (
@@ -338,7 +338,7 @@ scene.yaml:16:14: error.tolerance: not a number
     | tolerance: [0.5, 0.1]
     |            ^
   got: [0.5, 0.1]
-  expected: a number from 0 to 1e+300
+  expected: a number of at least 0
 """,
     ),
     "tolerances_by_frame": (
@@ -349,22 +349,22 @@ scene.yaml:16:18: error.tolerance.0: not a number
     | tolerance: {0: much, 5: .inf, 7: -1, 9: true}
     |                ^
   got: 'much'
-  expected: a number from 1e-300 to 1e+300
+  expected: a number of at least 0
 scene.yaml:16:27: error.tolerance.5: not a finite number
     | tolerance: {0: much, 5: .inf, 7: -1, 9: true}
     |                         ^
   got: .inf
-  expected: a number from 1e-300 to 1e+300
+  expected: a number of at least 0
 scene.yaml:16:36: error.tolerance.7: out of range
     | tolerance: {0: much, 5: .inf, 7: -1, 9: true}
     |                                  ^
   got: -1
-  expected: a number from 1e-300 to 1e+300
+  expected: a number of at least 0
 scene.yaml:16:43: error.tolerance.9: not a number
     | tolerance: {0: much, 5: .inf, 7: -1, 9: true}
     |                                         ^
   got: true
-  expected: a number from 1e-300 to 1e+300
+  expected: a number of at least 0
 """,
     ),
     "no_direction": (
@@ -430,12 +430,24 @@ scene.yaml:16:7: error.of: contradicts measure: optical
         "tolerance: 0.1",
         "tolerance: {0: 0.5, 60: 0}",
         """\
-scene.yaml:16:27: error.tolerance.60: 0 in a tolerance by frame
+scene.yaml:16:27: error.tolerance.60: 0 in a tolerance by frame, with frames between it and another
     | tolerance: {0: 0.5, 60: 0}
     |                         ^
-  got: 0
-  expected: a number from 1e-300 to 1e+300
-  hint: it is interpolated in the logarithm; only a constant tolerance can be 0 and draw every voxel
+  got: {0: 0.5, 60: 0}
+  expected: a number greater than 0
+  hint: it is interpolated in the logarithm; {0: 0.5, 59: 0.5, 60: 0} goes from one to the other at once
+""",
+    ),
+    "zero_then_another": (
+        "tolerance: 0.1",
+        "tolerance: {0: 0, 60: 0.5}",
+        """\
+scene.yaml:16:18: error.tolerance.0: 0 in a tolerance by frame, with frames between it and another
+    | tolerance: {0: 0, 60: 0.5}
+    |                ^
+  got: {0: 0, 60: 0.5}
+  expected: a number greater than 0
+  hint: it is interpolated in the logarithm; {0: 0, 59: 0, 60: 0.5} goes from one to the other at once
 """,
     ),
     "tolerance_after_the_end": (

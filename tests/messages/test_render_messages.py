@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
-from renderer import pipeline
+from renderer import drawing
 from renderer.camera import View
 from renderer.camera_paths import make_view
 from renderer.raster_gl import GLRasterizer
@@ -180,7 +180,7 @@ def test_a_picture_too_large_for_the_device(render: Render, monkeypatch: pytest.
     def huge(*arguments: Any) -> View:  # beyond what a scene may ask for, so that every device refuses it
         return dataclasses.replace(make_view(*arguments), size=(10**6, 8))
 
-    monkeypatch.setattr(pipeline, "make_view", huge)
+    monkeypatch.setattr(drawing, "make_view", huge)
     monkeypatch.setattr(GLRasterizer, "renderer_name", "llvmpipe")
     assert render.fails(*CONSTANT) == (
         1,

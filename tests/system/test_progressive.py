@@ -220,3 +220,15 @@ def test_budgets_are_refined_to(folder: Path, schedule: str) -> None:
     passes = sidecar()["passes"]
     assert all(a["cells"][1] < b["cells"][1] for a, b in pairwise(passes))
     assert sidecar()["schedule"]["asked"] == {schedule.partition("=")[0]: float(schedule.partition("=")[2])}
+
+
+@pytest.mark.parametrize("schedule", ["tolerance=0.1", "splats=1000", "seconds=0.05", "psnr=30"])
+@pytest.mark.parametrize("options", [(), ("--progressive",)])
+def test_where_nothing_is_visible_any_schedule_is_met(schedule: str, options: tuple[str, ...]) -> None:
+    hidden = (
+        "transfer_function.points=[{value: 1000, color: white, opacity: 0}, {value: 1001, color: white, opacity: 0.5}]"
+    )
+    changes = ("--set", hidden, "--set", "error.tolerance=null", "--set", f"error.{schedule}")
+    assert render("--set", "camera.distance=300", *changes, *options) == 0
+    assert sidecar()["schedule"]["met"]
+    assert sidecar()["schedule"]["cells"] == [0, 0]

@@ -14,8 +14,11 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def _scene_in(document: str) -> str:
-    (block,) = re.findall(r"```yaml\n(.*?)```", (ROOT / document).read_text("utf-8"), re.DOTALL)
-    return str(block)
+    return _blocks_in(document)[0]
+
+
+def _blocks_in(document: str) -> list[str]:
+    return re.findall(r"```yaml\n(.*?)```", (ROOT / document).read_text("utf-8"), re.DOTALL)
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/scene.md"])
@@ -25,6 +28,15 @@ def test_the_scene_in_the_text_is_legal(document: str, tmp_path: Path) -> None:
         (tmp_path / name).touch()
     (tmp_path / "scene.yaml").write_text(text, "utf-8")
     load_scene(tmp_path / "scene.yaml")
+
+
+def test_every_line_of_the_other_examples_may_stand_in_the_scene(tmp_path: Path) -> None:
+    scene, *others = _blocks_in("README.md")
+    (tmp_path / "scan.nii.gz").touch()
+    for line in "".join(others).splitlines():
+        key = line.partition(":")[0]
+        (tmp_path / "scene.yaml").write_text(re.sub(rf"(?m)^{key}:.*$", lambda _, new=line: new, scene), "utf-8")
+        load_scene(tmp_path / "scene.yaml")
 
 
 @pytest.mark.parametrize("config", sorted((ROOT / "configs").rglob("*.yaml")), ids=lambda path: path.stem)

@@ -19,6 +19,8 @@ from renderer.extents import proportion_problems
 from renderer.scene import (
     PROCEDURAL_NAMES,
     SHORTEST,
+    AccuracyGoal,
+    ByFrame,
     CameraSpec,
     ColormapSpec,
     ControlPoint,
@@ -33,13 +35,15 @@ from renderer.scene import (
     RockerPath,
     Scene,
     ShadingSpec,
+    SplatBudget,
     SplatSpec,
+    TimeBudget,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
 )
 from renderer.scene_schema import parse_scene, scene_to_dict
-from renderer.schema_error import MAX_LEVEL
+from renderer.schema_error import LONGEST_S, MAX_LEVEL, MOST_PSNR_DB, MOST_SPLATS, SHORTEST_S
 
 HERE = Path(__file__).resolve()
 FILE_BYTES = HERE.stat().st_size
@@ -122,16 +126,32 @@ def paths(frames: int) -> st.SearchStrategy[Any]:
     )
 
 
+def by_frame(frames: int, value: st.SearchStrategy[Any]) -> st.SearchStrategy[ByFrame]:
+    """One value for all, or some by frame."""
+    several = st.dictionaries(st.integers(0, frames - 1), value, min_size=1, max_size=4)
+    return st.one_of(value.map(lambda at: ((0, at),)), several.map(lambda d: tuple(sorted(d.items()))))
+
+
 def errors(frames: int) -> st.SearchStrategy[ErrorSpec]:
-    by_frame = st.dictionaries(st.integers(0, frames - 1), POSITIVE, min_size=1, max_size=4)
-    tolerance = st.one_of(finite(0, 10).map(lambda at: ((0, at),)), by_frame.map(lambda d: tuple(sorted(d.items()))))
+    """With a tolerance, which may be 0 where it stays so, or with a goal."""
+    tolerance = st.one_of(st.just(((0, 0.0),)), st.just(((frames - 1, 0.0),)), by_frame(frames, POSITIVE))
+    goal = st.one_of(
+        st.builds(SplatBudget, by_frame(frames, st.integers(1, MOST_SPLATS))),
+        st.builds(TimeBudget, by_frame(frames, finite(SHORTEST_S, LONGEST_S))),
+        st.builds(AccuracyGoal, st.just("psnr"), finite(1e-6, MOST_PSNR_DB)),
+        st.builds(AccuracyGoal, st.just("rmse"), finite(1e-6, 1)),
+    )
     measures = st.sampled_from([("optical", "classified"), ("rms", "classified"), ("rms", "scalar")])
     levels = st.integers(0, MAX_LEVEL)
-    return st.builds(lambda at, pair, level: ErrorSpec(at, *pair, level), tolerance, measures, levels)
+    return st.one_of(
+        st.builds(lambda at, pair, level: ErrorSpec(at, *pair, level), tolerance, measures, levels),
+        st.builds(lambda at, pair, level: ErrorSpec(ErrorSpec.tolerance, *pair, level, at), goal, measures, levels),
+    )
 
 
+ORDER = st.sampled_from(["depth", "unmixed", "boxes"])
 SPLATS = st.one_of(
-    st.builds(SplatSpec, st.just("gaussian"), finite(0.38, 2), opacity_correction=st.booleans()),
+    st.builds(SplatSpec, st.just("gaussian"), finite(0.38, 2), opacity_correction=st.booleans(), order=ORDER),
     st.builds(
         SplatSpec,
         st.just("gouraud"),
@@ -139,7 +159,7 @@ SPLATS = st.one_of(
         st.integers(3, 64),
         st.integers(1, 32),
         st.builds(lambda middle, at: ((0.0, 1.0), (at, middle), (1.0, 0.0)), PART, finite(0.1, 0.9)),
-        order=st.sampled_from(["depth", "boxes"]),
+        order=ORDER,
     ),
 )
 OUTPUTS = st.one_of(
@@ -283,12 +303,21 @@ SPOILT = [
         volume=VolumeSpec(RawSource(HERE, (1, 1, FILE_BYTES - 1), "uint8", offset=1)),
         transfer_function=TransferSpec((ControlPoint(0, (0, 0, 0), 0), ControlPoint(1, (1, 1, 1), 1)), 2),
         camera=CameraSpec(RockerPath(9), target=(1, 2, 3)),
+        error=ErrorSpec(goal=SplatBudget(((0, 1000), (8, 10_000)))),
         output=OutputSpec(Path("a.mp4")),
+    ),
+    Scene(
+        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+        transfer_function=TransferSpec((ControlPoint(0, (0, 0, 0), 1),)),
+        camera=CameraSpec(TurntablePath(9)),
+        error=ErrorSpec(goal=AccuracyGoal("psnr", 30.0)),
+        splat=SplatSpec(order="unmixed"),
+        output=OutputSpec(Path("a.gif")),
     ),
 ]
 
 
-@pytest.mark.parametrize("scene", SPOILT, ids=["file", "raw"])
+@pytest.mark.parametrize("scene", SPOILT, ids=["file", "raw", "procedural"])
 def test_spoilt_scenes_give_complaints_and_nothing_else(scene: Scene) -> None:
     plain = scene_to_dict(scene)
     assert parse(plain) == scene

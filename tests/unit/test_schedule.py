@@ -2,12 +2,44 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from renderer.scene import ErrorSpec
-from renderer.schedule import tolerance_at
+from renderer.scene import (
+    LEAST_TOLERANCE,
+    AccuracyGoal,
+    CameraSpec,
+    ControlPoint,
+    ErrorSpec,
+    OutputSpec,
+    ProceduralSource,
+    Scene,
+    SplatBudget,
+    TimeBudget,
+    TransferSpec,
+    TurntablePath,
+    VolumeSpec,
+)
+from renderer.scene_schema import parse_scene, scene_to_dict
+from renderer.schedule import at_tolerance, at_tolerances, least_tolerance, tolerance_at, value_at
+
+MAX_FRAMES = 1_000_000
+SCENE = Scene(
+    volume=VolumeSpec(ProceduralSource("constant", (8, 8, 8))),
+    transfer_function=TransferSpec((ControlPoint(0, (1, 1, 1), 0.1),)),
+    camera=CameraSpec(TurntablePath(MAX_FRAMES)),
+    error=ErrorSpec(goal=SplatBudget(((0, 1000),)), finest_level=1),
+    output=OutputSpec(Path("film.mp4")),
+)
+GOALS = (SplatBudget(((0, 1000), (9, 5))), TimeBudget(((0, 0.5),)), AccuracyGoal("psnr", 30), AccuracyGoal("rmse", 0.1))
+
+TOLERANCE = st.floats(LEAST_TOLERANCE, sys.float_info.max)
 
 
 def test_one_entry_is_constant() -> None:
@@ -29,3 +61,76 @@ def test_between_frames_equal_steps_are_equal_ratios() -> None:
     ratios = [b / a for a, b in pairwise(tolerances)]
     assert ratios == pytest.approx([(0.02 / 0.5) ** (1 / 60)] * 60, rel=1e-13)
     assert tolerances[30] == pytest.approx(0.1, rel=1e-15)
+
+
+def test_0_is_held_and_left_at_once() -> None:
+    entries = ((2, 0.0), (5, 0.0), (6, 0.5), (8, 0.5), (9, 0.0))
+    assert [value_at(entries, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(ends=st.tuples(TOLERANCE, TOLERANCE), length=st.integers(1, 60))
+def test_over_all_of_float64_values_go_from_one_end_to_the_other(ends: tuple[float, float], length: int) -> None:
+    values = [value_at(((7, ends[0]), (7 + length, ends[1])), frame) for frame in range(7, 8 + length)]
+    assert (values[0], values[-1]) == ends
+    assert values == sorted(values, reverse=ends[0] > ends[1])
+
+
+def test_budgets_are_interpolated_like_tolerances() -> None:
+    assert [value_at(((0, 1000), (2, 100_000)), frame) for frame in range(4)] == pytest.approx(
+        [1000, 10_000, 100_000, 100_000], rel=1e-14
+    )
+
+
+def test_the_least_tolerance() -> None:
+    assert least_tolerance(ErrorSpec(((0, 0.5), (8, 0.02), (9, 0.1)))) == 0.02
+    assert least_tolerance(ErrorSpec(((0, 0.5), (1, 0.0)))) == 0.0
+    assert least_tolerance(ErrorSpec(((3, 7.0),))) == 7.0
+
+
+@pytest.mark.parametrize("goal", GOALS, ids=lambda goal: type(goal).__name__)
+def test_a_goal_may_come_to_any_tolerance(goal: SplatBudget | TimeBudget | AccuracyGoal) -> None:
+    error = ErrorSpec(goal=goal)
+    assert least_tolerance(error) == 0.0
+    with pytest.raises(AssertionError, match="to be resolved first"):
+        tolerance_at(error, 0)
+
+
+# From tolerances to a scene
+
+GAPS_AND_TOLERANCES = st.lists(
+    st.tuples(
+        st.one_of(st.just(1), st.integers(1, 9)),
+        st.one_of(st.just(0.0), st.sampled_from([LEAST_TOLERANCE, 0.1, 0.5]), TOLERANCE),
+    ),
+    min_size=1,
+    max_size=30,
+)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(first=st.integers(0, 5), steps=GAPS_AND_TOLERANCES)
+def test_every_frame_has_its_tolerance_in_the_scene_and_in_its_json(first: int, steps: list[tuple[int, float]]) -> None:
+    tolerances, frame = {}, first
+    for gap, tolerance in steps:
+        tolerances[frame] = tolerance
+        frame += gap
+    scene = at_tolerances(SCENE, tolerances)
+    assert {frame: tolerance_at(scene.error, frame) for frame in tolerances} == tolerances
+    assert parse_scene(json.loads(json.dumps(scene_to_dict(scene))), base=Path()) == scene
+    assert scene.error.goal is None and scene.error.finest_level == 1
+
+
+def test_equal_tolerances_are_written_once() -> None:
+    """Runs of them have an entry at both ends, and one for the whole film is a number."""
+    assert at_tolerances(SCENE, dict.fromkeys(range(3, 99), 0.1)) == at_tolerance(SCENE, 0.1)
+    assert scene_to_dict(at_tolerance(SCENE, 0.1))["error"]["tolerance"] == 0.1
+    tolerances = dict.fromkeys(range(40), 0.5) | dict.fromkeys(range(40, 60), 0.1) | {60: 0.0}
+    assert at_tolerances(SCENE, tolerances).error.tolerance == ((0, 0.5), (39, 0.5), (40, 0.1), (59, 0.1), (60, 0.0))
+
+
+def test_frames_between_those_that_are_drawn_belong_to_the_one_before() -> None:
+    error = at_tolerances(SCENE, {0: 0.5, 10: 0.1, 20: 0.2}).error
+    assert [tolerance_at(error, frame) for frame in (0, 5, 9, 10, 15, 19, 20, 99)] == [
+        0.5, 0.5, 0.5, 0.1, 0.1, 0.1, 0.2, 0.2,
+    ]  # fmt: skip

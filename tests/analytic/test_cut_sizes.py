@@ -1,0 +1,325 @@
+"""The sizes of cuts, against cuts: `splats: N` is the finest that there is, at a tolerance that a scene can have."""
+
+from __future__ import annotations
+
+import math
+import sys
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from hsplat_cli.scene_file import load_scene
+from renderer.cut_sizes import CutSizes, cut_sizes
+from renderer.drawing import finest_level_at
+from renderer.octree import children, cut_pyramid, node_errors
+from renderer.pipeline import prepare
+from renderer.procedural import make_procedural
+from renderer.pyramid import Pyramid, build_pyramid
+from renderer.scene import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec
+from renderer.scene_schema import parse_scene
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
+
+Float64 = npt.NDArray[np.float64]
+
+ERRORS = (ErrorSpec(), ErrorSpec(measure="rms"), ErrorSpec(measure="rms", of="scalar"))
+IDS = ("optical", "rms", "scalar")
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def transfer(deepest: float = 3.0) -> TransferFunction:
+    colors = np.array([[0, 0, 0], [0, 0.5, 1], [1, 0.5, 0.1]])
+    return TransferFunction(np.array([0.0, 60, 250]), colors, np.array([0, 0, deepest]), 1.0)
+
+
+def volume_of(values: npt.NDArray[Any]) -> Volume:
+    """Anisotropic."""
+    return make_volume(np.ascontiguousarray(values), np.diag([0.5, 1.0, 2.0, 1.0]), "test")
+
+
+def build(of: Volume, error: ErrorSpec = ERRORS[0], spec: PyramidSpec | None = None) -> Pyramid:
+    return build_pyramid(of, transfer(), spec=spec or PyramidSpec(), error=error, num_threads=1)
+
+
+def sizes_of(pyramid: Pyramid, most_cells: int = 10**9, finest: int = 0, finest_at_zero: int = 0) -> CutSizes:
+    return cut_sizes(pyramid, most_cells, finest_level=finest, finest_level_at_zero=finest_at_zero)
+
+
+@st.composite
+def values(draw: st.DrawFn) -> npt.NDArray[Any]:
+    """Noise, a few different values, terraces, mostly nothing, all alike: with ties and with empty parts."""
+    shape = draw(st.tuples(*[st.integers(1, 13)] * 3))
+    rng = np.random.default_rng(draw(st.integers(0, 99)))
+    kind = draw(st.sampled_from(["noise", "few", "terraces", "sparse", "even"]))
+    z, y, x = np.indices(shape)
+    field = {
+        "noise": rng.uniform(0, 250, shape),
+        "few": rng.choice([0, 100, 250], shape),
+        "terraces": 40.0 * ((x // 2 + y // 4 + z // 3) % 6),
+        "sparse": np.where(rng.random(shape) < 0.1, 200, 0),
+        "even": np.full(shape, draw(st.sampled_from([0, 200]))),
+    }[kind]
+    return np.asarray(field).astype(draw(st.sampled_from([np.uint8, np.float32])))
+
+
+def all_node_errors(pyramid: Pyramid) -> Float64:
+    """Different ones, falling."""
+    nodes = np.arange(len(pyramid.levels[-1].errors))
+    cells, found = np.zeros((len(nodes), 3), np.int32), []
+    for number in range(pyramid.num_levels, 0, -1):
+        found.append(node_errors(pyramid, nodes, cells, number))
+        if number > 1:
+            level = pyramid.levels[number - 1]
+            nodes, cells = children(nodes, cells, level.masks, level.first_children)
+    return np.unique(np.concatenate(found))[::-1]
+
+
+def all_cuts(pyramid: Pyramid, finest: int, finest_at_zero: int) -> list[tuple[float, int]]:
+    """(tolerance, number of cells) by falling tolerance; between two of these, no cut is another than theirs."""
+    errors = all_node_errors(pyramid).tolist()
+    tolerances = {1e300} | {at for error in errors for at in (error, math.nextafter(error, math.inf)) if at > 0}
+    found = [(at, len(cut_pyramid(pyramid, at, finest_level=finest))) for at in sorted(tolerances, reverse=True)]
+    return [*found, (0.0, len(cut_pyramid(pyramid, 0.0, finest_level=finest_at_zero)))]
+
+
+def assert_finest(pyramid: Pyramid, num: int, levels: tuple[int, int], cuts: list[tuple[float, int]]) -> None:
+    found = sizes_of(pyramid, num, *levels).finest(num)
+    best, most = min((at, cells) for at, cells in cuts if cells <= num)
+    assert found.num_cells == most
+    ours, theirs = (cut_pyramid(pyramid, at, finest_level=levels[at == 0]) for at in (found.tolerance, best))
+    assert len(ours) == most
+    np.testing.assert_array_equal(ours.levels, theirs.levels)
+    np.testing.assert_array_equal(ours.cells, theirs.cells)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    values=values(),
+    error=st.sampled_from(ERRORS),
+    spec=st.builds(PyramidSpec, st.sampled_from(["extinction", "opacity"]), st.sampled_from(["half", "single"])),
+    levels=st.tuples(st.integers(0, 3), st.integers(0, 3)),
+    share=st.floats(0, 1.1),
+)
+def test_the_finest_of_at_most_so_many_cells(
+    values: npt.NDArray[Any], error: ErrorSpec, spec: PyramidSpec, levels: tuple[int, int], share: float
+) -> None:
+    pyramid = build(volume_of(values), error, spec)
+    levels = max(levels), min(levels)
+    cuts = all_cuts(pyramid, *levels)
+    counts = [cells for _, cells in cuts]
+    assert counts == sorted(counts)
+    for num in {1, *(max(1, counts[-1] + k) for k in (-1, 0, 1)), max(1, round(share * counts[-1]))}:
+        assert_finest(pyramid, num, levels, cuts)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(values=values(), error=st.sampled_from(ERRORS), levels=st.tuples(st.integers(0, 2), st.integers(0, 2)))
+def test_every_cut_is_counted(values: npt.NDArray[Any], error: ErrorSpec, levels: tuple[int, int]) -> None:
+    """At and just above each division, all of them and the first of them."""
+    pyramid = build(volume_of(values), error)
+    levels = max(levels), min(levels)
+    every = sizes_of(pyramid, 10**9, *levels)
+    assert every.beyond == 0.0
+    assert every.num_in_all == len(cut_pyramid(pyramid, 0.0, finest_level=levels[1]))
+    assert (np.diff(every.divisions) < 0).all() and (np.diff(every.counts) >= 0).all()
+    for k, division in enumerate(every.divisions.tolist()):
+        assert (
+            len(cut_pyramid(pyramid, math.nextafter(division, 2 * division), finest_level=levels[0])) == every.counts[k]
+        )
+        assert len(cut_pyramid(pyramid, division, finest_level=levels[0])) == every.counts[k + 1]
+    most = max(1, int(every.counts[-1]) // 3)
+    some = sizes_of(pyramid, most, *levels)
+    num = int(np.searchsorted(every.counts, most, side="right"))
+    np.testing.assert_array_equal(some.counts, every.counts[:num])
+    np.testing.assert_array_equal(some.divisions, every.divisions[: num - 1])
+    assert some.beyond == (every.divisions[num - 1] if num <= len(every.divisions) else 0.0)
+    assert some.num_in_all == (every.num_in_all if every.num_in_all <= most else None)
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=IDS)
+def test_a_phantom_by_all_sizes(error: ErrorSpec) -> None:
+    of = make_procedural(ProceduralSource("engine_block", (24, 20, 12)))
+    pyramid = build(of, error)
+    sizes = sizes_of(pyramid)
+    for num in np.unique(np.geomspace(1, 2 * len(cut_pyramid(pyramid, 0.0)), 60).astype(int)).tolist():
+        found = sizes.finest(num)
+        assert found == sizes_of(pyramid, num).finest(num)
+        assert found.num_cells == len(cut_pyramid(pyramid, found.tolerance)) <= num
+
+
+@pytest.mark.parametrize("num", [1, 5, 10**6])
+def test_nothing_visible_has_no_cells(num: int) -> None:
+    assert sizes_of(build(volume_of(np.zeros((5, 6, 7), np.uint8)))).finest(num) == (0.0, 0)
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=IDS)
+def test_one_voxel_is_one_cell(error: ErrorSpec) -> None:
+    assert sizes_of(build(volume_of(np.full((1, 1, 1), 250, np.uint8)), error), 1).finest(1) == (0.0, 1)
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=IDS)
+def test_an_even_volume_is_one_cell_or_every_voxel(error: ErrorSpec) -> None:
+    pyramid = build(volume_of(np.full((9, 8, 17), 200, np.uint8)), error)
+    every = 9 * 8 * 17
+    for num in (1, 2, every - 1):
+        assert sizes_of(pyramid, num).finest(num) == (1.0, 1)
+    for num in (every, every + 1):
+        assert sizes_of(pyramid, num).finest(num) == (0.0, every)
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=IDS)
+def test_cells_that_are_alike_are_divided_together(error: ErrorSpec) -> None:
+    """A checkerboard: all nodes of a level tie."""
+    values = (200 * (np.indices((16, 16, 16)).sum(axis=0) % 2)).astype(np.uint8)
+    pyramid = build(make_volume(values, np.eye(4), "checkerboard"), error)
+    cuts = all_cuts(pyramid, 0, 0)
+    assert {cells for _, cells in cuts} <= {1, 8, 64, 512, 2048}
+    for num in (1, 7, 8, 9, 63, 64, 511, 512, 2047, 2048, 2049):
+        assert_finest(pyramid, num, (0, 0), cuts)
+
+
+def test_sizes_that_were_not_asked_for_are_refused() -> None:
+    sizes = sizes_of(build(volume_of(np.full((4, 4, 4), 200, np.uint8))), 20)
+    for num in (0, 21):
+        with pytest.raises(ValueError, match=rf"^sizes of other cuts: got {num}, expected 1 to 20$"):
+            sizes.finest(num)
+
+
+@pytest.mark.parametrize("levels", [(2, 1), (1, 2)])
+def test_levels_that_the_pyramid_does_not_have_are_refused(levels: tuple[int, int]) -> None:
+    of, spec = volume_of(np.full((9, 9, 9), 200, np.uint8)), PyramidSpec()
+    pyramid = build_pyramid(of, transfer(), spec=spec, error=ERRORS[0], finest_level=2)
+    with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
+        sizes_of(pyramid, 9, *levels)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(values=values(), error=st.sampled_from(ERRORS), share=st.floats(0, 1), finest=st.integers(0, 2))
+def test_a_pyramid_from_some_tolerance_on_has_its_own_cuts(
+    values: npt.NDArray[Any], error: ErrorSpec, share: float, finest: int
+) -> None:
+    """As if all finer ones were too large."""
+    of, spec = volume_of(values), PyramidSpec()
+    whole = build(of, error)
+    errors = all_node_errors(whole)
+    errors = errors[errors > 0]
+    assume(len(errors) > 0)
+    least = float(errors[round(share * (len(errors) - 1))])
+    for least_tolerance in (least, math.nextafter(least, 2 * least)):
+        part = build_pyramid(
+            of, transfer(), spec=spec, error=error, num_threads=1, least_tolerance=least_tolerance, finest_level=finest
+        )
+        most = len(cut_pyramid(whole, least_tolerance, finest_level=finest))
+        for num in {1, 5, max(1, most - 1), most, 10 * most}:
+            found = sizes_of(part, num, finest, finest).finest(num)
+            assert found.tolerance >= least_tolerance
+            assert found.num_cells == len(cut_pyramid(part, found.tolerance, finest_level=finest)) <= num
+            assert found.num_cells == sizes_of(whole, min(num, most), finest, finest).finest(min(num, most)).num_cells
+
+
+# Tolerances
+
+
+def assert_legal(tolerance: float) -> None:
+    """In a scene it comes back as it was, alone and by frame."""
+    for written in (tolerance, {0: tolerance, 1: 0.5}):
+        tree = {
+            "volume": {"procedural": {"name": "constant", "shape": [2, 2, 2]}},
+            "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
+            "camera": {"path": {"type": "turntable", "frames": 9}},
+            "output": {"file": "film.mp4"},
+            "error": {"tolerance": written},
+        }
+        assert parse_scene(tree, base=Path()).error.tolerance[0] == (0, tolerance)
+
+
+def made_sizes(divisions: list[float], beyond: float = 0.0) -> CutSizes:
+    return CutSizes(np.array(divisions), np.arange(1, len(divisions) + 2), beyond, None, len(divisions) + 1)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(
+    ends=st.tuples(*[st.floats(LEAST_TOLERANCE, sys.float_info.max / 2)] * 2),
+    beyond=st.booleans(),
+    ulps=st.none() | st.integers(1, 9),
+)
+def test_tolerances_lie_between_the_divisions_and_are_legal(
+    ends: tuple[float, float], beyond: bool, ulps: int | None
+) -> None:
+    low, high = sorted(ends)
+    if ulps:
+        low = high * (1 - ulps * 2.0**-52)
+    assume(LEAST_TOLERANCE <= low < high)
+    sizes = made_sizes([high], low) if beyond else made_sizes([high, low])
+    above, between = sizes.finest(1).tolerance, sizes.finest(2).tolerance
+    assert above > high >= between > low
+    for tolerance in (above, between):
+        assert_legal(tolerance)
+    # Two numbers that are apart by a part g of themselves have one of so many digits between them.
+    num_digits = max(1, math.ceil(1 - math.log10((high - low) / high)) + 1)
+    assert float(f"{between:.{num_digits - 1}e}") == between or num_digits > 16
+
+
+@pytest.mark.parametrize("division", [LEAST_TOLERANCE, 1.0, 7e299, 8e307])
+def test_tolerances_beside_a_single_division(division: float) -> None:
+    sizes = made_sizes([division])
+    for num, (above, up_to) in {1: (division, math.inf), 2: (0.0, division)}.items():
+        tolerance = sizes.finest(num).tolerance
+        assert above < tolerance <= up_to
+        assert_legal(tolerance)
+        assert float(f"{tolerance:.1e}") == tolerance
+
+
+@pytest.mark.parametrize("scale", [5e-324, 1e-310, 1e-299, 1.0, 1e300, 8e307])
+@pytest.mark.parametrize("precision", ["half", "single"])
+def test_errors_at_the_ends_of_float64(scale: float, precision: Any) -> None:
+    """Of scalars errors may be denormal numbers, or nearly the largest: sizes are right, and tolerances legal."""
+    values = np.random.default_rng(3).choice(np.array([-1.0, 0.0, 1.0, 2.0]) * scale, (6, 7, 9))
+    values[:2] = scale
+    of = make_volume(values, np.eye(4), "ends")
+    tf = TransferFunction(np.zeros(1), np.ones((1, 3)), np.ones(1), 1.0)
+    pyramid = build_pyramid(of, tf, spec=PyramidSpec(precision=precision), error=ERRORS[2], num_threads=1)
+    for num in (1, 2, 8, 30, 100, 377, 378):
+        found = sizes_of(pyramid, num).finest(num)
+        assert found.num_cells == len(cut_pyramid(pyramid, found.tolerance)) <= num
+        assert_legal(found.tolerance)
+    if scale > 1e-299:  # else no tolerance but 0 divides anything
+        assert sizes_of(pyramid, 100).finest(100).num_cells > 1
+
+
+# Cost
+
+
+def test_few_cells_cost_little_whatever_the_volume() -> None:
+    """128^3 voxels of noise, with a million visible: memory goes with the cells, at most 2 kB for each."""
+    values = np.random.default_rng(0).integers(0, 256, (128, 128, 128), dtype=np.uint8)
+    pyramid = build(make_volume(values, np.eye(4), "noise"))
+    for num in (100, 3000):
+        sizes_of(pyramid, num)  # compiled, and imported
+        tracemalloc.start()
+        found = sizes_of(pyramid, num).finest(num)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert found.num_cells <= num
+        assert peak < 2000 * num + 20_000
+
+
+@pytest.mark.real_data
+def test_the_engine_in_thousands_and_a_million(data_dir: Path) -> None:
+    """Within 0.5 % under N, or the next finer cut has more than N."""
+    scene = load_scene(ROOT / "configs" / "engine.yaml", volume=data_dir / "engine.nhdr")
+    stage = prepare(scene, clock=lambda: 0.0, num_threads=2, any_tolerance=True)
+    levels = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
+    for num in (10**3, 10**4, 10**5, 10**6):
+        sizes = sizes_of(stage.pyramid, num, *levels)
+        found = sizes.finest(num)
+        cells = len(cut_pyramid(stage.pyramid, found.tolerance, finest_level=levels[found.tolerance == 0]))
+        assert found.num_cells == cells <= num
+        if cells < 0.995 * num:
+            assert len(cut_pyramid(stage.pyramid, sizes.beyond, finest_level=levels[sizes.beyond == 0])) > num
