@@ -2,7 +2,7 @@
 
     seconds = per_frame + per_splat * splats + per_pixel * pixels + per_written, for a frame that goes into a file
 
-`pixels` are those that the footprints cover, each footprint by itself: what the rasteriser shades.
+`pixels` are those around the footprints, each footprint by itself: what the rasteriser looks at.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.drawing import Pose
-from renderer.projection import covered_region, mean_footprint_px, model_view
+from renderer.projection import model_view, square_px
 
 Float64 = npt.NDArray[np.float64]
 
@@ -28,7 +28,9 @@ _FASTEST = 1e-3
 # How much a rate that is off by its own size weighs against a frame that is.
 _TRUST_IN_TYPICAL = 1e-4
 # Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
-_NUM_REMEMBERED, _NUM_RECENT = 16, 5
+_NUM_REMEMBERED, _NUM_RECENT = 16, 7
+# Loads whose numbers of splats differ by no more than this part are of one size.
+_ALIKE = 0.1
 
 
 class Load(NamedTuple):
@@ -43,12 +45,9 @@ def load_of(pose: Pose, *, is_written: bool = True) -> Load:
     """What a frame draws, in all its orders."""
     batch = pose.detail.splats
     camera = model_view(batch, pose.view)
-    region = covered_region(batch, camera)
     num_splats = sum(len(order) for _, order in pose.orders)
-    if num_splats == 0 or region.num_pixels == 0:
-        return Load(num_splats, 0.0, int(is_written))
-    _, order = pose.orders[0]
-    return Load(num_splats, num_splats * mean_footprint_px(batch, order, camera, region), int(is_written))
+    num_pixels = len(pose.orders) * square_px(batch, pose.orders[0][1], camera)
+    return Load(num_splats, num_pixels, int(is_written))
 
 
 @dataclass(frozen=True)
@@ -126,8 +125,18 @@ class CostLog:
             self._model = fit_costs([*self._trials, *self._frames])
         return self._model
 
-    def predict(self, load: Load) -> float:
-        """Seconds of drawing: the model's, corrected by what the last frames took against it."""
-        recent = list(self._frames)[-_NUM_RECENT:]
+    def predict(self, load: Load, *, like_before: bool = False) -> float:
+        """Seconds of drawing: the model's, corrected by what the last frames took against it.
+
+        like_before: only those of about as many splats, if there are any: a load that has been drawn before.
+        """
+        frames = list(self._frames)
+        if like_before:
+            frames = [frame for frame in frames if _are_alike(frame[0], load)] or frames
+        recent = frames[-_NUM_RECENT:]
         drift = statistics.median(taken / self.model.seconds(drawn) for drawn, taken in recent) if recent else 1.0
         return drift * self.model.seconds(load)
+
+
+def _are_alike(load: Load, other: Load) -> bool:
+    return abs(load.num_splats - other.num_splats) <= _ALIKE * other.num_splats

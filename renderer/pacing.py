@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -31,10 +32,12 @@ from renderer.schedule import tolerance_at
 _FIRST_TRIAL, _TRIAL_GROWTH = 1000, 4
 
 # A detail is looked for that takes this part of its time, give or take, in so many tries.
-_AIM, _CLOSE, _MOST_TRIES = 0.97, 0.04, 5
+_AIM, _CLOSE, _MOST_TRIES = 0.95, 0.04, 5
 # It is kept while it is predicted to take from and up to these parts of its time or, where none could be found that
 # does, about what it was predicted to take when it was chosen.
-_KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.86, 1.09, 0.1
+_KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.84, 1.09, 0.1
+# Before so many frames after the first one tell what it takes, it is not given up.
+_FEWEST_FRAMES = 3
 
 # Seconds grow with these powers of the number of cells: of few large cells the pixels cost, of many small ones the
 # splats. And beyond the largest number seen one goes so far at once.
@@ -50,7 +53,7 @@ class Details:
     def __init__(self, stage: Stage, log: CostLog) -> None:
         self.stage, self.log = stage, log
         self._sizes: CutSizes | None = None
-        self._seen: dict[int, tuple[Load, float]] = {}  # by number of cells: what there was to draw, and order's time
+        self._seen: dict[int, Load] = {}  # by number of cells
 
     def tolerance(self, num_cells: float) -> float:
         """Of the finest cut with at most so many cells."""
@@ -68,11 +71,11 @@ class Details:
         """A frame of the detail of a tolerance."""
         return make_pose(self.stage, make_detail(self.stage, tolerance, watch), number, watch)
 
-    def predict(self, pose: Pose) -> float:
-        """Seconds of a frame whose detail is made, until it is in its file."""
+    def predict(self, pose: Pose, *, like_before: bool = False) -> float:
+        """Seconds of a frame whose detail is made, until it is in its file; `like_before` as in CostLog."""
         load = load_of(pose)
-        self._seen[max(pose.detail.num_cells, 1)] = load, pose.order_seconds
-        return self.log.predict(load) + pose.order_seconds
+        self._seen[max(pose.detail.num_cells, 1)] = load
+        return self.log.predict(load, like_before=like_before) + pose.order_seconds
 
     def learn(self, pose: Pose, watch: Stopwatch) -> None:
         """A frame has been drawn and, at this moment, taken care of."""
@@ -86,14 +89,17 @@ class Details:
         Seconds are taken for a power of the number of cells, that of the two numbers around or nearest.
         """
         cells = np.log(sorted(self._seen))
-        costs = np.log([self.log.predict(load) + order for _, (load, order) in sorted(self._seen.items())])
+        costs = np.log(np.maximum.accumulate([self.log.predict(load) for _, load in sorted(self._seen.items())]))
         wanted, power = math.log(seconds), _MOST_POWER
         near = min(int(np.count_nonzero(costs < wanted)), len(cells) - 1)
         if len(cells) > 1:
             above = max(near, 1)
             power = (costs[above] - costs[above - 1]) / (cells[above] - cells[above - 1])
         power = min(max(power, _LEAST_POWER), _MOST_POWER)
-        return math.exp(cells[near] + min((wanted - costs[near]) / power, math.log(_MOST_GROWTH)))
+        found = cells[near] + min((wanted - costs[near]) / power, math.log(_MOST_GROWTH))
+        if near > 0:
+            found = max(found, cells[near - 1])
+        return math.exp(found)
 
 
 def try_drawings(
@@ -185,13 +191,6 @@ class Scheduled:
             self._details.learn(pose, watch)
 
 
-def _is_kept(share: float, share_then: float) -> bool:
-    """Whether a detail stays that is predicted to take this share of its time, and was when it was chosen."""
-    if _KEPT_FROM <= share_then <= _KEPT_TO:
-        return _KEPT_FROM <= share <= _KEPT_TO
-    return abs(share / share_then - 1) < _UNCHANGED  # there was none nearer, and there will be none now
-
-
 class Pacer:
     """Finds, frame by frame, what can be drawn in time.
 
@@ -200,24 +199,45 @@ class Pacer:
 
     def __init__(self, details: Details, seconds_of: Callable[[int], float]) -> None:
         self._details, self._seconds_of = details, seconds_of
-        self._chosen: tuple[Detail, float, float] | None = None  # a detail, what it was predicted to take and may take
+        self._chosen: _Chosen | None = None
 
     def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
         """As in Guide."""
         seconds = self._seconds_of(number)
         if self._chosen is not None:
-            detail, predicted_then, seconds_then = self._chosen
-            pose = make_pose(self._details.stage, detail, number, watch)
-            predicted = self._details.predict(pose)
-            is_all = detail.tolerance == 0 and predicted <= seconds
-            if is_all or _is_kept(predicted / seconds, predicted_then / seconds_then):
+            pose = make_pose(self._details.stage, self._chosen.detail, number, watch)
+            predicted = self._details.predict(pose, like_before=True)
+            if self._is_kept(predicted, seconds):
+                self._chosen.num_frames += 1
                 return pose, predicted
-            del detail, pose  # let go of the old ones first
+            del pose  # let go of the old ones first
             self._chosen = None
         pose, predicted = finest_within(self._details, number, seconds, watch)
-        self._chosen = pose.detail, predicted, seconds
+        self._chosen = _Chosen(pose.detail, predicted / seconds, seconds)
         return pose, predicted
 
     def took(self, pose: Pose, watch: Stopwatch) -> None:
         """As in Guide."""
         self._details.learn(pose, watch)
+
+    def _is_kept(self, predicted: float, seconds: float) -> bool:
+        """Whether the detail stays that was chosen, now that a frame of it is predicted to take so long."""
+        assert self._chosen is not None
+        share, share_then = predicted / seconds, self._chosen.share
+        if share < 1 and self._chosen.detail.tolerance == 0:
+            return True
+        if seconds == self._chosen.seconds and self._chosen.num_frames < _FEWEST_FRAMES:
+            return True
+        if not _KEPT_FROM <= share_then <= _KEPT_TO:  # there was none nearer, and there will be none now
+            return abs(share / share_then - 1) < _UNCHANGED
+        return _KEPT_FROM <= share <= _KEPT_TO
+
+
+@dataclass
+class _Chosen:
+    """share: of its time that the detail was predicted to take. num_frames: drawn after the first one."""
+
+    detail: Detail
+    share: float
+    seconds: float
+    num_frames: int = 0

@@ -129,6 +129,36 @@ def mean_footprint_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: 
     return float(np.minimum(areas_px, region.num_pixels).mean())
 
 
+def square_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> float:
+    """How many of the image's pixels the squares around the footprints of `batch[order]` have in all.
+
+    An estimate of what a rasteriser has to look at: the coarsest cells, which are the first of a batch, are looked at
+    one by one, and of the others a sample. Squares are those of balls of each splat's longest axis.
+    """
+    is_coarse = order < FOOTPRINT_SAMPLE
+    others = order[~is_coarse]
+    stride = max(1, len(others) // FOOTPRINT_SAMPLE)
+    sample = others[::stride]
+    pixels = _square_px(batch, np.concatenate([order[is_coarse], sample]), camera)
+    num_coarse = len(order) - len(others)
+    mean = float(pixels[num_coarse:].mean()) if len(sample) else 0.0
+    return float(pixels[:num_coarse].sum()) + mean * len(others)
+
+
+def _square_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: ModelView) -> Float64:
+    """float64 [n]: of each of these splats."""
+    vertices = batch.vertices[splats]
+    in_view = vertices[:, :3] @ camera.view_from_model[:, :3].T + camera.view_from_model[:, 3]
+    scale_px: Float64 | float = camera.scale_px
+    if camera.perspective:
+        scale_px = (camera.scale_px / np.maximum(-in_view[:, 2], max(camera.near, 1e-6)))[:, None]
+    sigmas = longest_sigma(batch)[vertices[:, 7].astype(np.int64), None]
+    reach_px = batch.footprint.cutoff * np.maximum(sigmas * scale_px, batch.footprint.narrowest_px)
+    center_px = np.array(camera.size) / 2 + in_view[:, :2] * (1.0, -1.0) * scale_px
+    low, high = (np.clip(center_px + sign * reach_px, 0, camera.size) for sign in (-1, 1))
+    return np.asarray((high - low).prod(axis=1))
+
+
 def longest_sigma(batch: SplatBatch) -> Float64:
     """float64 [num_shapes]: the largest standard deviation of each shape in any direction, model units."""
     return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)

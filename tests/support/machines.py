@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
-from renderer.projection import covered_region, mean_footprint_px, model_view
+from renderer.projection import model_view, square_px
 from renderer.splats import SplatBatch
 
 
@@ -40,9 +40,7 @@ class SimulatedMachine:
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
         """An empty picture, after a while."""
-        camera = model_view(batch, view)
-        region = covered_region(batch, camera)
-        num_pixels = len(order) * mean_footprint_px(batch, order, camera, region) if len(order) else 0.0
+        num_pixels = square_px(batch, order, model_view(batch, view))
         per_frame, per_splat, per_pixel = self._rates
         seconds = per_frame + per_splat * len(order) + per_pixel * num_pixels
         self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())
