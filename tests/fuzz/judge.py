@@ -157,7 +157,7 @@ def _judge_spoilt(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Ver
         raise WrongError(f"exit code {code} and {found[0]!r} in: {message}")
     if code == 0:
         overrides = [value for name, value in zip(case.arguments, case.arguments[1:], strict=False) if name == "--set"]
-        scene = load_scene(path, overrides=overrides)
+        scene = load_scene(path, overrides=overrides, still=True)
         _judge_picture(scene, replace(case, volume=None), rasterizer, verdict)
         return
     if code not in (1, 2) or not PLACED.match(message):
