@@ -21,7 +21,7 @@ from hsplat_cli.render.difference import Difference, Differences
 from hsplat_cli.render.film import Done, draw_film, prepare_job, record, tell
 from hsplat_cli.render.goals import Plan, make_plan
 from hsplat_cli.render.record import Record, limits, span
-from renderer.costs import CostLog
+from renderer.costs import CostLog, Load, load_of
 from renderer.drawing import Frame, Rasterizer, Stopwatch
 from renderer.errors import RenderError
 from renderer.film import open_film
@@ -158,6 +158,9 @@ def _facts(made: Record, frames: Sequence[Record], difference: Difference | None
         yield str(difference)
 
 
+_Work = tuple[Load, float]  # what a frame draws, and the seconds of its order
+
+
 class _Planner:
     """Decides what the next pass is, by what frames took in the passes before."""
 
@@ -169,16 +172,17 @@ class _Planner:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
         # Looking for an accuracy takes long, and there is no hurry once there is a film.
         plan = None if isinstance(self._goal, AccuracyGoal) else self._last_plan(maker)
+        work = self._work(plan) if plan else []
         few = self._details.pose(self._frames[0], self._details.tolerance(_FEW_CELLS), _watch())
         seconds = _FIRST_PART * self._details.predict(few)
-        if plan is None or self._frame_seconds(plan) >= _LEAST_STEP * seconds:
-            yield self._pass_within(seconds, plan)
-            plan = plan or self._last_plan(maker)
-            self._try_more(plan, _TRIAL_GROWTH * maker.num_cells)
-        last = self._frame_seconds(plan)
-        if not maker.done:
-            yield _Pass(plan, last)
+        if plan and self._seconds(work) < _LEAST_STEP * seconds:
+            yield _Pass(plan, self._seconds(work))
             return
+        yield self._pass_within(seconds, plan)
+        plan = plan or self._last_plan(maker)
+        work = work or self._work(plan)
+        self._try_more(_TRIAL_GROWTH * maker.num_cells, work)
+        last = self._seconds(work)
         for wanted in _steps(maker.frame_seconds, last):
             affordable = _SAFE_PART * maker.time_left() / len(self._frames)
             if wanted > affordable:
@@ -192,21 +196,26 @@ class _Planner:
         plan = make_plan(self._details, frames, self._rasterizer, quiet=quiet, on_step=maker.require_time)
         return plan if plan.guide else replace(plan, guide=Scheduled(plan.stage, self._details))
 
-    def _try_more(self, plan: Plan, first_cells: int) -> None:
-        """Learn what more cells cost than the first pass had."""
-        enough = min(_TRIAL_PART * self._frame_seconds(plan), _LONGEST_TRIAL_S)
-        try_drawings(
-            self._details, self._frames[0], enough, self._rasterizer, clock=time.perf_counter, first_cells=first_cells
-        )
+    def _try_more(self, first_cells: int, work: Sequence[_Work]) -> None:
+        """Learn what more cells cost than the first pass had, where the last one has many more and not only a frame."""
+        if len(self._frames) == 1 or max(load.num_splats for load, _ in work) < _TRIAL_GROWTH * first_cells:
+            return
+        enough, clock = min(_TRIAL_PART * self._seconds(work), _LONGEST_TRIAL_S), time.perf_counter
+        try_drawings(self._details, self._frames[0], enough, self._rasterizer, clock=clock, first_cells=first_cells)
 
-    def _frame_seconds(self, plan: Plan) -> float:
-        """What a frame of the last pass is predicted to take, in the mean of some."""
+    def _work(self, plan: Plan) -> list[_Work]:
+        """What there is to do in some frames of the last pass."""
+        frames = self._frames
         if isinstance(self._goal, TimeBudget):
-            wanted = value_at(self._goal.by_frame, self._frames[0])
-            return finest_within(self._details, self._frames[0], wanted, _watch())[1]
-        guide, num = Scheduled(plan.stage, self._details), min(_NUM_LOOKED_AT, len(self._frames))
-        looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
-        return statistics.fmean(self._details.predict(guide.ready(frame, _watch())[0]) for frame in looked_at)
+            pose, _ = finest_within(self._details, frames[0], value_at(self._goal.by_frame, frames[0]), _watch())
+            return [(load_of(pose), pose.order_seconds)]
+        guide, num = Scheduled(plan.stage), min(_NUM_LOOKED_AT, len(frames))
+        poses = (guide.ready(frames[i * len(frames) // num], _watch())[0] for i in range(num))
+        return [(load_of(pose), pose.order_seconds) for pose in poses]
+
+    def _seconds(self, work: Sequence[_Work]) -> float:
+        """What a frame of the last pass is predicted to take, in the mean."""
+        return statistics.fmean(self._details.log.predict(load) + order for load, order in work)
 
     def _pass_within(self, seconds: float, plan: Plan | None) -> _Pass:
         """A pass whose frames take so long, none of them finer than in the last one, as far as that is known."""
