@@ -1,11 +1,12 @@
-"""SIGTERM unwinds like Ctrl-C."""
+"""SIGTERM unwinds like Ctrl-C, and both can wait for a moment."""
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 
 @contextmanager
@@ -20,3 +21,25 @@ def terminated_as_interrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def deferrable_interrupts() -> Iterator[Callable[[], None]]:
+    """A function after whose call SIGINT and SIGTERM wait for the end of the block, where they are KeyboardInterrupt.
+
+    So files that belong together get their final names together.
+    """
+    before: dict[signal.Signals, Any] = {}
+    came: list[int] = []
+
+    def defer() -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before[number] = signal.signal(number, lambda number, frame: came.append(number))
+
+    try:
+        yield defer
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if came:
+        raise KeyboardInterrupt

@@ -138,7 +138,7 @@ def make_detail(stage: Stage, tolerance: float, watch: Stopwatch) -> Detail:
     edges = None
     if scene.overlay == "octree":
         edges = make_cell_edges(cut)
-        watch.lap("overlay")
+        watch.lap("edges")
     lattice = cut if scene.splat.order == "boxes" else cut.without_cells()  # nothing else needs them again
     return Detail(tolerance, len(cut), splats, lattice, edges)
 

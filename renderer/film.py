@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from renderer.encode import Encoder, gif_delay_cs, gif_options, mp4_options, ope
 from renderer.output_files import frame_path
 from renderer.png import encode_png
 from renderer.scene import OutputSpec
-from renderer.staging import explained, require_writable, staged, write_staged
+from renderer.staging import require_writable, staged, staged_together, write_staged
 
 
 class FilmWriter(ABC):
@@ -57,30 +57,42 @@ class FilmWriter(ABC):
 
 
 @contextlib.contextmanager
-def open_film(output: OutputSpec, frames: Sequence[int], *, all_at_once: bool = False) -> Iterator[FilmWriter]:
+def open_film(
+    output: OutputSpec,
+    frames: Sequence[int],
+    *,
+    all_at_once: bool = False,
+    finishing: Callable[[], None] = lambda: None,
+) -> Iterator[FilmWriter]:
     """A writer for `frames`, all of which must come, in this order.
 
     The files have their final names when they are complete: an MP4 or GIF at the end of the block, a PNG at the end of
     its `write` or, `all_at_once`, with the others at the end of the block. If the block raises, KeyboardInterrupt
     included, nothing unfinished is left; PNGs that have their final names stay. That the output can be written is tried
     at once. Raises InputError when its name cannot be a file, RenderError when it cannot be written.
+
+    finishing: called at the end of the block when all is written, before files get their final names there.
     """
     is_png = output.file.suffix.lower() == ".png"
-    with _open_png(output, frames, all_at_once) if is_png else _open_video(output, frames) as writer:
+    opened = _open_png(output, frames, all_at_once, finishing) if is_png else _open_video(output, frames, finishing)
+    with opened as writer:
         yield writer
         assert writer.complete, "frames are missing"
 
 
 @contextlib.contextmanager
-def _open_png(output: OutputSpec, frames: Sequence[int], all_at_once: bool) -> Iterator[FilmWriter]:
-    with contextlib.ExitStack() as renamed_at_end:
-        yield _PngWriter(output, frames, renamed_at_end if all_at_once else None)
+def _open_png(
+    output: OutputSpec, frames: Sequence[int], all_at_once: bool, finishing: Callable[[], None]
+) -> Iterator[FilmWriter]:
+    with staged_together() if all_at_once else contextlib.nullcontext(write_staged) as write_file:
+        yield _PngWriter(output, frames, write_file)
+        finishing()
 
 
 class _PngWriter(FilmWriter):
-    def __init__(self, output: OutputSpec, frames: Sequence[int], renamed_at_end: contextlib.ExitStack | None) -> None:
+    def __init__(self, output: OutputSpec, frames: Sequence[int], write_file: Callable[[Path, bytes], None]) -> None:
         super().__init__(output, frames)
-        self._template, self._renamed_at_end = output.file, renamed_at_end
+        self._template, self._write_file = output.file, write_file
         assert len({frame_path(self._template, frame) for frame in frames}) == len(frames), "frames share a file"
         for frame in frames[:1]:
             require_writable(frame_path(self._template, frame))
@@ -90,13 +102,7 @@ class _PngWriter(FilmWriter):
         return tuple(frame_path(self._template, frame) for frame in self._frames[: self._num_written])
 
     def _put(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
-        path, content = frame_path(self._template, frame), encode_png(image)
-        if self._renamed_at_end is None:
-            write_staged(path, content)
-        else:
-            temporary = self._renamed_at_end.enter_context(staged(path))
-            with explained(path):
-                temporary.write_bytes(content)
+        self._write_file(frame_path(self._template, frame), encode_png(image))
 
 
 class _VideoWriter(FilmWriter):
@@ -113,14 +119,13 @@ class _VideoWriter(FilmWriter):
 
 
 @contextlib.contextmanager
-def _open_video(output: OutputSpec, frames: Sequence[int]) -> Iterator[FilmWriter]:
+def _open_video(output: OutputSpec, frames: Sequence[int], finishing: Callable[[], None]) -> Iterator[FilmWriter]:
     assert output.background is not None, "only PNG can be transparent"
     rate, options, notes = _gif(output) if output.file.suffix.lower() == ".gif" else _mp4(output)
-    with (
-        staged(output.file) as temporary,
-        open_encoder(output.size, rate, options, temporary, output.file) as encoder,
-    ):
-        yield _VideoWriter(output, frames, notes, encoder)
+    with staged(output.file) as temporary:
+        with open_encoder(output.size, rate, options, temporary, output.file) as encoder:
+            yield _VideoWriter(output, frames, notes, encoder)
+        finishing()
 
 
 def _mp4(output: OutputSpec) -> tuple[Fraction, list[str], list[str]]:

@@ -28,23 +28,29 @@ from renderer.drawing import (
 )
 from renderer.schedule import tolerance_at
 
-# Cells of the first trial drawing, and how many times more the next one has.
-_FIRST_TRIAL, _TRIAL_GROWTH = 1000, 4
+# Cells of the first trial drawing, how many times more the next one has, and how many there are at least: of one size
+# alone they would not tell splats from pixels.
+_FIRST_TRIAL, _TRIAL_GROWTH, _FEWEST_TRIALS = 1000, 4, 3
+
+# Sizes of cuts are looked up to so many times the number of cells that is asked for, because more will be.
+_LOOK_AHEAD = 4
 
 # A detail is looked for that takes this part of its time, give or take, in so many tries.
 _AIM, _CLOSE, _MOST_TRIES = 0.95, 0.04, 5
 # It is kept while it is predicted to take from and up to these parts of its time or, where none could be found that
 # does, about what it was predicted to take when it was chosen.
 _KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.84, 1.09, 0.1
-# Before so many frames after the first one tell what it takes, it is not given up.
-_FEWEST_FRAMES = 3
+# Before so many frames after the first one tell what it takes, it is not given up, unless it is predicted to take more
+# than this part of its time.
+_FEWEST_FRAMES, _FAR_TOO_LONG = 3, 1.5
 
 # Seconds grow with these powers of the number of cells: of few large cells the pixels cost, of many small ones the
-# splats. And beyond the largest number seen one goes so far at once.
-_LEAST_POWER, _MOST_POWER, _MOST_GROWTH = 0.1, 1.0, 16.0
+# splats. Beyond the largest number seen, and from the detail of the frame before, one goes so far at once: a little
+# less time is a thousand times fewer large cells.
+_LEAST_POWER, _MOST_POWER, _MOST_GROWTH = 0.1, 1.0, 4.0
 
 # What passes between the start of a frame and the next one but is not drawing it.
-_CUT_STAGES = ("cut", "splats", "order")
+CUT_STAGES = ("cut", "splats", "edges", "order")
 
 
 class Details:
@@ -61,7 +67,7 @@ class Details:
         if self._sizes is None or (self._sizes.most_cells < most and self._sizes.num_in_all is None):
             self._sizes = cut_sizes(
                 self.stage.pyramid,
-                _TRIAL_GROWTH * most,
+                _LOOK_AHEAD * most,
                 finest_level=finest_level_at(self.stage, tolerance=1.0),
                 finest_level_at_zero=finest_level_at(self.stage, tolerance=0.0),
             )
@@ -80,7 +86,7 @@ class Details:
     def learn(self, pose: Pose, watch: Stopwatch) -> None:
         """A frame has been drawn and, at this moment, taken care of."""
         watch.lap("written")
-        drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in _CUT_STAGES)
+        drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in CUT_STAGES)
         self.log.add(load_of(pose), drawing)
 
     def num_cells_within(self, seconds: float) -> float:
@@ -110,10 +116,15 @@ def try_drawings(
     *,
     clock: Clock,
     first_cells: int = _FIRST_TRIAL,
+    on_step: Callable[[], None] = lambda: None,
 ) -> None:
-    """Draw a frame with more and more cells, to learn what drawing costs, until one takes `enough_seconds`."""
-    num_cells, tolerance, before = first_cells, details.tolerance(first_cells), math.inf
+    """Draw a frame with more and more cells, to learn what drawing costs, until one takes `enough_seconds`.
+
+    on_step: called before each drawing; what it raises goes through.
+    """
+    num_cells, tolerance, before, num_trials = first_cells, details.tolerance(first_cells), math.inf, 0
     while tolerance < before:
+        on_step()
         pose = details.pose(number, tolerance, Stopwatch(clock))
         if details.log.is_empty:  # shaders are compiled, and buffers made
             draw(details.stage, pose, rasterizer, Stopwatch(clock))
@@ -122,22 +133,29 @@ def try_drawings(
         seconds = sum(watch.seconds.values())
         details.log.add(load_of(pose, is_written=False), seconds)
         details.predict(pose)
-        if seconds >= enough_seconds:
+        num_trials += 1
+        if seconds >= enough_seconds and num_trials >= _FEWEST_TRIALS:
             return
         num_cells *= _TRIAL_GROWTH
         tolerance, before = details.tolerance(num_cells), tolerance
 
 
-def finest_within(details: Details, number: int, seconds: float, watch: Stopwatch) -> tuple[Pose, float]:
+def finest_within(
+    details: Details, number: int, seconds: float, watch: Stopwatch, *, near: int | None = None
+) -> tuple[Pose, float]:
     """A frame that is predicted to take nearly so many seconds, or less where it shows every voxel; and what it takes.
 
     Where even a single cell takes longer, the quickest one found. Frames have been predicted before.
+    near: a number of cells that those found are some times as many as, or as few, but not more.
     """
     aim = _AIM * seconds
     best: tuple[Pose, float] | None = None
     tried: set[float] = set()
     for _ in range(_MOST_TRIES):
-        tolerance = details.tolerance(details.num_cells_within(aim))
+        wanted = details.num_cells_within(aim)
+        if near is not None:
+            wanted = min(max(wanted, near / _MOST_GROWTH), near * _MOST_GROWTH)
+        tolerance = details.tolerance(wanted)
         if tolerance in tried:
             break
         tried.add(tolerance)
@@ -210,9 +228,16 @@ class Pacer:
             if self._is_kept(predicted, seconds):
                 self._chosen.num_frames += 1
                 return pose, predicted
+            near = self._chosen.detail.num_cells if seconds == self._chosen.seconds else None
             del pose  # let go of the old ones first
             self._chosen = None
-        pose, predicted = finest_within(self._details, number, seconds, watch)
+            return self.choose(number, watch, near=near)
+        return self.choose(number, watch)
+
+    def choose(self, number: int, watch: Stopwatch, *, near: int | None = None) -> tuple[Pose, float]:
+        """Find a detail for a frame and those that follow; of the first one, best before its time begins."""
+        seconds = self._seconds_of(number)
+        pose, predicted = finest_within(self._details, number, seconds, watch, near=near)
         self._chosen = _Chosen(pose.detail, predicted / seconds, seconds)
         return pose, predicted
 
@@ -226,7 +251,8 @@ class Pacer:
         share, share_then = predicted / seconds, self._chosen.share
         if share < 1 and self._chosen.detail.tolerance == 0:
             return True
-        if seconds == self._chosen.seconds and self._chosen.num_frames < _FEWEST_FRAMES:
+        is_new = seconds == self._chosen.seconds and self._chosen.num_frames < _FEWEST_FRAMES
+        if is_new and share < max(_FAR_TOO_LONG, share_then):
             return True
         if not _KEPT_FROM <= share_then <= _KEPT_TO:  # there was none nearer, and there will be none now
             return abs(share / share_then - 1) < _UNCHANGED

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from renderer.errors import HsplatError, InputError, RenderError
@@ -36,6 +36,32 @@ def write_staged(path: Path, content: bytes) -> None:
     """Write a whole file so that it is there complete or not at all; errors as in `staged`."""
     with staged(path) as temporary, explained(path):
         temporary.write_bytes(content)
+
+
+@contextlib.contextmanager
+def staged_together() -> Iterator[Callable[[Path, bytes], None]]:
+    """A function that writes whole files, which have their final names at the end of the block, one after the other.
+
+    When the block raises, none has; errors as in `staged`.
+    """
+    written: list[tuple[Path, Path]] = []
+
+    def write(path: Path, content: bytes) -> None:
+        temporary = _temporary_of(path)
+        written.append((temporary, path))
+        _create(temporary, path)
+        with explained(path):
+            temporary.write_bytes(content)
+
+    try:
+        yield write
+        for temporary, path in written:
+            with explained(path):
+                os.replace(temporary, path)
+    finally:
+        for temporary, _ in written:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
 
 
 def require_writable(path: Path) -> None:

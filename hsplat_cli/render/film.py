@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.progress import progress
 from hsplat_cli.render.again import maker_notes
@@ -59,15 +60,16 @@ class Done:
 def render_once(job: Job, *, quiet: bool) -> RenderError | None:
     """The film that the scene asks for, in one pass; what was asked for and not had."""
     output, start = job.scene.output, time.perf_counter()
-    # What can fail early does: the outputs and the GL context are tried before a voxel is read.
-    with open_film(output, job.frames) as film, GLRasterizer() as rasterizer:
-        require_writable(sidecar_path(output.file))
-        details = Details(prepare_job(job), CostLog())
-        plan = make_plan(details, job.frames, rasterizer, quiet=quiet)
-        frames = draw_film(plan, job.frames, film, rasterizer, label=output.file.name, quiet=quiet)
-        made_by = rasterizer.renderer_name
-    done = Done(job, plan, frames, film.notes, made_by, time.perf_counter() - start)
-    record(done)
+    with deferrable_interrupts() as defer_interrupts:
+        # What can fail early does: the outputs and the GL context are tried before a voxel is read.
+        with open_film(output, job.frames, finishing=defer_interrupts) as film, GLRasterizer() as rasterizer:
+            require_writable(sidecar_path(output.file))
+            details = Details(prepare_job(job), CostLog())
+            plan = make_plan(details, job.frames, rasterizer, quiet=quiet)
+            frames = draw_film(plan, job.frames, film, rasterizer, label=output.file.name, quiet=quiet)
+            made_by = rasterizer.renderer_name
+        done = Done(job, plan, frames, film.notes, made_by, time.perf_counter() - start)
+        record(done)
     tell(done, quiet=quiet)
     return done.shortfall
 
