@@ -64,14 +64,23 @@ class Details:
     def tolerance(self, num_cells: float) -> float:
         """Of the finest cut with at most so many cells."""
         most = max(1, int(min(num_cells, self.stage.volume.values.size)))
-        if self._sizes is None or (self._sizes.most_cells < most and self._sizes.num_in_all is None):
+        sizes = self._sizes_to(most)
+        return sizes.finest(min(most, sizes.most_cells)).tolerance
+
+    def has_more(self, num_cells: int, tolerance: float) -> bool:
+        """Whether the cut at a tolerance has more cells than that, or than some more, without making it."""
+        sizes = self._sizes_to(max(1, num_cells // _LOOK_AHEAD))
+        return sizes.num_in_all is None if tolerance == 0 else tolerance <= sizes.beyond
+
+    def _sizes_to(self, num_cells: int) -> CutSizes:
+        if self._sizes is None or (self._sizes.most_cells < num_cells and self._sizes.num_in_all is None):
             self._sizes = cut_sizes(
                 self.stage.pyramid,
-                _LOOK_AHEAD * most,
+                _LOOK_AHEAD * num_cells,
                 finest_level=finest_level_at(self.stage, tolerance=1.0),
                 finest_level_at_zero=finest_level_at(self.stage, tolerance=0.0),
             )
-        return self._sizes.finest(min(most, self._sizes.most_cells)).tolerance
+        return self._sizes
 
     def pose(self, number: int, tolerance: float, watch: Stopwatch) -> Pose:
         """A frame of the detail of a tolerance."""

@@ -34,6 +34,7 @@ class Plan:
 
     shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
     is_unfinished: finer passes are to follow.
+    by_clock: its tolerances depend on how quick the machine was.
     found: what the search for an accuracy came to.
     """
 
@@ -41,6 +42,7 @@ class Plan:
     guide: Guide | None = None
     shortfall: RenderError | None = None
     is_unfinished: bool = False
+    by_clock: bool = False
     found: Found | None = None
 
 
@@ -66,10 +68,10 @@ def make_plan(
         tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
         return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
     least = min(value_at(goal.by_frame, frame) for frame in frames)
-    try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter)
+    try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter, on_step=on_step)
     pacer = Pacer(details, lambda frame: value_at(goal.by_frame, frame))
     pacer.choose(frames[0], Stopwatch(time.perf_counter))
-    return Plan(stage, pacer)
+    return Plan(stage, pacer, by_clock=True)
 
 
 def _plan_accuracy(

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import click
 
+from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.render.difference import Difference, Differences
 from hsplat_cli.render.film import Done, draw_film, prepare_job, record, tell
@@ -28,7 +29,7 @@ from renderer.film import open_film
 from renderer.output_files import first_files
 from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
 from renderer.raster_gl import GLRasterizer
-from renderer.scene import AccuracyGoal, TimeBudget
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
 from renderer.schedule import at_tolerances, tolerance_at, value_at
 from renderer.staging import require_writable
 
@@ -111,11 +112,20 @@ class _Maker:
         """Of the last pass, at most."""
         return int(self._passes[-1]["cells"][1])
 
+    @property
+    def tolerance(self) -> float:
+        """Of the last pass, at most."""
+        return float(self._passes[-1]["tolerance"][1])
+
     def make(self, each: _Pass) -> None:
         """One pass. Raises _TimeIsUp where there has been one before."""
+        with deferrable_interrupts() as defer_interrupts:
+            self._make(each, defer_interrupts)
+
+    def _make(self, each: _Pass, finishing: Callable[[], None]) -> None:
         job, number, start = self._job, len(self._passes) + 1, time.perf_counter()
         label = f"{job.scene.output.file.name}, pass {number}"
-        with open_film(job.scene.output, job.frames, all_at_once=True) as film:
+        with open_film(job.scene.output, job.frames, all_at_once=True, finishing=finishing) as film:
             frames = draw_film(
                 each.plan, job.frames, film, self._rasterizer, label=label, quiet=self._quiet, on_frame=self._see
             )
@@ -135,6 +145,13 @@ class _Maker:
         if not self._quiet:
             click.echo(f"pass {number}: {', '.join(_facts(made, frames, difference))}")
 
+    def accept(self, plan: Plan) -> None:
+        """The last film is what was asked for, or better, as `plan` has found out."""
+        assert self.done is not None
+        met = replace(self.done.plan, is_unfinished=False, found=plan.found, shortfall=plan.shortfall)
+        self.done = replace(self.done, plan=met)
+        record(self.done, self._passes)
+
     def tell_interrupted(self) -> None:
         """Say what there is now, if there is something."""
         if self.done and not self._quiet:
@@ -147,7 +164,8 @@ class _Maker:
 
     def _see(self, frame: Frame) -> None:
         self._differences.see(frame.number, frame.image)
-        self.require_time()
+        if frame.number != self._job.frames[-1]:
+            self.require_time()
 
 
 def _facts(made: Record, frames: Sequence[Record], difference: Difference | None) -> Iterator[str]:
@@ -165,81 +183,118 @@ class _Planner:
     """Decides what the next pass is, by what frames took in the passes before."""
 
     def __init__(self, job: Job, details: Details, rasterizer: Rasterizer, *, quiet: bool) -> None:
-        self._details, self._frames, self._goal = details, job.frames, job.scene.error.goal
+        self._details, self._frames, self._error = details, job.frames, job.scene.error
         self._rasterizer, self._quiet = rasterizer, quiet
 
     def passes(self, maker: _Maker) -> Iterator[_Pass]:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
-        # Looking for an accuracy takes long, and there is no hurry once there is a film.
-        plan = None if isinstance(self._goal, AccuracyGoal) else self._last_plan(maker)
-        work = self._work(plan) if plan else []
         few = self._details.pose(self._frames[0], self._details.tolerance(_FEW_CELLS), _watch())
-        seconds = _FIRST_PART * self._details.predict(few)
-        if plan and self._seconds(work) < _LEAST_STEP * seconds:
-            yield _Pass(plan, self._seconds(work))
+        first = _FIRST_PART * self._details.predict(few)
+        if self._may_be_quick(first):
+            plan = self._last_plan(maker)
+            last = self._seconds(self._work(plan))
+            if last < _LEAST_STEP * first:
+                yield _Pass(plan, last)
+                return
+        yield self._pass_within(first)
+        maker.require_time()
+        plan = self._last_plan(maker)
+        if plan.found is not None and (plan.found.tolerance or 0.0) >= maker.tolerance:
+            maker.accept(plan)
             return
-        yield self._pass_within(seconds, plan)
-        plan = plan or self._last_plan(maker)
-        work = work or self._work(plan)
-        self._try_more(_TRIAL_GROWTH * maker.num_cells, work)
-        last = self._seconds(work)
-        for wanted in _steps(maker.frame_seconds, last):
-            affordable = _SAFE_PART * maker.time_left() / len(self._frames)
+        maker.require_time()
+        work = self._work(plan)
+        self._try_more(maker, work)
+        while True:
+            before, last = maker.frame_seconds, self._seconds(work)
+            wanted, affordable = _next_step(before, last), _SAFE_PART * maker.time_left() / len(self._frames)
             if wanted > affordable:
-                if affordable >= _LEAST_STEP * maker.frame_seconds:
+                if affordable >= _LEAST_STEP * before:
                     yield self._pass_within(affordable, plan)
                 return
-            yield _Pass(plan, last) if wanted == last else self._pass_within(wanted, plan)
+            if wanted == last:
+                yield _Pass(plan, last)
+                return
+            yield self._pass_within(wanted, plan)
+
+    def _may_be_quick(self, first: float) -> bool:
+        """Whether the last pass may have so few cells that the first, of so many seconds a frame, is not worth it.
+
+        Told without the last pass's cut, which may take long. An accuracy takes long to look for in any case.
+        """
+        goal, frames = self._error.goal, self._frames
+        if isinstance(goal, AccuracyGoal):
+            return False
+        most_cells = int(_LEAST_STEP * first / self._details.log.model.per_splat)
+        if isinstance(goal, SplatBudget):
+            return max(value_at(goal.by_frame, frame) for frame in frames) <= most_cells
+        if (
+            isinstance(goal, TimeBudget)
+            and max(value_at(goal.by_frame, frame) for frame in frames) < _LEAST_STEP * first
+        ):
+            return True
+        finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
+        return not self._details.has_more(most_cells, finest)
 
     def _last_plan(self, maker: _Maker) -> Plan:
         frames, quiet = self._frames, self._quiet
         plan = make_plan(self._details, frames, self._rasterizer, quiet=quiet, on_step=maker.require_time)
         return plan if plan.guide else replace(plan, guide=Scheduled(plan.stage, self._details))
 
-    def _try_more(self, first_cells: int, work: Sequence[_Work]) -> None:
-        """Learn what more cells cost than the first pass had, where the last one has many more and not only a frame."""
-        if len(self._frames) == 1 or max(load.num_splats for load, _ in work) < _TRIAL_GROWTH * first_cells:
-            return
-        enough, clock = min(_TRIAL_PART * self._seconds(work), _LONGEST_TRIAL_S), time.perf_counter
-        try_drawings(self._details, self._frames[0], enough, self._rasterizer, clock=clock, first_cells=first_cells)
-
     def _work(self, plan: Plan) -> list[_Work]:
         """What there is to do in some frames of the last pass."""
-        frames = self._frames
-        if isinstance(self._goal, TimeBudget):
-            pose, _ = finest_within(self._details, frames[0], value_at(self._goal.by_frame, frames[0]), _watch())
-            return [(load_of(pose), pose.order_seconds)]
-        guide, num = Scheduled(plan.stage), min(_NUM_LOOKED_AT, len(frames))
-        poses = (guide.ready(frames[i * len(frames) // num], _watch())[0] for i in range(num))
+        goal, num = self._error.goal, min(_NUM_LOOKED_AT, len(self._frames))
+        looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
+        if isinstance(goal, TimeBudget):
+            each = {value_at(goal.by_frame, frame): frame for frame in looked_at}  # one of each budget
+            poses = (finest_within(self._details, frame, seconds, _watch())[0] for seconds, frame in each.items())
+        else:
+            guide = Scheduled(plan.stage)
+            poses = (guide.ready(frame, _watch())[0] for frame in looked_at)
         return [(load_of(pose), pose.order_seconds) for pose in poses]
 
     def _seconds(self, work: Sequence[_Work]) -> float:
         """What a frame of the last pass is predicted to take, in the mean."""
         return statistics.fmean(self._details.log.predict(load) + order for load, order in work)
 
-    def _pass_within(self, seconds: float, plan: Plan | None) -> _Pass:
+    def _try_more(self, maker: _Maker, work: Sequence[_Work]) -> None:
+        """Learn what more cells cost than the first pass had, where the last one has many more and not only a frame."""
+        first_cells = _TRIAL_GROWTH * maker.num_cells
+        if len(self._frames) == 1 or max(load.num_splats for load, _ in work) < _TRIAL_GROWTH * first_cells:
+            return
+        try_drawings(
+            self._details,
+            self._frames[0],
+            min(_TRIAL_PART * self._seconds(work), _LONGEST_TRIAL_S),
+            self._rasterizer,
+            clock=time.perf_counter,
+            first_cells=first_cells,
+            on_step=maker.require_time,
+        )
+
+    def _pass_within(self, seconds: float, plan: Plan | None = None) -> _Pass:
         """A pass whose frames take so long, none of them finer than in the last one, as far as that is known."""
-        goal, stage = self._goal, self._details.stage
+        goal, stage = self._error.goal, self._details.stage
         if isinstance(goal, TimeBudget):
-            part = seconds / value_at(goal.by_frame, self._frames[0])
-            pacer = Pacer(self._details, lambda frame: part * value_at(goal.by_frame, frame))
-            return _Pass(Plan(stage, pacer, is_unfinished=True), seconds)
+            budgets = {frame: min(seconds, value_at(goal.by_frame, frame)) for frame in self._frames}
+            pacer = Pacer(self._details, budgets.__getitem__)
+            return _Pass(Plan(stage, pacer, is_unfinished=True, by_clock=True), statistics.fmean(budgets.values()))
         pose, predicted = finest_within(self._details, self._frames[0], seconds, _watch())
-        coarsest = pose.detail.tolerance
+        coarsest, error = pose.detail.tolerance, plan.stage.scene.error if plan else self._error
         tolerances = dict.fromkeys(self._frames, coarsest)
-        if plan is not None:
-            tolerances = {frame: max(coarsest, tolerance_at(plan.stage.scene.error, frame)) for frame in self._frames}
+        if error.goal is None:
+            tolerances = {frame: max(coarsest, tolerance_at(error, frame)) for frame in self._frames}
         stage = replace(stage, scene=at_tolerances(stage.scene, tolerances))
-        return _Pass(Plan(stage, Scheduled(stage, self._details), is_unfinished=True), predicted)
+        guide = Scheduled(stage, self._details)
+        return _Pass(Plan(stage, guide, is_unfinished=True, by_clock=True), predicted)
 
 
-def _steps(first: float, last: float) -> list[float]:
-    """Seconds a frame of the passes after the first, each an eighth of the next one's."""
-    found, wanted = [last], last / _STEP
-    while wanted >= _LEAST_STEP * first:
-        found.append(wanted)
+def _next_step(before: float, last: float) -> float:
+    """Seconds a frame of the pass after one: `last`, or an eighth of it, or of that, as long as it is worth it."""
+    wanted = last
+    while wanted / _STEP >= _LEAST_STEP * before:
         wanted /= _STEP
-    return found[::-1]
+    return wanted
 
 
 def _watch() -> Stopwatch:

@@ -67,13 +67,12 @@ def schedule_record(job: Job, plan: Plan, frames: Sequence[Record], shortfall: R
     Where the tolerances depend on how quick the machine was, the scene does not make the same film again; this file
     does.
     """
-    by_clock = plan.is_unfinished or isinstance(job.scene.error.goal, TimeBudget)
     record = {
         "asked": job.asked,
         "tolerance": limits(frame["tolerance"] for frame in frames),
         "cells": limits(frame["cells"] for frame in frames),
         "met": shortfall is None,
-        "reproducible": not by_clock,
+        "reproducible": not plan.by_clock,
     }
     measured = {} if plan.found is None else {"measured": _measured(plan.found)}
     missed = {} if shortfall is None else {"shortfall": str(shortfall)}

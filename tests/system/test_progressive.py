@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -218,6 +220,7 @@ def test_budgets_are_refined_to(folder: Path, schedule: str) -> None:
     changes = ("--set", "error.tolerance=null", "--set", f"error.{schedule}")
     assert render("--progressive", "--best-effort", *changes) == 0
     passes = sidecar()["passes"]
+    assert len(passes) >= (2 if schedule.startswith("splats") else 1)
     assert all(a["cells"][1] < b["cells"][1] for a, b in pairwise(passes))
     assert sidecar()["schedule"]["asked"] == {schedule.partition("=")[0]: float(schedule.partition("=")[2])}
 
@@ -232,3 +235,53 @@ def test_where_nothing_is_visible_any_schedule_is_met(schedule: str, options: tu
     assert render("--set", "camera.distance=300", *changes, *options) == 0
     assert sidecar()["schedule"]["met"]
     assert sidecar()["schedule"]["cells"] == [0, 0]
+
+
+def test_a_film_that_is_finer_than_an_accuracy_needs_stays(folder: Path) -> None:
+    """A pass is never followed by a coarser one."""
+    assert render("--progressive", "--set", "error.tolerance=null", "--set", "error.psnr=5") == 0
+    record = sidecar()
+    assert len(record["passes"]) == 1
+    assert record["schedule"]["met"]
+    assert record["schedule"]["measured"]["worst"] >= 5
+    assert not record["schedule"]["reproducible"]
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+@pytest.mark.parametrize("options", [(), ("--progressive",)])
+def test_an_interrupt_between_film_and_sidecar_waits_for_both(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, output: str, options: tuple[str, ...]
+) -> None:
+    """Or the sidecar would tell of another film than the one that it lies beside."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    replace, num_replaced = os.replace, 0
+
+    def interrupted(source: Path, target: Path) -> None:
+        nonlocal num_replaced
+        num_replaced += 1
+        if num_replaced == (NUM_FRAMES + 3 if options and output != "film.mp4" else 1):
+            os.kill(os.getpid(), signal.SIGINT)
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    try:
+        code = render("--output", output, *options)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert code == 130
+    monkeypatch.setattr(os, "replace", replace)
+    name = "film.mp4.json" if output == "film.mp4" else "frames.json"
+    if Path(name).exists():
+        first = {path: path.read_bytes() for path in folder.iterdir() if path.suffix in (".mp4", ".png")}
+        assert main.run(["render", name, "--quiet"]) == 0
+        assert first == {path: path.read_bytes() for path in first}
+    else:
+        assert (options, output) == ((), "{frame}.png")  # frames appear one by one, each whole
+    assert not [path for path in folder.iterdir() if "partial" in path.name]
+
+
+def test_budgets_that_some_frames_cannot_keep_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    changes = ("--set", "error.tolerance=null", "--set", "error.seconds={0: 0.0001, 1: 0.0001, 2: 100}")
+    assert render(*changes) == 1
+    assert capsys.readouterr().err.startswith("error.seconds: 2 of 4 frames took longer than there was time for\n")
+    assert not sidecar()["schedule"]["met"]

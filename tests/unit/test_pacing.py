@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from renderer.costs import CostLog
-from renderer.drawing import Stage
+from renderer.drawing import Stage, Stopwatch
 from renderer.pacing import Details, Pacer, try_drawings
 from renderer.pipeline import prepare, render_frames
 from renderer.scene import (
@@ -132,3 +132,32 @@ def test_a_prediction_is_of_the_whole_frame(stage: Stage) -> None:
         taken.append(machine.now - start)
         start = machine.now
     assert predicted[5:] == pytest.approx(taken[5:], rel=0.03)
+
+
+@pytest.mark.parametrize("seconds", [0.012, 0.015, 0.03])
+def test_a_hiccup_of_the_machine_does_not_empty_the_film(stage: Stage, seconds: float) -> None:
+    """Of large cells a little less time is a thousand times fewer: one goes there in steps, and comes back."""
+    machine = SimulatedMachine(pace=lambda number: 3.0 if number in (20, 21, 22, 23) else 1.0)
+    _, _, cells = film(stage, machine, lambda frame: seconds)
+    assert min(cells) >= cells[0] / 5
+    assert max(cells) <= cells[0] * 5
+    assert cells[-1] >= cells[0] / 2  # any cut that keeps to its time is kept
+
+
+@pytest.mark.parametrize("seconds", [0.012, 0.015, 0.03])
+def test_noise_changes_the_cut_seldom(stage: Stage, seconds: float) -> None:
+    _, tolerances, cells = film(stage, SimulatedMachine(noise=0.15), lambda frame: seconds)
+    assert sum(a != b for a, b in pairwise(tolerances)) <= 5
+    assert max(a / b for a, b in pairwise(cells)) <= 5
+    assert max(b / a for a, b in pairwise(cells)) <= 5
+
+
+def test_a_cut_is_chosen_before_the_first_frame(stage: Stage) -> None:
+    """So that a still has its time for itself."""
+    machine = SimulatedMachine()
+    details = Details(stage, CostLog())
+    try_drawings(details, 7, 0.01, machine, clock=machine.clock)
+    pacer = Pacer(details, lambda frame: 0.03)
+    pacer.choose(7, Stopwatch(machine.clock))
+    (frame,) = render_frames(stage, [7], machine, clock=machine.clock, guide=pacer)
+    assert "cut" not in frame.seconds
