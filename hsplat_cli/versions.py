@@ -35,9 +35,13 @@ def commit() -> str:
     if not (_ROOT / ".git").exists():  # a repository further up would be another project's
         return "unknown"
     try:
-        done = subprocess.run(
-            ["git", "describe", "--always", "--dirty"], check=False, cwd=_ROOT, capture_output=True, text=True
-        )
+        name, changes = _git("describe", "--always"), _git("status", "--porcelain", "--untracked-files=no")
     except OSError:
         return "unknown"
-    return done.stdout.strip() or "unknown"
+    return name + "-dirty" * bool(changes) if name else "unknown"
+
+
+def _git(*arguments: str) -> str:
+    """What git says, without a lock on the repository, which somebody may be at work in."""
+    command = ["git", "--no-optional-locks", *arguments]
+    return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()

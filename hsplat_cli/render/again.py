@@ -1,4 +1,4 @@
-"""A film that is made again from its sidecar: what differs from when it was made before, and what does not."""
+"""A film that is made again from its sidecar: what differs from when it was made before."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LONGEST_NAME = 200
 
 
 def maker_notes(job: Job, made_by: str) -> list[str]:
-    """That the film missed what was asked for before, if so, and that others make it: versions, an OpenGL."""
+    """That the film did not meet what was asked for, if so, and that other versions or another OpenGL make it now."""
     return [] if job.original is None else [*_missed(job, job.original), *_others(job.original, made_by)]
 
 
@@ -21,7 +21,7 @@ def _missed(job: Job, original: Original) -> list[str]:
     if original.told.get("met") is not False:  # older sidecars do not say
         return []
     asked = ", ".join(f"{name} {show(value)}" for name, value in job.asked.items())
-    return [f"the film is as it was when it was first made, which is not as was asked for: {asked}"]
+    return [f"the film that is made again did not meet what was asked for: {asked}"]
 
 
 def _others(original: Original, made_by: str) -> list[str]:

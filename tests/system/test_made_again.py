@@ -98,7 +98,7 @@ def test_it_still_tells_what_was_asked_for(capsys: pytest.CaptureFixture[str]) -
     assert first["asked"] == {"seconds": 0.0001}
     assert not first["met"]
     assert not first["reproducible"]
-    note = "the film is as it was when it was first made, which is not as was asked for: seconds 0.0001"
+    note = "the film that is made again did not meet what was asked for: seconds 0.0001"
     for _ in range(2):
         capsys.readouterr()
         assert main.run(["render", "film.mp4.json"]) == 0  # nothing is missed: it is what it is
