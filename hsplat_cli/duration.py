@@ -7,18 +7,24 @@ import re
 from renderer.errors import InputError
 from renderer.schema import show
 
-_DURATION = re.compile(r"(?=.)(?:(\d+)h)?(?:(\d+)m)?(?:(\d+(?:\.\d*)?)s?)?", re.ASCII)
+_NUMBER = r"(\d+(?:\.\d*)?)"
+_LAST_ALONE_HAS_A_FRACTION = r"(?!.*\..*[hms].)"
+_PARTS = f"(?=.)(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?"
+_DURATION = re.compile(f"{_LAST_ALONE_HAS_A_FRACTION}{_PARTS}|{_NUMBER}", re.ASCII)
 _MOST_DIGITS = 9
 
 
 def parse_duration(text: str, *, where: str) -> float:
-    """Seconds in `90`, `90s`, `0.5s`, `10m` or `1h30m`; raises InputError for other text, and for no time at all."""
+    """Seconds in `90`, `90s`, `1.5m` or `1h30m`; raises InputError for other text, and for no time at all.
+
+    A number without a unit stands alone; a fraction is that of the last part.
+    """
     match = _DURATION.fullmatch(text.strip()) if len(text) <= 3 * _MOST_DIGITS else None
     expected = "a time such as 90s, 10m or 1h30m"
     if match is None:
         raise InputError("not a length of time", where=where, got=show(text), expected=expected)
-    hours, minutes, seconds = (float(part or 0) for part in match.groups())
-    total = 3600 * hours + 60 * minutes + seconds
+    hours, minutes, seconds, bare = (float(part or 0) for part in match.groups())
+    total = 3600 * hours + 60 * minutes + seconds + bare
     if total == 0:
         raise InputError("no time at all", where=where, got=show(text), expected=f"{expected}, more than 0")
     return total

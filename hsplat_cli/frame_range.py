@@ -9,8 +9,13 @@ from renderer.schema import show
 
 
 def is_one_frame(text: str | None) -> bool:
-    """Whether this picks one frame by its number, if it picks any."""
-    return text is not None and ":" not in text
+    """Whether this picks one frame, if any, of whatever path: `7`, `7:8`."""
+    if text is None or ":" not in text:
+        return text is not None
+    match _parts(text):
+        case [int(start), int(stop)] | [int(start), int(stop), None | 1]:
+            return start >= 0 and stop - start == 1
+    return False
 
 
 def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | None = None) -> Sequence[int]:
@@ -23,10 +28,7 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
     if text is None:
         return range(num_frames) if recorded is None else recorded
     expected = f"A:B or A:B:STEP or one number; this path has the frames 0 to {num_frames - 1}"
-    try:
-        parts = [int(part) if part.strip() else None for part in text.split(":")]
-    except ValueError:
-        parts = []
+    parts = _parts(text)
     if not 1 <= len(parts) <= 3 or parts == [None]:
         raise InputError("not a range of frames", where="--frames", got=show(text), expected=expected)
     if len(parts) == 1 and parts[0] is not None:
@@ -45,9 +47,17 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
             f"frame {missing} is not in the film",
             where="--frames",
             got=show(text),
-            expected=f"of {_as_slice(recorded)}",
+            expected=f"frames of {_as_slice(recorded)}",
         )
     return picked
+
+
+def _parts(text: str) -> list[int | None]:
+    """The numbers between the colons, None for those left out; empty where something else is there."""
+    try:
+        return [int(part) if part.strip() else None for part in text.split(":")]
+    except ValueError:
+        return []
 
 
 def _as_slice(frames: Sequence[int]) -> str:

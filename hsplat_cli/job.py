@@ -19,7 +19,7 @@ from renderer.output_files import film_beside
 from renderer.scene import Scene
 from renderer.scene_schema import schedule_to_dict
 
-# What to do about volumes that are no longer there.
+# What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
 _MOVED = {
     "volume.file": "if it was moved, --volume names it",
     "volume.raw.file": "if it was moved, --set volume.raw.file=FILE names it",
@@ -64,7 +64,7 @@ def load_job(
     scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
     _require_in_path(sidecar, scene)
     picked = sidecar.frames if frames is None else parse_frames(frames, scene.camera.path.frames, sidecar.frames)
-    is_changed = any(key != "output.file" and key.partition(".")[0] != "volume" for key in editor.changed)
+    is_changed = any(key not in ("output.file", *_MOVED) for key in editor.changed)
     is_elsewhere = "output.file" in editor.changed or "output" in editor.changed
     is_whole = len(picked) == len(sidecar.frames)
     if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):

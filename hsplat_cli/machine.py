@@ -6,13 +6,10 @@ import contextlib
 import ctypes
 import os
 import platform
-import subprocess
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.versions import MEASURING, package_versions
-
-_ROOT = Path(__file__).resolve().parents[1]
+from hsplat_cli.versions import MEASURING, commit, package_versions
 
 
 def describe_machine(driver: str) -> dict[str, Any]:
@@ -25,19 +22,6 @@ def describe_machine(driver: str) -> dict[str, Any]:
         "commit": commit(),
         "versions": package_versions(*MEASURING),
     }
-
-
-def commit() -> str:
-    """The commit of these sources, with `-dirty` where they were changed since; `unknown` without git or history."""
-    if not (_ROOT / ".git").exists():  # a repository further up would be another project's
-        return "unknown"
-    try:
-        done = subprocess.run(
-            ["git", "describe", "--always", "--dirty"], check=False, cwd=_ROOT, capture_output=True, text=True
-        )
-    except OSError:
-        return "unknown"
-    return done.stdout.strip() or "unknown"
 
 
 class PeakMemory:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import click
 
-from hsplat_cli.measure.truth import find_truths
+from hsplat_cli.truths import find_truths
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
 from renderer.scene import ErrorSpec

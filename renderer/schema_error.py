@@ -130,7 +130,7 @@ def _build_error(node: Node, given: dict[str, Any]) -> ErrorSpec:
         node.key(other).complain(
             f"a second schedule beside {schedules[0]}",
             expected=f"one of {listed(_SCHEDULES)}",
-            hint=f"--set error.{schedules[0]}=null takes the other one away",
+            hint=f"leave one out, as --set error.{schedules[0]}=null does",
         )
     rest = {key: value for key, value in given.items() if key not in _SCHEDULES}
     return ErrorSpec(**rest, **_schedule(given, *schedules[:1]))

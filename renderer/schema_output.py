@@ -19,7 +19,7 @@ MAX_GIF_RATE = 50
 # The number is padded with zeros, so that names sort in the order of frames.
 FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
-_FILE_WORDS = "a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png"
+_FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png"
 
 
 def _parse_file(node: Node) -> Path:

@@ -17,7 +17,6 @@ from hsplat_cli.machine import PeakMemory, describe_machine
 from hsplat_cli.measure.notes import monotony_notes, scene_notes
 from hsplat_cli.measure.options import Sweep
 from hsplat_cli.measure.stage import prepared
-from hsplat_cli.measure.truth import find_truths, nothing_to_measure
 from hsplat_cli.peers.vtk_peer import (
     check_vtk,
     describe_vtk,
@@ -29,6 +28,7 @@ from hsplat_cli.progress import progress
 from hsplat_cli.report.files import check_writable, write_study
 from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
+from hsplat_cli.truths import find_truths, nothing_to_measure
 from renderer.drawing import Stage, view_of
 from renderer.errors import HsplatError
 from renderer.metrics import require_measuring_packages

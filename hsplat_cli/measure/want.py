@@ -8,8 +8,8 @@ import click
 
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.measure.stage import prepared
-from hsplat_cli.measure.truth import nothing_to_measure
 from hsplat_cli.search import beyond_full_resolution, cells_text, search_tolerance
+from hsplat_cli.truths import nothing_to_measure
 from renderer.errors import InputError
 from renderer.metrics import SSIM_WINDOW_PX, require_measuring_packages
 from renderer.raster_gl import GLRasterizer

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from hsplat_cli.job import Job
+from hsplat_cli.sidecar_file import Original
 from hsplat_cli.versions import package_versions
 from renderer.schema import show
 
@@ -12,10 +13,19 @@ _LONGEST_NAME = 200
 
 
 def maker_notes(job: Job, made_by: str) -> list[str]:
-    """That other versions or another OpenGL make the film than before, if so."""
-    if job.original is None:
+    """That the film did not meet what was asked for, if so, and that other versions or another OpenGL make it now."""
+    return [] if job.original is None else [*_missed(job, job.original), *_others(job.original, made_by)]
+
+
+def _missed(job: Job, original: Original) -> list[str]:
+    if original.told.get("met") is not False:  # older sidecars do not say
         return []
-    before, now = job.original.made_with, package_versions() | {"GL": made_by}
+    asked = ", ".join(f"{name} {show(value)}" for name, value in job.asked.items())
+    return [f"the film that is made again did not meet what was asked for: {asked}"]
+
+
+def _others(original: Original, made_by: str) -> list[str]:
+    before, now = original.made_with, package_versions() | {"GL": made_by}
     changed = [
         f"{name} {now[name]}, which was {_name(before[name])}"
         for name in now

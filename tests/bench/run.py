@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hsplat_cli.machine import commit
 from hsplat_cli.scene_file import load_scene
+from hsplat_cli.versions import commit
 from renderer.camera_paths import make_view
 from renderer.cut_sizes import CutSizes, cut_sizes
 from renderer.drawing import finest_level_at

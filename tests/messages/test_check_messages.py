@@ -24,7 +24,7 @@ REFUSED = {
         ["--output", "film.avi"],
         2,
         "--output film.avi: output.file: unknown output format\n  got: 'film.avi'\n"
-        "  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png\n",
+        "  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png\n",
     ),
     "a folder that is a file": (
         ["--output", "/scans/walnut.raw/deeper/film.mp4"],

@@ -359,6 +359,6 @@ scene.yaml:16:14: error.tolerance: out of range
   hint: did you mean scan.nrrd?
 --output engine.mov: output.file: unknown output format
   got: 'engine.mov'
-  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png
+  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png
 """
     )

@@ -316,7 +316,7 @@ scene.yaml:20:9: output.file: a film and frames at once: .mp4 with a frame numbe
     | file: engine-{frame:04}.mp4
     |       ^
   got: 'engine-{frame:04}.mp4'
-  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png
+  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png
 """,
     ),
     "frames_without_number": (
@@ -327,7 +327,7 @@ scene.yaml:20:9: output.file: frames need a number in their names
     | file: engine.png
     |       ^
   got: 'engine.png'
-  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png
+  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png
   hint: write engine-{frame:04}.png
 """,
     ),
@@ -350,7 +350,7 @@ scene.yaml:20:9: output.file: unknown output format
     | file: engine.avi
     |       ^
   got: 'engine.avi'
-  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png
+  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png
 """,
     ),
     "gif_rate": (

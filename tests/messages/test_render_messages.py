@@ -89,7 +89,7 @@ def test_several_wrong_options_at_once(render: Render) -> None:
         "  hint: did you mean scan.nrrd?\n"
         "--output a.png: output.file: frames need a number in their names\n"
         "  got: 'a.png'\n"
-        "  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png\n"
+        "  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png\n"
         "  hint: write a-{frame:04}.png\n",
     )
 

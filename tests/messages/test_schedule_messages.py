@@ -106,14 +106,14 @@ scene.yaml:17:3: error.psnr: a second schedule beside tolerance
     | psnr: 40
     | ^
   expected: one of tolerance, splats, seconds, psnr or rmse
-  hint: --set error.tolerance=null takes the other one away
+  hint: leave one out, as --set error.tolerance=null does
 """,
     "seconds: 0.1\n  splats: 0\n  rmse: 0.1": """\
 scene.yaml:17:3: error.splats: a second schedule beside seconds
     | splats: 0
     | ^
   expected: one of tolerance, splats, seconds, psnr or rmse
-  hint: --set error.seconds=null takes the other one away
+  hint: leave one out, as --set error.seconds=null does
 scene.yaml:17:11: error.splats: a budget of 0
     | splats: 0
     |         ^
@@ -124,7 +124,7 @@ scene.yaml:18:3: error.rmse: a second schedule beside seconds
     | rmse: 0.1
     | ^
   expected: one of tolerance, splats, seconds, psnr or rmse
-  hint: --set error.seconds=null takes the other one away
+  hint: leave one out, as --set error.seconds=null does
 """,
     "splat: 5000": """\
 scene.yaml:16:3: error.splat: unknown key
@@ -165,7 +165,14 @@ def test_a_second_schedule_on_the_command_line() -> None:
     assert str(caught.value) == (
         "--set error.splats=1000: error.splats: a second schedule beside tolerance\n"
         "  expected: one of tolerance, splats, seconds, psnr or rmse\n"
-        "  hint: --set error.tolerance=null takes the other one away"
+        "  hint: leave one out, as --set error.tolerance=null does"
+    )
+    with pytest.raises(InputError) as caught:
+        load_scene(Path("scene.yaml"), overrides=["error={seconds: 0.1, psnr: 40}"])
+    assert str(caught.value) == (
+        "--set error={seconds: 0.1, psnr: 40}: error.psnr: a second schedule beside seconds\n"
+        "  expected: one of tolerance, splats, seconds, psnr or rmse\n"
+        "  hint: leave one out, as --set error.seconds=null does"
     )
     overrides = ["error.splats=1000", "error.tolerance=null"]
     assert load_scene(Path("scene.yaml"), overrides=overrides).error.goal == SplatBudget(((0, 1000),))

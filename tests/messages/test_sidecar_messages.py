@@ -139,12 +139,20 @@ film.mp4.json: schedule: too many levels
         """\
 --set error.splats=1000: error.splats: a second schedule beside tolerance
   expected: one of tolerance, splats, seconds, psnr or rmse
-  hint: --set error.tolerance=null takes the other one away
+  hint: leave one out, as --set error.tolerance=null does
 """,
     ),
     "a film in its place": (
         lambda data: None,
         ["--set", "error.tolerance=0.2"],
+        """\
+film.mp4.json: another film would take the place of the one that is recorded here
+  hint: --output names another file
+""",
+    ),
+    "a film of another volume in its place": (
+        lambda data: None,
+        ["--set", "volume.procedural.shape=[8, 8, 9]"],
         """\
 film.mp4.json: another film would take the place of the one that is recorded here
   hint: --output names another file
@@ -164,7 +172,7 @@ film.mp4.json: another film would take the place of the one that is recorded her
         """\
 --frames: frame 3 is not in the film
   got: '2:4'
-  expected: of 0:5:2
+  expected: frames of 0:5:2
 """,
     ),
     "a frame that was left out": (
@@ -173,16 +181,16 @@ film.mp4.json: another film would take the place of the one that is recorded her
         """\
 --frames: frame 2 is not in the film
   got: '2'
-  expected: of [0, 1, 3, 4, 5]
+  expected: frames of [0, 1, 3, 4, 5]
 """,
     ),
     "a still of several frames": (
         lambda data: None,
-        ["--frames", "2:3", "--output", "still.png"],
+        ["--frames", "2:4", "--output", "still.png"],
         """\
 --output still.png: output.file: frames need a number in their names
   got: 'still.png'
-  expected: a name that ends in .mp4 or .gif, or a template of frames such as frames/{frame:04}.png
+  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png
   hint: write still-{frame:04}.png
 """,
     ),

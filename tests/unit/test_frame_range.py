@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsplat_cli.frame_range import parse_frames
+from hsplat_cli.frame_range import is_one_frame, parse_frames
 from renderer.errors import InputError
 
 
@@ -65,3 +65,21 @@ def test_numbers_beyond_any_machine_integer() -> None:
     assert list(parse_frames(f"4::{huge}", 6)) == [4]
     with pytest.raises(InputError):
         parse_frames(huge, 6)
+
+
+@pytest.mark.parametrize("text", ["7", " 7 ", "7:8", " 7 : 8 ", "7:8:", "7:8:1", "0:1"])
+def test_one_frame_of_whatever_path(text: str) -> None:
+    assert is_one_frame(text)
+    for num_frames in (1, 7, 8, 100):
+        try:
+            assert len(parse_frames(text, num_frames)) == 1
+        except InputError:
+            assert num_frames < 8
+
+
+@pytest.mark.parametrize(
+    "text",
+    [None, ":", "::", "7:9", "7:9:2", "7:8:2", "7:", ":1", "-1:", "-2:-1", "-1:0", "8:7", "7:7", "x:y"],
+)
+def test_as_many_frames_as_the_path_has(text: str | None) -> None:
+    assert not is_one_frame(text)

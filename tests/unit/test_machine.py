@@ -21,18 +21,6 @@ def test_the_machine_is_described_in_plain_words() -> None:
     json.dumps(facts)
 
 
-def test_sources_without_a_repository_have_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine, "_ROOT", tmp_path)
-    assert machine.commit() == "unknown"
-
-
-def test_without_git_there_is_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / ".git").mkdir()
-    monkeypatch.setattr(machine, "_ROOT", tmp_path)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert machine.commit() == "unknown"
-
-
 def test_the_peak_is_that_since_the_reset() -> None:
     memory = machine.PeakMemory()
     memory.reset()
