@@ -170,7 +170,7 @@ def finest_within(
         tried.add(tolerance)
         pose = details.pose(number, tolerance, watch)
         predicted = details.predict(pose)
-        if best is None or _is_better(predicted, best[1], seconds):
+        if best is None or _badness(predicted, seconds) < _badness(best[1], seconds):
             best = pose, predicted
         if abs(predicted - aim) <= _CLOSE * aim:
             break
@@ -178,9 +178,10 @@ def finest_within(
     return best
 
 
-def _is_better(seconds: float, before: float, most: float) -> bool:
-    """Nearer to `most` without going beyond it, or less far beyond."""
-    return before < seconds <= most if before <= most else seconds < before
+def _badness(predicted: float, seconds: float) -> tuple[bool, float]:
+    """How far a frame is from the time that it is to take, smaller being better; too long is worse than too short."""
+    is_too_long = predicted > _KEPT_TO * seconds
+    return is_too_long, predicted if is_too_long else abs(math.log(predicted / (_AIM * seconds)))
 
 
 class Guide(Protocol):
