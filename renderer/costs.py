@@ -26,7 +26,7 @@ _TYPICAL = np.array([5e-3, 1e-6, 8e-9, 2e-3])
 # No frame takes less than this part of what it should: one at which the clock stood still must not outweigh the others.
 _FASTEST = 1e-3
 # How much a rate that is off by its own size weighs against a frame that is.
-_TRUST_IN_TYPICAL = 3e-3
+_TRUST_IN_TYPICAL = 1e-4
 # Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
 _NUM_REMEMBERED, _NUM_RECENT = 16, 7
 # Loads whose numbers of splats differ by no more than this part are of one size.
