@@ -1,0 +1,58 @@
+"""A frame that was drawn, by this process or another one: its picture, and what its film's sidecar tells of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from renderer.drawing import Frame, Rasterizer, Stage
+from renderer.pacing import Guide, Scheduled
+from renderer.picture import Picture
+from renderer.pipeline import render_frames
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """record: plain data for JSON: the number as `frame`, `tolerance`, `cells`, `splats`, and `seconds` by step."""
+
+    number: int
+    picture: Picture
+    record: dict[str, Any]
+
+
+class Drawer(Protocol):
+    """Draws frames of a film, wherever that is."""
+
+    def draw(self, numbers: Sequence[int]) -> Iterator[Drawn]:
+        """These frames, in this order."""
+
+
+class LocalDrawer:
+    """Draws in this process, one frame after the other."""
+
+    def __init__(self, stage: Stage, rasterizer: Rasterizer, guide: Guide | None = None) -> None:
+        self._stage, self._rasterizer = stage, rasterizer
+        self._guide = Scheduled(stage) if guide is None else guide
+
+    def draw(self, numbers: Sequence[int]) -> Iterator[Drawn]:
+        """As in Drawer."""
+        frames = render_frames(self._stage, numbers, self._rasterizer, clock=time.perf_counter, guide=self._guide)
+        for frame in frames:
+            yield drawn(frame)
+
+
+def drawn(frame: Frame) -> Drawn:
+    """A frame of the loop, with its file."""
+    before = time.perf_counter()
+    picture = Picture(frame.image, Picture(frame.image).png)
+    record: dict[str, Any] = {
+        "frame": frame.number,
+        "tolerance": frame.tolerance,
+        "cells": frame.num_cells,
+        "splats": frame.num_splats,
+        "seconds": frame.seconds | {"png": time.perf_counter() - before},
+    }
+    predicted = {} if frame.predicted_seconds is None else {"predicted_seconds": frame.predicted_seconds}
+    return Drawn(frame.number, picture, record | predicted)
