@@ -54,7 +54,7 @@ class Done:
     @property
     def sidecar(self) -> Path:
         """The file that says how it was made."""
-        return sidecar_path(self.job.scene.output.file)
+        return sidecar_path(self.job.scene, self.job.frames)
 
 
 def render_once(job: Job, *, quiet: bool) -> RenderError | None:
@@ -63,7 +63,7 @@ def render_once(job: Job, *, quiet: bool) -> RenderError | None:
     with deferrable_interrupts() as defer_interrupts:
         # What can fail early does: the outputs and the GL context are tried before a voxel is read.
         with open_film(output, job.frames, finishing=defer_interrupts) as film, GLRasterizer() as rasterizer:
-            require_writable(sidecar_path(output.file))
+            require_writable(sidecar_path(job.scene, job.frames))
             details = Details(prepare_job(job), CostLog())
             plan = make_plan(details, job.frames, rasterizer, quiet=quiet)
             frames = draw_film(plan, job.frames, film, rasterizer, label=output.file.name, quiet=quiet)

@@ -66,7 +66,7 @@ def render_progressively(job: Job, *, time_limit: float | None, best_effort: boo
     before it stays; KeyboardInterrupt then goes on, unless `best_effort` takes that film for good enough.
     """
     start = time.perf_counter()
-    for file in first_files(job.scene.output, job.frames):
+    for file in first_files(job.scene, job.frames):
         require_writable(file)
     with GLRasterizer() as rasterizer:
         maker = _Maker(job, rasterizer, start, time_limit, quiet=quiet)
