@@ -1,0 +1,106 @@
+"""From an address to a connection with a Dask cluster, or to a cluster of processes on this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import re
+import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from renderer.errors import InputError, RenderError, require_package
+from renderer.schema import show
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+LOCAL = "local"
+# Of the scheduler, to answer at all.
+_ANSWER_S = 8.0
+# For clients and processes, to end in peace.
+_FAREWELL_S = 2.0
+
+_WORDS = "the address of a Dask scheduler such as tcp://node7:8786, or local for processes on this machine"
+_ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
+
+
+def require_address(address: str) -> None:
+    """Raise InputError for what cannot be the address of a scheduler, or where no Dask is installed to talk to one."""
+    found = _ADDRESS.fullmatch(address)
+    if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
+        raise InputError("not an address", where="--scheduler", got=show(address), expected=_WORDS)
+    require_package("distributed", extra="cluster")
+
+
+@contextlib.contextmanager
+def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
+    """A connection with the scheduler at an address, or with one of this process's own at `local`.
+
+    num_workers: processes at `local`, one for each core where it is not given; they end with the block, and with this
+    process, however it ends. Raises InputError where the address is none or nobody answers, within some ten seconds.
+    """
+    require_address(address)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_silence())
+        if address == LOCAL:
+            target = stack.enter_context(_local_cluster(num_workers or os.cpu_count() or 1))
+        else:
+            target = address
+        client = _client(target, address)
+        try:
+            yield client
+        finally:
+            client.close(timeout=_FAREWELL_S)
+
+
+def _client(target: Any, address: str) -> Client:
+    from distributed import Client  # noqa: PLC0415  an extra, and slow to load
+
+    try:
+        return Client(target, timeout=_ANSWER_S, set_as_default=False, name="hsplat")
+    except Exception as error:  # what another kind of server says may be taken for anything
+        nobody = isinstance(error, OSError)
+        raise InputError(
+            "nobody answers at this address" if nobody else "what answers at this address is no Dask scheduler",
+            where=f"--scheduler {address}",
+            got=f"nothing within {_ANSWER_S:g} s" if nobody else f"{type(error).__name__}: {show(str(error))}",
+            expected=_WORDS,
+            hint="`dask scheduler` starts one, and says its address",
+        ) from error
+
+
+@contextlib.contextmanager
+def _local_cluster(num_workers: int) -> Iterator[Any]:
+    """Processes of one thread each."""
+    from distributed import LocalCluster  # noqa: PLC0415  an extra, and slow to load
+
+    try:
+        cluster = LocalCluster(
+            n_workers=num_workers,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=0,  # none: nothing is to be written to disk, and no process to be ended for its size
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+    except (OSError, RuntimeError) as error:
+        raise RenderError("no cluster can be started here", where="--scheduler local", got=str(error)) from error
+    try:
+        yield cluster
+    finally:
+        cluster.close(timeout=_FAREWELL_S)
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """No log lines of Dask's and of what it stands on: what matters to a user is an error or a note of ours."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
