@@ -30,6 +30,22 @@ def sidecar_path(output_file: Path) -> Path:
     return output_file.with_name(f"{output_file.name}.json")
 
 
+def unfinished_folder(sidecar: Path) -> Path:
+    """Where frames are kept while a film is not whole: `engine.mp4.unfinished`, `frames/frames.unfinished`."""
+    return sidecar.with_suffix(".unfinished")
+
+
+def lock_file(output: OutputSpec) -> Path:
+    """What jobs that write this output lock, whichever frames they draw: `.engine.mp4.lock`."""
+    sidecar = sidecar_path(output.file)
+    return sidecar.with_name(f".{sidecar.stem}.lock")
+
+
+def has_frame_files(output: OutputSpec) -> bool:
+    """Whether each frame is a file of its own, there as soon as it is drawn."""
+    return output.file.suffix.lower() == ".png"
+
+
 def film_beside(sidecar: Path, recorded: Path) -> Path:
     """The output that a sidecar belongs to by its name and place; `recorded` is where the output was once.
 
