@@ -7,7 +7,6 @@ not what the line says, is drawn again.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
@@ -48,8 +47,7 @@ class KeptFrames:
         if is_same:
             self.add_former(records)
         else:
-            self._remove_files(records)
-            self._journal.unlink(missing_ok=True)
+            clear(folder)
 
     def add_former(self, records: Iterable[Record]) -> None:
         """Frames of the same cause that another journal tells of: those whose files are there and are the same."""
@@ -77,12 +75,6 @@ class KeptFrames:
         for number in numbers:
             del self.records[number]
 
-    def forget(self, *, and_files: bool) -> None:
-        """The film is whole: remove the journal, and the frames' files where the film has others."""
-        if and_files:
-            self._remove_files(self.records.values())
-        self._journal.unlink(missing_ok=True)
-
     def _append(self, records: Iterable[Record]) -> None:
         """The first ones in a new journal, with all that is known before: the last line of the old one may be torn."""
         lines = [*records] if self._is_begun else [{"cause": self.cause}, *self.records.values(), *records]
@@ -99,12 +91,13 @@ class KeptFrames:
         finally:
             os.close(descriptor)
 
-    def _remove_files(self, records: Iterable[Record]) -> None:
-        for record in records:
-            path = self._file_of(record["frame"])
-            if path.parent == self._folder:
-                with contextlib.suppress(OSError):
-                    path.unlink()
+
+def clear(folder: Path) -> None:
+    """Remove all frames that are kept in the folder itself, and in the end the journal."""
+    for path in folder.glob("*.png"):
+        if path.stem.isdecimal():
+            path.unlink(missing_ok=True)
+    (folder / JOURNAL).unlink(missing_ok=True)
 
 
 def digest(content: bytes) -> str:

@@ -26,7 +26,7 @@ from renderer.costs import CostLog
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
 from renderer.film import open_film, require_encoder
-from renderer.kept_frames import KeptFrames, digest
+from renderer.kept_frames import KeptFrames, clear, digest
 from renderer.output_files import frame_path, has_frame_files, sidecar_path
 from renderer.pacing import Details
 from renderer.pipeline import prepare
@@ -84,6 +84,7 @@ def render_once(job: Job, crew: Crew, *, force: bool = False, quiet: bool) -> Re
             marks = Marks.of(cause, output, job.frames)
             before = None if force else made_before(output)
             if before is not None and before.is_up_to_date(marks, output):
+                clear(folder)
                 _say(f"{output.file} is up to date; --force draws it again", quiet=quiet)
                 return None
             details = Details(prepare_job(job, volume), CostLog())
@@ -101,7 +102,7 @@ def render_once(job: Job, crew: Crew, *, force: bool = False, quiet: bool) -> Re
             made_by = rasterizer.renderer_name
         done = Done(job, plan, frames, notes, made_by, time.perf_counter() - start, num_kept)
         record(done, folder, marks=marks)
-        kept.forget(and_files=not has_frame_files(output))
+        clear(folder)
     tell(done, quiet=quiet)
     return done.shortfall
 
