@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -25,7 +25,7 @@ class Drawn:
 class Drawer(Protocol):
     """Draws frames of a film, wherever that is."""
 
-    def draw(self, numbers: Sequence[int]) -> Iterator[Drawn]:
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
         """These frames, in this order."""
 
 
@@ -36,7 +36,7 @@ class LocalDrawer:
         self._stage, self._rasterizer = stage, rasterizer
         self._guide = Scheduled(stage) if guide is None else guide
 
-    def draw(self, numbers: Sequence[int]) -> Iterator[Drawn]:
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
         """As in Drawer."""
         frames = render_frames(self._stage, numbers, self._rasterizer, clock=time.perf_counter, guide=self._guide)
         for frame in frames:
@@ -44,15 +44,13 @@ class LocalDrawer:
 
 
 def drawn(frame: Frame) -> Drawn:
-    """A frame of the loop, with its file."""
-    before = time.perf_counter()
-    picture = Picture(frame.image, Picture(frame.image).png)
+    """A frame of the loop."""
     record: dict[str, Any] = {
         "frame": frame.number,
         "tolerance": frame.tolerance,
         "cells": frame.num_cells,
         "splats": frame.num_splats,
-        "seconds": frame.seconds | {"png": time.perf_counter() - before},
+        "seconds": frame.seconds,
     }
     predicted = {} if frame.predicted_seconds is None else {"predicted_seconds": frame.predicted_seconds}
-    return Drawn(frame.number, picture, record | predicted)
+    return Drawn(frame.number, Picture(frame.image), record | predicted)

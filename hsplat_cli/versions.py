@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 import subprocess
 from importlib import metadata
@@ -45,3 +46,12 @@ def _git(*arguments: str) -> str:
     """What git says, without a lock on the repository, which somebody may be at work in."""
     command = ["git", "--no-optional-locks", *arguments]
     return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()
+
+
+def sources_digest() -> str:
+    """32 hexadecimal digits that change with anything that draws: the sources of renderer/, shaders included."""
+    found = hashlib.blake2b(digest_size=16)
+    for path in sorted((_ROOT / "renderer").rglob("*")):
+        if path.suffix in (".py", ".glsl"):
+            found.update(path.read_bytes())
+    return found.hexdigest()

@@ -77,7 +77,7 @@ def open_encoder(
     Raises RenderError with ffmpeg's last words when it cannot start, stops early or fails. However the block ends,
     ffmpeg has ended too.
     """
-    command = [_ffmpeg(output), *_arguments(size, frames_per_second, options, file)]
+    command = [find_ffmpeg(output), *_arguments(size, frames_per_second, options, file)]
     encoder = Encoder(_start(command, output), output)
     try:
         yield encoder
@@ -171,7 +171,8 @@ def _start(command: Sequence[str], output: Path) -> subprocess.Popen[bytes]:
         raise RenderError("ffmpeg cannot be started", where=str(output), got=str(error)) from error
 
 
-def _ffmpeg(output: Path) -> str:
+def find_ffmpeg(output: Path) -> str:
+    """The program; raises RenderError where there is none. output: for messages."""
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:

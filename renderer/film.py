@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.encode import Encoder, gif_delay_cs, gif_options, mp4_options, open_encoder
-from renderer.output_files import frame_path
+from renderer.encode import Encoder, find_ffmpeg, gif_delay_cs, gif_options, mp4_options, open_encoder
+from renderer.output_files import frame_path, has_frame_files
 from renderer.png import encode_png
 from renderer.scene import OutputSpec
-from renderer.staging import require_writable, staged, staged_together, write_staged
+from renderer.staging import require_writable, staged, staged_together
 
 
 class FilmWriter(ABC):
@@ -33,7 +33,7 @@ class FilmWriter(ABC):
     @property
     @abstractmethod
     def paths(self) -> tuple[Path, ...]:
-        """The files of the frames written so far, under their final names; a film is there after the block."""
+        """The files of the frames written so far, under the names that they have after the block."""
 
     def write(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
         """Take the next frame: uint8 [h, w, 3], with a transparent background [h, w, 4] with straight alpha.
@@ -56,25 +56,30 @@ class FilmWriter(ABC):
     def _put(self, frame: int, image: npt.NDArray[np.uint8]) -> None: ...
 
 
+def require_encoder(output: OutputSpec) -> None:
+    """Raise RenderError where the output needs an encoder that is not there."""
+    if not has_frame_files(output):
+        find_ffmpeg(output.file)
+
+
 @contextlib.contextmanager
 def open_film(
     output: OutputSpec,
     frames: Sequence[int],
     *,
-    all_at_once: bool = False,
+    within: Path | None = None,
     finishing: Callable[[], None] = lambda: None,
 ) -> Iterator[FilmWriter]:
     """A writer for `frames`, all of which must come, in this order.
 
-    The files have their final names when they are complete: an MP4 or GIF at the end of the block, a PNG at the end of
-    its `write` or, `all_at_once`, with the others at the end of the block. If the block raises, KeyboardInterrupt
-    included, nothing unfinished is left; PNGs that have their final names stay. That the output can be written is tried
-    at once. Raises InputError when its name cannot be a file, RenderError when it cannot be written.
+    The files have their final names, one after the other, when all are complete, at the end of the block. If it raises,
+    KeyboardInterrupt included, nothing is left. That the output can be written is tried at once. Raises InputError when
+    its name cannot be a file, RenderError when it cannot be written.
 
-    finishing: called at the end of the block when all is written, before files get their final names there.
+    within: a folder on the same disk for what is not complete, if not beside the output.
+    finishing: called at the end of the block when all is written, before files get their final names.
     """
-    is_png = output.file.suffix.lower() == ".png"
-    opened = _open_png(output, frames, all_at_once, finishing) if is_png else _open_video(output, frames, finishing)
+    opened = (_open_png if has_frame_files(output) else _open_video)(output, frames, within, finishing)
     with opened as writer:
         yield writer
         assert writer.complete, "frames are missing"
@@ -82,9 +87,9 @@ def open_film(
 
 @contextlib.contextmanager
 def _open_png(
-    output: OutputSpec, frames: Sequence[int], all_at_once: bool, finishing: Callable[[], None]
+    output: OutputSpec, frames: Sequence[int], within: Path | None, finishing: Callable[[], None]
 ) -> Iterator[FilmWriter]:
-    with staged_together() if all_at_once else contextlib.nullcontext(write_staged) as write_file:
+    with staged_together(within) as write_file:
         yield _PngWriter(output, frames, write_file)
         finishing()
 
@@ -119,10 +124,12 @@ class _VideoWriter(FilmWriter):
 
 
 @contextlib.contextmanager
-def _open_video(output: OutputSpec, frames: Sequence[int], finishing: Callable[[], None]) -> Iterator[FilmWriter]:
+def _open_video(
+    output: OutputSpec, frames: Sequence[int], within: Path | None, finishing: Callable[[], None]
+) -> Iterator[FilmWriter]:
     assert output.background is not None, "only PNG can be transparent"
     rate, options, notes = _gif(output) if output.file.suffix.lower() == ".gif" else _mp4(output)
-    with staged(output.file) as temporary:
+    with staged(output.file, within) as temporary:
         with open_encoder(output.size, rate, options, temporary, output.file) as encoder:
             yield _VideoWriter(output, frames, notes, encoder)
         finishing()

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from renderer.scene import Scene
+from renderer.scene import OutputSpec, Scene
 
 FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
 
@@ -27,12 +27,16 @@ def sidecar_path(scene: Scene, frames: Sequence[int]) -> Path:
     path in one folder: frames 30 to 59 have `frames/frames.30-59.json`, every third of them `frames.30-57-by-3.json`,
     and a selection without a step has a name of its own, too.
     """
-    file = scene.output.file
-    if not FRAME_FIELD.search(str(file)):
-        return file.with_name(f"{file.name}.json")
-    named = Path(FRAME_FIELD.sub("frames", str(file)))
-    is_whole = len(frames) == scene.camera.path.frames
-    return named.with_suffix(".json") if is_whole else named.with_name(f"{named.stem}.{_part_name(frames)}.json")
+    whole = _sidecar_of_whole(scene.output.file)
+    if not FRAME_FIELD.search(str(scene.output.file)) or len(frames) == scene.camera.path.frames:
+        return whole
+    return whole.with_name(f"{whole.stem}.{_part_name(frames)}.json")
+
+
+def _sidecar_of_whole(file: Path) -> Path:
+    if FRAME_FIELD.search(str(file)):
+        return Path(FRAME_FIELD.sub("frames", str(file))).with_suffix(".json")
+    return file.with_name(f"{file.name}.json")
 
 
 def _part_name(frames: Sequence[int]) -> str:
@@ -45,6 +49,22 @@ def _part_name(frames: Sequence[int]) -> str:
         return f"{first}-{last}" if step == 1 else f"{first}-{last}-by-{step}"
     digest = hashlib.blake2b(",".join(map(str, frames)).encode(), digest_size=4).hexdigest()
     return f"{first}-{last}-some-{digest}"
+
+
+def unfinished_folder(sidecar: Path) -> Path:
+    """Where frames are kept while a film is not whole: `engine.mp4.unfinished`, `frames/frames.unfinished`."""
+    return sidecar.with_suffix(".unfinished")
+
+
+def lock_file(output: OutputSpec) -> Path:
+    """What jobs that write this output lock, whichever frames they draw: `.engine.mp4.lock`."""
+    sidecar = _sidecar_of_whole(output.file)
+    return sidecar.with_name(f".{sidecar.stem}.lock")
+
+
+def has_frame_files(output: OutputSpec) -> bool:
+    """Whether each frame is a file of its own, there as soon as it is drawn."""
+    return output.file.suffix.lower() == ".png"
 
 
 def film_beside(sidecar: Path, recorded: Path) -> Path:

@@ -12,8 +12,8 @@ import numpy as np
 from renderer.staging import write_staged
 
 
-def write_sidecar(path: Path, data: Mapping[str, Any]) -> None:
-    """Write `data` as JSON, complete or not at all.
+def write_sidecar(path: Path, data: Mapping[str, Any], within: Path | None = None) -> None:
+    """Write `data` as JSON, complete or not at all; `within` as for `renderer.staging.staged`.
 
     Keys keep their order and floats their value. Paths become strings, numpy's scalars and arrays numbers and lists.
     Raises ValueError for numbers that JSON does not have (NaN, infinities), TypeError for other objects, InputError or
@@ -21,7 +21,7 @@ def write_sidecar(path: Path, data: Mapping[str, Any]) -> None:
     """
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=_plain)
     # Bytes of a file name that are no UTF-8 are surrogates in Python, and become escapes that JSON has.
-    write_staged(path, f"{text}\n".encode(errors="backslashreplace"))
+    write_staged(path, f"{text}\n".encode(errors="backslashreplace"), within)
 
 
 def _plain(value: object) -> object:

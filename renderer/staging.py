@@ -12,15 +12,16 @@ from renderer.errors import HsplatError, InputError, RenderError
 
 
 @contextlib.contextmanager
-def staged(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path`, renamed to `path` at the end of the block.
+def staged(path: Path, within: Path | None = None) -> Iterator[Path]:
+    """A temporary file beside `path`, or in the folder `within` on the same disk, renamed to `path` after the block.
 
-    Missing folders are made, and the temporary file is created at once: what cannot be written is told before the
-    work, not after it. When the block raises, KeyboardInterrupt included, the temporary file is removed and `path` is
-    left as it was. What the operating system refuses becomes InputError (the name cannot be a file) or RenderError (no
-    space, no permission); an OSError raised by the block itself passes unchanged, see `explained`.
+    Missing folders are made, but for `within`, and the temporary file is created at once: what cannot be written is
+    told before the work, not after it. When the block raises, KeyboardInterrupt included, the temporary file is removed
+    and `path` is left as it was. What the operating system refuses becomes InputError (the name cannot be a file) or
+    RenderError (no space, no permission, no folder any more); an OSError raised by the block itself passes unchanged,
+    see `explained`.
     """
-    temporary = _temporary_of(path)
+    temporary = _temporary_of(path, within)
     try:  # before the file is there: an interrupt may come at any time
         _create(temporary, path)
         yield temporary
@@ -32,22 +33,22 @@ def staged(path: Path) -> Iterator[Path]:
             temporary.unlink()
 
 
-def write_staged(path: Path, content: bytes) -> None:
-    """Write a whole file so that it is there complete or not at all; errors as in `staged`."""
-    with staged(path) as temporary, explained(path):
+def write_staged(path: Path, content: bytes, within: Path | None = None) -> None:
+    """Write a whole file so that it is there complete or not at all; as `staged`."""
+    with staged(path, within) as temporary, explained(path):
         temporary.write_bytes(content)
 
 
 @contextlib.contextmanager
-def staged_together() -> Iterator[Callable[[Path, bytes], None]]:
+def staged_together(within: Path | None = None) -> Iterator[Callable[[Path, bytes], None]]:
     """A function that writes whole files, which have their final names at the end of the block, one after the other.
 
-    When the block raises, none has; errors as in `staged`.
+    When the block raises, none has; as `staged`.
     """
     written: list[tuple[Path, Path]] = []
 
     def write(path: Path, content: bytes) -> None:
-        temporary = _temporary_of(path)
+        temporary = _temporary_of(path, within)
         written.append((temporary, path))
         _create(temporary, path)
         with explained(path):
@@ -110,18 +111,31 @@ def write_error(error: OSError, path: Path) -> HsplatError:
         return InputError("the folder of the output is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RenderError("the disk is full", where=where, hint="free some space, or write to another disk")
+    if isinstance(error, FileNotFoundError):
+        return RenderError("the folder of the output is gone", where=where, hint="it was there when the work began")
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return RenderError("no permission to write here", where=where, hint="choose another folder for the output")
     return RenderError("the output cannot be written", where=where, got=error.strerror or str(error))
 
 
-def _temporary_of(path: Path) -> Path:
+def remove_temporaries(folder: Path) -> None:
+    """Remove what programs that were killed left in a folder `within`."""
+    for path in folder.glob(f".*{_MARK}*"):
+        path.unlink(missing_ok=True)
+
+
+_MARK = ".partial-"
+
+
+def _temporary_of(path: Path, within: Path | None = None) -> Path:
     # The process id keeps two programs that write the same output from sharing a temporary file.
-    return path.with_name(f".{path.name}.partial-{os.getpid()}")
+    return (within or path.parent) / f".{path.name}{_MARK}{os.getpid()}"
 
 
 def _create(temporary: Path, path: Path) -> None:
     with explained(path):
+        if temporary.parent != path.parent:
+            temporary.touch()  # first: a folder that has vanished meanwhile is not made again
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

@@ -30,6 +30,7 @@ from renderer.errors import InputError
 @click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even where less than what was asked for can be had.")
+@click.option("--force", is_flag=True, help="Draw again what is there already.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def render(
     scene: Path,
@@ -40,6 +41,7 @@ def render(
     progressive: bool,
     time_limit: str | None,
     best_effort: bool,
+    force: bool,
     quiet: bool,
 ) -> None:
     """Render a scene to a film or to numbered frames.
@@ -54,6 +56,7 @@ def render(
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
     with terminated_as_interrupted():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
+        from hsplat_cli.render.crew import Crew  # noqa: PLC0415
         from hsplat_cli.render.film import render_once  # noqa: PLC0415
         from hsplat_cli.render.progressive import render_progressively  # noqa: PLC0415
 
@@ -61,7 +64,7 @@ def render(
         if progressive:
             shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, quiet=quiet)
         else:
-            shortfall = render_once(job, quiet=quiet)
+            shortfall = render_once(job, Crew(), force=force, quiet=quiet)
     if shortfall is not None and not best_effort:
         raise shortfall
     if shortfall is not None and not quiet:

@@ -12,26 +12,28 @@ import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import click
 
+from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
+from hsplat_cli.progress import Progress, progress
 from hsplat_cli.render.difference import Difference, Differences
-from hsplat_cli.render.film import Done, draw_film, prepare_job, record, tell
+from hsplat_cli.render.film import Done, prepare_job, record, tell
 from hsplat_cli.render.goals import Plan, make_plan
-from hsplat_cli.render.record import Record, limits, span
+from hsplat_cli.render.place import taken
+from hsplat_cli.render.record import Record, limits, span, with_seconds
 from renderer.costs import CostLog, Load, load_of
-from renderer.drawing import Frame, Rasterizer, Stopwatch
+from renderer.drawing import Rasterizer, Stopwatch
 from renderer.errors import RenderError
-from renderer.film import open_film
-from renderer.output_files import first_files
+from renderer.film import FilmWriter, open_film
 from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
 from renderer.schedule import at_tolerances, tolerance_at, value_at
-from renderer.staging import require_writable
 
 # A frame of so many cells shows what it is. Their pixels, not their number, are what it costs, so that there are far
 # more in the first pass, which may take so many times as long.
@@ -66,10 +68,8 @@ def render_progressively(job: Job, *, time_limit: float | None, best_effort: boo
     before it stays; KeyboardInterrupt then goes on, unless `best_effort` takes that film for good enough.
     """
     start = time.perf_counter()
-    for file in first_files(job.scene, job.frames):
-        require_writable(file)
-    with GLRasterizer() as rasterizer:
-        maker = _Maker(job, rasterizer, start, time_limit, quiet=quiet)
+    with taken(job) as folder, GLRasterizer() as rasterizer:
+        maker = _Maker(job, folder, rasterizer, start, time_limit, quiet=quiet)
         planner = _Planner(job, Details(prepare_job(job), CostLog()), rasterizer, quiet=quiet)
         try:
             for each in planner.passes(maker):
@@ -89,9 +89,9 @@ class _Maker:
     """Makes one film after the other under the same name, each complete before it takes the place of the one before."""
 
     def __init__(
-        self, job: Job, rasterizer: GLRasterizer, start: float, time_limit: float | None, *, quiet: bool
+        self, job: Job, folder: Path, rasterizer: GLRasterizer, start: float, time_limit: float | None, *, quiet: bool
     ) -> None:
-        self._job, self._rasterizer, self._start, self._quiet = job, rasterizer, start, quiet
+        self._job, self._folder, self._rasterizer, self._start, self._quiet = job, folder, rasterizer, start, quiet
         self._deadline = math.inf if time_limit is None else start + time_limit
         output = job.scene.output
         self._differences = Differences(job.frames, math.prod(output.size) * (4 if output.background is None else 3))
@@ -125,10 +125,11 @@ class _Maker:
     def _make(self, each: _Pass, finishing: Callable[[], None]) -> None:
         job, number, start = self._job, len(self._passes) + 1, time.perf_counter()
         label = f"{job.scene.output.file.name}, pass {number}"
-        with open_film(job.scene.output, job.frames, all_at_once=True, finishing=finishing) as film:
-            frames = draw_film(
-                each.plan, job.frames, film, self._rasterizer, label=label, quiet=self._quiet, on_frame=self._see
-            )
+        with (
+            open_film(job.scene.output, job.frames, within=self._folder, finishing=finishing) as film,
+            progress(len(job.frames), label=label, quiet=self._quiet) as bar,
+        ):
+            frames = [self._write(drawn, film, bar) for drawn in self._drawer(each.plan).draw(job.frames)]
         now = time.perf_counter()
         difference = self._differences.of_pass()
         made = {
@@ -141,7 +142,7 @@ class _Maker:
         }
         self._passes.append(made)
         self.done = Done(job, each.plan, frames, film.notes, self._rasterizer.renderer_name, now - self._start)
-        record(self.done, self._passes)
+        record(self.done, self._folder, passes=self._passes)
         if not self._quiet:
             click.echo(f"pass {number}: {', '.join(_facts(made, frames, difference))}")
 
@@ -150,7 +151,7 @@ class _Maker:
         assert self.done is not None
         met = replace(self.done.plan, is_unfinished=False, found=plan.found, shortfall=plan.shortfall)
         self.done = replace(self.done, plan=met)
-        record(self.done, self._passes)
+        record(self.done, self._folder, passes=self._passes)
 
     def tell_interrupted(self) -> None:
         """Say what there is now, if there is something."""
@@ -162,10 +163,18 @@ class _Maker:
         if self.done and self.time_left() < 0:
             raise _TimeIsUp
 
-    def _see(self, frame: Frame) -> None:
-        self._differences.see(frame.number, frame.image)
-        if frame.number != self._job.frames[-1]:
+    def _drawer(self, plan: Plan) -> LocalDrawer:
+        return LocalDrawer(plan.stage, self._rasterizer, plan.guide)
+
+    def _write(self, drawn: Drawn, film: FilmWriter, bar: Progress) -> Record:
+        before = time.perf_counter()
+        film.write(drawn.number, drawn.picture.pixels)
+        record = with_seconds(drawn.record, encode=time.perf_counter() - before)
+        self._differences.see(drawn.number, drawn.picture.pixels)
+        if drawn.number != self._job.frames[-1]:
             self.require_time()
+        bar.advance(f"{record['splats']} splats")
+        return record
 
 
 def _facts(made: Record, frames: Sequence[Record], difference: Difference | None) -> Iterator[str]:

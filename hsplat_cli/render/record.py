@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from hsplat_cli.job import Job
 from hsplat_cli.render.again import recorded_schedule
 from hsplat_cli.versions import package_versions
-from renderer.drawing import Frame, Stage, finest_level_at
+from renderer.drawing import Stage, finest_level_at
 from renderer.errors import RenderError
 from renderer.scene import TimeBudget
 from renderer.scene_schema import scene_to_dict
@@ -26,17 +26,9 @@ IN_TIME = 0.2
 Record = Mapping[str, Any]
 
 
-def frame_record(frame: Frame, encode_seconds: float) -> dict[str, Any]:
-    """One frame: how exact it is, and what it took."""
-    record = {
-        "frame": frame.number,
-        "tolerance": frame.tolerance,
-        "cells": frame.num_cells,
-        "splats": frame.num_splats,
-        "seconds": frame.seconds | {"encode": encode_seconds},
-    }
-    predicted = {} if frame.predicted_seconds is None else {"predicted_seconds": frame.predicted_seconds}
-    return record | predicted
+def with_seconds(record: Record, **seconds: float) -> Record:
+    """A frame's record with what some more steps took."""
+    return {**record, "seconds": {**record["seconds"], **seconds}}
 
 
 def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[str, Any]:
@@ -97,14 +89,14 @@ def visibility_notes(frames: Sequence[Record]) -> list[str]:
     return [f"nothing is in view on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]}"]
 
 
-def summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None) -> str:
+def summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None, num_kept: int = 0) -> str:
     """`120 frames in 25.1 s, 149990 splats a frame`, and what came of a budget or an accuracy."""
-    return ", ".join(_summary(job, frames, seconds, found))
+    return ", ".join(_summary(job, frames, seconds, found, num_kept))
 
 
-def _summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None) -> Iterator[str]:
+def _summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None, num_kept: int) -> Iterator[str]:
     num, goal = len(frames), job.scene.error.goal
-    yield f"{num} frame{'s' * (num > 1)} in {seconds:.1f} s"
+    yield f"{num} frame{'s' * (num > 1)} in {seconds:.1f} s" + (f" ({num_kept} drawn before)" if num_kept else "")
     yield f"{span([frame['splats'] for frame in frames], 'd')} splats a frame"
     if goal is not None:
         yield f"tolerance {span([frame['tolerance'] for frame in frames])}"

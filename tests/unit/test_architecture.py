@@ -31,7 +31,10 @@ ROOMS: dict[str, tuple[str, str]] = {
     "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_reference compositing shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
-    "film": ("film encode output_files picture png quantize sidecar staging", "words"),
+    "film": (
+        "film encode kept_frames output_files output_lock picture png quantize sidecar staging",
+        "words",
+    ),
     "frame": ("drawing costs pacing parcel", "words checks volumes classification pyramid cut path splats film"),
     "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film frame"),
     "study": (
@@ -44,7 +47,8 @@ COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error", "want",  # quick
     "output_files", "volume_files",  # quick, too
     "readers", "volume", "statistics",  # info
-    "drawing", "pacing", "costs", "pipeline", "raster_gl", "film", "picture", "parcel", "sidecar", "jit",  # render
+    "drawing", "pacing", "costs", "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
+    "kept_frames", "output_lock", "picture", "parcel",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "png", "staging",  # reports
     "camera", "thumbnails", "transfer",  # peers

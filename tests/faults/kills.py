@@ -1,0 +1,227 @@
+"""Kills a job of 60 frames again and again, in every phase, looks at what is left, and lets the next run go on.
+
+    python tests/faults/kills.py --kills 200
+
+After each kill: within 5 s no process of the job is there any more, no new file in /dev/shm, no film under the final
+name that is not whole; and the same command, run again, makes frames and film that are byte for byte those of a run
+that nobody disturbed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import uuid
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kill_at import NUM_FRAMES, PHASES
+
+ROOT = Path(__file__).resolve().parents[2]
+KILL_AT = Path(__file__).with_name("kill_at.py")
+MARK = "HSPLAT_TEST_MARK"
+GRACE_S = 5.0
+
+SCENE = f"""\
+volume:
+  procedural: {{name: engine_block, shape: [32, 32, 16], seed: 1}}
+transfer_function:
+  points:
+    - {{value: 0, color: black, opacity: 0}}
+    - {{value: 90, color: "#6680e6", opacity: 0.05}}
+    - {{value: 255, color: "#ffe6b3", opacity: 0.6}}
+camera:
+  path: {{type: turntable, frames: {NUM_FRAMES}}}
+output:
+  file: out/film.mp4
+  size: [64, 64]
+"""
+
+
+@dataclass(frozen=True)
+class Kill:
+    """plan: as in kill_at. is_timed: by the clock, where the plan has an event it is at a place in the program."""
+
+    plan: dict[str, Any]
+
+    @property
+    def phase(self) -> str:
+        """The phase that was aimed at."""
+        return str(self.plan["phase"])
+
+    @property
+    def target(self) -> str:
+        """Who is killed."""
+        return "group" if self.plan["group"] else "parent"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a kill. problems: in words; none if all is well. seconds_to_end: until the last process was gone."""
+
+    kill: Kill
+    was_killed: bool
+    num_kept: int
+    seconds_to_end: float
+    problems: tuple[str, ...]
+
+
+class Job:
+    """The same job, in folders of its own."""
+
+    def __init__(self, folder: Path, options: tuple[str, ...]) -> None:
+        self._folder, self._options = folder, options
+        self.out = folder / "out"
+        (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
+
+    def run(self, plan: dict[str, Any]) -> tuple[int, str]:
+        """Exit status (negative: the signal), and the mark by which the processes of the run are known."""
+        mark = uuid.uuid4().hex
+        code_paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+        environment = os.environ | {MARK: mark, "PYTHONPATH": code_paths}
+        command = [sys.executable, str(KILL_AT), json.dumps(plan), str(self._folder / "report.json")]
+        done = subprocess.run(
+            [*command, "render", "scene.yaml", "--quiet", *self._options],
+            check=False,
+            cwd=self._folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,  # a group of its own, that may be killed
+        )
+        if done.returncode not in (0, -signal.SIGKILL):
+            raise AssertionError(done.stderr.decode())
+        return done.returncode, mark
+
+    def report(self) -> dict[str, Any]:
+        """Of the last run that was not killed."""
+        found = json.loads((self._folder / "report.json").read_text(encoding="utf-8"))
+        assert isinstance(found, dict)
+        return found
+
+    def files(self) -> dict[str, bytes]:
+        """What is in the output's folder, but the sidecar: it holds times."""
+        paths = (path for path in self.out.rglob("*") if path.is_file() and path.suffix != ".json")
+        return {str(path.relative_to(self.out)): path.read_bytes() for path in paths}
+
+    def clear(self) -> None:
+        """Remove all output."""
+        shutil.rmtree(self.out, ignore_errors=True)
+
+
+def try_kill(job: Job, kill: Kill, whole: dict[str, bytes], digests: list[str]) -> Outcome:
+    """Kill a run, look at what is left, run again, compare. digests: of the frames of an undisturbed run."""
+    job.clear()
+    shared = set(os.listdir("/dev/shm"))
+    status, mark = job.run(kill.plan)
+    seconds = seconds_until_gone(mark)
+    problems = [f"after {GRACE_S:g} s there are still {', '.join(names_of(mark))}"] if seconds > GRACE_S else []
+    problems += [f"in /dev/shm: {name}" for name in sorted(set(os.listdir("/dev/shm")) - shared)]
+    left = job.files()
+    if left.get("film.mp4") not in (None, whole["film.mp4"]):
+        problems.append("a film that is not whole has the final name")
+    num_kept = sum(name.endswith(".png") and "partial" not in name for name in left)
+    again, _ = job.run({})
+    if again != 0:
+        problems.append(f"the next run ended with {again}")
+    elif job.files() != whole:
+        problems.append(f"other files: {sorted(job.files())}")
+    elif frame_digests(job) != digests:
+        problems.append("other frames")
+    return Outcome(kill, status != 0, num_kept, seconds, tuple(problems))
+
+
+def frame_digests(job: Job) -> list[str]:
+    """Of the frames of a film that is whole, by its sidecar."""
+    sidecar = json.loads((job.out / "film.mp4.json").read_text(encoding="utf-8"))
+    return [frame["digest"] for frame in sidecar["frames"]]
+
+
+def seconds_until_gone(mark: str) -> float:
+    """Until no process has the mark; infinite if some have it after the time that they are given."""
+    start = time.monotonic()
+    while names_of(mark):
+        if time.monotonic() - start > GRACE_S:
+            return float("inf")
+        time.sleep(0.02)
+    return time.monotonic() - start
+
+
+def names_of(mark: str) -> list[str]:
+    """The processes, by number and program, whose environment has the mark."""
+    return list(_names_of(mark))
+
+
+def _names_of(mark: str) -> Iterator[str]:
+    for folder in Path("/proc").iterdir():
+        try:
+            if folder.name.isdigit() and f"{MARK}={mark}".encode() in (folder / "environ").read_bytes():
+                yield f"{folder.name} {(folder / 'comm').read_text().strip()}"
+        except OSError:  # gone meanwhile, or not ours
+            continue
+
+
+def make_kills(num: int, report: dict[str, Any], seed: int) -> Iterator[Kill]:
+    """Kills of every phase and target in turn, by place and by the clock in turn."""
+    choose = random.Random(seed)
+    for number in range(num):
+        phase = number % len(PHASES)
+        plan: dict[str, Any] = {"phase": PHASES[phase], "group": number // len(PHASES) % 2 == 1}
+        by_clock = number // (2 * len(PHASES)) % 2 == 1 or report["events"][phase] == 0
+        if by_clock:
+            plan["delay"] = choose.uniform(0, report["seconds"][phase])
+        else:
+            plan["event"] = choose.randint(1, report["events"][phase])
+        yield Kill(plan)
+
+
+def kill_again_and_again(num: int, folder: Path, options: tuple[str, ...], seed: int) -> Iterator[Outcome]:
+    """The outcomes of so many kills."""
+    job = Job(folder, options)
+    job.run({})  # compiles
+    job.clear()
+    job.run({})
+    whole, digests, report = job.files(), frame_digests(job), job.report()
+    assert set(whole) == {"film.mp4"}, sorted(whole)
+    for kill in make_kills(num, report, seed):
+        yield try_kill(job, kill, whole, digests)
+
+
+def main() -> None:
+    """Run, and print a table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", default="2")
+    arguments = parser.parse_args()
+    outcomes = []
+    with tempfile.TemporaryDirectory() as folder:
+        runs = kill_again_and_again(arguments.kills, Path(folder), (), arguments.seed)
+        for number, outcome in enumerate(runs, 1):
+            outcomes.append(outcome)
+            words = "; ".join(outcome.problems) or "ok"
+            print(f"{number} {outcome.kill.plan} killed {outcome.was_killed}, {outcome.num_kept} kept, "
+                  f"gone after {outcome.seconds_to_end:.2f} s: {words}", flush=True)  # fmt: skip
+    counts = Counter((outcome.kill.phase, outcome.kill.target) for outcome in outcomes if outcome.was_killed)
+    for phase in PHASES:
+        print(f"{phase:<10} parent {counts[phase, 'parent']:>4}   group {counts[phase, 'group']:>4}")
+    bad = [outcome for outcome in outcomes if outcome.problems]
+    slowest = max(outcome.seconds_to_end for outcome in outcomes)
+    print(f"{sum(counts.values())} kills of {len(outcomes)} runs, {len(bad)} with problems")
+    print(f"the last process of a run was gone after at most {slowest:.2f} s")
+    sys.exit(bool(bad))
+
+
+if __name__ == "__main__":
+    main()
