@@ -21,14 +21,21 @@ def frame_path(template: Path, frame: int) -> Path:
 
 
 def sidecar_path(scene: Scene, frames: Sequence[int]) -> Path:
+    """The JSON file beside the output of these frames of the scene's path."""
+    return sidecar_of(scene.output.file, frames, scene.camera.path.frames)
+
+
+def sidecar_of(file: Path, frames: Sequence[int], num_frames: int) -> Path:
     """`engine.mp4` has `engine.mp4.json`, and the template `frames/{frame:04}.png` has `frames/frames.json`.
 
     In a template the field becomes the word `frames`, so that two templates in one folder keep apart. So do parts of a
     path in one folder: frames 30 to 59 have `frames/frames.30-59.json`, every third of them `frames.30-57-by-3.json`,
     and a selection without a step has a name of its own, too.
+
+    num_frames: of the whole path.
     """
-    whole = _sidecar_of_whole(scene.output.file)
-    if not FRAME_FIELD.search(str(scene.output.file)) or len(frames) == scene.camera.path.frames:
+    whole = _sidecar_of_whole(file)
+    if not FRAME_FIELD.search(str(file)) or len(frames) == num_frames:
         return whole
     return whole.with_name(f"{whole.stem}.{_part_name(frames)}.json")
 
