@@ -257,6 +257,7 @@ class GLRasterizer:
                     got=f"{size[0]} x {size[1]} pixels of 16 bytes",
                     hint="choose a smaller output.size",
                 ) from error
+            _ = self._context.error  # moderngl binds the target before once more, which is gone
         return self._target
 
 
