@@ -184,14 +184,15 @@ class Pool:
         return Picture(np.frombuffer(pixels, np.uint8).reshape(shape), png)
 
     def _bury(self, worker: WorkerProcess[_Task], error: HsplatError | None) -> None:
-        """Replace a worker that is dead, or that has to go with an error; what it had goes back to those that wait."""
+        """Replace a worker that has died, or has to go with an error; what it had goes back to those that wait."""
         self._selector.unregister(worker)
         self._workers.remove(worker)
         worker.close()
-        error = worker.last_words() if error is None else error
+        may_be_chance = error is not None or worker.was_killed
+        error = error or worker.last_words()
         if not worker.is_ready:
             self._num_failed_starts += 1
-            if not worker.was_killed or self._num_failed_starts == _MOST_DEATHS:
+            if not may_be_chance or self._num_failed_starts == _MOST_DEATHS:
                 raise error
         for task in worker.tasks:
             heapq.heappush(task.run.waiting, task)

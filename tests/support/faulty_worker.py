@@ -13,39 +13,29 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.workers import worker
 from renderer.errors import InputError, RenderError
-from renderer.raster_gl import GLRasterizer
 
 FRAME = 3  # the one that things happen at
 
 
 def main(name: str, folder: Path, rest: Sequence[str]) -> None:
     """Be a worker in which the fault happens."""
-    start_fault, draw_fault = START_FAULTS.get(name), DRAW_FAULTS.get(name)
-    if start_fault:
-        start_fault(folder)
-    if draw_fault:
-        whole_draw = LocalDrawer.draw
+    if name in START_FAULTS:
+        START_FAULTS[name](folder)
+    whole_draw = LocalDrawer.draw
 
-        def draw(self: LocalDrawer, numbers: Sequence[int]) -> Iterator[Drawn]:
-            draw_fault(folder, numbers[0])
-            return whole_draw(self, numbers)
+    def draw(self: LocalDrawer, numbers: Sequence[int]) -> Iterator[Drawn]:
+        if name in DRAW_FAULTS:
+            DRAW_FAULTS[name](folder, numbers[0])
+        if name in GL_FAULTS and GL_FAULTS[name](folder, numbers[0]):
+            with self._rasterizer._context:  # type: ignore[attr-defined]
+                ctypes.CDLL("libGL.so.1").glEnable(0xFFFF)
+        return whole_draw(self, numbers)
 
-        LocalDrawer.draw = draw  # type: ignore[method-assign]
-    if name in GL_FAULTS:
-        whole_chunk = GLRasterizer._chunk
-
-        def chunk(self: GLRasterizer, *arguments: Any) -> Any:
-            if GL_FAULTS[name](folder):
-                with self._context:
-                    ctypes.CDLL("libGL.so.1").glEnable(0xFFFF)
-            return whole_chunk(self, *arguments)
-
-        GLRasterizer._chunk = chunk  # type: ignore[method-assign]
+    LocalDrawer.draw = draw  # type: ignore[method-assign]
     worker.main(rest)
 
 
@@ -154,10 +144,10 @@ DRAW_FAULTS = {
     )
 }
 
-# Whether GL makes an error in this drawing; the first one of each worker is to get ready.
+# Whether GL has an error to tell of after a frame.
 GL_FAULTS = {
-    "gl_error_once": lambda folder: not first(folder, str(os.getpid())) and first(folder, "lost"),
-    "gl_error_always": lambda folder: not first(folder, str(os.getpid())),
+    "gl_error_once": lambda folder, number: number == FRAME and first(folder, "lost"),
+    "gl_error_always": lambda folder, number: number == FRAME,
 }
 
 if __name__ == "__main__":

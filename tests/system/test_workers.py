@@ -148,7 +148,7 @@ def test_what_cannot_is_an_error(stage: Stage, tmp_path: Path, fault: str, kind:
 def test_a_context_that_is_lost_again_and_again(stage: Stage, rasterizer: GLRasterizer, tmp_path: Path) -> None:
     error = error_of(stage, "gl_error_always", tmp_path)
     assert str(error) == (
-        f"{rasterizer.renderer_name}, frame 0: OpenGL failed to draw, or its context was lost, "
+        f"{rasterizer.renderer_name}, frame {FRAME}: OpenGL failed to draw, or its context was lost, "
         "3 times at the same frame\n  got: GL_INVALID_ENUM"
     )
 
