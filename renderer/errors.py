@@ -47,6 +47,10 @@ class RenderError(HsplatError):
     """The input was right and the render failed: no GL, no disk, no encoder (exit code 1)."""
 
 
+class ContextLostError(RenderError):
+    """OpenGL failed while something was drawn, which with another context may succeed."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """One complaint about a scene.

@@ -38,7 +38,7 @@ class KeptFrames:
         self, folder: Path, file_of: Callable[[int], Path], cause: Mapping[str, Any], *, afresh: bool = False
     ) -> None:
         self._journal, self._folder, self._file_of, self._is_begun = folder / JOURNAL, folder, file_of, False
-        self.cause = json.loads(json.dumps(cause))  # as it is read again: tuples are lists
+        self.cause = _plain(cause)
         self.records: dict[int, Record] = {}
         former, records = _read_journal(self._journal)
         is_same = former == self.cause and not afresh
@@ -92,12 +92,22 @@ class KeptFrames:
             os.close(descriptor)
 
 
-def clear(folder: Path) -> None:
-    """Remove all frames that are kept in the folder itself, and in the end the journal."""
+def clear(folder: Path, cause: Mapping[str, Any] | None = None) -> None:
+    """Remove all frames that are kept in the folder itself, and in the end the journal; of this cause, if one is given.
+
+    Those of another one may still be of use to a job like the one that they are of.
+    """
+    if cause is not None and _read_journal(folder / JOURNAL)[0] != _plain(cause):
+        return
     for path in folder.glob("*.png"):
         if path.stem.isdecimal():
             path.unlink(missing_ok=True)
     (folder / JOURNAL).unlink(missing_ok=True)
+
+
+def _plain(cause: Mapping[str, Any]) -> Any:
+    """As it is read again: tuples are lists."""
+    return json.loads(json.dumps(cause))
 
 
 def digest(content: bytes) -> str:

@@ -19,80 +19,88 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer import scene
 from renderer.classify import Classifier, Lighting, Segments
 from renderer.depth_directions import Turning
 from renderer.drawing import Stage
 from renderer.pyramid import Level, Pyramid
-from renderer.scene import Scene
-from renderer.scene_schema import parse_scene, scene_to_dict
 from renderer.volume import Volume
+
+Array = npt.NDArray[Any]
 
 ALIGNMENT = 64
 
 _LENGTH = struct.Struct("<Q")
+# Everything that a stage is made of, by name. A scene is taken as it is and not read again from plain data: the
+# schedule of one whose goal was resolved need not be one that a user may write.
+_OF_SCENE = [kind for kind in vars(scene).values() if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
 _RECORDS: dict[str, type[Any]] = {
-    kind.__name__: kind for kind in (Stage, Volume, Pyramid, Level, Classifier, Segments, Lighting, Turning)
+    kind.__name__: kind for kind in (Stage, Volume, Pyramid, Level, Classifier, Segments, Lighting, Turning, *_OF_SCENE)
 }
 
 
 def pack(stage: Stage) -> Iterator[memoryview]:
-    """The bytes of a stage, piece by piece; its arrays are not copied."""
-    arrays: list[npt.NDArray[Any]] = []
-    places: list[int] = []
-    tree = _Packer(arrays, places).plain(stage)
-    header = json.dumps(tree, ensure_ascii=True).encode()
+    """The bytes of a stage, piece by piece; its arrays are not copied, and one that it has twice is there once."""
+    arrays = _Arrays()
+    header = json.dumps(_plain(stage, arrays)).encode("ascii")
     yield memoryview(_LENGTH.pack(len(header)))
     yield memoryview(header)
-    position = 0
-    yield _padding(_LENGTH.size + len(header))
-    for array, place in zip(arrays, places, strict=True):
-        yield memoryview(bytes(place - position))
+    yield memoryview(bytes(_rest(_LENGTH.size + len(header))))
+    for array in arrays.in_order():
         yield array.reshape(-1).view(np.uint8).data
-        position = place + array.nbytes
+        yield memoryview(bytes(_rest(array.nbytes)))
 
 
 def unpack(content: memoryview) -> Stage:
     """The stage of which these are the bytes. Its arrays are views of `content`, which must be writable."""
     (length,) = _LENGTH.unpack_from(content)
-    tree = json.loads(bytes(content[_LENGTH.size : _LENGTH.size + length]))
     end = _LENGTH.size + length
-    stage = _unpacked(tree, content[end + len(_padding(end)) :])
+    stage = _unpacked(json.loads(bytes(content[_LENGTH.size : end])), content[end + _rest(end) :])
     assert isinstance(stage, Stage)
     return stage
 
 
-def _padding(num_bytes: int) -> memoryview:
-    return memoryview(bytes(-num_bytes % ALIGNMENT))
+def _rest(num_bytes: int) -> int:
+    """Bytes from the end of so many to the next multiple of ALIGNMENT."""
+    return -num_bytes % ALIGNMENT
 
 
-class _Packer:
-    """Makes a tree plain; arrays go to the lists."""
+class _Arrays:
+    """Where arrays go, one behind the other."""
 
-    def __init__(self, arrays: list[npt.NDArray[Any]], places: list[int]) -> None:
-        self._arrays, self._places, self._end = arrays, places, 0
+    def __init__(self) -> None:
+        self._end = 0
+        self._placed: dict[int, tuple[Array, Array, int]] = {}  # by identity: the array, as it is packed, and its place
 
-    def plain(self, value: Any) -> Any:
-        if isinstance(value, np.ndarray):
-            return self._plain_array(np.ascontiguousarray(value))
-        if isinstance(value, Scene):
-            return {"Scene": scene_to_dict(value)}
-        if type(value).__name__ in _RECORDS:
-            return {type(value).__name__: {name: self.plain(item) for name, item in _items(value)}}
-        if isinstance(value, tuple):
-            return {"tuple": [self.plain(item) for item in value]}
-        if isinstance(value, dict):
-            return {"dict": {name: self.plain(item) for name, item in value.items()}}
-        assert value is None or isinstance(value, (bool, int, float, str, np.generic)), type(value)
-        return value.item() if isinstance(value, np.generic) else value
+    def place(self, array: Array) -> int:
+        """Bytes from the beginning of the first one."""
+        if id(array) not in self._placed:
+            packed = np.ascontiguousarray(array)
+            self._placed[id(array)] = array, packed, self._end
+            self._end += packed.nbytes + _rest(packed.nbytes)
+        return self._placed[id(array)][2]
 
-    def _plain_array(self, array: npt.NDArray[Any]) -> dict[str, Any]:
-        place = -(-self._end // ALIGNMENT) * ALIGNMENT
-        self._end = place + array.nbytes
-        self._arrays.append(array)
-        self._places.append(place)
+    def in_order(self) -> Iterator[Array]:
+        """All of them, as they are packed."""
+        return (packed for _, packed, _ in self._placed.values())
+
+
+def _plain(value: Any, arrays: _Arrays) -> Any:
+    """What JSON can hold of a value; a dictionary has one key, the kind."""
+    if isinstance(value, np.ndarray):
         # Compiled code has one version for arrays that may be written to and one for others: they stay as they are.
-        facts = {"dtype": array.dtype.str, "shape": array.shape, "place": place, "writeable": array.flags.writeable}
-        return {"array": facts}
+        facts = {"dtype": value.dtype.str, "shape": value.shape, "writeable": value.flags.writeable}
+        return {"array": facts | {"place": arrays.place(value)}}
+    if isinstance(value, Path):
+        return {"Path": str(value)}
+    if type(value).__name__ in _RECORDS:
+        return {type(value).__name__: {name: _plain(item, arrays) for name, item in _items(value)}}
+    if isinstance(value, tuple):
+        return {"tuple": [_plain(item, arrays) for item in value]}
+    if isinstance(value, dict):
+        return {"dict": {name: _plain(item, arrays) for name, item in value.items()}}
+    assert value is None or type(value) in (bool, int, float, str), type(value)
+    return value
 
 
 def _items(record: Any) -> Iterator[tuple[str, Any]]:
@@ -106,23 +114,12 @@ def _unpacked(tree: Any, content: memoryview) -> Any:
         return tree
     ((kind, value),) = tree.items()
     if kind == "array":
-        return _array(value, content)
-    if kind == "Scene":
-        return parse_scene(value, base=Path(), still=True)
+        array: Array = np.ndarray(value["shape"], value["dtype"], content, value["place"])
+        array.flags.writeable = value["writeable"]
+        return array
+    if kind == "Path":
+        return Path(value)
     if kind == "tuple":
         return tuple(_unpacked(item, content) for item in value)
     items = {name: _unpacked(item, content) for name, item in value.items()}
     return items if kind == "dict" else _RECORDS[kind](**items)
-
-
-def _array(facts: dict[str, Any], content: memoryview) -> npt.NDArray[Any]:
-    shape = tuple(facts["shape"])
-    count = int(np.prod(shape, dtype=np.int64))
-    array = (
-        np.frombuffer(content, np.dtype(facts["dtype"]), count, facts["place"])
-        if count
-        else np.empty(shape, np.dtype(facts["dtype"]))
-    )
-    array = array.reshape(shape)
-    array.flags.writeable = facts["writeable"]
-    return array

@@ -27,7 +27,7 @@ import numpy.typing as npt
 from renderer.camera import View
 from renderer.cell_edges import CellEdges, level_colors
 from renderer.compositing import LEAST_CHUNK, composite_over, splats_at_once
-from renderer.errors import RenderError
+from renderer.errors import ContextLostError, RenderError
 from renderer.projection import ModelView, Region, covered_region, longest_sigma, mean_footprint_px, model_view
 from renderer.shaders import load_shader
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
@@ -62,7 +62,8 @@ PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 class GLRasterizer:
     """A GL context with the programs for splats; reusable for any number of frames, of any size.
 
-    Use as a context manager, or call `release`. Raises RenderError where no context can be made.
+    Use as a context manager, or call `release`. Raises RenderError where no context can be made, and ContextLostError
+    where it is lost while it draws: then it is of no more use.
     """
 
     def __init__(self) -> None:
@@ -170,6 +171,15 @@ class GLRasterizer:
             yield image
             if image.size:
                 target.read_into(image, viewport=place, components=4, dtype="f4")
+            self._require_no_failure()
+
+    def _require_no_failure(self) -> None:
+        """Nothing raises where a device is reset or runs out of memory: GL goes on, and its pictures are rubbish."""
+        error = self._context.error
+        if error != "GL_NO_ERROR":
+            raise ContextLostError(
+                "OpenGL failed to draw, or its context was lost", where=self.renderer_name, got=error
+            )
 
     def _gaussians(self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]) -> None:
         """Points, and in their place in the order quads where the driver's points are too small."""
@@ -247,6 +257,7 @@ class GLRasterizer:
                     got=f"{size[0]} x {size[1]} pixels of 16 bytes",
                     hint="choose a smaller output.size",
                 ) from error
+            _ = self._context.error  # moderngl binds the target before once more, which is gone
         return self._target
 
 

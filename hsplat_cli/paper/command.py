@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hsplat_cli.cores import num_cores
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.machine import describe_machine
@@ -156,7 +156,7 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     from renderer.readers import read_volume  # noqa: PLC0415
 
     tell_first_run(quiet=quiet)
-    num_threads = os.cpu_count() or 1
+    num_threads = num_cores()
     work = [RECIPES[job.number].work for job in jobs]
     figures: list[Figure] = []
     with (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.cores import num_cores
 from hsplat_cli.drawn import Drawn
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
@@ -84,7 +84,7 @@ def render_once(job: Job, crew: Crew, *, force: bool = False, quiet: bool) -> Re
             marks = Marks.of(cause, output, job.frames)
             before = None if force else made_before(job.scene, job.frames)
             if before is not None and before.is_up_to_date(marks, output):
-                clear(folder)
+                clear(folder, cause)
                 _say(f"{output.file} is up to date; --force draws it again", quiet=quiet)
                 return None
             details = Details(prepare_job(job, volume), CostLog())
@@ -148,7 +148,7 @@ def prepare_job(job: Job, volume: Volume | None = None) -> Stage:
     return prepare(
         job.scene,
         clock=time.perf_counter,
-        num_threads=os.cpu_count() or 1,
+        num_threads=num_cores(),
         volume=volume,
         fingerprint=job.original.fingerprint if job.original else None,
         recorded_in=f"{job.original.path}: volume.fingerprint" if job.original else "",

@@ -1,0 +1,109 @@
+"""Children that end when their parent does, however it ends, and when it wants them to.
+
+The parent keeps the one end of a pipe for writing, into which nothing is ever written; its children hold the other.
+When the parent closes its end, or is gone, SIGKILL included, the pipe breaks. Linux then sends the children SIGKILL,
+whatever they are at: one that is inside a long call of a library, with Python's lock, has no other way to learn of it.
+Elsewhere a thread of theirs waits for it.
+
+This file is also the program that children are started with, `python lifeline.py ...`: it takes hold of the pipe and
+becomes the module that is wanted. It is not run by `-m`, which would look for modules in the current folder first, with
+whatever is there in the place of ours: the child gets the parent's `sys.path`.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import runpy
+import select
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import IO
+
+# Linux's number for "send this signal and not SIGIO", which `fcntl` knows by name only there.
+_SET_SIGNAL = "F_SETSIG"
+
+
+class Lifeline:
+    """Starts children that end with this process, and at the end of the block at the latest."""
+
+    def __init__(self) -> None:
+        self._child_end, self._parent_end = os.pipe()
+        self._is_cut = False
+
+    def __enter__(self) -> Lifeline:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.cut()
+
+    def start(
+        self,
+        module: str,
+        arguments: Sequence[str] = (),
+        *,
+        pass_fds: Sequence[int] = (),
+        env: Mapping[str, str] | None = None,
+        stdout: int | IO[bytes] | None = None,
+        stderr: int | IO[bytes] | None = None,
+    ) -> subprocess.Popen[bytes]:
+        """A child that runs a Python module as `python -m` does, with our modules and nothing on its standard input.
+
+        It is in a session of its own: Ctrl-C in the terminal is for us, and we end it. pass_fds: file descriptors that
+        it inherits, under the same numbers; there are no others. Raises OSError where it cannot be started.
+        """
+        command = [sys.executable, os.path.abspath(__file__), str(self._child_end), str(len(sys.path)), *sys.path]
+        return subprocess.Popen(
+            [*command, module, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=stdout,
+            stderr=stderr,
+            env=None if env is None else dict(env),
+            pass_fds=[self._child_end, *pass_fds],
+            start_new_session=True,
+        )
+
+    def cut(self) -> None:
+        """End all children that there still are; they are not waited for."""
+        if not self._is_cut:  # the numbers may be others' by now
+            self._is_cut = True
+            os.close(self._parent_end)
+            os.close(self._child_end)
+
+
+def hold_on(descriptor: int) -> None:
+    """End this process as soon as the pipe breaks, of which this is the end for reading."""
+    if hasattr(fcntl, _SET_SIGNAL):
+        fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
+        fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
+        broken = select.poll()
+        broken.register(descriptor, 0)
+        if broken.poll(0):  # before there was a signal for it
+            os._exit(1)
+    else:
+        threading.Thread(target=_end_when_broken, args=(descriptor,), daemon=True).start()
+
+
+def _end_when_broken(descriptor: int) -> None:
+    os.read(descriptor, 1)
+    os._exit(1)
+
+
+def _main() -> None:
+    """Arguments: the pipe, how many folders the parent looks for modules in, these, the module and its arguments."""
+    hold_on(int(sys.argv[1]))
+    num_folders = int(sys.argv[2])
+    sys.path[:] = sys.argv[3 : 3 + num_folders]
+    sys.argv[:] = sys.argv[3 + num_folders :]
+    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    _main()

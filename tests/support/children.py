@@ -1,0 +1,67 @@
+"""Programs for tests of what becomes of children: `children NAME`, which says when it is at it."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import subprocess
+import sys
+import time
+
+from film_stages import PLAIN, stage_of
+
+from hsplat_cli.workers.lifeline import Lifeline
+from hsplat_cli.workers.pool import open_pool
+
+LONG_S = 600
+
+
+def draw_for_ever() -> None:
+    """A pool at work."""
+    with open_pool(stage_of(PLAIN), 2, threads_each=1) as pool:
+        for count in itertools.count():
+            list(pool.draw(range(8)))
+            if count == 0:
+                say("drawing")
+
+
+def start_workers() -> None:
+    """A pool whose workers may not be ready."""
+    with open_pool(stage_of(PLAIN), 2, threads_each=1):
+        say("starting")
+        time.sleep(LONG_S)
+
+
+def have_a_child() -> None:
+    """That has workers."""
+    with Lifeline() as lifeline, lifeline.start("children", ["draw_for_ever"], stdout=subprocess.PIPE) as child:
+        assert child.stdout is not None
+        say(child.stdout.readline().decode().strip())
+        child.wait()
+
+
+def hold_the_lock() -> None:
+    """In a library's function, with Python's lock: no other thread of Python comes to its turn."""
+    say("holding")
+    ctypes.PyDLL(None).sleep(LONG_S)
+
+
+def wait() -> None:
+    say("waiting")
+    time.sleep(LONG_S)
+
+
+def show_modules() -> None:
+    """Where it would import from, and what it was told."""
+    say(repr((sys.path, sys.argv[1:], sys.stdin.read())))
+
+
+def say(text: str) -> None:
+    print(text, flush=True)
+
+
+if __name__ == "__main__":
+    {
+        function.__name__: function
+        for function in (draw_for_ever, start_workers, have_a_child, hold_the_lock, wait, show_modules)
+    }[sys.argv[1]]()

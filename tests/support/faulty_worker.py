@@ -1,0 +1,154 @@
+"""A worker with something wrong, to be the `program` of a pool: `faulty_worker NAME FOLDER SOCKET STAGE`.
+
+FOLDER is where workers of one test tell each other what has happened already.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from hsplat_cli.drawn import Drawn, LocalDrawer
+from hsplat_cli.workers import worker
+from renderer.errors import InputError, RenderError
+
+FRAME = 3  # the one that things happen at
+
+
+def main(name: str, folder: Path, rest: Sequence[str]) -> None:
+    """Be a worker in which the fault happens."""
+    if name in START_FAULTS:
+        START_FAULTS[name](folder)
+    whole_draw = LocalDrawer.draw
+
+    def draw(self: LocalDrawer, numbers: Sequence[int]) -> Iterator[Drawn]:
+        if name in DRAW_FAULTS:
+            DRAW_FAULTS[name](folder, numbers[0])
+        if name in GL_FAULTS and GL_FAULTS[name](folder, numbers[0]):
+            with self._rasterizer._context:  # type: ignore[attr-defined]
+                ctypes.CDLL("libGL.so.1").glEnable(0xFFFF)
+        return whole_draw(self, numbers)
+
+    LocalDrawer.draw = draw  # type: ignore[method-assign]
+    worker.main(rest)
+
+
+def first(folder: Path, name: str) -> bool:
+    """Whether nobody has asked that before."""
+    try:
+        (folder / name).mkdir()
+    except FileExistsError:
+        return False
+    return True
+
+
+def kill_once(folder: Path, number: int) -> None:
+    if number == FRAME and first(folder, "killed"):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def kill_often(folder: Path, number: int) -> None:
+    """Each worker dies at its second frame."""
+    (folder / f"{os.getpid()}").mkdir(exist_ok=True)
+    if not first(folder / f"{os.getpid()}", "second"):
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def kill_always(folder: Path, number: int) -> None:
+    if number == FRAME:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def exit_always(folder: Path, number: int) -> None:
+    if number == FRAME:
+        print("first words\n\n  the driver has given up", file=sys.stderr, flush=True)
+        os._exit(7)
+
+
+def hang_up_once(folder: Path, number: int) -> None:
+    """Closes its socket and lives on."""
+    if number == FRAME and first(folder, "hung up"):
+        os.closerange(3, 64)
+        time.sleep(600)
+
+
+def talk(folder: Path, number: int) -> None:
+    """More than any pipe holds."""
+    for _ in range(50):
+        os.write(2, b"a driver's chatter\n" * 1000)
+        os.write(1, b"a driver's chatter\n" * 1000)
+
+
+def input_error(folder: Path, number: int) -> None:
+    if number == FRAME:
+        raise InputError("a bad frame", where="scene.yaml", got="this", expected="that", hint="another")
+
+
+def out_of_memory(folder: Path, number: int) -> None:
+    if number == FRAME:
+        raise MemoryError
+
+
+def slow_first(folder: Path, number: int) -> None:
+    """Frame 0 takes until no other has been drawn for a while."""
+    (folder / f"frame {number}").mkdir()
+    if number == 0:
+        counts = (len(list(folder.iterdir())) for _ in itertools.count() if not time.sleep(0.5))
+        before = 0
+        for count in counts:
+            if count == before:
+                break
+            before = count
+        (folder / "slow frame").mkdir()
+
+
+def no_gl(folder: Path) -> None:
+    def refuse() -> None:
+        raise RenderError("no OpenGL 3.3 context could be made", got="nothing", expected="a driver", hint="install one")
+
+    worker.GLRasterizer = refuse  # type: ignore[assignment,misc]
+
+
+def fail_to_start(folder: Path) -> None:
+    raise ImportError("there is no such library")
+
+
+def die_at_first_start(folder: Path) -> None:
+    if first(folder, "died"):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def die_at_start(folder: Path) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+START_FAULTS = {fault.__name__: fault for fault in (no_gl, fail_to_start, die_at_first_start, die_at_start)}
+DRAW_FAULTS = {
+    fault.__name__: fault
+    for fault in (
+        kill_once,
+        kill_often,
+        kill_always,
+        exit_always,
+        hang_up_once,
+        talk,
+        input_error,
+        out_of_memory,
+        slow_first,
+    )
+}
+
+# Whether GL has an error to tell of after a frame.
+GL_FAULTS = {
+    "gl_error_once": lambda folder, number: number == FRAME and first(folder, "lost"),
+    "gl_error_always": lambda folder, number: number == FRAME,
+}
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])

@@ -1,0 +1,90 @@
+"""Stages of small films, one for each kind of data in a stage: what a process that draws must have."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from renderer.drawing import Stage
+from renderer.pipeline import prepare
+from renderer.scene import (
+    CameraSpec,
+    ColormapSpec,
+    ControlPoint,
+    ErrorSpec,
+    Keyframe,
+    KeyframePath,
+    OutputSpec,
+    ProceduralSource,
+    PyramidSpec,
+    Scene,
+    ShadingSpec,
+    SplatSpec,
+    TransferSpec,
+    TurntablePath,
+    VolumeSpec,
+)
+from renderer.volume import Volume, make_volume
+
+POINTS = (
+    ControlPoint(60.0, (0.2, 0.3, 0.9), 0.0),
+    ControlPoint(90.0, (0.4, 0.6, 0.9), 0.05),
+    ControlPoint(200.0, (1.0, 0.8, 0.4), 0.6),
+)
+
+PLAIN = Scene(
+    volume=VolumeSpec(ProceduralSource("engine_block", (32, 28, 20))),
+    transfer_function=TransferSpec(POINTS),
+    camera=CameraSpec(TurntablePath(8, elevation=20.0)),
+    output=OutputSpec(Path("film.mp4"), (40, 30)),
+    error=ErrorSpec(((0, 0.05),)),
+)
+
+KEYS = (Keyframe(0, 0.0, 0.0), Keyframe(3, 40.0, 30.0, 2.0), Keyframe(6, -20.0, 80.0))
+
+# By what they are: scenes of volumes that are read.
+SCENES = {
+    "plain": PLAIN,
+    "tolerance by frame": replace(PLAIN, error=ErrorSpec(((0, 0.5), (3, 0.5), (7, 0.01)))),
+    "every voxel": replace(PLAIN, error=ErrorSpec(((0, 0.0),))),
+    "transparent": replace(PLAIN, output=OutputSpec(Path("{frame}.png"), (40, 30), background=None)),
+    "gouraud": replace(PLAIN, splat=SplatSpec(footprint="gouraud")),
+    "boxes": replace(PLAIN, splat=SplatSpec(order="boxes")),
+    "overlay": replace(PLAIN, overlay="octree"),
+    "shading": replace(PLAIN, shading=ShadingSpec()),
+    "means of opacity": replace(PLAIN, pyramid=PyramidSpec("opacity", "single"), error=ErrorSpec(((0, 0.02),), "rms")),
+    "errors of scalars": replace(PLAIN, error=ErrorSpec(((0, 9.0),), "rms", "scalar", finest_level=1)),
+    "keyframes": replace(PLAIN, camera=CameraSpec(KeyframePath(8, KEYS, False), "orthographic", target=(15, 14, 9))),
+    "colormap": replace(
+        PLAIN,
+        transfer_function=TransferSpec(ColormapSpec("viridis", (50.0, 220.0), ((90.0, 0.0), (200.0, 0.5))), unit=2.0),
+    ),
+    "nothing to see": replace(PLAIN, transfer_function=TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0),))),
+}
+
+
+def stage_of(scene: Scene, volume: Volume | None = None) -> Stage:
+    """The stage of a scene, on one thread."""
+    return prepare(scene, clock=itertools.count().__next__, num_threads=1, volume=volume)
+
+
+def real_valued(dtype: str = "float32") -> Volume:
+    """A volume of a type that has no table, sheared, with values from 0 to 255."""
+    z, y, x = np.indices((18, 22, 26))
+    values = 127.5 + 127.5 * np.sin(x / 3.0) * np.cos(y / 4.0) * np.sin(z / 5.0 + x / 7.0)
+    world_from_index = np.eye(4)
+    world_from_index[:3] = [[1.0, 0.2, 0.0, 5.0], [0.0, 1.1, 0.1, -3.0], [0.1, 0.0, 0.9, 2.0]]
+    return make_volume(values.astype(dtype), world_from_index, "waves")
+
+
+def stages() -> dict[str, Stage]:
+    """All kinds, by what they are."""
+    lit = replace(PLAIN, shading=ShadingSpec())
+    return {name: stage_of(scene) for name, scene in SCENES.items()} | {
+        "float32": stage_of(PLAIN, real_valued()),
+        "float32, shading": stage_of(lit, real_valued()),
+        "int16": stage_of(PLAIN, real_valued("int16")),
+    }

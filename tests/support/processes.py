@@ -1,0 +1,57 @@
+"""Which processes a test has started, and what they have in memory, as Linux tells."""
+
+from __future__ import annotations
+
+import os
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+MARK = "HSPLAT_TEST_MARK"
+
+
+def new_mark() -> str:
+    """For the environment variable MARK, which all children inherit."""
+    return uuid.uuid4().hex
+
+
+def marked(mark: str) -> set[int]:
+    """The processes that have this mark, without this one and without those that ended and wait to be noticed."""
+    wanted = f"{MARK}={mark}".encode()
+    found = set()
+    for folder in _folders():
+        try:
+            if wanted in (folder / "environ").read_bytes().split(b"\0"):
+                found.add(int(folder.name))
+        except OSError:  # it is gone, or not ours
+            continue
+    return found - {os.getpid()}
+
+
+def holders_of_shared_memory() -> dict[int, set[str]]:
+    """Of each stage in shared memory, by its inode, the processes that map it."""
+    holders: dict[int, set[str]] = {}
+    for folder in _folders():
+        try:
+            lines = (folder / "maps").read_text().splitlines()
+        except OSError:
+            continue
+        for line in lines:
+            if "/memfd:hsplat" in line:
+                holders.setdefault(int(line.split()[4]), set()).add(folder.name)
+    return holders
+
+
+def wait_until(condition: Callable[[], bool], seconds: float) -> bool:
+    """Whether it comes true in time."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def _folders() -> Iterator[Path]:
+    return (folder for folder in Path("/proc").iterdir() if folder.name.isdigit())

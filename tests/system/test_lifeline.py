@@ -1,0 +1,132 @@
+"""No process that this program starts outlives it, however it ends, nor does memory that they shared."""
+
+from __future__ import annotations
+
+import ast
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
+
+from hsplat_cli.workers.lifeline import Lifeline
+
+# What the program promises.
+LONGEST_S = 5.0
+
+
+@pytest.fixture(autouse=True)
+def mark(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Of all children of the test; none is left, whatever happens."""
+    name = new_mark()
+    monkeypatch.setenv(MARK, name)
+    yield name
+    for process in marked(name):
+        os.kill(process, signal.SIGKILL)
+
+
+def start(lifeline: Lifeline, *arguments: str) -> subprocess.Popen[bytes]:
+    return lifeline.start("children", arguments, stdout=subprocess.PIPE)
+
+
+def says(child: subprocess.Popen[bytes]) -> str:
+    assert child.stdout is not None
+    return child.stdout.readline().decode().strip()
+
+
+@pytest.mark.parametrize("what", ["draw_for_ever", "start_workers", "have_a_child"])
+@pytest.mark.parametrize("of", ["parent", "group"])
+def test_killed(mark: str, what: str, of: str) -> None:
+    """By SIGKILL, of which nobody is told: workers, and workers of a child."""
+    with Lifeline() as lifeline, start(lifeline, what) as parent:
+        assert says(parent) in ("drawing", "starting")
+        processes = marked(mark)
+        assert len(processes) == (4 if what == "have_a_child" else 3)
+        memory = {inode for inode, by in holders_of_shared_memory().items() if by & set(map(str, processes))}
+        assert len(memory) == 1
+        if of == "parent":
+            parent.kill()
+        else:
+            os.killpg(parent.pid, signal.SIGKILL)
+        assert wait_until(lambda: not marked(mark), LONGEST_S)
+        assert not memory & set(holders_of_shared_memory())
+        assert not [path.name for path in Path("/dev/shm").iterdir() if "hsplat" in path.name]
+
+
+@pytest.mark.parametrize("what", ["hold_the_lock", "wait", "draw_for_ever"])
+def test_cut(mark: str, what: str) -> None:
+    """By the parent, which lives on: at the end of the block."""
+    with Lifeline() as lifeline:
+        child = start(lifeline, what)
+        assert says(child)
+    assert child.wait(LONGEST_S) == -signal.SIGKILL
+    assert child.stdout is not None
+    child.stdout.close()
+    assert wait_until(lambda: not marked(mark), LONGEST_S)
+
+
+def test_a_parent_that_is_gone_already(mark: str) -> None:
+    """When the child looks for the first time."""
+    with Lifeline() as lifeline:
+        stopped = start(lifeline, "wait")
+        stopped.send_signal(signal.SIGSTOP)
+    stopped.send_signal(signal.SIGCONT)
+    assert stopped.wait(LONGEST_S) in (1, -signal.SIGKILL)
+    assert stopped.stdout is not None
+    stopped.stdout.close()
+
+
+def test_a_system_that_sends_no_signal(mark: str) -> None:
+    """A thread notices."""
+    code = "\n".join(
+        [
+            "import fcntl, sys, time",
+            "del fcntl.F_SETSIG",
+            "from hsplat_cli.workers.lifeline import hold_on",
+            "hold_on(int(sys.argv[1]))",
+            "print('waiting', flush=True)",
+            "time.sleep(600)",
+        ]
+    )
+    here, there = os.pipe()
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", code, str(here)]
+    with subprocess.Popen(command, pass_fds=[here], stdout=subprocess.PIPE, env=environment) as child:
+        assert says(child) == "waiting"
+        os.close(there)
+        assert child.wait(LONGEST_S) == 1
+    os.close(here)
+
+
+def test_a_child_has_our_modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not those that lie in the current folder; it has our arguments, and nothing to read."""
+    for name in ("renderer", "json", "children", "threading"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('the wrong one')")
+    monkeypatch.chdir(tmp_path)
+    arguments = ["show_modules", "--flag", "a b", os.fsdecode(b"\xff")]
+    with Lifeline() as lifeline, start(lifeline, *arguments) as child:
+        path, argv, read = ast.literal_eval(says(child))
+    assert (child.returncode, path, argv, read) == (0, sys.path, arguments, "")
+
+
+def test_a_child_has_no_other_files(mark: str) -> None:
+    """Only the three streams and the pipe."""
+    with open(os.devnull) as other, Lifeline() as lifeline, start(lifeline, "wait") as child:
+        os.set_inheritable(other.fileno(), True)
+        assert says(child) == "waiting"
+        assert len(list(Path(f"/proc/{child.pid}/fd").iterdir())) == 4
+        child.kill()
+
+
+def test_cut_twice() -> None:
+    """The second time does nothing, although the numbers of the descriptors may be others' by then."""
+    lifeline = Lifeline()
+    lifeline.cut()
+    ends = os.pipe()
+    lifeline.cut()
+    for end in ends:
+        os.close(end)

@@ -1,0 +1,101 @@
+"""A stage as bytes and back is the same stage, bit for bit, and shares the memory of the bytes."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from film_stages import PLAIN, real_valued, stage_of, stages
+
+from renderer.drawing import Stage
+from renderer.parcel import ALIGNMENT, pack, unpack
+from renderer.scene import SplatBudget
+from renderer.schedule import at_tolerances
+
+STAGES = stages()
+
+
+def there_and_back(stage: Stage) -> Stage:
+    return unpack(memoryview(bytearray(b"".join(pack(stage)))))
+
+
+def assert_same(one: Any, other: Any) -> None:
+    """In type and value, arrays in their layout and what may be done to them, too."""
+    assert type(one) is type(other)
+    if isinstance(one, np.ndarray):
+        assert (one.dtype, one.shape) == (other.dtype, other.shape)
+        assert one.flags.writeable == other.flags.writeable
+        assert other.flags.c_contiguous and other.flags.aligned
+        assert one.tobytes() == other.tobytes()
+    elif dataclasses.is_dataclass(one):
+        for field in dataclasses.fields(one):
+            assert_same(getattr(one, field.name), getattr(other, field.name))
+    elif isinstance(one, tuple):
+        assert len(one) == len(other)
+        for item, other_item in zip(one, other, strict=True):
+            assert_same(item, other_item)
+    elif isinstance(one, dict):
+        assert list(one) == list(other)
+        assert_same(tuple(one.values()), tuple(other.values()))
+    else:
+        assert one == other
+
+
+@pytest.mark.parametrize("kind", STAGES)
+def test_there_and_back(kind: str) -> None:
+    assert_same(STAGES[kind], there_and_back(STAGES[kind]))
+
+
+def test_arrays_are_views_of_the_bytes() -> None:
+    """No copy is made in any process."""
+    content = memoryview(bytearray(b"".join(pack(STAGES["plain"]))))
+    stage = unpack(content)
+    whole = np.frombuffer(content, np.uint8)
+    for array in (stage.volume.values, stage.pyramid.volume.values, stage.pyramid.levels[0].means):
+        assert np.shares_memory(array, whole)
+
+
+def test_every_array_begins_where_vectors_may() -> None:
+    """Relative to the first one, and so wherever memory that is mapped begins."""
+    content = np.frombuffer(bytearray(b"".join(pack(STAGES["float32"]))), np.uint8)
+    stage = unpack(memoryview(content))
+    first = content.ctypes.data
+    arrays = [stage.volume.values, stage.volume.world_from_index, stage.turning.around, stage.pyramid.occupied]
+    arrays += [array for level in stage.pyramid.levels for array in (level.means, level.errors, level.masks)]
+    assert {(array.ctypes.data - first) % ALIGNMENT for array in arrays if array.size} == {0}
+
+
+def test_a_volume_is_there_once() -> None:
+    """A stage has it, and so has its pyramid."""
+    stage = stage_of(PLAIN, real_valued("float64"))
+    num_bytes = sum(len(piece) for piece in pack(stage))
+    assert stage.volume.values.nbytes < num_bytes < stage.volume.values.nbytes + stage.pyramid.num_bytes + 2**15
+
+
+def test_a_schedule_that_nobody_could_write() -> None:
+    """A budget of splats that some frames can have all of: tolerance 0 beside others."""
+    tolerances = {frame: 0.0 if frame < 3 else 0.1 / frame for frame in range(8)}
+    scene = at_tolerances(replace(PLAIN, error=replace(PLAIN.error, goal=SplatBudget(((0, 9.0),)))), tolerances)
+    stage = replace(STAGES["plain"], scene=scene)
+    assert_same(stage, there_and_back(stage))
+
+
+def test_names_of_files_that_are_no_text() -> None:
+    """As another system's disk may have them."""
+    output = replace(PLAIN.output, file=Path(os.fsdecode(b"f\xff\xfelm.mp4")))
+    stage = replace(STAGES["plain"], scene=replace(PLAIN, output=output))
+    back = there_and_back(stage).scene.output.file
+    assert os.fsencode(back) == b"f\xff\xfelm.mp4"
+
+
+def test_numbers_keep_every_digit() -> None:
+    stage = replace(STAGES["plain"], distance=0.1 + 0.2, target=(5e-324, -0.0, 1.7976931348623157e308))
+    back = there_and_back(stage)
+    assert [number.hex() for number in (back.distance, *back.target)] == [
+        number.hex() for number in (stage.distance, *stage.target)
+    ]
