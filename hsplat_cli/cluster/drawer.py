@@ -10,7 +10,7 @@ import contextlib
 import heapq
 import queue
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hsplat_cli.cluster.connection import connect
-from hsplat_cli.cluster.crew import Crew
+from hsplat_cli.cluster.roster import Roster
 from hsplat_cli.cluster.worker import Parcel, draw
 from hsplat_cli.drawn import Drawn
 from hsplat_cli.versions import package_versions
 from renderer.drawing import Stage
-from renderer.errors import HsplatError, RenderError
+from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.parcel import pack
 from renderer.picture import Picture
 
@@ -64,7 +64,7 @@ class Cluster:
     @contextlib.contextmanager
     def drawer(self, stage: Stage) -> Iterator[ClusterDrawer]:
         """What draws this stage, whose goal is resolved, at the tolerances of its schedule."""
-        drawer = ClusterDrawer(Crew(self._client, self._address, self._patience_s), self._client, stage)
+        drawer = ClusterDrawer(Roster(self._client, self._address, self._patience_s), self._client, stage)
         try:
             yield drawer
         finally:
@@ -83,16 +83,16 @@ class _Task:
 class ClusterDrawer:
     """A Drawer; made by `Cluster.drawer`."""
 
-    def __init__(self, crew: Crew, client: Client, stage: Stage) -> None:
-        self._crew, self._client, self._stage = crew, client, stage
+    def __init__(self, roster: Roster, client: Client, stage: Stage) -> None:
+        self._roster, self._client, self._stage = roster, client, stage
         self._parcel: Future | None = None
         self._makers: list[dict[str, Any]] = []  # each once
         self._num_again = 0
 
     @property
-    def made_by(self) -> str:
-        """Devices and drivers of the frames so far, as GL names them."""
-        return "; ".join(sorted({maker["GL"] for maker in self._makers}))
+    def made_by(self) -> tuple[str, ...]:
+        """Devices and drivers of the frames so far, as GL names them: one, unless machines differ."""
+        return tuple(dict.fromkeys(maker["GL"] for maker in self._makers))
 
     @property
     def notes(self) -> list[str]:
@@ -106,15 +106,15 @@ class ClusterDrawer:
         ]
         notes = [f"bytes may differ from frame to frame, drawn by different workers: {'; '.join(mixed)}"] * bool(mixed)
         again = f"{self._num_again} frame{'s were' if self._num_again > 1 else ' was'} drawn again by other workers"
-        return [*notes, *self._crew.notes, *[again] * bool(self._num_again)]
+        return [*notes, *self._roster.notes, *[again] * bool(self._num_again)]
 
-    def draw(self, numbers: Sequence[int]) -> Iterator[Drawn]:
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
         """As in Drawer. Raises RenderError, or what a frame failed with, once it has failed on several workers."""
         film = _Film(numbers)
         for index in range(len(numbers)):
             while index not in film.drawn:
-                self._crew.look()
-                self._num_again += film.take_back(self._crew.fit)
+                self._roster.look()
+                self._num_again += film.take_back(self._roster.fit)
                 self._hand_out(film, index)
                 self._receive(film)
             yield film.drawn.pop(index)
@@ -125,12 +125,12 @@ class ClusterDrawer:
 
     def _hand_out(self, film: _Film, first: int) -> None:
         """Give to each worker frames from the first that is missing on."""
-        if not self._crew.fit:
+        if not self._roster.fit:
             return
         if self._parcel is None or self._parcel.status != "finished":  # lost, with the workers that had it
             self._parcel = self._send()
-        while film.left and film.left[0] < first + _AHEAD * len(self._crew.fit):
-            worker = min(sorted(self._crew.fit), key=film.busy)
+        while film.left and film.left[0] < first + _AHEAD * len(self._roster.fit):
+            worker = min(sorted(self._roster.fit), key=film.busy)
             if film.busy(worker) >= _AT_ONCE:
                 return
             index = heapq.heappop(film.left)
@@ -142,7 +142,7 @@ class ClusterDrawer:
         """The stage to one worker; the others get it from it, and from each other."""
         pieces = [np.frombuffer(piece, np.uint8) for piece in pack(self._stage) if piece.nbytes]
         parcel = Parcel(np.concatenate(pieces))
-        return self._client.scatter(parcel, workers=[min(self._crew.fit)], hash=False)
+        return self._client.scatter(parcel, workers=[min(self._roster.fit)], hash=False)
 
     def _receive(self, film: _Film) -> None:
         """Wait a moment for a frame that a worker is done with, one way or another."""
@@ -166,8 +166,9 @@ class ClusterDrawer:
         """A worker could not draw a frame: is it the worker, or the frame?"""
         film.give_back(task)
         self._num_again += 1
-        self._crew.dismiss(task.worker, str(error))
-        if film.num_failures[task.index] >= _MOST_TRIES or not self._crew.fit:
+        if not isinstance(error, ContextLostError):  # which may come back
+            self._roster.dismiss(task.worker, str(error))
+        if film.num_failures[task.index] >= _MOST_TRIES or not self._roster.fit:
             if isinstance(error, HsplatError):
                 raise error
             got = f"{type(error).__name__}: {error}"

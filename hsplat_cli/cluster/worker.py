@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.versions import package_versions
+from renderer.errors import ContextLostError
 from renderer.parcel import unpack
 from renderer.raster_gl import GLRasterizer
 
@@ -77,8 +78,15 @@ class Parcel:
             if self._studio is None:
                 content = self._content if self._content.flags.writeable else self._content.copy()
                 self._studio = Studio(content.data, num_threads)
-                weakref.finalize(self, self._studio.close)
+                self._closing = weakref.finalize(self, self._studio.close)
             return self._studio
+
+    def give_up(self, studio: Studio) -> None:
+        """Make a new one when it is asked for again."""
+        with self._lock:
+            if self._studio is studio:
+                self._studio = None
+                self._closing()
 
     _studio: Studio | None
 
@@ -93,5 +101,9 @@ def draw(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, 
     from distributed import get_worker  # noqa: PLC0415  an extra
 
     studio = parcel.studio(get_worker().state.nthreads)
-    drawn = studio.draw(number)
+    try:
+        drawn = studio.draw(number)
+    except ContextLostError:
+        parcel.give_up(studio)
+        raise
     return drawn.picture.png, drawn.record, studio.made_with

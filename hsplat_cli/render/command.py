@@ -7,11 +7,13 @@ from typing import Literal
 
 import click
 
+from hsplat_cli.cluster.connection import require_address
 from hsplat_cli.duration import parse_duration
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.job import load_job
 from renderer.errors import InputError
+from renderer.scene import TimeBudget
 
 
 @click.command()
@@ -30,6 +32,7 @@ from renderer.errors import InputError
 @click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even where less than what was asked for can be had.")
+@click.option("--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler: tcp://node7:8786.")
 @click.option("--force", is_flag=True, help="Draw again what is there already.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def render(
@@ -41,6 +44,7 @@ def render(
     progressive: bool,
     time_limit: str | None,
     best_effort: bool,
+    scheduler: str | None,
     force: bool,
     quiet: bool,
 ) -> None:
@@ -54,6 +58,10 @@ def render(
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
     if limit is not None and not progressive:
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
+    if scheduler is not None:
+        require_address(scheduler)
+        if progressive or isinstance(job.scene.error.goal, TimeBudget):
+            raise InputError("a budget of time is for one machine, and no scheduler's", where="--scheduler")
     with terminated_as_interrupted():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
         from hsplat_cli.render.crew import Crew  # noqa: PLC0415
@@ -64,7 +72,7 @@ def render(
         if progressive:
             shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, quiet=quiet)
         else:
-            shortfall = render_once(job, Crew(), force=force, quiet=quiet)
+            shortfall = render_once(job, Crew(scheduler=scheduler), force=force, quiet=quiet)
     if shortfall is not None and not best_effort:
         raise shortfall
     if shortfall is not None and not quiet:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
+from hsplat_cli.cluster.drawer import open_cluster
 from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.render.goals import Plan
 from renderer.drawing import Rasterizer
@@ -20,4 +21,8 @@ class Crew:
 
 def draw_frames(plan: Plan, numbers: Sequence[int], rasterizer: Rasterizer, crew: Crew) -> Generator[Drawn, None, None]:
     """These frames, in this order."""
-    return LocalDrawer(plan.stage, rasterizer, plan.guide).draw(numbers)
+    if crew.scheduler is None:
+        yield from LocalDrawer(plan.stage, rasterizer, plan.guide).draw(numbers)
+        return
+    with open_cluster(crew.scheduler, num_workers=crew.workers) as cluster, cluster.drawer(plan.stage) as drawer:
+        yield from drawer.draw(numbers)

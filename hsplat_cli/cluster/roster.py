@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _LOOK_EVERY_S = 1.0
 
 
-class Crew:
+class Roster:
     """The workers of a cluster that can draw, by their addresses.
 
     address: of the scheduler, for messages. patience_s: the longest time without any worker at all.
