@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
 import re
 import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from hsplat_cli.cores import num_cores
 from renderer.errors import InputError, RenderError, require_package
 from renderer.schema import show
 
@@ -45,7 +45,7 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
     with contextlib.ExitStack() as stack:
         stack.enter_context(_silence())
         if address == LOCAL:
-            target = stack.enter_context(_local_cluster(num_workers or os.cpu_count() or 1))
+            target = stack.enter_context(_local_cluster(num_workers or num_cores()))
         else:
             target = address
         client = _client(target, address)

@@ -32,6 +32,12 @@ from renderer.scene import TimeBudget
 @click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even where less than what was asked for can be had.")
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Draw with N processes; as many as is fastest by default.",
+)
 @click.option("--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler: tcp://node7:8786.")
 @click.option("--force", is_flag=True, help="Draw again what is there already.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
@@ -44,6 +50,7 @@ def render(
     progressive: bool,
     time_limit: str | None,
     best_effort: bool,
+    workers: int | None,
     scheduler: str | None,
     force: bool,
     quiet: bool,
@@ -72,7 +79,7 @@ def render(
         if progressive:
             shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, quiet=quiet)
         else:
-            shortfall = render_once(job, Crew(scheduler=scheduler), force=force, quiet=quiet)
+            shortfall = render_once(job, Crew(workers, scheduler), force=force, quiet=quiet)
     if shortfall is not None and not best_effort:
         raise shortfall
     if shortfall is not None and not quiet:

@@ -23,7 +23,7 @@ from hsplat_cli.render.goals import Plan, make_plan, shortfall_of
 from hsplat_cli.render.place import taken
 from hsplat_cli.render.record import Record, film_record, schedule_record, summary, visibility_notes, with_seconds
 from renderer.costs import CostLog
-from renderer.drawing import Rasterizer, Stage
+from renderer.drawing import Stage
 from renderer.errors import RenderError
 from renderer.film import open_film, require_encoder
 from renderer.kept_frames import KeptFrames, clear, digest
@@ -160,7 +160,7 @@ def _draw(
     plan: Plan,
     kept: KeptFrames,
     folder: Path,
-    rasterizer: Rasterizer,
+    rasterizer: GLRasterizer,
     crew: Crew,
     finishing: Callable[[], None],
     *,
@@ -177,7 +177,9 @@ def _draw(
             film = stack.enter_context(open_film(output, job.frames, within=folder, finishing=finishing))
             notes = film.notes
         bar = stack.enter_context(progress(len(missing), label=output.file.name, quiet=quiet))
-        drawing = stack.enter_context(contextlib.closing(draw_frames(plan, missing, rasterizer, crew)))
+        drawing = stack.enter_context(
+            contextlib.closing(draw_frames(plan, missing, rasterizer, rasterizer.renderer_name, crew))
+        )
         for number in job.frames:
             is_new = number not in kept.records
             drawn = next(drawing) if is_new else Drawn(number, kept.picture(number), dict(kept.records[number]))
