@@ -44,10 +44,8 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
     require_address(address)
     with contextlib.ExitStack() as stack:
         stack.enter_context(_silence())
-        if address == LOCAL:
-            target = stack.enter_context(_local_cluster(num_workers or num_cores()))
-        else:
-            target = address
+        is_local = address == LOCAL
+        target = stack.enter_context(_local_cluster(num_workers or num_cores())) if is_local else address
         client = _client(target, address)
         try:
             yield client

@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from hsplat_cli.cluster.connection import require_address
+from hsplat_cli.cluster.connection import LOCAL, require_address
 from hsplat_cli.duration import parse_duration
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
@@ -69,6 +69,8 @@ def render(
         require_address(scheduler)
         if progressive or isinstance(job.scene.error.goal, TimeBudget):
             raise InputError("a budget of time is for one machine, and no scheduler's", where="--scheduler")
+        if workers is not None and scheduler != LOCAL:
+            raise InputError("the workers are those of the scheduler", where="--workers")
     with terminated_as_interrupted():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
         from hsplat_cli.render.crew import Crew  # noqa: PLC0415
