@@ -101,4 +101,11 @@ def _silence() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
+        # What has ended may complain until Python does.
+        for name in list(logging.root.manager.loggerDict):
+            if name.partition(".")[0] in _CHATTY:
+                logging.getLogger(name).disabled = True
         logging.disable(before)
+
+
+_CHATTY = ("asyncio", "distributed", "tornado")

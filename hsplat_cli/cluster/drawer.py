@@ -39,8 +39,8 @@ _AHEAD = 4
 _MOST_TRIES = 3
 # When nothing is done for so long, workers are looked for.
 _WAIT_S = 0.5
-# For a picture that is drawn, to come from its worker.
-_FETCH_S = 30.0
+# If a picture that is drawn has not come after so long, a look is taken whether its worker is still there.
+_FETCH_S = 2.0
 
 
 @contextlib.contextmanager
@@ -129,7 +129,7 @@ class ClusterDrawer:
             return
         if self._parcel is None or self._parcel.status != "finished":  # lost, with the workers that had it
             self._parcel = self._send()
-        while film.left and film.left[0] < first + _AHEAD * len(self._roster.fit):
+        while self._parcel is not None and film.left and film.left[0] < first + _AHEAD * len(self._roster.fit):
             worker = min(sorted(self._roster.fit), key=film.busy)
             if film.busy(worker) >= _AT_ONCE:
                 return
@@ -138,11 +138,14 @@ class ClusterDrawer:
             future = self._client.submit(draw, self._parcel, number, workers=[worker], pure=False)
             film.add(_Task(index, worker, future))
 
-    def _send(self) -> Future:
-        """The stage to one worker; the others get it from it, and from each other."""
+    def _send(self) -> Future | None:
+        """The stage to one worker, if it is still there; the others get it from it, and from each other."""
         pieces = [np.frombuffer(piece, np.uint8) for piece in pack(self._stage) if piece.nbytes]
         parcel = Parcel(np.concatenate(pieces))
-        return self._client.scatter(parcel, workers=[min(self._roster.fit)], hash=False)
+        try:
+            return self._client.scatter(parcel, workers=[min(self._roster.fit)], hash=False)
+        except (KeyError, OSError, TimeoutError):
+            return None
 
     def _receive(self, film: _Film) -> None:
         """Wait a moment for a frame that a worker is done with, one way or another."""
@@ -152,15 +155,29 @@ class ClusterDrawer:
         if task.future.status == "error":
             self._fail(film, task, task.future.exception())
             return
-        try:
-            png, record, maker = task.future.result(timeout=_FETCH_S)
-        except (OSError, TimeoutError, CancelledError, KeyError):  # its worker died before it came
+        result = self._fetch(task)
+        if result is None:
             film.give_back(task)
             self._num_again += 1
             return
+        png, record, maker = result
         film.drawn[task.index] = Drawn(film.numbers[task.index], Picture(png=png), record)
         if maker not in self._makers:
             self._makers.append(maker)
+
+    def _fetch(self, task: _Task) -> Any:
+        """What a worker has drawn; None where it died before that came."""
+        seconds = _FETCH_S
+        while True:
+            try:
+                return task.future.result(timeout=seconds)
+            except (CancelledError, KeyError):
+                return None
+            except (TimeoutError, OSError):
+                self._roster.look()
+                if task.worker not in self._roster.fit:
+                    return None
+                seconds *= 2
 
     def _fail(self, film: _Film, task: _Task, error: BaseException) -> None:
         """A worker could not draw a frame: is it the worker, or the frame?"""
