@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import re
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 LOCAL = "local"
 # Of the scheduler, to answer at all.
-_ANSWER_S = 8.0
+_ANSWER_S = 6.0
 # For clients and processes, to end in peace.
 _FAREWELL_S = 2.0
 
@@ -44,29 +45,47 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
     require_address(address)
     with contextlib.ExitStack() as stack:
         stack.enter_context(_silence())
-        is_local = address == LOCAL
-        target = stack.enter_context(_local_cluster(num_workers or num_cores())) if is_local else address
-        client = _client(target, address)
+        if address == LOCAL:
+            client = _client(stack.enter_context(_local_cluster(num_workers or num_cores())))
+        else:
+            _require_scheduler(address)
+            client = _client(address)
         try:
             yield client
         finally:
             client.close(timeout=_FAREWELL_S)
 
 
-def _client(target: Any, address: str) -> Client:
+def _client(target: Any) -> Client:
     from distributed import Client  # noqa: PLC0415  an extra, and slow to load
 
+    return Client(target, timeout=_ANSWER_S, set_as_default=False, name="hsplat")
+
+
+def _require_scheduler(address: str) -> None:
+    """Raise InputError unless a scheduler answers: for a server that says nothing a Client would wait without end."""
+    nobody, other = "nobody answers at this address", "what answers at this address is no Dask scheduler"
+    hint = "`dask scheduler` starts one, and says its address"
     try:
-        return Client(target, timeout=_ANSWER_S, set_as_default=False, name="hsplat")
-    except Exception as error:  # what another kind of server says may be taken for anything
-        nobody = isinstance(error, OSError)
-        raise InputError(
-            "nobody answers at this address" if nobody else "what answers at this address is no Dask scheduler",
-            where=f"--scheduler {address}",
-            got=f"nothing within {_ANSWER_S:g} s" if nobody else f"{type(error).__name__}: {show(str(error))}",
-            expected=_WORDS,
-            hint="`dask scheduler` starts one, and says its address",
-        ) from error
+        kind = asyncio.run(asyncio.wait_for(_kind_of_server(address), _ANSWER_S))
+    except Exception as error:  # Dask may take the words of another kind of server for anything
+        what = nobody if isinstance(error, (OSError, asyncio.TimeoutError)) else other
+        raise InputError(what, where=f"--scheduler {address}", expected=_WORDS, hint=hint) from error
+    if kind != "Scheduler":
+        raise InputError(other, where=f"--scheduler {address}", got=f"a {kind}", expected=_WORDS, hint=hint)
+
+
+async def _kind_of_server(address: str) -> str:
+    """`Scheduler`, `Worker` or `Nanny`."""
+    from distributed import Security  # noqa: PLC0415  an extra, and slow to load
+    from distributed.comm import connect  # noqa: PLC0415
+    from distributed.core import send_recv  # noqa: PLC0415
+
+    comm = await connect(address, timeout=_ANSWER_S, **Security().get_connection_args("client"))
+    try:
+        return str((await send_recv(comm, op="identity"))["type"])
+    finally:
+        comm.abort()
 
 
 @contextlib.contextmanager
