@@ -6,11 +6,14 @@ import asyncio
 import contextlib
 import logging
 import re
+import signal
 import warnings
 from collections.abc import Iterator
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.cores import num_cores
+from hsplat_cli.interrupts import deferrable_interrupts
 from renderer.errors import InputError, RenderError, require_package
 from renderer.schema import show
 
@@ -93,21 +96,42 @@ def _local_cluster(num_workers: int) -> Iterator[Any]:
     """Processes of one thread each."""
     from distributed import LocalCluster  # noqa: PLC0415  an extra, and slow to load
 
-    try:
-        cluster = LocalCluster(
-            n_workers=num_workers,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=0,  # none: nothing is to be written to disk, and no process to be ended for its size
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
-    except (OSError, RuntimeError) as error:
-        raise RenderError("no cluster can be started here", where="--scheduler local", got=str(error)) from error
-    try:
+    with contextlib.ExitStack() as stack:
+        with deferrable_interrupts() as defer_interrupts, _interrupts_kept_from_children():
+            defer_interrupts()  # a cluster that is half there cannot be ended
+            try:
+                cluster = LocalCluster(
+                    n_workers=num_workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    memory_limit=0,  # none: nothing is to be written to disk, and no process to be ended for its size
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                )
+            except (OSError, RuntimeError) as error:
+                what, where = "no cluster can be started here", "--scheduler local"
+                raise RenderError(what, where=where, got=str(error)) from error
+            stack.callback(_close, cluster)
         yield cluster
-    finally:
+
+
+def _close(cluster: Any) -> None:
+    with contextlib.suppress(TimeoutError):  # its processes end with this one
         cluster.close(timeout=_FAREWELL_S)
+
+
+@contextlib.contextmanager
+def _interrupts_kept_from_children() -> Iterator[None]:
+    """Ctrl-C reaches all processes of a terminal; those of threads that begin in this block do not notice.
+
+    They would end, and be replaced, while this process ends them.
+    """
+    resource_tracker.ensure_running()  # or it would unblock the signal when it is started
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

@@ -79,6 +79,7 @@ class Parcel:
                 content = self._content if self._content.flags.writeable else self._content.copy()
                 self._studio = Studio(content.data, num_threads)
                 self._closing = weakref.finalize(self, self._studio.close)
+                self._closing.atexit = False  # when threads have ended
             return self._studio
 
     def give_up(self, studio: Studio) -> None:
