@@ -58,8 +58,8 @@ def part_notes(picked: Sequence[Picked]) -> list[str]:
     for part in parts:
         own = visibility_notes(part.records)
         told = part.data.get("notes")
-        notes += [note for note in (told if isinstance(told, list) else []) if note not in (*own, *notes)]
-    return notes
+        notes += [note for note in (told if isinstance(told, list) else []) if note not in own]
+    return list(dict.fromkeys(notes))
 
 
 def _scene(picked: Sequence[Picked], output: OutputSpec) -> dict[str, Any]:

@@ -1,0 +1,236 @@
+"""What a user reads about parts that do not make a film, and that nothing is written then."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hsplat_cli import main
+from renderer.kept_frames import digest
+from renderer.png import encode_png
+
+DRAW = "hsplat render parts/frames.0-2.json --frames"
+TO = "--output 'parts/{frame:04}.png'"
+
+
+@pytest.fixture(autouse=True)
+def parts(scene_folder: Path) -> None:
+    """Three parts of a small film of nine frames in parts/ of the current folder."""
+    for frames in ("0:3", "3:6", "6:9"):
+        draw("--frames", frames, "--output", "parts/{frame:04}.png")
+
+
+def draw(*arguments: str) -> None:
+    small = ["camera.path.frames=9", "output.size=[32, 32]", "volume.procedural.shape=[8, 8, 8]"]
+    options = [word for change in small for word in ("--set", change)]
+    assert main.run(["render", "scene.yaml", "--quiet", *options, *arguments]) == 0
+
+
+def change(name: str, edit: Callable[[dict[str, Any]], object]) -> None:
+    path = Path(name)
+    data = json.loads(path.read_text(encoding="utf-8"))
+    edit(data)
+    path.write_text(json.dumps(data), encoding="utf-8")
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """What is said, by a command that changes no file."""
+    before = {path: path.read_bytes() for path in Path.cwd().rglob("*") if path.is_file()}
+    capsys.readouterr()
+    assert main.run(["assemble", *arguments]) == 2
+    assert {path: path.read_bytes() for path in Path.cwd().rglob("*") if path.is_file()} == before
+    said = capsys.readouterr()
+    assert said.out == ""
+    return said.err
+
+
+def test_missing_frames(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("parts/frames.3-5.json").unlink()
+    assert refused(capsys, "parts", "--output", "film.mp4") == (
+        f"3 frames are in no part\n  got: nothing of 3:6\n  hint: these draw them:\n    {DRAW} 3:6 {TO}\n"
+    )
+    assert refused(capsys, "parts", "--output", "film.mp4", "--frames", "5") == (
+        f"1 frame is in no part\n  got: nothing of 5:6\n  hint: these draw them:\n    {DRAW} 5:6 {TO}\n"
+    )
+
+
+def test_many_gaps(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("0-2", "3-5", "6-8"):
+        change(f"parts/frames.{name}.json", lambda data: data["frames"].pop(1))
+    draw("--frames", "0", "--output", "more/{frame:04}.png")
+    assert refused(capsys, "parts/frames.0-2.json", "--output", "{frame}.png") == (
+        "7 frames are in no part\n"
+        "  got: nothing of 1:2, 3:9\n"
+        f"  hint: these draw them:\n    {DRAW} 1:2 {TO}\n    {DRAW} 3:9 {TO}\n"
+    )
+
+
+def test_parts_of_other_films(capsys: pytest.CaptureFixture[str]) -> None:
+    def make_other(data: dict[str, Any]) -> None:
+        data["scene"]["transfer_function"]["points"][1]["opacity"] = 0.5
+        data["scene"]["error"]["tolerance"] = 0.2
+        data["schedule"]["asked"] = {"tolerance": 0.2}
+
+    change("parts/frames.3-5.json", make_other)
+    change("parts/frames.6-8.json", lambda data: data["volume"].update(fingerprint="0" * 32))
+    fingerprint = json.loads(Path("parts/frames.0-2.json").read_text(encoding="utf-8"))["volume"]["fingerprint"]
+    assert refused(capsys, "parts", "--output", "film.mp4") == f"""\
+parts/frames.3-5.json: a part of another film
+  got: scene.transfer_function.points.1.opacity 0.5, scene.error.tolerance 0.2, schedule.asked.tolerance 0.2
+  expected: scene.transfer_function.points.1.opacity 0.01, scene.error.tolerance 0.1, \
+schedule.asked.tolerance 0.1, as in parts/frames.0-2.json
+parts/frames.6-8.json: a part of another film
+  got: volume.fingerprint '{"0" * 32}'
+  expected: volume.fingerprint '{fingerprint}', as in parts/frames.0-2.json
+"""
+
+
+def test_pictures_that_are_not_what_they_were(capsys: pytest.CaptureFixture[str]) -> None:
+    """All of them at once."""
+    Path("parts/0000.png").unlink()
+    Path("parts/0001.png").write_bytes(Path("parts/0001.png").read_bytes()[:-20])
+    Path("parts/0003.png").write_bytes(encode_png(np.zeros((16, 24, 3), np.uint8)))
+    Path("parts/0004.png").write_bytes(encode_png(np.zeros((32, 32, 4), np.uint8)))
+    Path("parts/0005.png").write_bytes(encode_png(np.zeros((32, 32, 3), np.uint8)))
+    shutil.copy("parts/0008.png", "parts/0006.png")
+    Path("parts/0007.png").write_bytes(b"GIF89a")
+    damaged = bytearray(Path("parts/0002.png").read_bytes())
+    damaged[50] ^= 255
+    Path("parts/0002.png").write_bytes(damaged)
+    again = "draws it again"
+    assert refused(capsys, "parts", "--output", "film.mp4") == f"""\
+parts/0001.png: not the picture of frame 1
+  got: a file that is cut off
+  hint: remove it, and hsplat render parts/frames.0-2.json {again}
+parts/0002.png: not the picture of frame 2
+  got: a file that is damaged
+  hint: remove it, and hsplat render parts/frames.0-2.json {again}
+parts/0003.png: not the picture of frame 3
+  got: 24 x 16 pixels without alpha, not 32 x 32 pixels without alpha
+  hint: remove it, and hsplat render parts/frames.3-5.json {again}
+parts/0004.png: not the picture of frame 4
+  got: 32 x 32 pixels with alpha, not 32 x 32 pixels without alpha
+  hint: remove it, and hsplat render parts/frames.3-5.json {again}
+parts/0005.png: not the picture of frame 5
+  got: another picture than the one that was drawn
+  hint: remove it, and hsplat render parts/frames.3-5.json {again}
+parts/0006.png: not the picture of frame 6
+  got: that of frame 8
+  hint: remove it, and hsplat render parts/frames.6-8.json {again}
+parts/0007.png: not the picture of frame 7
+  got: a file that is not a PNG file
+  hint: remove it, and hsplat render parts/frames.6-8.json {again}
+parts/frames.0-2.json: 1 of its pictures is not there
+  got: no parts/0000.png
+  hint: hsplat render parts/frames.0-2.json draws them again
+"""
+    for name in ("0-2", "3-5", "6-8"):
+        assert main.run(["render", f"parts/frames.{name}.json", "--quiet"]) == 0
+    assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 0
+
+
+def test_a_frame_that_two_parts_have(capsys: pytest.CaptureFixture[str]) -> None:
+    draw("--frames", "2:4", "--output", "more/{frame}.png")
+    content = encode_png(np.zeros((32, 32, 3), np.uint8))
+    Path("more/3.png").write_bytes(content)
+    change("more/frames.2-3.json", lambda data: data["frames"][1].update(digest=digest(content)))
+    assert refused(capsys, "parts", "more", "--output", "film.mp4") == """\
+parts/frames.3-5.json: frame 3 is in two parts, and not the same
+  got: more/3.png and parts/0003.png
+  hint: leave one of the parts out
+"""
+
+
+def test_no_parts(capsys: pytest.CaptureFixture[str]) -> None:
+    """All arguments are told at once."""
+    draw("--output", "film.mp4", "--frames", "0:2")
+    Path("empty").mkdir()
+    Path("cut.json").write_text('{\n  "scene": {', encoding="utf-8")
+    Path("other.json").write_text("{}", encoding="utf-8")
+    change("parts/frames.0-2.json", lambda data: data["frames"][1].pop("cells"))
+    change("parts/frames.3-5.json", lambda data: data["scene"]["camera"]["path"].update(frames=4))
+    change("parts/frames.6-8.json", lambda data: data["volume"].pop("fingerprint"))
+    expected = "a folder of numbered frames, or the .json files beside them"
+    names = ["absent", "*.jpg", "empty", "cut.json", "other.json", "film.mp4.json", "parts"]
+    assert refused(capsys, *names, "--output", "all.mp4") == f"""\
+absent: no such file
+*.jpg: nothing has such a name
+  expected: {expected}
+empty: no numbered frames with their sidecar in this folder
+  hint: `hsplat render SCENE --frames 0:30 --output 'parts/{{frame:04}}.png'` draws a part
+cut.json:2:13: not valid JSON
+    | "scene": {{
+    |           ^
+  hint: a sidecar is written as a whole: this one was cut off, or changed since
+other.json: not the sidecar of numbered frames
+  expected: {expected}
+film.mp4.json: a film, which is not taken apart again
+  expected: {expected}
+parts/frames.0-2.json: frames.1: a frame with too little about it
+  expected: tolerance, cells, splats and seconds, as this version writes them
+parts/frames.3-5.json: scene.camera.path.frames: not the length of this path
+  got: 4
+  expected: a whole number greater than 5, the last frame
+parts/frames.6-8.json: volume.fingerprint: missing
+  expected: 32 hexadecimal digits
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ["--output", "film.webm"],
+            """\
+--output film.webm: output.file: unknown output format
+  got: 'film.webm'
+  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png
+""",
+        ),
+        (
+            ["--output", "still.png"],
+            """\
+--output still.png: output.file: frames need a number in their names
+  got: 'still.png'
+  hint: write still-{frame:04}.png
+""",
+        ),
+        (
+            ["--output", "film.gif", "--frames-per-second", "60", "--quality", "11"],
+            """\
+--frames-per-second 60: output.frames_per_second: too fast for a GIF
+  got: 60
+  expected: at most 50: viewers slow down faster ones
+--quality 11: output.quality: out of range
+  got: 11
+  expected: a number from 0 to 10
+""",
+        ),
+        (
+            ["--output", "film.mp4", "--frames", "9:12"],
+            """\
+--frames: no frame is in this range
+  got: '9:12'
+  expected: A:B or A:B:STEP or one number; this path has the frames 0 to 8
+""",
+        ),
+    ],
+)
+def test_options(options: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text = refused(capsys, "parts", *options)
+    assert sorted(text.splitlines()) == sorted(message.splitlines())
+
+
+def test_transparent_frames_in_a_film(capsys: pytest.CaptureFixture[str]) -> None:
+    draw("--set", "output.background=transparent", "--output", "clear/{frame}.png")
+    assert refused(capsys, "clear", "--output", "film.mp4") == """\
+--output film.mp4: output.background: a transparent background in .mp4
+  expected: a color
+  hint: only PNG frames can be transparent: file: frames/{frame:04}.png
+"""

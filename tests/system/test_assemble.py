@@ -1,0 +1,168 @@
+"""Parts that several jobs have drawn, put together: the same bytes as one job's, and a sidecar that makes them again."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hsplat_cli import main
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [24, 24, 12]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.1}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 7, elevation: 20}
+output:
+  file: film.mp4
+  size: [32, 32]
+"""
+# Of one run and its clock, or of the file's place.
+OWN = ("seconds", "cause", "digest", "parts")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+def run(*arguments: str, code: int = 0) -> None:
+    assert main.run([*arguments, "--quiet"]) == code
+
+
+def draw_parts(*options: str, ranges: tuple[str, ...] = ("0:3", "3:4", "4:7")) -> None:
+    for frames in ranges:
+        run("render", "scene.yaml", *options, "--frames", frames, "--output", "parts/{frame:04}.png")
+
+
+def told(sidecar: str) -> dict[str, Any]:
+    """What does not depend on the run."""
+    data = json.loads(Path(sidecar).read_text(encoding="utf-8"))
+    data["scene"]["output"]["file"] = ""
+    for frame in data["frames"]:
+        del frame["seconds"]
+    return {key: value for key, value in data.items() if key not in OWN}
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "film.gif", "{frame}.png"])
+@pytest.mark.parametrize(
+    "schedule", ["{tolerance: {0: 0.5, 6: 0.02}}", "{splats: {0: 50, 6: 5000}}"], ids=["tolerance", "splats"]
+)
+def test_as_if_made_in_one_go(schedule: str, output: str, folder: Path) -> None:
+    options = ("--set", f"error={schedule}")
+    run("render", "scene.yaml", *options, "--output", f"whole/{output}")
+    draw_parts(*options)
+    run("assemble", "parts", "--output", f"made/{output}")
+    whole = {path.name: path.read_bytes() for path in Path("whole").iterdir() if path.suffix != ".json"}
+    made = {path.name: path.read_bytes() for path in Path("made").iterdir() if path.suffix != ".json"}
+    assert made == whole
+    name = "frames.json" if "png" in output else f"{output}.json"
+    assert told(f"made/{name}") == told(f"whole/{name}")
+    for path in made:
+        (Path("made") / path).unlink()
+    run("render", f"made/{name}")
+    assert {path: (Path("made") / path).read_bytes() for path in made} == whole
+
+
+def test_parts_from_several_places(folder: Path) -> None:
+    """Folders that were moved, a sidecar by its name, a glob; a frame that two parts have, of the same bytes."""
+    run("render", "scene.yaml", "--output", "whole.gif")
+    for number, frames in enumerate(("0:3", "2:4", "4:7")):
+        run("render", "scene.yaml", "--frames", frames, "--output", f"job{number}/{{frame}}.png")
+    Path("job0").rename("elsewhere")
+    run("assemble", "job[1]", "job2/frames.4-6.json", "elsewhere", "--output", "made.gif")
+    assert Path("made.gif").read_bytes() == Path("whole.gif").read_bytes()
+
+
+def test_some_of_the_frames() -> None:
+    run("render", "scene.yaml", "--frames", "1:6:2", "--output", "whole.mp4")
+    draw_parts()
+    run("assemble", "parts", "--frames", "1:6:2", "--output", "made.mp4")
+    assert Path("made.mp4").read_bytes() == Path("whole.mp4").read_bytes()
+
+
+def test_another_rate_and_quality() -> None:
+    changed = ("--set", "output.frames_per_second=12", "--set", "output.quality=3")
+    run("render", "scene.yaml", *changed, "--output", "whole.mp4")
+    draw_parts()
+    run("assemble", "parts", "--output", "made.mp4", "--frames-per-second", "12", "--quality", "3")
+    assert Path("made.mp4").read_bytes() == Path("whole.mp4").read_bytes()
+    assert told("made.mp4.json") == told("whole.mp4.json")
+
+
+def test_transparent_frames() -> None:
+    draw_parts("--set", "output.background=transparent")
+    run("assemble", "parts", "--output", "made/{frame}.png")
+    assert Path("made/3.png").read_bytes() == Path("parts/0003.png").read_bytes()
+    run("assemble", "parts", "--output", "made.mp4", code=2)
+    assert not Path("made.mp4").exists()
+
+
+def test_other_makers_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """And notes of the parts, once each, but for those about a part alone."""
+    draw_parts(ranges=("0:4", "4:7"))
+    path = Path("parts/frames.4-6.json")
+    data = json.loads(path.read_text(encoding="utf-8"))
+    here = data["gl"]
+    data |= {"gl": "Other GL", "notes": ["nobody was there", "nobody was there"]}
+    path.write_text(json.dumps(data), encoding="utf-8")
+    assert main.run(["assemble", "parts", "--output", "film.mp4"]) == 0
+    note = f"bytes may differ from part to part, made with different versions: GL {here} and Other GL"
+    assert capsys.readouterr().out == (
+        f"film.mp4: 7 frames of 2 parts\nnote: {note}\nnote: nobody was there\nhow it was made: film.mp4.json\n"
+    )
+    made = json.loads(Path("film.mp4.json").read_text(encoding="utf-8"))
+    assert made["notes"] == [note, "nobody was there"]
+    assert made["gl"] == f"{here} and Other GL"
+
+
+def test_parts_of_a_budget_of_time() -> None:
+    """What they were drawn at depends on the clock, and is what is made again."""
+    draw_parts("--set", "error.seconds=0.004", "--best-effort", ranges=("0:3", "3:7"))
+    run("assemble", "parts", "--output", "made.mp4")
+    made = Path("made.mp4").read_bytes()
+    Path("made.mp4").unlink()
+    run("render", "made.mp4.json")
+    assert Path("made.mp4").read_bytes() == made
+
+
+@pytest.mark.parametrize("schedule", ["{tolerance: {0: 0.5, 6: 0.02}}", "{splats: {0: 50, 6: 5000}}"])
+def test_the_command_for_what_is_missing_draws_it(schedule: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Though only sidecars are there, and no scene file."""
+    run("render", "scene.yaml", "--set", f"error={schedule}", "--output", "whole.mp4")
+    draw_parts("--set", f"error={schedule}", ranges=("0:3", "5:7"))
+    Path("scene.yaml").unlink()
+    capsys.readouterr()
+    run("assemble", "parts", "--output", "made.mp4", code=2)
+    command = shlex.split(capsys.readouterr().err.splitlines()[-1])
+    assert command[0] == "hsplat"
+    run(*command[1:])
+    run("assemble", "parts", "--output", "made.mp4")
+    assert Path("made.mp4").read_bytes() == Path("whole.mp4").read_bytes()
+
+
+def test_the_output_may_lie_among_the_parts() -> None:
+    """A second time, too: its own sidecar is no part."""
+    draw_parts()
+    for _ in range(2):
+        run("assemble", "parts", "--output", "parts/film.mp4")
+
+
+def test_nothing_is_left_of_a_film_that_could_not_be_made(folder: Path) -> None:
+    draw_parts()
+    shutil.copy("parts/0003.png", "parts/0004.png")
+    before = sorted(path.name for path in folder.rglob("*"))
+    run("assemble", "parts", "--output", "made.mp4", code=2)
+    assert sorted(path.name for path in folder.rglob("*")) == before
