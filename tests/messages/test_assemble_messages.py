@@ -61,9 +61,7 @@ def test_missing_frames(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_many_gaps(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("0-2", "3-5", "6-8"):
-        change(f"parts/frames.{name}.json", lambda data: data["frames"].pop(1))
-    draw("--frames", "0", "--output", "more/{frame:04}.png")
+    change("parts/frames.0-2.json", lambda data: data["frames"].pop(1))
     assert refused(capsys, "parts/frames.0-2.json", "--output", "{frame}.png") == (
         "7 frames are in no part\n"
         "  got: nothing of 1:2, 3:9\n"
@@ -80,7 +78,9 @@ def test_parts_of_other_films(capsys: pytest.CaptureFixture[str]) -> None:
     change("parts/frames.3-5.json", make_other)
     change("parts/frames.6-8.json", lambda data: data["volume"].update(fingerprint="0" * 32))
     fingerprint = json.loads(Path("parts/frames.0-2.json").read_text(encoding="utf-8"))["volume"]["fingerprint"]
-    assert refused(capsys, "parts", "--output", "film.mp4") == f"""\
+    assert (
+        refused(capsys, "parts", "--output", "film.mp4")
+        == f"""\
 parts/frames.3-5.json: a part of another film
   got: scene.transfer_function.points.1.opacity 0.5, scene.error.tolerance 0.2, schedule.asked.tolerance 0.2
   expected: scene.transfer_function.points.1.opacity 0.01, scene.error.tolerance 0.1, \
@@ -89,6 +89,7 @@ parts/frames.6-8.json: a part of another film
   got: volume.fingerprint '{"0" * 32}'
   expected: volume.fingerprint '{fingerprint}', as in parts/frames.0-2.json
 """
+    )
 
 
 def test_pictures_that_are_not_what_they_were(capsys: pytest.CaptureFixture[str]) -> None:
@@ -104,7 +105,9 @@ def test_pictures_that_are_not_what_they_were(capsys: pytest.CaptureFixture[str]
     damaged[50] ^= 255
     Path("parts/0002.png").write_bytes(damaged)
     again = "draws it again"
-    assert refused(capsys, "parts", "--output", "film.mp4") == f"""\
+    assert (
+        refused(capsys, "parts", "--output", "film.mp4")
+        == f"""\
 parts/0001.png: not the picture of frame 1
   got: a file that is cut off
   hint: remove it, and hsplat render parts/frames.0-2.json {again}
@@ -130,6 +133,7 @@ parts/frames.0-2.json: 1 of its pictures is not there
   got: no parts/0000.png
   hint: hsplat render parts/frames.0-2.json draws them again
 """
+    )
     for name in ("0-2", "3-5", "6-8"):
         assert main.run(["render", f"parts/frames.{name}.json", "--quiet"]) == 0
     assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 0
@@ -140,11 +144,14 @@ def test_a_frame_that_two_parts_have(capsys: pytest.CaptureFixture[str]) -> None
     content = encode_png(np.zeros((32, 32, 3), np.uint8))
     Path("more/3.png").write_bytes(content)
     change("more/frames.2-3.json", lambda data: data["frames"][1].update(digest=digest(content)))
-    assert refused(capsys, "parts", "more", "--output", "film.mp4") == """\
+    assert (
+        refused(capsys, "parts", "more", "--output", "film.mp4")
+        == """\
 parts/frames.3-5.json: frame 3 is in two parts, and not the same
   got: more/3.png and parts/0003.png
   hint: leave one of the parts out
 """
+    )
 
 
 def test_no_parts(capsys: pytest.CaptureFixture[str]) -> None:
@@ -158,7 +165,9 @@ def test_no_parts(capsys: pytest.CaptureFixture[str]) -> None:
     change("parts/frames.6-8.json", lambda data: data["volume"].pop("fingerprint"))
     expected = "a folder of numbered frames, or the .json files beside them"
     names = ["absent", "*.jpg", "empty", "cut.json", "other.json", "film.mp4.json", "parts"]
-    assert refused(capsys, *names, "--output", "all.mp4") == f"""\
+    assert (
+        refused(capsys, *names, "--output", "all.mp4")
+        == f"""\
 absent: no such file
 *.jpg: nothing has such a name
   expected: {expected}
@@ -180,6 +189,7 @@ parts/frames.3-5.json: scene.camera.path.frames: not the length of this path
 parts/frames.6-8.json: volume.fingerprint: missing
   expected: 32 hexadecimal digits
 """
+    )
 
 
 @pytest.mark.parametrize(
@@ -229,8 +239,11 @@ def test_options(options: list[str], message: str, capsys: pytest.CaptureFixture
 
 def test_transparent_frames_in_a_film(capsys: pytest.CaptureFixture[str]) -> None:
     draw("--set", "output.background=transparent", "--output", "clear/{frame}.png")
-    assert refused(capsys, "clear", "--output", "film.mp4") == """\
+    assert (
+        refused(capsys, "clear", "--output", "film.mp4")
+        == """\
 --output film.mp4: output.background: a transparent background in .mp4
   expected: a color
   hint: only PNG frames can be transparent: file: frames/{frame:04}.png
 """
+    )

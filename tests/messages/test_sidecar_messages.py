@@ -167,7 +167,7 @@ film.mp4.json: another film would take the place of the one that is recorded her
 """,
     ),
     "a frame that is not there": (
-        lambda data: data["frames"].__delitem__(slice(1, None, 2)),
+        lambda data: (data["frames"].__delitem__(slice(1, None, 2)), data["schedule"].update(asked={"splats": 9})),
         ["--frames", "2:4", "--output", "part.mp4"],
         """\
 --frames: frame 3 is not in the film
@@ -176,7 +176,7 @@ film.mp4.json: another film would take the place of the one that is recorded her
 """,
     ),
     "a frame that was left out": (
-        lambda data: data["frames"].pop(2),
+        lambda data: (data["frames"].pop(2), data["schedule"].update(asked={"splats": 9})),
         ["--frames", "2", "--output", "part.mp4"],
         """\
 --frames: frame 2 is not in the film
