@@ -1,4 +1,4 @@
-"""Parts that several jobs have drawn, put together: the same bytes as one job's, and a sidecar that makes them again."""
+"""Parts that several jobs have drawn, put together: the bytes of one job's film, and a sidecar that makes it again."""
 
 from __future__ import annotations
 

@@ -96,7 +96,9 @@ def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["chekc", "x"]) == 2
     assert capsys.readouterr() == (
         "",
-        "hsplat has no command 'chekc'\n  expected: render, assemble, check, measure, paper, info\n  hint: did you mean check?\n",
+        "hsplat has no command 'chekc'\n"
+        "  expected: render, assemble, check, measure, paper, info\n"
+        "  hint: did you mean check?\n",
     )
 
 
