@@ -1,9 +1,10 @@
 """Children that end when their parent does, however it ends, and when it wants them to.
 
 The parent keeps the one end of a pipe for writing, into which nothing is ever written; its children hold the other.
-When the parent closes its end, or is gone, SIGKILL included, the pipe breaks. Linux then sends the children SIGKILL,
-whatever they are at: one that is inside a long call of a library, with Python's lock, has no other way to learn of it.
-Elsewhere a thread of theirs waits for it.
+When the parent closes its end, or is gone, SIGKILL included, the pipe breaks. A thread of each child waits for that and
+ends it. It comes to its turn when no other thread has Python's lock, which some calls of libraries keep for long:
+therefore Linux is asked to send the child SIGKILL as well. (That a parent's death sends a signal, PR_SET_PDEATHSIG,
+Linux has too, but for the death of the thread that started the child, and not for a pipe that is closed.)
 
 This file is also the program that children are started with, `python lifeline.py ...`: it takes hold of the pipe and
 becomes the module that is wanted. It is not run by `-m`, which would look for modules in the current folder first, with
@@ -12,10 +13,10 @@ whatever is there in the place of ours: the child gets the parent's `sys.path`.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import runpy
-import select
 import signal
 import subprocess
 import sys
@@ -80,15 +81,12 @@ class Lifeline:
 def hold_on(descriptor: int) -> None:
     """End this process as soon as the pipe breaks, of which this is the end for reading."""
     if hasattr(fcntl, _SET_SIGNAL):
-        fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
-        fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
-        fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
-        broken = select.poll()
-        broken.register(descriptor, 0)
-        if broken.poll(0):  # before there was a signal for it
-            os._exit(1)
-    else:
-        threading.Thread(target=_end_when_broken, args=(descriptor,), daemon=True).start()
+        with contextlib.suppress(OSError):  # a kernel that passes for Linux
+            fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
+            fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
+            fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
+    # On Linux, too: for a pipe that broke before.
+    threading.Thread(target=_end_when_broken, args=(descriptor,), daemon=True).start()
 
 
 def _end_when_broken(descriptor: int) -> None:
