@@ -13,8 +13,7 @@ from typing import Any
 import imageio.v3 as imageio
 import pytest
 
-from hsplat_cli import main
-from hsplat_cli.render import film as film_module
+from hsplat_cli import drawn, main
 from renderer.drawing import Frame
 
 NUM_FRAMES = 4
@@ -66,7 +65,7 @@ def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
     """Sets what is called with the number of the pass and each frame, before it is written."""
 
     def set_hook(hook: Hook) -> None:
-        original, num_passes = film_module.render_frames, 0
+        original, num_passes = drawn.render_frames, 0
 
         def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
             nonlocal num_passes
@@ -75,7 +74,7 @@ def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
                 hook(num_passes, frame)
                 yield frame
 
-        monkeypatch.setattr(film_module, "render_frames", watched)
+        monkeypatch.setattr(drawn, "render_frames", watched)
 
     return set_hook
 

@@ -14,8 +14,7 @@ from typing import Any
 import imageio.v3 as imageio
 import pytest
 
-from hsplat_cli import main
-from hsplat_cli.render import film
+from hsplat_cli import drawn, main
 
 CODE = Path(main.__file__).parents[1]
 
@@ -53,7 +52,7 @@ class Interrupted:
     """Stands in for the frame loop and has a signal sent to this process at the third frame."""
 
     def __init__(self, number: signal.Signals) -> None:
-        self._number, self._render_frames = number, film.render_frames
+        self._number, self._render_frames = number, drawn.render_frames
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         for frame in self._render_frames(*arguments, **options):
@@ -67,7 +66,7 @@ class Interrupted:
 def test_in_the_middle(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, name: str
 ) -> None:
-    monkeypatch.setattr(film, "render_frames", Interrupted(number))
+    monkeypatch.setattr(drawn, "render_frames", Interrupted(number))
     code = main.run(["render", "scene.yaml", "--output", f"out/{name}", "--set", "camera.path.frames=6"])
     assert code == 130
     assert capsys.readouterr().err.splitlines()[-1] == "hsplat: interrupted"
