@@ -6,6 +6,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -39,8 +40,8 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
 def _enter(folder: Path) -> int:
     """The lock file, at whose gate nobody else is."""
     while True:
-        _make(folder)
         try:
+            _make(folder)
             descriptor = os.open(_lock_file(folder), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         except FileNotFoundError:  # its last holder has removed the folder meanwhile
             continue
@@ -57,11 +58,12 @@ def _enter(folder: Path) -> int:
 def _make(folder: Path) -> None:
     with contextlib.suppress(FileExistsError):
         folder.mkdir(parents=True)
-    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+    mode = folder.lstat().st_mode
+    if not stat.S_ISDIR(mode):
         raise InputError(
             "something else has the name of the folder for frames of a film that is not whole",
             where=str(folder),
-            got="a link" if folder.is_symlink() else "a file",
+            got="a link" if stat.S_ISLNK(mode) else "a file",
             hint="give it another name, or the film another --output",
         )
 
