@@ -84,9 +84,9 @@ class Made:
     file_digest: str | None
     records: Sequence[Mapping[str, Any]]
 
-    def is_up_to_date(self, marks: Marks, output: OutputSpec) -> bool:
+    def is_up_to_date(self, marks: Marks, output: OutputSpec, frames: Sequence[int]) -> bool:
         """Whether the film of these causes is there, whole, as it was made."""
-        if self.marks != marks or not self.is_whole:
+        if self.marks != marks or not self.is_whole or [record["frame"] for record in self.records] != [*frames]:
             return False
         if not has_frame_files(output):
             return is_file(output.file, self.file_digest)

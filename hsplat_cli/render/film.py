@@ -83,7 +83,7 @@ def render_once(job: Job, crew: Crew, *, force: bool = False, quiet: bool) -> Re
             cause = cause_of_frames(job, volume, rasterizer.renderer_name)
             marks = Marks.of(cause, output, job.frames)
             before = None if force else made_before(output)
-            if before is not None and before.is_up_to_date(marks, output):
+            if before is not None and before.is_up_to_date(marks, output, job.frames):
                 forget_frames(folder, output, job.frames)  # of a job that was killed when its film was whole
                 _say(f"{output.file} is up to date; --force draws it again", quiet=quiet)
                 return None
