@@ -35,12 +35,6 @@ def unfinished_folder(sidecar: Path) -> Path:
     return sidecar.with_suffix(".unfinished")
 
 
-def lock_file(output: OutputSpec) -> Path:
-    """What jobs that write this output lock, whichever frames they draw: `.engine.mp4.lock`."""
-    sidecar = sidecar_path(output.file)
-    return sidecar.with_name(f".{sidecar.stem}.lock")
-
-
 def has_frame_files(output: OutputSpec) -> bool:
     """Whether each frame is a file of its own, there as soon as it is drawn."""
     return output.file.suffix.lower() == ".png"

@@ -26,15 +26,15 @@ from renderer.costs import CostLog
 from renderer.drawing import Stage
 from renderer.errors import RenderError
 from renderer.film import open_film, require_encoder
-from renderer.kept_frames import KeptFrames, clear, digest
-from renderer.output_files import frame_path, has_frame_files, sidecar_path
+from renderer.kept_frames import KeptFrames, file_digest, forget_frames
+from renderer.output_files import has_frame_files, sidecar_path
 from renderer.pacing import Details
 from renderer.pipeline import prepare
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
-from renderer.scene import OutputSpec
 from renderer.schedule import tolerance_at
 from renderer.sidecar import write_sidecar
+from renderer.staging import explained
 from renderer.volume import Volume
 
 
@@ -83,43 +83,40 @@ def render_once(job: Job, crew: Crew, *, force: bool = False, quiet: bool) -> Re
             cause = cause_of_frames(job, volume, rasterizer.renderer_name)
             marks = Marks.of(cause, output, job.frames)
             before = None if force else made_before(output)
-            if before is not None and before.is_up_to_date(marks, output):
-                clear(folder, cause)
+            if before is not None and before.is_up_to_date(marks, output, job.frames):
+                forget_frames(folder, output, job.frames)  # of a job that was killed when its film was whole
                 _say(f"{output.file} is up to date; --force draws it again", quiet=quiet)
                 return None
             details = Details(prepare_job(job, volume), CostLog())
             plan = make_plan(details, job.frames, rasterizer, quiet=quiet)
-            kept = KeptFrames(folder, partial(_file_of, output, folder), cause, afresh=force)
+            kept = KeptFrames(folder, output, job.frames, cause, afresh=force)
             if before is not None and before.marks.frames == marks.frames and has_frame_files(output):
                 kept.add_former(before.records)
-            kept.drop([number for number in kept.records if not _is_as_planned(plan, kept.records[number])])
+            kept.drop(partial(_is_as_planned, plan))
             num_kept = _tell_kept(kept, job, quiet=quiet)
             try:
                 frames, notes = _draw(job, plan, kept, folder, rasterizer, crew, defer_interrupts, quiet=quiet)
+                made_by, seconds = rasterizer.renderer_name, time.perf_counter() - start
+                done = Done(job, plan, frames, notes, made_by, seconds, num_kept)
+                record(done, folder, marks=marks)
             except BaseException:
-                _tell_left(kept, job, folder, quiet=quiet)
+                _tell_left(kept, job, folder, force=force, quiet=quiet)
                 raise
-            made_by = rasterizer.renderer_name
-        done = Done(job, plan, frames, notes, made_by, time.perf_counter() - start, num_kept)
-        record(done, folder, marks=marks)
-        clear(folder)
+        forget_frames(folder, output, job.frames)
     tell(done, quiet=quiet)
     return done.shortfall
 
 
-def _file_of(output: OutputSpec, folder: Path, number: int) -> Path:
-    """Where a finished frame is kept: under its final name, if it has one."""
-    return frame_path(output.file, number) if has_frame_files(output) else folder / f"{number:06}.png"
-
-
 def _is_as_planned(plan: Plan, record: Record) -> bool:
     """Whether a frame that is kept has the tolerance that it would have now; one on a budget of time has any."""
-    return plan.by_clock or record.get("tolerance") == tolerance_at(plan.stage.scene.error, record["frame"])
+    if plan.by_clock:
+        return "predicted_seconds" in record
+    return bool(record["tolerance"] == tolerance_at(plan.stage.scene.error, record["frame"]))
 
 
 def _tell_kept(kept: KeptFrames, job: Job, *, quiet: bool) -> int:
     """Say which frames are there already, and why others are not; how many of the job's there are."""
-    num_kept = sum(number in kept.records for number in job.frames)
+    num_kept = len(kept.records)
     if num_kept:
         _say(f"{num_kept} of {len(job.frames)} frames are there already", quiet=quiet)
     if kept.former_cause is not None:
@@ -131,11 +128,11 @@ def _tell_kept(kept: KeptFrames, job: Job, *, quiet: bool) -> int:
     return num_kept
 
 
-def _tell_left(kept: KeptFrames, job: Job, folder: Path, *, quiet: bool) -> None:
+def _tell_left(kept: KeptFrames, job: Job, folder: Path, *, force: bool, quiet: bool) -> None:
     """Say, when the work ends early, what remains of it."""
-    num_kept = sum(number in kept.records for number in job.frames)
-    if num_kept and folder.is_dir():
-        _say(f"{num_kept} of {len(job.frames)} frames are kept; the same command goes on from there", quiet=quiet)
+    if kept.records and folder.is_dir():
+        command = "the same command without --force" if force else "the same command"
+        _say(f"{len(kept.records)} of {len(job.frames)} frames are kept; {command} goes on from there", quiet=quiet)
 
 
 def _say(text: str, *, quiet: bool) -> None:
@@ -207,7 +204,9 @@ def record(done: Done, folder: Path, *, marks: Marks | None = None, passes: Sequ
     if marks is not None:
         content |= {"cause": asdict(marks)}
         file = done.job.scene.output.file
-        content |= {} if has_frame_files(done.job.scene.output) else {"digest": digest(file.read_bytes())}
+        if not has_frame_files(done.job.scene.output):
+            with explained(file):
+                content |= {"digest": file_digest(file)}
     write_sidecar(done.sidecar, content | {"frames": done.frames}, folder)
 
 

@@ -30,6 +30,7 @@ from renderer.costs import CostLog, Load, load_of
 from renderer.drawing import Rasterizer, Stopwatch
 from renderer.errors import RenderError
 from renderer.film import FilmWriter, open_film
+from renderer.kept_frames import forget_frames
 from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
@@ -80,7 +81,9 @@ def render_progressively(job: Job, *, time_limit: float | None, best_effort: boo
             maker.tell_interrupted()
             if not (maker.done and best_effort):
                 raise
-    assert maker.done is not None
+        assert maker.done is not None
+        if not maker.done.plan.is_unfinished:
+            forget_frames(folder, job.scene.output, job.frames)
     tell(maker.done, quiet=quiet)
     return maker.done.shortfall
 
