@@ -43,7 +43,7 @@ def check(
     full disk.
     """
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
-    for file in first_files(job.scene.output, job.frames):
+    for file in first_files(job.scene, job.frames):
         require_possible(file)
     if isinstance(job.scene.volume.source, FileSource):
         require_volume_file(job.scene.volume.source.file)

@@ -63,10 +63,11 @@ def load_job(
     editor.apply(overrides, volume, output)
     scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
     _require_in_path(sidecar, scene)
-    picked = sidecar.frames if frames is None else parse_frames(frames, scene.camera.path.frames, sidecar.frames)
+    recorded = None if frames is not None and _has_whole_schedule(sidecar, editor) else sidecar.frames
+    picked = parse_frames(frames, scene.camera.path.frames, recorded)
     is_changed = any(key not in ("output.file", *_MOVED) for key in editor.changed)
     is_elsewhere = "output.file" in editor.changed or "output" in editor.changed
-    is_whole = len(picked) == len(sidecar.frames)
+    is_whole = [*picked] == [*sidecar.frames]
     if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
         raise InputError(
             "another film would take the place of the one that is recorded here",
@@ -76,6 +77,13 @@ def load_job(
     if is_changed:
         return Job(scene, picked, schedule_to_dict(scene.error), replace(sidecar.original, told={}, made_with={}))
     return Job(scene, picked, schedule_to_dict(sidecar.original.asked or scene.error), sidecar.original)
+
+
+def _has_whole_schedule(sidecar: Sidecar, editor: Editor) -> bool:
+    """Whether the scene says how exact all frames of the path are, not only those that were drawn."""
+    asked = sidecar.original.asked
+    is_new = any(key == "error" or key.startswith("error.") for key in editor.changed)
+    return is_new or (asked is not None and asked.goal is None)
 
 
 def _editor(sidecar: Sidecar) -> Editor:

@@ -22,6 +22,7 @@ from renderer.errors import HsplatError, InputError, nearest
 # when the command is called. Help would be slow if it had to ask the modules.
 COMMANDS = {
     "render": ("hsplat_cli.render.command", "Render a scene to a film or to numbered frames."),
+    "assemble": ("hsplat_cli.assemble.command", "Make one film of frames that were drawn in parts."),
     "check": ("hsplat_cli.check", "Check a scene file and list everything that is wrong with it."),
     "measure": ("hsplat_cli.measure.command", "Measure what a scene costs and how near to the truth it comes."),
     "paper": ("hsplat_cli.paper.command", "Reproduce the figures of Laur and Hanrahan 1991 on one page."),

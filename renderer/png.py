@@ -33,3 +33,29 @@ def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
 
 def _chunk(name: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+
+def png_shape(content: bytes) -> tuple[int, int, int]:
+    """(height, width, channels) of the picture in a file such as `encode_png` makes, once all of it was looked through.
+
+    Raises ValueError with what is wrong.
+    """
+    if not content.startswith(_SIGNATURE):
+        raise ValueError("not a PNG file")
+    chunks, position = [], len(_SIGNATURE)
+    while position < len(content):
+        length = int.from_bytes(content[position : position + 4], "big")
+        name, end = content[position + 4 : position + 8], position + 8 + length
+        if end + 4 > len(content):
+            raise ValueError("cut off")
+        if zlib.crc32(content[position + 4 : end]) != int.from_bytes(content[end : end + 4], "big"):
+            raise ValueError("damaged")
+        chunks.append((name, content[position + 8 : end]))
+        position = end + 4
+    if not chunks or chunks[0][0] != b"IHDR" or chunks[-1][0] != b"IEND":
+        raise ValueError("cut off")
+    width, height, depth, color_type = struct.unpack(">IIBB", chunks[0][1][:10])
+    channels = {color: number for number, color in _COLOR_TYPES.items()}.get(color_type)
+    if depth != 8 or channels is None:
+        raise ValueError("not of 8 bits in RGB or RGBA")
+    return height, width, channels

@@ -52,6 +52,11 @@ def at_tolerance(scene: Scene, tolerance: float) -> Scene:
 
 def at_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
     """The same film with these frames, in ascending order, at these tolerances, which need not be interpolated."""
+    return replace(scene, error=replace(scene.error, tolerance=through(tolerances), goal=None))
+
+
+def through(tolerances: Mapping[int, float]) -> ByFrame:
+    """A schedule that has, at these frames, in ascending order, these tolerances, bit for bit."""
     frames = list(tolerances)
     starts = frames[:1]
     starts += [frame for before, frame in pairwise(frames) if tolerances[frame] != tolerances[before]]
@@ -60,6 +65,4 @@ def at_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
         entries.append((start, tolerances[start]))
         if following is not None and following - 1 > start:  # constant up to there
             entries.append((following - 1, tolerances[start]))
-    if len(entries) == 1:
-        return at_tolerance(scene, entries[0][1])
-    return replace(scene, error=replace(scene.error, tolerance=tuple(entries), goal=None))
+    return ((0, entries[0][1]),) if len(entries) == 1 else tuple(entries)

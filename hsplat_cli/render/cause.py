@@ -13,7 +13,7 @@ from hsplat_cli.job import Job
 from hsplat_cli.versions import package_versions, sources_digest
 from renderer.kept_frames import digest, is_file, is_record
 from renderer.output_files import frame_path, has_frame_files, sidecar_path
-from renderer.scene import OutputSpec
+from renderer.scene import OutputSpec, Scene
 from renderer.scene_schema import scene_to_dict
 from renderer.schema import join, show
 from renderer.volume import Volume
@@ -93,9 +93,9 @@ class Made:
         return all(is_file(frame_path(output.file, record["frame"]), record["digest"]) for record in self.records)
 
 
-def made_before(output: OutputSpec) -> Made | None:
-    """What is told by the sidecar of an output, if there is one that tells enough."""
-    data = _read(sidecar_path(output.file))
+def made_before(scene: Scene, frames: Sequence[int]) -> Made | None:
+    """What is told by the sidecar of the output of these frames, if there is one that tells enough."""
+    data = _read(sidecar_path(scene, frames))
     try:
         cause, schedule, records = data["cause"], data["schedule"], data["frames"]
         whole = [record for record in records if is_record(record)]

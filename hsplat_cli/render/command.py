@@ -7,11 +7,13 @@ from typing import Literal
 
 import click
 
+from hsplat_cli.cluster.connection import LOCAL, require_address
 from hsplat_cli.duration import parse_duration
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.job import load_job
 from renderer.errors import InputError
+from renderer.scene import TimeBudget
 
 
 @click.command()
@@ -36,6 +38,7 @@ from renderer.errors import InputError
     metavar="N",
     help="Draw with N processes; as many as is fastest by default.",
 )
+@click.option("--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler: tcp://node7:8786.")
 @click.option("--force", is_flag=True, help="Draw again what is there already.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def render(
@@ -48,6 +51,7 @@ def render(
     time_limit: str | None,
     best_effort: bool,
     workers: int | None,
+    scheduler: str | None,
     force: bool,
     quiet: bool,
 ) -> None:
@@ -61,9 +65,15 @@ def render(
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
     if limit is not None and not progressive:
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
+    if scheduler is not None:
+        require_address(scheduler)
+        if progressive or isinstance(job.scene.error.goal, TimeBudget):
+            raise InputError("a budget of time is for one machine, and no scheduler's", where="--scheduler")
+        if workers is not None and scheduler != LOCAL:
+            raise InputError("the workers are those of the scheduler", where="--workers")
     with terminated_as_interrupted():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
-        from hsplat_cli.render.crew import Crew  # noqa: PLC0415
+        from hsplat_cli.render.crew import CrewSpec  # noqa: PLC0415
         from hsplat_cli.render.film import render_once  # noqa: PLC0415
         from hsplat_cli.render.progressive import render_progressively  # noqa: PLC0415
 
@@ -71,7 +81,7 @@ def render(
         if progressive:
             shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, quiet=quiet)
         else:
-            shortfall = render_once(job, Crew(workers), force=force, quiet=quiet)
+            shortfall = render_once(job, CrewSpec(workers, scheduler), force=force, quiet=quiet)
     if shortfall is not None and not best_effort:
         raise shortfall
     if shortfall is not None and not quiet:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hsplat_cli.job import Job
-from renderer.output_files import first_files, has_frame_files, sidecar_path, unfinished_folder
+from renderer.output_files import first_files, has_frame_files, unfinished_folder
 from renderer.output_lock import locked
 from renderer.staging import require_writable
 
@@ -19,9 +19,9 @@ def taken(job: Job) -> Iterator[Path]:
     Raises InputError where another job writes the same, and where the output cannot be written, RenderError, too.
     """
     output = job.scene.output
-    folder = unfinished_folder(sidecar_path(output.file))
+    folder = unfinished_folder(output)
     places = job.frames if has_frame_files(output) else [0]
     with locked(folder, places, output.file):
-        for file in first_files(output, job.frames):
+        for file in first_files(job.scene, job.frames):
             require_writable(file, folder)
         yield folder

@@ -172,7 +172,7 @@ def test_other_words_about_the_volume_make_another_film() -> None:
 
 def test_a_part_of_the_film(folder: Path) -> None:
     render("scene.yaml", "--set", "error.splats={0: 50, 6: 5000}", "--output", "all/{frame}.png", "--frames", "::2")
-    render("all/frames.json", "--frames", "2::4", "--output", "some/{frame}.png")
+    render("all/frames.0-6-by-2.json", "--frames", "2::4", "--output", "some/{frame}.png")
     made = pictures(folder / "all")
     assert pictures(folder / "some") == {name: made[name] for name in ("2.png", "6.png")}
 
@@ -255,6 +255,36 @@ def test_a_still_out_of_a_film(folder: Path) -> None:
     render("frames.json", "--frames", "3", "--output", "still.png")
     made = pictures(folder)
     assert made["still.png"] == made["3.png"]
+
+
+def test_parts_in_one_folder(folder: Path) -> None:
+    """Each has a sidecar of its own, which makes that part again, and no other, wherever the folder is by then."""
+    scene = ("scene.yaml", "--set", "error.splats={0: 50, 6: 5000}")
+    render(*scene, "--output", "whole/{frame}.png")
+    for frames in ("0:3", "3:7", "5"):
+        render(*scene, "--output", "parts/{frame}.png", "--frames", frames)
+    made = pictures(folder / "whole")
+    assert pictures(folder / "parts") == made
+    names = ["frames.0-2.json", "frames.3-6.json", "frames.5.json"]
+    assert sorted(path.name for path in Path("parts").glob("*.json")) == names
+    Path("parts").rename("moved")
+    for path in Path("moved").glob("*.png"):
+        path.unlink()
+    render("moved/frames.3-6.json")
+    assert pictures(folder / "moved") == {f"{frame}.png": made[f"{frame}.png"] for frame in range(3, 7)}
+    assert sorted(path.name for path in Path("moved").glob("*.json")) == names
+    assert not Path("parts").exists()
+
+
+def test_frames_that_no_range_gives(folder: Path) -> None:
+    """Somebody left one out of the sidecar; what is made of it has a name by which it is not mistaken."""
+    render("scene.yaml", "--output", "{frame}.png")
+    change(Path("frames.json"), lambda data: data["frames"].pop(3))
+    render("frames.json", "--output", "some/{frame}.png")
+    (sidecar,) = Path("some").glob("*.json")
+    assert sidecar.name == "frames.0-6-some-5d526d62.json"
+    render(str(sidecar))
+    assert [path.name for path in Path("some").glob("*.json")] == [sidecar.name]
 
 
 def test_check_says_what_would_be_made(capsys: pytest.CaptureFixture[str]) -> None:

@@ -204,8 +204,8 @@ def test_when_time_is_up_in_the_middle_of_a_pass_it_is_given_up(
 
 def test_a_still_is_refined_too(folder: Path) -> None:
     assert render("--progressive", "--frames", "2", "--output", "{frame}.png") == 0
-    assert files(folder) == ["2.png", "frames.json", "scene.yaml"]
-    assert len(sidecar("frames.json")["passes"]) >= 2
+    assert files(folder) == ["2.png", "frames.2.json", "scene.yaml"]
+    assert len(sidecar("frames.2.json")["passes"]) >= 2
 
 
 def test_a_film_that_is_hardly_quicker_when_coarse_has_one_pass(folder: Path) -> None:

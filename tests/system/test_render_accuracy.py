@@ -175,12 +175,12 @@ def test_interrupted_while_it_searches(folder: Path, monkeypatch: pytest.MonkeyP
 
 def test_a_part_of_the_film_is_probed_on_its_own_frames() -> None:
     render("--quiet", "--frames", "6:12", "--output", "{frame}.png")
-    assert sidecar("frames.json")["schedule"]["measured"]["probes"] == [6, 7, 8, 9, 10, 11]
+    assert sidecar("frames.6-11.json")["schedule"]["measured"]["probes"] == [6, 7, 8, 9, 10, 11]
 
 
 def test_a_still_is_probed_on_itself(capsys: pytest.CaptureFixture[str]) -> None:
     render("--frames", "5", "--output", "{frame}.png")
-    measured = sidecar("frames.json")["schedule"]["measured"]
+    measured = sidecar("frames.5.json")["schedule"]["measured"]
     assert (measured["frame"], measured["probes"]) == (5, [5])
     assert capsys.readouterr().out.splitlines()[0].endswith(f", psnr {measured['worst']:.2f} dB")
 
@@ -191,7 +191,7 @@ def test_lines_and_transparency_do_not_count() -> None:
     render(*film, "--output", "plain/{frame}.png")
     change = ("--set", "overlay=octree", "--set", "output.background=transparent")
     render(*film, "--output", "lines/{frame}.png", *change)
-    plain, lines = sidecar("plain/frames.json"), sidecar("lines/frames.json")
+    plain, lines = sidecar("plain/frames.0-2.json"), sidecar("lines/frames.0-2.json")
     assert lines["schedule"] == plain["schedule"]
     assert Path("lines/0.png").read_bytes() != Path("plain/0.png").read_bytes()
 

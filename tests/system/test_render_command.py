@@ -81,7 +81,7 @@ def test_gif(folder: Path) -> None:
 def test_png(folder: Path) -> None:
     render("--output", "new/deep/{frame:03}.png", "--frames", "1::2")
     assert files(folder) == [
-        "new/deep/001.png", "new/deep/003.png", "new/deep/005.png", "new/deep/frames.json", "scene.yaml",
+        "new/deep/001.png", "new/deep/003.png", "new/deep/005.png", "new/deep/frames.1-5-by-2.json", "scene.yaml",
     ]  # fmt: skip
     assert imageio.imread("new/deep/001.png").shape == (32, 48, 3)
 
@@ -92,7 +92,7 @@ def test_a_part_of_the_film_is_that_part() -> None:
     render("--output", "some/{frame}.png", "--set", "error.tolerance={0: 1, 5: 0.05}", "--frames", "2:5:2")
     for name in ("2.png", "4.png"):
         assert (Path("some") / name).read_bytes() == (Path("all") / name).read_bytes()
-    assert [frame["frame"] for frame in sidecar("some/frames.json")["frames"]] == [2, 4]
+    assert [frame["frame"] for frame in sidecar("some/frames.2-4-by-2.json")["frames"]] == [2, 4]
 
 
 def test_alpha_is_straight() -> None:
@@ -209,7 +209,7 @@ def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixtu
     render("--output", "{frame}.png", "--frames", "2", *(word for change in changes for word in ("--set", change)))
     picture = imageio.imread("2.png")
     assert (picture == [255, 128, 0]).all()
-    made = sidecar("frames.json")
+    made = sidecar("frames.2.json")
     assert made["notes"] == [note]
     assert made["frames"][0]["splats"] == 0
     assert math.isfinite(made["camera"]["distance"])

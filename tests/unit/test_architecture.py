@@ -44,7 +44,7 @@ ROOMS: dict[str, tuple[str, str]] = {
 }
 # The doors of renderer/ to the command line.
 COMMANDS_MAY_IMPORT = {
-    "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error", "want",  # quick
+    "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error", "schema_output", "want",  # quick
     "output_files", "volume_files",  # quick, too
     "readers", "volume", "statistics",  # info
     "drawing", "pacing", "costs", "pipeline", "raster_gl", "film", "sidecar", "jit",  # render

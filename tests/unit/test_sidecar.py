@@ -1,28 +1,56 @@
 """The JSON beside an output: where it lies, and that it says what it was given."""
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.output_files import sidecar_path
+from renderer.output_files import film_beside, sidecar_path
+from renderer.scene_schema import parse_scene
 from renderer.sidecar import write_sidecar
+
+SCENE = parse_scene(
+    {
+        "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
+        "transfer_function": {"points": [{"value": 0, "color": "#ffffff", "opacity": 0.5}]},
+        "camera": {"path": {"type": "turntable", "frames": 120}},
+        "output": {"file": "engine.mp4"},
+    },
+    base=Path(),
+)
 
 
 @pytest.mark.parametrize(
-    ("output", "sidecar"),
+    ("output", "frames", "sidecar"),
     [
-        ("engine.mp4", "engine.mp4.json"),
-        ("out/loop.gif", "out/loop.gif.json"),
-        ("frames/{frame:04}.png", "frames/frames.json"),
-        ("out/engine_{frame}.png", "out/engine_frames.json"),
-        ("out/{frame:04}/picture.png", "out/frames/picture.json"),
+        ("engine.mp4", range(120), "engine.mp4.json"),
+        ("engine.mp4", range(30, 60), "engine.mp4.json"),
+        ("out/loop.gif", range(120), "out/loop.gif.json"),
+        ("still.png", [7], "still.png.json"),
+        ("frames/{frame:04}.png", range(120), "frames/frames.json"),
+        ("frames/{frame:04}.png", list(range(120)), "frames/frames.json"),
+        ("frames/{frame:04}.png", range(30), "frames/frames.0-29.json"),
+        ("frames/{frame:04}.png", tuple(range(30, 60)), "frames/frames.30-59.json"),
+        ("frames/{frame:04}.png", range(0, 120, 10), "frames/frames.0-110-by-10.json"),
+        ("frames/{frame:04}.png", [7], "frames/frames.7.json"),
+        ("frames/{frame:04}.png", [0, 7], "frames/frames.0-7-by-7.json"),
+        ("frames/{frame:04}.png", [0, 1, 3], "frames/frames.0-3-some-62a34832.json"),
+        ("frames/{frame:04}.png", [0, 2, 3], "frames/frames.0-3-some-616a5ff8.json"),
+        ("out/engine_{frame}.png", range(120), "out/engine_frames.json"),
+        ("out/v1.2_{frame}.png", range(120), "out/v1.2_frames.json"),
+        ("out/v1.2_{frame}.png", range(9), "out/v1.2_frames.0-8.json"),
+        ("out/{frame}-engine.png", range(9), "out/frames-engine.0-8.json"),
     ],
 )
-def test_it_lies_beside_the_output(output: str, sidecar: str) -> None:
-    assert sidecar_path(Path(output)) == Path(sidecar)
+def test_it_lies_beside_the_output(output: str, frames: Sequence[int], sidecar: str) -> None:
+    """Of numbered frames each part of the path, here of 120 frames, has one of its own."""
+    scene = replace(SCENE, output=replace(SCENE.output, file=Path(output)))
+    assert sidecar_path(scene, frames) == Path(sidecar)
+    assert film_beside(Path("new") / Path(sidecar).name, Path(output)) == Path("new") / Path(output).name
 
 
 def test_it_says_what_it_was_given(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""`hsplat assemble`: one film of frames that several jobs have drawn."""

@@ -1,0 +1,84 @@
+"""The film itself: pictures that are there, encoded, or copied under new names."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import click
+
+from hsplat_cli.assemble.agreement import Picked, file_problems, film_problems, pick
+from hsplat_cli.assemble.merged import merged_record, part_notes, parts_of
+from hsplat_cli.assemble.parts import Part
+from hsplat_cli.interrupts import deferrable_interrupts
+from hsplat_cli.place import taken
+from hsplat_cli.progress import progress
+from renderer.errors import SceneError
+from renderer.film import open_film, require_encoder
+from renderer.output_files import frame_path, has_frame_files, sidecar_of
+from renderer.picture import Picture
+from renderer.scene import OutputSpec
+from renderer.sidecar import write_sidecar
+from renderer.staging import explained, staged_together
+
+
+def assemble_film(parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, *, quiet: bool) -> None:
+    """Make the film, and its sidecar.
+
+    Raises SceneError with all that is wrong with the parts, and what writing raises; then there is no film.
+    """
+    start = time.perf_counter()
+    problems = list(film_problems(parts))
+    picked, more = pick(parts, numbers)
+    height_width = output.size[::-1]
+    shape = (*height_width, 4 if output.background is None else 3)
+    # Of another film's part neither the size nor the frames tell anything.
+    problems = problems or [*more, *file_problems(picked, shape)]
+    if problems:
+        raise SceneError(problems)
+    sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
+    require_encoder(output)
+    with taken(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
+        write = _copy if has_frame_files(output) else _encode
+        notes = [*write(picked, output, folder, defer_interrupts, quiet=quiet), *part_notes(picked)]
+        record = merged_record(picked, output, time.perf_counter() - start)
+        write_sidecar(sidecar, record | {"notes": notes}, folder)
+    if not quiet:
+        num_parts = len(parts_of(picked))
+        num = f"{len(picked)} frame{'s' * (len(picked) > 1)} of {num_parts} part{'s' * (num_parts > 1)}"
+        click.echo(f"{output.file}: {num}")
+        for note in notes:
+            click.echo(f"note: {note}")
+        click.echo(f"how it was made: {sidecar}")
+
+
+def _encode(
+    picked: Sequence[Picked], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
+) -> Sequence[str]:
+    """A film of the pictures; notes about it."""
+    numbers = [frame.number for frame in picked]
+    with open_film(output, numbers, within=folder, finishing=finishing) as film:
+        for frame, content in _contents(picked, output, quiet=quiet):
+            film.write(frame.number, Picture(png=content).pixels)
+    return film.notes
+
+
+def _copy(
+    picked: Sequence[Picked], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
+) -> Sequence[str]:
+    """The same files under the names of the output, all at the end."""
+    with staged_together(folder) as write:
+        for frame, content in _contents(picked, output, quiet=quiet):
+            write(frame_path(output.file, frame.number), content)
+        finishing()
+    return ()
+
+
+def _contents(picked: Sequence[Picked], output: OutputSpec, *, quiet: bool) -> Iterator[tuple[Picked, bytes]]:
+    with progress(len(picked), label=output.file.name, quiet=quiet) as bar:
+        for frame in picked:
+            with explained(frame.file):
+                content = frame.file.read_bytes()
+            yield frame, content
+            bar.advance()

@@ -1,0 +1,236 @@
+"""Draws a film on a cluster: two frames at a time for each worker, those of workers that die once more by others.
+
+Each frame is given to one worker, and the client decides which: so no worker that cannot draw swallows frame after
+frame, and what is under way, or waits for its turn here, is bounded. Workers may come and go.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import queue
+from collections import Counter
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import CancelledError
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hsplat_cli.cluster.connection import connect
+from hsplat_cli.cluster.roster import Roster
+from hsplat_cli.cluster.worker import Parcel, draw
+from hsplat_cli.drawn import Drawn
+from hsplat_cli.versions import package_versions
+from renderer.drawing import Stage
+from renderer.errors import ContextLostError, HsplatError, RenderError
+from renderer.parcel import pack
+from renderer.picture import Picture
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+PATIENCE_S = 60.0
+# Frames that a worker has: one that it draws, and one so that it need not wait for the next.
+_AT_ONCE = 2
+# So many frames for each worker may be under way or wait for one before them.
+_AHEAD = 4
+# A frame that so many workers have failed on, or died with, is not given to another.
+_MOST_TRIES = 3
+# When nothing is done for so long, workers are looked for.
+_WAIT_S = 0.5
+# If a picture that is drawn has not come after so long, a look is taken whether its worker is still there.
+_FETCH_S = 2.0
+
+
+@contextlib.contextmanager
+def open_cluster(address: str, *, num_workers: int | None = None, patience_s: float = PATIENCE_S) -> Iterator[Cluster]:
+    """The cluster of the Dask scheduler at an address, or at `local` one of processes on this machine.
+
+    num_workers: of `local`, as many as cores by default. patience_s: the longest time without any worker.
+
+    Raises InputError where nobody answers; RenderError, in the block, where workers are missing or cannot draw.
+    """
+    with connect(address, num_workers) as client:
+        yield Cluster(client, address, patience_s)
+
+
+class Cluster:
+    """A connection with a scheduler; made by `open_cluster`."""
+
+    def __init__(self, client: Client, address: str, patience_s: float) -> None:
+        self._client, self._address, self._patience_s = client, address, patience_s
+
+    @contextlib.contextmanager
+    def drawer(self, stage: Stage) -> Iterator[ClusterDrawer]:
+        """What draws this stage, whose goal is resolved, at the tolerances of its schedule."""
+        drawer = ClusterDrawer(Roster(self._client, self._address, self._patience_s), self._client, stage)
+        try:
+            yield drawer
+        finally:
+            drawer.release()
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A frame that a worker has; index: its place among the frames that were asked for."""
+
+    index: int
+    worker: str
+    future: Future
+
+
+class ClusterDrawer:
+    """A Drawer; made by `Cluster.drawer`."""
+
+    def __init__(self, roster: Roster, client: Client, stage: Stage) -> None:
+        self._roster, self._client, self._stage = roster, client, stage
+        self._parcel: Future | None = None
+        self._makers: list[dict[str, Any]] = []  # each once
+        self._num_again = 0
+
+    @property
+    def made_by(self) -> tuple[str, ...]:
+        """Devices and drivers of the frames so far, as GL names them: one, unless machines differ."""
+        return tuple(dict.fromkeys(maker["GL"] for maker in self._makers))
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know: who drew, where that may be seen in the bytes, and what went wrong."""
+        versions = package_versions()
+        seen = {name: sorted({maker[name] for maker in self._makers}) for name in (*versions, "GL")}
+        mixed = [
+            f"{name} {' and '.join(found)}" + f", which is {versions[name]} here" * (name in versions)
+            for name, found in seen.items()
+            if len(found) > 1 or (found and found != [versions.get(name, found[0])])
+        ]
+        notes = [f"bytes may differ from frame to frame, drawn by different workers: {'; '.join(mixed)}"] * bool(mixed)
+        again = f"{self._num_again} frame{'s were' if self._num_again > 1 else ' was'} drawn again by other workers"
+        return [*notes, *self._roster.notes, *[again] * bool(self._num_again)]
+
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+        """As in Drawer. Raises RenderError, or what a frame failed with, once it has failed on several workers."""
+        film = _Film(numbers)
+        for index in range(len(numbers)):
+            while index not in film.drawn:
+                self._roster.look()
+                self._num_again += film.take_back(self._roster.fit)
+                self._hand_out(film, index)
+                self._receive(film)
+            yield film.drawn.pop(index)
+
+    def release(self) -> None:
+        """Let the workers forget the stage."""
+        self._parcel = None
+
+    def _hand_out(self, film: _Film, first: int) -> None:
+        """Give to each worker frames from the first that is missing on."""
+        if not self._roster.fit:
+            return
+        if self._parcel is None or self._parcel.status != "finished":  # lost, with the workers that had it
+            self._parcel = self._send()
+        while self._parcel is not None and film.left and film.left[0] < first + _AHEAD * len(self._roster.fit):
+            worker = min(sorted(self._roster.fit), key=film.busy)
+            if film.busy(worker) >= _AT_ONCE:
+                return
+            index = heapq.heappop(film.left)
+            number = film.numbers[index]
+            future = self._client.submit(draw, self._parcel, number, workers=[worker], pure=False)
+            film.add(_Task(index, worker, future))
+
+    def _send(self) -> Future | None:
+        """The stage to one worker, if it is still there; the others get it from it, and from each other."""
+        pieces = [np.frombuffer(piece, np.uint8) for piece in pack(self._stage) if piece.nbytes]
+        parcel = Parcel(np.concatenate(pieces))
+        try:
+            return self._client.scatter(parcel, workers=[min(self._roster.fit)], hash=False)
+        except (KeyError, OSError, TimeoutError):
+            return None
+
+    def _receive(self, film: _Film) -> None:
+        """Wait a moment for a frame that a worker is done with, one way or another."""
+        task = film.next_done(_WAIT_S)
+        if task is None:
+            return
+        if task.future.status == "error":
+            self._fail(film, task, task.future.exception())
+            return
+        result = self._fetch(task)
+        if result is None:
+            film.give_back(task)
+            self._num_again += 1
+            return
+        png, record, maker = result
+        film.drawn[task.index] = Drawn(film.numbers[task.index], Picture(png=png), record)
+        if maker not in self._makers:
+            self._makers.append(maker)
+
+    def _fetch(self, task: _Task) -> Any:
+        """What a worker has drawn; None where it died before that came."""
+        seconds = _FETCH_S
+        while True:
+            try:
+                return task.future.result(timeout=seconds)
+            except (CancelledError, KeyError):
+                return None
+            except (TimeoutError, OSError):
+                self._roster.look()
+                if task.worker not in self._roster.fit:
+                    return None
+                seconds *= 2
+
+    def _fail(self, film: _Film, task: _Task, error: BaseException) -> None:
+        """A worker could not draw a frame: is it the worker, or the frame?"""
+        film.give_back(task)
+        self._num_again += 1
+        if not isinstance(error, ContextLostError):  # which may come back
+            self._roster.dismiss(task.worker, str(error))
+        if film.num_failures[task.index] >= _MOST_TRIES or not self._roster.fit:
+            if isinstance(error, HsplatError):
+                raise error
+            got = f"{type(error).__name__}: {error}"
+            raise RenderError(
+                f"frame {film.numbers[task.index]} cannot be drawn", where=task.worker, got=got
+            ) from error
+
+
+class _Film:
+    """Where the frames of a film are: left to be given to a worker, at one, or drawn and waiting for their turn.
+
+    left: indices of frames in a heap. drawn: frames by index. num_failures: how often a frame came to nothing.
+    """
+
+    def __init__(self, numbers: Sequence[int]) -> None:
+        self.numbers, self.left = numbers, list(range(len(numbers)))
+        self.drawn: dict[int, Drawn] = {}
+        self.num_failures: Counter[int] = Counter()
+        self._tasks: dict[str, _Task] = {}  # by the key of the future
+        self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def add(self, task: _Task) -> None:
+        """A worker has this frame."""
+        self._tasks[task.future.key] = task
+        task.future.add_done_callback(lambda future: self._done.put(future.key))
+
+    def next_done(self, timeout_s: float) -> _Task | None:
+        """A frame that its worker does not have any more, or None when there was none for so long."""
+        try:
+            return self._tasks.pop(self._done.get(timeout=timeout_s), None)
+        except queue.Empty:
+            return None
+
+    def busy(self, worker: str) -> int:
+        """How many frames a worker has."""
+        return sum(task.worker == worker for task in self._tasks.values())
+
+    def give_back(self, task: _Task) -> None:
+        """A frame is to be drawn by another worker."""
+        self.num_failures[task.index] += 1
+        heapq.heappush(self.left, task.index)
+
+    def take_back(self, workers: set[str]) -> int:
+        """Frames of other workers than these are to be drawn by these; how many."""
+        lost = [key for key, task in self._tasks.items() if task.worker not in workers]
+        for key in lost:
+            self.give_back(self._tasks.pop(key))
+        return len(lost)
