@@ -23,7 +23,17 @@ class Drawn:
 
 
 class Drawer(Protocol):
-    """Draws frames of a film, wherever that is."""
+    """Draws frames of a film, wherever that is.
+
+    made_by: devices and drivers of the frames so far, as GL names them: one, unless machines differ.
+    notes: what the user should know.
+    """
+
+    @property
+    def made_by(self) -> Sequence[str]: ...
+
+    @property
+    def notes(self) -> Sequence[str]: ...
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
         """These frames, in this order."""
@@ -32,8 +42,11 @@ class Drawer(Protocol):
 class LocalDrawer:
     """Draws in this process, one frame after the other."""
 
-    def __init__(self, stage: Stage, rasterizer: Rasterizer, guide: Guide | None = None) -> None:
+    def __init__(
+        self, stage: Stage, rasterizer: Rasterizer, guide: Guide | None = None, made_by: Sequence[str] = ()
+    ) -> None:
         self._stage, self._rasterizer = stage, rasterizer
+        self.made_by, self.notes = made_by, ()
         self._guide = Scheduled(stage) if guide is None else guide
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:

@@ -90,17 +90,19 @@ def _open_png(
     output: OutputSpec, frames: Sequence[int], within: Path | None, finishing: Callable[[], None]
 ) -> Iterator[FilmWriter]:
     with staged_together(within) as write_file:
-        yield _PngWriter(output, frames, write_file)
+        yield _PngWriter(output, frames, write_file, within)
         finishing()
 
 
 class _PngWriter(FilmWriter):
-    def __init__(self, output: OutputSpec, frames: Sequence[int], write_file: Callable[[Path, bytes], None]) -> None:
+    def __init__(
+        self, output: OutputSpec, frames: Sequence[int], write_file: Callable[[Path, bytes], None], within: Path | None
+    ) -> None:
         super().__init__(output, frames)
         self._template, self._write_file = output.file, write_file
         assert len({frame_path(self._template, frame) for frame in frames}) == len(frames), "frames share a file"
         for frame in frames[:1]:
-            require_writable(frame_path(self._template, frame))
+            require_writable(frame_path(self._template, frame), within)
 
     @property
     def paths(self) -> tuple[Path, ...]:

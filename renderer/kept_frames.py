@@ -1,113 +1,120 @@
-"""Finished frames of a film that is not whole: each a PNG file, and a journal that says what they are.
+"""Finished frames of a film that is not whole: each a PNG file, and beside it a record that says what it is.
 
-The journal is a line of JSON for what the frames depend on, then one for each frame that is in its file. A line is
-added when the file has its name, so that a job may be killed at any moment: a frame without a line, or whose file is
-not what the line says, is drawn again.
+A record is written when the picture has its name, so that a job may be killed at any moment: a frame without a record,
+or whose file is not what the record says, is drawn again. Each frame has a record of its own: jobs that draw different
+frames of one film share nothing.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from renderer.output_files import frame_path, has_frame_files
 from renderer.picture import Picture
+from renderer.scene import OutputSpec
 from renderer.staging import explained, write_staged
-
-JOURNAL = "journal.jsonl"
 
 Record = Mapping[str, Any]
 
+_FILE = re.compile(r"([0-9]{6,9})\.(json|png)")
+_MOST_BYTES = 2**20  # of a record: some kilobytes are usual
+_BLOCK = 2**20
+
 
 class KeptFrames:
-    """The frames of one film, of which only one job is at work on.
+    """Those of some frames of an output that are there; only one job is at work on them.
 
     folder: of what is not finished; it is there.
-    file_of: the file of a frame, in the folder or under its final name.
-    cause: what the frames depend on, as plain data; frames with another one are of no use.
+    cause: what the frames depend on, as plain data; frames with another one are of no use, and are removed.
     afresh: those that are there are of no use in any case.
 
     records: by number, of the frames whose files are what they should be; each has the `digest` of its file.
-    former_cause, num_former: of the frames that were found and are of no use, where there are such.
+    former_cause, num_former: of the frames that were there, with another cause.
     """
 
     def __init__(
-        self, folder: Path, file_of: Callable[[int], Path], cause: Mapping[str, Any], *, afresh: bool = False
+        self,
+        folder: Path,
+        output: OutputSpec,
+        numbers: Sequence[int],
+        cause: Mapping[str, Any],
+        *,
+        afresh: bool = False,
     ) -> None:
-        self._journal, self._folder, self._file_of, self._is_begun = folder / JOURNAL, folder, file_of, False
-        self.cause = _plain(cause)
+        self._folder, self._output, self._numbers = folder, output, frozenset(numbers)
+        self.cause: Record = json.loads(json.dumps(cause))  # as it is read again: tuples are lists
         self.records: dict[int, Record] = {}
-        former, records = _read_journal(self._journal)
-        is_same = former == self.cause and not afresh
-        self.former_cause = None if former == self.cause or not records else former
-        self.num_former = 0 if is_same else len(records)
-        if is_same:
-            self.add_former(records)
+        self.former_cause: Record | None = None
+        self.num_former = 0
+        if afresh:
+            forget_frames(folder, output, numbers)
+        for number in numbers:
+            self._find(number)
+
+    def _find(self, number: int) -> None:
+        found = _read(self._own(number, "json"))
+        if found is None:
+            return
+        cause, record = found
+        if cause == self.cause:
+            self.add_former([record])
         else:
-            clear(folder)
+            self.former_cause, self.num_former = cause, self.num_former + 1
+            with contextlib.suppress(OSError):
+                for path in (self._own(number, "json"), self._own(number, "png")):
+                    path.unlink(missing_ok=True)
 
     def add_former(self, records: Iterable[Record]) -> None:
-        """Frames of the same cause that another journal tells of: those whose files are there and are the same."""
+        """Frames of the same cause that are told of elsewhere: those whose files are there and are the same."""
         for record in records:
-            if is_file(self._file_of(record["frame"]), record["digest"]):
-                self.records[record["frame"]] = record
+            number = record["frame"]
+            if number in self._numbers and is_file(self._file(number), record["digest"]):
+                self.records[number] = record
 
     def keep(self, number: int, png: bytes, record: Record) -> Record:
-        """Write a frame's file, then its line; the record with its digest."""
+        """Write a frame's picture, then its record; the record with its digest."""
         record = {**record, "digest": digest(png)}
-        write_staged(self._file_of(number), png, self._folder)
-        with explained(self._file_of(number)):
-            self._append([record])
+        write_staged(self._file(number), png, self._folder)
+        content = json.dumps({"cause": self.cause, "record": record}).encode()
+        write_staged(self._own(number, "json"), content, self._folder)
         self.records[number] = record
         return record
 
     def picture(self, number: int) -> Picture:
         """A frame that is kept."""
-        path = self._file_of(number)
+        path = self._file(number)
         with explained(path):
             return Picture(png=path.read_bytes())
 
-    def drop(self, numbers: Iterable[int]) -> None:
-        """Draw these anew after all."""
-        for number in numbers:
-            del self.records[number]
+    def drop(self, is_wanted: Callable[[Record], bool]) -> None:
+        """Draw the others anew after all."""
+        self.records = {number: record for number, record in self.records.items() if is_wanted(record)}
 
-    def _append(self, records: Iterable[Record]) -> None:
-        """The first ones in a new journal, with all that is known before: the last line of the old one may be torn."""
-        lines = [*records] if self._is_begun else [{"cause": self.cause}, *self.records.values(), *records]
-        content = "".join(f"{json.dumps(line)}\n" for line in lines).encode()
-        if not self._is_begun:
-            write_staged(self._journal, content, self._folder)
-            self._is_begun = True
-            return
-        descriptor = os.open(self._journal, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
-        try:
-            view = memoryview(content)
-            while view:
-                view = view[os.write(descriptor, view) :]
-        finally:
-            os.close(descriptor)
+    def _file(self, number: int) -> Path:
+        return frame_path(self._output.file, number) if has_frame_files(self._output) else self._own(number, "png")
+
+    def _own(self, number: int, suffix: str) -> Path:
+        return self._folder / f"{number:06}.{suffix}"
 
 
-def clear(folder: Path, cause: Mapping[str, Any] | None = None) -> None:
-    """Remove all frames that are kept in the folder itself, and in the end the journal; of this cause, if one is given.
+def forget_frames(folder: Path, output: OutputSpec, numbers: Iterable[int]) -> None:
+    """Remove what a folder has of these frames, which is not what the output has; of a film in one file, of all frames.
 
-    Those of another one may still be of use to a job like the one that they are of.
+    Others of an output with numbered files may be those of another job.
     """
-    if cause is not None and _read_journal(folder / JOURNAL)[0] != _plain(cause):
-        return
-    for path in folder.glob("*.png"):
-        if path.stem.isdecimal():
-            path.unlink(missing_ok=True)
-    (folder / JOURNAL).unlink(missing_ok=True)
-
-
-def _plain(cause: Mapping[str, Any]) -> Any:
-    """As it is read again: tuples are lists."""
-    return json.loads(json.dumps(cause))
+    own = frozenset(numbers) if has_frame_files(output) else None
+    with contextlib.suppress(OSError):  # it has vanished: nothing is left
+        for path in list(folder.iterdir()):
+            name = _FILE.fullmatch(path.name)
+            if name and (own is None or int(name[1]) in own):
+                path.unlink(missing_ok=True)
 
 
 def digest(content: bytes) -> str:
@@ -115,37 +122,53 @@ def digest(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
+def file_digest(path: Path) -> str:
+    """The same of a file, of any size. Raises OSError."""
+    found = hashlib.blake2b(digest_size=16)
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK):
+            found.update(block)
+    return found.hexdigest()
+
+
 def is_file(path: Path, expected: str | None) -> bool:
     """Whether a file is there and has this digest."""
     try:
-        return digest(path.read_bytes()) == expected
+        return path.is_file() and file_digest(path) == expected
     except OSError:
         return False
 
 
 def is_record(record: Any) -> bool:
-    """Whether this, read from a file that anybody may have written, tells of a frame and what is in its file."""
-    return isinstance(record, dict) and type(record.get("frame")) is int and isinstance(record.get("digest"), str)
+    """Whether this, read from a file that anybody may have written, is all that a film's record tells of a frame.
+
+    That is its number as `frame`, the `digest` of its PNG file, `tolerance`, `cells`, `splats`, `seconds` by step, and
+    `predicted_seconds` where it was drawn on a budget of time.
+    """
+    if not isinstance(record, dict):
+        return False
+    seconds, predicted = record.get("seconds"), record.get("predicted_seconds", 0.0)
+    return (
+        set(record) <= {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds"}
+        and isinstance(record.get("digest"), str)
+        and all(type(record.get(key)) is int and record[key] >= 0 for key in ("frame", "cells", "splats"))
+        and isinstance(seconds, dict)
+        and all(map(_is_amount, [record.get("tolerance"), predicted, *seconds.values()]))
+    )
 
 
-def _read_journal(path: Path) -> tuple[Any, list[Record]]:
-    """The cause, and the records up to the first line that is none: the last one may have been cut off."""
+def _is_amount(value: Any) -> bool:
+    return type(value) in (int, float) and math.isfinite(value) and value >= 0
+
+
+def _read(path: Path) -> tuple[Record, Record] | None:
+    """Cause and record of a frame, if there is a whole one."""
     try:
-        lines = path.read_bytes().splitlines()
-    except OSError:
-        return None, []
-    found = list(_records(lines))
-    if not found or "cause" not in found[0]:
-        return None, []
-    return found[0]["cause"], [record for record in found[1:] if is_record(record)]
-
-
-def _records(lines: Iterable[bytes]) -> Iterator[dict[str, Any]]:
-    for line in lines:
-        try:
-            record = json.loads(line)
-        except ValueError:
-            return
-        if not isinstance(record, dict):
-            return
-        yield record
+        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+            return None
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(data, dict) or not isinstance(data.get("cause"), dict) or not is_record(data.get("record")):
+        return None
+    return data["cause"], data["record"]

@@ -58,15 +58,12 @@ def _part_name(frames: Sequence[int]) -> str:
     return f"{first}-{last}-some-{digest}"
 
 
-def unfinished_folder(sidecar: Path) -> Path:
-    """Where frames are kept while a film is not whole: `engine.mp4.unfinished`, `frames/frames.unfinished`."""
-    return sidecar.with_suffix(".unfinished")
+def unfinished_folder(output: OutputSpec) -> Path:
+    """Where frames are kept while a film is not whole: `engine.mp4.unfinished`, `frames/frames.unfinished`.
 
-
-def lock_file(output: OutputSpec) -> Path:
-    """What jobs that write this output lock, whichever frames they draw: `.engine.mp4.lock`."""
-    sidecar = _sidecar_of_whole(output.file)
-    return sidecar.with_name(f".{sidecar.stem}.lock")
+    Of numbered files it is that of all parts of the path.
+    """
+    return _sidecar_of_whole(output.file).with_suffix(".unfinished")
 
 
 def has_frame_files(output: OutputSpec) -> bool:

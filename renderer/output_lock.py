@@ -6,65 +6,117 @@ import contextlib
 import errno
 import fcntl
 import os
+import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.staging import explained
+from renderer.staging import explained, remove_temporaries
 
 _LONGEST_NOTE = 200
+# Whoever comes or goes holds the file's first byte for a moment, so that nobody is refused for one who is going.
+_GATE, _FIRST_PLACE = 0, 1
 
 
 @contextlib.contextmanager
-def locked(file: Path, places: Sequence[int], output: Path) -> Iterator[None]:
-    """Hold these places, ascending, of a lock file, which is made where it is missing and removed by the last holder.
+def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
+    """Hold these places, ascending, of a folder of what is not finished, which is made where it is missing.
 
-    Jobs that have no place in common do not keep each other out. On a file system without locks nobody is kept out.
-    Raises InputError when another process holds one of the places. output: for messages.
+    Jobs that have no place in common do not keep each other out. The last one to leave removes temporary files of those
+    that were killed, and the folder, if nothing else is in it. On a file system without locks nobody is kept out.
+    Raises InputError when another process holds one of the places, or the folder cannot be one; RenderError when it
+    cannot be made. output: for messages.
     """
     with explained(output):
-        descriptor = _locked_file(file, places, output)
+        descriptor = _enter(folder)
     try:
+        with explained(output):
+            _hold(descriptor, places, output)
         yield
     finally:
-        with contextlib.suppress(OSError):  # of others that still hold places
-            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            file.unlink(missing_ok=True)
-        os.close(descriptor)
+        _leave(folder, descriptor)
 
 
-def _locked_file(file: Path, places: Sequence[int], output: Path) -> int:
+def _enter(folder: Path) -> int:
+    """The lock file, at whose gate nobody else is."""
     while True:
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
-            _lock(descriptor, places, output)
-            if _is_there(file, descriptor):
-                os.ftruncate(descriptor, 0)
-                os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
+            _make(folder)
+            descriptor = os.open(_lock_file(folder), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+        except FileNotFoundError:  # its last holder has removed the folder meanwhile
+            continue
+        try:
+            _lock(descriptor, _GATE, 1, wait=True)
+            if _is_there(folder, descriptor):
                 return descriptor
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)  # its last holder has removed it meanwhile
+        os.close(descriptor)
 
 
-def _lock(descriptor: int, places: Sequence[int], output: Path) -> None:
-    # POSIX locks: they work over NFS, are not inherited by children, and places that nobody holds cost nothing.
+def _make(folder: Path) -> None:
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(parents=True)
+    mode = folder.lstat().st_mode
+    if not stat.S_ISDIR(mode):
+        raise InputError(
+            "something else has the name of the folder for frames of a film that is not whole",
+            where=str(folder),
+            got="a link" if stat.S_ISLNK(mode) else "a file",
+            hint="give it another name, or the film another --output",
+        )
+
+
+def _hold(descriptor: int, places: Sequence[int], output: Path) -> None:
+    """Lock these places and leave the gate."""
     for first, length in _runs(places):
-        try:
-            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, length, first)
-        except OSError as error:
-            if error.errno not in (errno.EACCES, errno.EAGAIN):
-                if error.errno in (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL):
-                    return
-                raise
+        if _lock(descriptor, _FIRST_PLACE + first, length) is False:
             note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
             raise InputError(
                 "another job is writing this output",
                 where=str(output),
                 got=note if note.isprintable() and note else None,
                 hint="wait until it is done, or give this one another --output",
-            ) from error
+            )
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
+    with contextlib.suppress(OSError):  # there are no locks
+        fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _GATE)
+
+
+def _leave(folder: Path, descriptor: int) -> None:
+    """Give the places back; the last one tidies up."""
+    try:
+        _lock(descriptor, _GATE, 1, wait=True)
+        is_last = _lock(descriptor, _GATE, 0)
+        if is_last is False or (is_last and not _is_there(folder, descriptor)):
+            return
+        if is_last:  # and not one of many, for all that can be known
+            remove_temporaries(folder)
+        _lock_file(folder).unlink(missing_ok=True)
+        folder.rmdir()
+    except OSError:  # something is in it, or it has vanished
+        pass
+    finally:
+        os.close(descriptor)
+
+
+def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bool | None:
+    """Whether this run of bytes, up to the last for length 0, is held now; not where another process holds one of them.
+
+    None where the file system has no locks.
+    """
+    # POSIX locks: they work over NFS, are not inherited by children, and bytes need not be there.
+    try:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB, length, first)
+    except OSError as error:
+        if error.errno in (errno.EACCES, errno.EAGAIN):
+            return False
+        if error.errno not in (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL):
+            raise
+        return None
+    return True
 
 
 def _runs(places: Sequence[int]) -> Iterator[tuple[int, int]]:
@@ -78,8 +130,12 @@ def _runs(places: Sequence[int]) -> Iterator[tuple[int, int]]:
     yield first, last - first + 1
 
 
-def _is_there(file: Path, descriptor: int) -> bool:
+def _lock_file(folder: Path) -> Path:
+    return folder / "lock"
+
+
+def _is_there(folder: Path, descriptor: int) -> bool:
     try:
-        return os.path.samestat(file.stat(), os.fstat(descriptor))
+        return os.path.samestat(_lock_file(folder).stat(follow_symlinks=False), os.fstat(descriptor))
     except FileNotFoundError:
         return False

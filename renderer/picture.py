@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import imageio.v3
 import numpy as np
 import numpy.typing as npt
 
@@ -30,6 +29,9 @@ class Picture:
     @cached_property
     def pixels(self) -> Pixels:
         """The picture as an array."""
+        # Imported where it is used: those who draw have the pixels, and need no decoder.
+        import imageio.v3  # noqa: PLC0415
+
         pixels = np.asarray(imageio.v3.imread(self.png, extension=".png"))
         assert pixels.dtype == np.uint8, pixels.dtype
         return pixels

@@ -23,7 +23,7 @@ def staged(path: Path, within: Path | None = None) -> Iterator[Path]:
     """
     temporary = _temporary_of(path, within)
     try:  # before the file is there: an interrupt may come at any time
-        _create(temporary, path)
+        _create(temporary, path, within)
         yield temporary
         with explained(path):
             os.replace(temporary, path)
@@ -50,7 +50,7 @@ def staged_together(within: Path | None = None) -> Iterator[Callable[[Path, byte
     def write(path: Path, content: bytes) -> None:
         temporary = _temporary_of(path, within)
         written.append((temporary, path))
-        _create(temporary, path)
+        _create(temporary, path, within)
         with explained(path):
             temporary.write_bytes(content)
 
@@ -65,11 +65,14 @@ def staged_together(within: Path | None = None) -> Iterator[Callable[[Path, byte
                 temporary.unlink()
 
 
-def require_writable(path: Path) -> None:
-    """Make the folder of `path` and try to write there, leaving no file; errors as in `staged`."""
-    temporary = _temporary_of(path)
+def require_writable(path: Path, within: Path | None = None) -> None:
+    """Make the folder of `path` and try to write there, or `within`, leaving no file; errors as in `staged`."""
+    temporary = _temporary_of(path, within)
     try:
-        _create(temporary, path)
+        _create(temporary, path, within)
+        with explained(path):
+            if not os.access(path.parent, os.W_OK | os.X_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
@@ -119,7 +122,7 @@ def write_error(error: OSError, path: Path) -> HsplatError:
 
 
 def remove_temporaries(folder: Path) -> None:
-    """Remove what programs that were killed left in a folder `within`."""
+    """Remove what programs that were killed left in a folder `within`. Raises OSError."""
     for path in folder.glob(f".*{_MARK}*"):
         path.unlink(missing_ok=True)
 
@@ -128,14 +131,14 @@ _MARK = ".partial-"
 
 
 def _temporary_of(path: Path, within: Path | None = None) -> Path:
-    # The process id keeps two programs that write the same output from sharing a temporary file.
-    return (within or path.parent) / f".{path.name}{_MARK}{os.getpid()}"
+    # Two programs, on two machines, do not share a temporary file; nor do two frames that differ by their folders.
+    return (within or path.parent) / f".{path.name}{_MARK}{os.urandom(4).hex()}"
 
 
-def _create(temporary: Path, path: Path) -> None:
+def _create(temporary: Path, path: Path, within: Path | None) -> None:
     with explained(path):
-        if temporary.parent != path.parent:
-            temporary.touch()  # first: a folder that has vanished meanwhile is not made again
+        if within is not None:
+            temporary.touch(exist_ok=False)  # first: a folder that has vanished meanwhile is not made again
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import click
 
@@ -11,15 +12,15 @@ from hsplat_cli.assemble.agreement import Picked, file_problems, film_problems, 
 from hsplat_cli.assemble.merged import merged_record, part_notes, parts_of
 from hsplat_cli.assemble.parts import Part
 from hsplat_cli.interrupts import deferrable_interrupts
+from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
 from renderer.errors import SceneError
 from renderer.film import open_film, require_encoder
-from renderer.output_files import frame_path, has_frame_files, lock_file, sidecar_of
-from renderer.output_lock import locked
+from renderer.output_files import frame_path, has_frame_files, sidecar_of
 from renderer.picture import Picture
 from renderer.scene import OutputSpec
 from renderer.sidecar import write_sidecar
-from renderer.staging import explained, require_writable, staged_together
+from renderer.staging import explained, staged_together
 
 
 def assemble_film(parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, *, quiet: bool) -> None:
@@ -37,15 +38,12 @@ def assemble_film(parts: Sequence[Part], numbers: Sequence[int], output: OutputS
     if problems:
         raise SceneError(problems)
     sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
-    for file in (frame_path(output.file, numbers[0]), sidecar):
-        require_writable(file)
     require_encoder(output)
-    places = numbers if has_frame_files(output) else [0]
-    with locked(lock_file(output), places, output.file), deferrable_interrupts() as defer_interrupts:
+    with taken(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
         write = _copy if has_frame_files(output) else _encode
-        notes = [*write(picked, output, defer_interrupts, quiet=quiet), *part_notes(picked)]
+        notes = [*write(picked, output, folder, defer_interrupts, quiet=quiet), *part_notes(picked)]
         record = merged_record(picked, output, time.perf_counter() - start)
-        write_sidecar(sidecar, record | {"notes": notes})
+        write_sidecar(sidecar, record | {"notes": notes}, folder)
     if not quiet:
         num_parts = len(parts_of(picked))
         num = f"{len(picked)} frame{'s' * (len(picked) > 1)} of {num_parts} part{'s' * (num_parts > 1)}"
@@ -56,19 +54,21 @@ def assemble_film(parts: Sequence[Part], numbers: Sequence[int], output: OutputS
 
 
 def _encode(
-    picked: Sequence[Picked], output: OutputSpec, finishing: Callable[[], None], *, quiet: bool
+    picked: Sequence[Picked], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
 ) -> Sequence[str]:
     """A film of the pictures; notes about it."""
     numbers = [frame.number for frame in picked]
-    with open_film(output, numbers, finishing=finishing) as film:
+    with open_film(output, numbers, within=folder, finishing=finishing) as film:
         for frame, content in _contents(picked, output, quiet=quiet):
             film.write(frame.number, Picture(png=content).pixels)
     return film.notes
 
 
-def _copy(picked: Sequence[Picked], output: OutputSpec, finishing: Callable[[], None], *, quiet: bool) -> Sequence[str]:
+def _copy(
+    picked: Sequence[Picked], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
+) -> Sequence[str]:
     """The same files under the names of the output, all at the end."""
-    with staged_together() as write:
+    with staged_together(folder) as write:
         for frame, content in _contents(picked, output, quiet=quiet):
             write(frame_path(output.file, frame.number), content)
         finishing()

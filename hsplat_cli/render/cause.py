@@ -15,7 +15,7 @@ from renderer.kept_frames import digest, is_file, is_record
 from renderer.output_files import frame_path, has_frame_files, sidecar_path
 from renderer.scene import OutputSpec, Scene
 from renderer.scene_schema import scene_to_dict
-from renderer.schema import show
+from renderer.schema import join, show
 from renderer.volume import Volume
 
 # How the frames become a film; not what is in them.
@@ -47,7 +47,7 @@ def differences(before: Any, now: Any) -> str:
 def _differences(before: Any, now: Any, path: str) -> Iterator[str]:
     if isinstance(before, dict) and isinstance(now, dict):
         for key in [*now, *(key for key in before if key not in now)]:
-            yield from _differences(before.get(key), now.get(key), f"{path}.{key}" if path else str(key))
+            yield from _differences(before.get(key), now.get(key), join(path, key))
     elif before != now:
         yield f"{path} was {show(before)}"
 
@@ -72,16 +72,21 @@ def _mark(data: Any) -> str:
 
 @dataclass(frozen=True)
 class Made:
-    """What a sidecar tells of its film. file_digest: of a film that is one file. records: of the frames."""
+    """What a sidecar, which anybody may have written, tells of its film.
+
+    is_whole: all its frames are told of, and they are what was asked for.
+    file_digest: of a film that is one file.
+    records: of the frames.
+    """
 
     marks: Marks
-    met: bool
+    is_whole: bool
     file_digest: str | None
     records: Sequence[Mapping[str, Any]]
 
-    def is_up_to_date(self, marks: Marks, output: OutputSpec) -> bool:
+    def is_up_to_date(self, marks: Marks, output: OutputSpec, frames: Sequence[int]) -> bool:
         """Whether the film of these causes is there, whole, as it was made."""
-        if self.marks != marks or not self.met:
+        if self.marks != marks or not self.is_whole or [record["frame"] for record in self.records] != [*frames]:
             return False
         if not has_frame_files(output):
             return is_file(output.file, self.file_digest)
@@ -93,9 +98,9 @@ def made_before(scene: Scene, frames: Sequence[int]) -> Made | None:
     data = _read(sidecar_path(scene, frames))
     try:
         cause, schedule, records = data["cause"], data["schedule"], data["frames"]
-        marks = Marks(str(cause["frames"]), str(cause["film"]))
         whole = [record for record in records if is_record(record)]
-        return Made(marks, schedule["met"] is True and len(whole) == len(records), data.get("digest"), whole)
+        is_whole = schedule["met"] is True and len(whole) == len(records)
+        return Made(Marks(cause["frames"], cause["film"]), is_whole, data.get("digest"), whole)
     except (KeyError, TypeError):
         return None
 

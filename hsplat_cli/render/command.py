@@ -73,7 +73,7 @@ def render(
             raise InputError("the workers are those of the scheduler", where="--workers")
     with terminated_as_interrupted():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
-        from hsplat_cli.render.crew import Crew  # noqa: PLC0415
+        from hsplat_cli.render.crew import CrewSpec  # noqa: PLC0415
         from hsplat_cli.render.film import render_once  # noqa: PLC0415
         from hsplat_cli.render.progressive import render_progressively  # noqa: PLC0415
 
@@ -81,7 +81,7 @@ def render(
         if progressive:
             shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, quiet=quiet)
         else:
-            shortfall = render_once(job, Crew(workers, scheduler), force=force, quiet=quiet)
+            shortfall = render_once(job, CrewSpec(workers, scheduler), force=force, quiet=quiet)
     if shortfall is not None and not best_effort:
         raise shortfall
     if shortfall is not None and not quiet:

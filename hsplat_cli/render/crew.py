@@ -1,19 +1,20 @@
-"""Who draws the frames: this process alone, or others beside it."""
+"""Who draws the frames: this process alone, with others on this machine, or the workers of a cluster."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hsplat_cli.cluster.drawer import open_cluster
+from hsplat_cli.cluster.drawer import Cluster, open_cluster
 from hsplat_cli.cores import num_cores
-from hsplat_cli.drawn import Drawn, LocalDrawer
+from hsplat_cli.drawn import Drawer, Drawn, LocalDrawer
 from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers.pool import Pool, open_pool
-from renderer.drawing import Rasterizer
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import AccuracyGoal, Scene
 
 # Mesa's renderers that draw with the processor's cores, as they name themselves.
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast")
@@ -26,49 +27,95 @@ _WORTH_S = 4.0
 
 
 @dataclass(frozen=True)
-class Crew:
+class CrewSpec:
     """workers: processes that draw; None for as many as is fastest. scheduler: address of a cluster's, or `local`."""
 
     workers: int | None = None
     scheduler: str | None = None
 
 
-def draw_frames(
-    plan: Plan, numbers: Sequence[int], rasterizer: Rasterizer, made_by: str, crew: Crew
-) -> Generator[Drawn, None, None]:
-    """These frames, in this order: by this process, until its workers are ready, if there are to be any.
-
-    made_by: the name of the rasterizer's renderer. Frames on a budget of time are drawn one by one, as they were timed.
-    """
-    if crew.scheduler is not None:
-        with open_cluster(crew.scheduler, num_workers=crew.workers) as cluster, cluster.drawer(plan.stage) as drawer:
-            yield from drawer.draw(numbers)
-        return
-    local = LocalDrawer(plan.stage, rasterizer, plan.guide)
-    num_workers = min(crew.workers or _default_workers(made_by), len(numbers))
-    if num_workers < 2 or plan.by_clock:
-        yield from local.draw(numbers)
-        return
+@contextlib.contextmanager
+def open_crew(spec: CrewSpec, scene: Scene) -> Iterator[Crew]:
+    """Those who can draw this scene. Raises what is wrong with the GL here, or with the address of a cluster."""
     with contextlib.ExitStack() as stack:
-        pool: Pool | None = None
-        num_drawn, seconds = 0, math.inf if crew.workers else 0.0
-        with contextlib.closing(local.draw(numbers)) as frames:
-            while pool is None or not pool.is_ready:
-                if pool is None and (len(numbers) - num_drawn) * seconds > _WORTH_S:
-                    pool = stack.enter_context(open_pool(plan.stage, num_workers, threads_each=1))
+        cluster = rasterizer = None
+        if spec.scheduler is not None:
+            cluster = stack.enter_context(open_cluster(spec.scheduler, num_workers=spec.workers))
+        if cluster is None or isinstance(scene.error.goal, AccuracyGoal):  # which is looked for here
+            rasterizer = stack.enter_context(GLRasterizer())
+        yield Crew(spec, rasterizer, cluster)
+
+
+class Crew:
+    """Made by `open_crew`. rasterizer: of this process, where it draws anything."""
+
+    def __init__(self, spec: CrewSpec, rasterizer: GLRasterizer | None, cluster: Cluster | None) -> None:
+        self._spec, self.rasterizer, self._cluster = spec, rasterizer, cluster
+
+    @property
+    def gl(self) -> str:
+        """Device and driver, as GL names them; those of a cluster are known when it has drawn."""
+        if self._cluster is not None:
+            return "that of a cluster's workers"
+        assert self.rasterizer is not None
+        return self.rasterizer.renderer_name
+
+    @contextlib.contextmanager
+    def drawer(self, plan: Plan, num_frames: int) -> Iterator[tuple[Plan, Drawer]]:
+        """What draws so many frames, and the plan to go on with: the volume may have moved to shared memory.
+
+        Frames on a budget of time are drawn one by one, as they were timed.
+        """
+        if self._cluster is not None:
+            with self._cluster.drawer(plan.stage) as drawer:
+                yield plan, drawer
+            return
+        assert self.rasterizer is not None
+        num_workers = min(self._spec.workers or _default_workers(self.gl), num_frames)
+        if num_workers < 2 or plan.by_clock:
+            yield plan, LocalDrawer(plan.stage, self.rasterizer, plan.guide, made_by=[self.gl])
+            return
+        with open_pool(plan.stage, 0, threads_each=max(1, num_cores() // num_workers)) as pool:
+            plan = replace(plan, stage=pool.stage)
+            worth_s = 0.0 if self._spec.workers else _WORTH_S
+            alone = LocalDrawer(plan.stage, self.rasterizer, made_by=[self.gl])
+            yield plan, _GrowingDrawer(alone, pool, num_workers, worth_s)
+
+
+class _GrowingDrawer:
+    """This process draws, until its workers are ready; they are called when there is enough to be done."""
+
+    def __init__(self, alone: LocalDrawer, pool: Pool, num_workers: int, worth_s: float) -> None:
+        self._alone, self._pool, self._num_workers, self._worth_s = alone, pool, num_workers, worth_s
+        self.notes: Sequence[str] = ()
+
+    @property
+    def made_by(self) -> tuple[str, ...]:
+        """As in Drawer."""
+        return tuple(dict.fromkeys([*self._alone.made_by, *self._pool.made_by]))
+
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+        """As in Drawer."""
+        num_drawn, is_called, seconds = 0, False, math.inf if self._worth_s == 0 else 0.0
+        with contextlib.closing(self._alone.draw(numbers)) as frames:
+            while not (is_called and self._pool.is_ready):
+                if not is_called and (len(numbers) - num_drawn) * seconds > self._worth_s:
+                    self._pool.start(self._num_workers)
+                    is_called = True
                 drawn = next(frames, None)
                 if drawn is None:
                     return
                 num_drawn += 1
-                seconds = sum(drawn.record["seconds"].values()) if num_drawn > 1 else seconds
+                if num_drawn > 1:  # the first one compiles shaders
+                    seconds = sum(drawn.record["seconds"].values())
                 yield drawn
-        yield from pool.draw(numbers[num_drawn:])
+        yield from self._pool.draw(numbers[num_drawn:])
 
 
-def _default_workers(made_by: str) -> int:
+def _default_workers(gl: str) -> int:
     """One for each core where they draw; as many as there is memory for."""
-    most = num_cores() if any(name in made_by for name in _SOFTWARE) else min(num_cores(), _MOST_ON_DEVICE)
-    return max(1, min(most, int(_free_bytes() / 2 / _WORKER_BYTES)))
+    most = num_cores() if any(name in gl for name in _SOFTWARE) else min(num_cores(), _MOST_ON_DEVICE)
+    return max(1, int(min(most, _free_bytes() / 2 / _WORKER_BYTES)))
 
 
 def _free_bytes() -> float:

@@ -1,151 +1,89 @@
-"""One film: frames that are kept as they come, the file that is made of them, and the sidecar beside it."""
+"""One film: frames that are kept as they come, and the file that is made of them."""
 
 from __future__ import annotations
 
 import contextlib
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from functools import cached_property, partial
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from hsplat_cli.cores import num_cores
-from hsplat_cli.drawn import Drawn
+from hsplat_cli.drawn import Drawer, Drawn
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
+from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
-from hsplat_cli.render.again import maker_notes
-from hsplat_cli.render.cause import Marks, cause_of_frames, differences, made_before
-from hsplat_cli.render.crew import Crew, draw_frames
-from hsplat_cli.render.goals import Plan, make_plan, shortfall_of
-from hsplat_cli.render.place import taken
-from hsplat_cli.render.record import Record, film_record, schedule_record, summary, visibility_notes, with_seconds
+from hsplat_cli.render.cause import Marks, cause_of_frames, made_before
+from hsplat_cli.render.crew import CrewSpec, open_crew
+from hsplat_cli.render.done import Done, record, tell
+from hsplat_cli.render.goals import make_plan
+from hsplat_cli.render.kept import find_kept, tell_kept, tell_left
+from hsplat_cli.render.record import Record, with_seconds
 from renderer.costs import CostLog
 from renderer.drawing import Stage
 from renderer.errors import RenderError
 from renderer.film import open_film, require_encoder
-from renderer.kept_frames import KeptFrames, clear, digest
-from renderer.output_files import frame_path, has_frame_files, sidecar_path
+from renderer.kept_frames import KeptFrames, forget_frames
+from renderer.output_files import has_frame_files, sidecar_path
 from renderer.pacing import Details
 from renderer.pipeline import prepare
-from renderer.raster_gl import GLRasterizer
 from renderer.readers import read_volume
-from renderer.scene import OutputSpec
-from renderer.schedule import tolerance_at
-from renderer.sidecar import write_sidecar
 from renderer.volume import Volume
 
 
-@dataclass(frozen=True)
-class Done:
-    """A finished film: the records of its frames, what is to be said about its file, and what it took in all.
-
-    num_kept: frames that had been drawn before.
-    """
-
-    job: Job
-    plan: Plan
-    frames: Sequence[Record]
-    file_notes: Sequence[str]
-    made_by: str
-    seconds: float
-    num_kept: int = 0
-
-    @cached_property
-    def shortfall(self) -> RenderError | None:
-        """What was asked for and not had."""
-        return shortfall_of(self.job, self.plan, self.frames)
-
-    @property
-    def notes(self) -> list[str]:
-        """What the user should know."""
-        return [*self.file_notes, *maker_notes(self.job, self.made_by), *visibility_notes(self.frames)]
-
-    @property
-    def sidecar(self) -> Path:
-        """The file that says how it was made."""
-        return sidecar_path(self.job.scene, self.job.frames)
-
-
-def render_once(job: Job, crew: Crew, *, force: bool = False, quiet: bool) -> RenderError | None:
+def render_once(job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bool) -> RenderError | None:
     """The film that the scene asks for, in one pass; what was asked for and not had.
 
     Frames that an earlier job finished are kept; with `force` they are drawn again.
     """
-    start, output = time.perf_counter(), job.scene.output
-    with taken(job) as folder, deferrable_interrupts() as defer_interrupts:
-        # What can fail early does: the outputs, the encoder and the GL context are tried before a voxel is read.
+    start, output, frames = time.perf_counter(), job.scene.output, job.frames
+    with contextlib.ExitStack() as stack:
+        # What can fail early does: the outputs, the encoder, and GL or a cluster are tried before a voxel is read.
+        folder = stack.enter_context(taken(output, frames, sidecar_path(job.scene, frames)))
+        defer_interrupts = stack.enter_context(deferrable_interrupts())
         require_encoder(output)
-        with GLRasterizer() as rasterizer:
-            volume = read_volume(job.scene.volume)
-            cause = cause_of_frames(job, volume, rasterizer.renderer_name)
-            marks = Marks.of(cause, output, job.frames)
-            before = None if force else made_before(job.scene, job.frames)
-            if before is not None and before.is_up_to_date(marks, output):
-                clear(folder, cause)
-                _say(f"{output.file} is up to date; --force draws it again", quiet=quiet)
-                return None
-            details = Details(prepare_job(job, volume), CostLog())
-            plan = make_plan(details, job.frames, rasterizer, quiet=quiet)
-            kept = KeptFrames(folder, partial(_file_of, output, folder), cause, afresh=force)
-            if before is not None and before.marks.frames == marks.frames and has_frame_files(output):
-                kept.add_former(before.records)
-            kept.drop([number for number in kept.records if not _is_as_planned(plan, kept.records[number])])
-            num_kept = _tell_kept(kept, job, quiet=quiet)
-            try:
-                frames, notes = _draw(job, plan, kept, folder, rasterizer, crew, defer_interrupts, quiet=quiet)
-            except BaseException:
-                _tell_left(kept, job, folder, quiet=quiet)
-                raise
-            made_by = rasterizer.renderer_name
-        done = Done(job, plan, frames, notes, made_by, time.perf_counter() - start, num_kept)
-        record(done, folder, marks=marks)
-        clear(folder)
+        crew = stack.enter_context(open_crew(crew_spec, job.scene))
+        before_reading = time.perf_counter()
+        volume = read_volume(job.scene.volume)
+        read_seconds = time.perf_counter() - before_reading
+        cause = cause_of_frames(job, volume, crew.gl)
+        marks = Marks.of(cause, output, frames)
+        before = None if force else made_before(job.scene, frames)
+        if before is not None and before.is_up_to_date(marks, output, frames):
+            forget_frames(folder, output, frames)  # of a job that was killed when its film was whole
+            if not quiet:
+                click.echo(f"{output.file} is up to date; --force draws it again", err=True)
+            return None
+        stage = prepare_job(job, volume, read_seconds)
+        del volume  # it may move
+        plan = make_plan(Details(stage, CostLog()), frames, crew.rasterizer, quiet=quiet)
+        del stage
+        kept = find_kept(job, plan, folder, cause, marks, before, force=force)
+        if not quiet:
+            tell_kept(kept, job)
+        num_kept = len(kept.records)
+        try:
+            with crew.drawer(plan, len(frames) - num_kept) as (plan, drawer):
+                records, notes = _draw(job, kept, drawer, folder, defer_interrupts, quiet=quiet)
+                notes, made_by = [*notes, *drawer.notes], " and ".join(drawer.made_by) or crew.gl
+            seconds = time.perf_counter() - start
+            done = Done(job, plan, records, notes, made_by, seconds, num_kept)
+            record(done, folder, marks=marks)
+        except BaseException:
+            if not quiet:
+                tell_left(kept, job, folder, force=force)
+            raise
+        forget_frames(folder, output, frames)
     tell(done, quiet=quiet)
     return done.shortfall
 
 
-def _file_of(output: OutputSpec, folder: Path, number: int) -> Path:
-    """Where a finished frame is kept: under its final name, if it has one."""
-    return frame_path(output.file, number) if has_frame_files(output) else folder / f"{number:06}.png"
-
-
-def _is_as_planned(plan: Plan, record: Record) -> bool:
-    """Whether a frame that is kept has the tolerance that it would have now; one on a budget of time has any."""
-    return plan.by_clock or record.get("tolerance") == tolerance_at(plan.stage.scene.error, record["frame"])
-
-
-def _tell_kept(kept: KeptFrames, job: Job, *, quiet: bool) -> int:
-    """Say which frames are there already, and why others are not; how many of the job's there are."""
-    num_kept = sum(number in kept.records for number in job.frames)
-    if num_kept:
-        _say(f"{num_kept} of {len(job.frames)} frames are there already", quiet=quiet)
-    if kept.former_cause is not None:
-        why = differences(kept.former_cause, kept.cause)
-        _say(
-            f"{kept.num_former} frames that were there are drawn anew, for they were of another film: {why}",
-            quiet=quiet,
-        )
-    return num_kept
-
-
-def _tell_left(kept: KeptFrames, job: Job, folder: Path, *, quiet: bool) -> None:
-    """Say, when the work ends early, what remains of it."""
-    num_kept = sum(number in kept.records for number in job.frames)
-    if num_kept and folder.is_dir():
-        _say(f"{num_kept} of {len(job.frames)} frames are kept; the same command goes on from there", quiet=quiet)
-
-
-def _say(text: str, *, quiet: bool) -> None:
-    if not quiet:
-        click.echo(text, err=True)
-
-
-def prepare_job(job: Job, volume: Volume | None = None) -> Stage:
-    """The job's stage, on all cores; of its `volume`, if it was read already."""
-    return prepare(
+def prepare_job(job: Job, volume: Volume | None = None, read_seconds: float = 0.0) -> Stage:
+    """The job's stage, on all cores; of its `volume`, if it was read already, which took so long."""
+    stage = prepare(
         job.scene,
         clock=time.perf_counter,
         num_threads=num_cores(),
@@ -153,33 +91,24 @@ def prepare_job(job: Job, volume: Volume | None = None) -> Stage:
         fingerprint=job.original.fingerprint if job.original else None,
         recorded_in=f"{job.original.path}: volume.fingerprint" if job.original else "",
     )
+    return replace(stage, seconds={**stage.seconds, "read": stage.seconds["read"] + read_seconds})
 
 
 def _draw(
-    job: Job,
-    plan: Plan,
-    kept: KeptFrames,
-    folder: Path,
-    rasterizer: GLRasterizer,
-    crew: Crew,
-    finishing: Callable[[], None],
-    *,
-    quiet: bool,
+    job: Job, kept: KeptFrames, drawer: Drawer, folder: Path, finishing: Callable[[], None], *, quiet: bool
 ) -> tuple[list[Record], Sequence[str]]:
     """Draw the frames that are not there, keep them, and make the film of all; their records, and notes on the film."""
     output = job.scene.output
     missing = [number for number in job.frames if number not in kept.records]
     records: list[Record] = []
-    notes: tuple[str, ...] = ()
+    notes: Sequence[str] = ()
     with contextlib.ExitStack() as stack:
         film = None
         if not has_frame_files(output):
             film = stack.enter_context(open_film(output, job.frames, within=folder, finishing=finishing))
             notes = film.notes
         bar = stack.enter_context(progress(len(missing), label=output.file.name, quiet=quiet))
-        drawing = stack.enter_context(
-            contextlib.closing(draw_frames(plan, missing, rasterizer, rasterizer.renderer_name, crew))
-        )
+        drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
         for number in job.frames:
             is_new = number not in kept.records
             drawn = next(drawing) if is_new else Drawn(number, kept.picture(number), dict(kept.records[number]))
@@ -193,31 +122,3 @@ def _draw(
     if film is None:
         finishing()
     return records, notes
-
-
-def record(done: Done, folder: Path, *, marks: Marks | None = None, passes: Sequence[Record] = ()) -> None:
-    """Write the sidecar.
-
-    folder: of what is not finished. marks: by which the next job sees that it has nothing to do.
-    """
-    content = film_record(done.plan.stage, done.frames, done.made_by)
-    content |= {"schedule": schedule_record(done.job, done.plan, done.frames, done.shortfall)}
-    content |= {"passes": list(passes)} if passes else {}
-    content |= {"notes": done.notes, "seconds": done.plan.stage.seconds | {"total": done.seconds}}
-    if marks is not None:
-        content |= {"cause": asdict(marks)}
-        file = done.job.scene.output.file
-        content |= {} if has_frame_files(done.job.scene.output) else {"digest": digest(file.read_bytes())}
-    write_sidecar(done.sidecar, content | {"frames": done.frames}, folder)
-
-
-def tell(done: Done, *, quiet: bool) -> None:
-    """Say what was made and what it cost, in a few lines."""
-    if quiet:
-        return
-    click.echo(
-        f"{done.job.scene.output.file}: {summary(done.job, done.frames, done.seconds, done.plan.found, done.num_kept)}"
-    )
-    for note in done.notes:
-        click.echo(f"note: {note}")
-    click.echo(f"how it was made: {done.sidecar}")

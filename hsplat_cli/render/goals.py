@@ -49,13 +49,14 @@ class Plan:
 def make_plan(
     details: Details,
     frames: Sequence[int],
-    rasterizer: Rasterizer,
+    rasterizer: Rasterizer | None,
     *,
     quiet: bool,
     on_step: Callable[[], None] = lambda: None,
 ) -> Plan:
     """Find what the goal of the scene takes, if it has one.
 
+    rasterizer: for goals of accuracy and of time.
     on_step: called now and then in a long search; what it raises goes through.
     """
     stage = details.stage
@@ -63,10 +64,12 @@ def make_plan(
     if goal is None:
         return Plan(stage)
     if isinstance(goal, AccuracyGoal):
+        assert rasterizer is not None
         return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
     if isinstance(goal, SplatBudget):
         tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
         return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
+    assert rasterizer is not None
     least = min(value_at(goal.by_frame, frame) for frame in frames)
     try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter, on_step=on_step)
     pacer = Pacer(details, lambda frame: value_at(goal.by_frame, frame))

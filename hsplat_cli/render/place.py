@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hsplat_cli.job import Job
-from renderer.output_files import first_files, has_frame_files, lock_file, sidecar_path, unfinished_folder
+from renderer.output_files import first_files, has_frame_files, unfinished_folder
 from renderer.output_lock import locked
-from renderer.staging import explained, remove_temporaries, require_writable
+from renderer.staging import require_writable
 
 
 @contextlib.contextmanager
@@ -19,16 +19,9 @@ def taken(job: Job) -> Iterator[Path]:
     Raises InputError where another job writes the same, and where the output cannot be written, RenderError, too.
     """
     output = job.scene.output
-    for file in first_files(job.scene, job.frames):
-        require_writable(file)
+    folder = unfinished_folder(output)
     places = job.frames if has_frame_files(output) else [0]
-    with locked(lock_file(output), places, output.file):
-        folder = unfinished_folder(sidecar_path(job.scene, job.frames))
-        try:
-            with explained(folder):
-                folder.mkdir(exist_ok=True)
-            remove_temporaries(folder)
-            yield folder
-        finally:
-            with contextlib.suppress(OSError):  # there is something in it, or it has vanished
-                folder.rmdir()
+    with locked(folder, places, output.file):
+        for file in first_files(job.scene, job.frames):
+            require_writable(file, folder)
+        yield folder

@@ -20,16 +20,19 @@ import click
 from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
+from hsplat_cli.place import taken
 from hsplat_cli.progress import Progress, progress
 from hsplat_cli.render.difference import Difference, Differences
-from hsplat_cli.render.film import Done, prepare_job, record, tell
+from hsplat_cli.render.done import Done, record, tell
+from hsplat_cli.render.film import prepare_job
 from hsplat_cli.render.goals import Plan, make_plan
-from hsplat_cli.render.place import taken
 from hsplat_cli.render.record import Record, limits, span, with_seconds
 from renderer.costs import CostLog, Load, load_of
 from renderer.drawing import Rasterizer, Stopwatch
 from renderer.errors import RenderError
 from renderer.film import FilmWriter, open_film
+from renderer.kept_frames import forget_frames
+from renderer.output_files import sidecar_path
 from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
@@ -68,7 +71,8 @@ def render_progressively(job: Job, *, time_limit: float | None, best_effort: boo
     before it stays; KeyboardInterrupt then goes on, unless `best_effort` takes that film for good enough.
     """
     start = time.perf_counter()
-    with taken(job) as folder, GLRasterizer() as rasterizer:
+    place = taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames))
+    with place as folder, GLRasterizer() as rasterizer:
         maker = _Maker(job, folder, rasterizer, start, time_limit, quiet=quiet)
         planner = _Planner(job, Details(prepare_job(job), CostLog()), rasterizer, quiet=quiet)
         try:
@@ -80,7 +84,9 @@ def render_progressively(job: Job, *, time_limit: float | None, best_effort: boo
             maker.tell_interrupted()
             if not (maker.done and best_effort):
                 raise
-    assert maker.done is not None
+        assert maker.done is not None
+        if not maker.done.plan.is_unfinished:
+            forget_frames(folder, job.scene.output, job.frames)
     tell(maker.done, quiet=quiet)
     return maker.done.shortfall
 

@@ -1,9 +1,10 @@
 """Children that end when their parent does, however it ends, and when it wants them to.
 
-The parent keeps the one end of a pipe for writing, into which nothing is ever written; its children hold the other.
-When the parent closes its end, or is gone, SIGKILL included, the pipe breaks. Linux then sends the children SIGKILL,
-whatever they are at: one that is inside a long call of a library, with Python's lock, has no other way to learn of it.
-Elsewhere a thread of theirs waits for it.
+The parent keeps the one end of a pipe for writing, into which nothing is ever written; the child holds the other. When
+the parent closes its end, or is gone, SIGKILL included, the pipe breaks. A thread of the child waits for that and ends
+it. It comes to its turn when no other thread has Python's lock, which some calls of libraries keep for long:
+therefore Linux is asked to send the child SIGKILL as well. (That a parent's death sends a signal, PR_SET_PDEATHSIG,
+Linux has too, but for the death of the thread that started the child, and not for a pipe that is closed.)
 
 This file is also the program that children are started with, `python lifeline.py ...`: it takes hold of the pipe and
 becomes the module that is wanted. It is not run by `-m`, which would look for modules in the current folder first, with
@@ -12,10 +13,10 @@ whatever is there in the place of ours: the child gets the parent's `sys.path`.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import runpy
-import select
 import signal
 import subprocess
 import sys
@@ -32,8 +33,7 @@ class Lifeline:
     """Starts children that end with this process, and at the end of the block at the latest."""
 
     def __init__(self) -> None:
-        self._child_end, self._parent_end = os.pipe()
-        self._is_cut = False
+        self._ends: list[int] = []
 
     def __enter__(self) -> Lifeline:
         return self
@@ -58,37 +58,37 @@ class Lifeline:
         It is in a session of its own: Ctrl-C in the terminal is for us, and we end it. pass_fds: file descriptors that
         it inherits, under the same numbers; there are no others. Raises OSError where it cannot be started.
         """
-        command = [sys.executable, os.path.abspath(__file__), str(self._child_end), str(len(sys.path)), *sys.path]
-        return subprocess.Popen(
-            [*command, module, *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=stdout,
-            stderr=stderr,
-            env=None if env is None else dict(env),
-            pass_fds=[self._child_end, *pass_fds],
-            start_new_session=True,
-        )
+        child_end, parent_end = os.pipe()  # one for each: who gets a signal is a property of a pipe's end
+        self._ends.append(parent_end)
+        command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(sys.path)), *sys.path]
+        try:
+            return subprocess.Popen(
+                [*command, module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=stdout,
+                stderr=stderr,
+                env=None if env is None else dict(env),
+                pass_fds=[child_end, *pass_fds],
+                start_new_session=True,
+            )
+        finally:
+            os.close(child_end)
 
     def cut(self) -> None:
         """End all children that there still are; they are not waited for."""
-        if not self._is_cut:  # the numbers may be others' by now
-            self._is_cut = True
-            os.close(self._parent_end)
-            os.close(self._child_end)
+        while self._ends:
+            os.close(self._ends.pop())
 
 
 def hold_on(descriptor: int) -> None:
     """End this process as soon as the pipe breaks, of which this is the end for reading."""
     if hasattr(fcntl, _SET_SIGNAL):
-        fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
-        fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
-        fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
-        broken = select.poll()
-        broken.register(descriptor, 0)
-        if broken.poll(0):  # before there was a signal for it
-            os._exit(1)
-    else:
-        threading.Thread(target=_end_when_broken, args=(descriptor,), daemon=True).start()
+        with contextlib.suppress(OSError):  # a kernel that passes for Linux
+            fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
+            fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
+            fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
+    # On Linux, too: for a pipe that broke before.
+    threading.Thread(target=_end_when_broken, args=(descriptor,), daemon=True).start()
 
 
 def _end_when_broken(descriptor: int) -> None:

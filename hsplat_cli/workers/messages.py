@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import socket
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +25,7 @@ class Message:
     """content: plain data for JSON. runs: what is too long for it, or not text."""
 
     content: Plain
-    runs: Sequence[bytes] = ()
+    runs: tuple[bytes, ...] = ()
 
 
 def send(end: socket.socket, message: Message) -> None:
@@ -41,7 +40,7 @@ def receive(end: socket.socket) -> Message:
     """Wait for the next message. Raises EOFError, or OSError, when there will be none."""
     (length,) = _LENGTH.unpack(_exactly(end, _LENGTH.size))
     content, lengths = json.loads(_exactly(end, length))
-    return Message(content, [_exactly(end, length) for length in lengths])
+    return Message(content, tuple(_exactly(end, length) for length in lengths))
 
 
 def _exactly(end: socket.socket, num_bytes: int) -> bytes:

@@ -40,6 +40,8 @@ def open_pool(
 ) -> Iterator[Pool]:
     """Start worker processes, which need about a second until they are ready; after the block there are none.
 
+    With 0 of them, `Pool.start` has to start some before anything is drawn.
+
     The stage moves to shared memory: `Pool.stage` is the one to go on with. threads_each: of Mesa's software renderer,
     in each worker; where LP_NUM_THREADS is set, that holds. with_pixels: pictures come with their pixels beside the
     file that they would have to be decoded from. program: the module that workers run, and arguments.
@@ -47,7 +49,6 @@ def open_pool(
     Raises RenderError where the memory or the processes cannot be had. `Pool.is_ready` and `Pool.draw` raise what a
     worker failed with, and RenderError where a frame could not be drawn in spite of several tries.
     """
-    assert num_workers >= 1, num_workers
     with ExitStack() as stack:
         shared = stack.enter_context(closing(SharedStage(stage)))
         del stage

@@ -45,8 +45,8 @@ def _serve(end: socket.socket, descriptor: int) -> None:
         while True:
             order = receive(end).content
             drawn = _drawn(drawer, order["draw"])
-            pixels = [drawn.picture.pixels.tobytes()] if order["pixels"] else []
-            send(end, Message({"drawn": drawn.record}, [drawn.picture.png, *pixels]))
+            pixels = (drawn.picture.pixels.tobytes(),) if order["pixels"] else ()
+            send(end, Message({"drawn": drawn.record}, (drawn.picture.png, *pixels)))
 
 
 def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import pytest
-from film_stages import stages
+from film_stages import KINDS, stage_of_kind
 
 from hsplat_cli.drawn import LocalDrawer
 from hsplat_cli.workers.pool import open_pool
 from renderer.raster_gl import GLRasterizer
 
-STAGES = stages()
 NUMBERS = [*range(8), 2]
 
 
 @pytest.mark.parametrize(
     ("kind", "num_workers", "threads_each"),
-    [(kind, 1, 1) for kind in STAGES] + [("plain", 2, 4), ("plain", 3, 2), ("plain", 1, 0)],
+    [(kind, 1, 1) for kind in KINDS] + [("plain", 2, 4), ("plain", 3, 2), ("plain", 1, 0)],
 )
 def test_the_same_bytes(
     rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, kind: str, num_workers: int, threads_each: int
 ) -> None:
     monkeypatch.delenv("LP_NUM_THREADS", raising=False)
-    expected = list(LocalDrawer(STAGES[kind], rasterizer).draw(NUMBERS))
-    with open_pool(STAGES[kind], num_workers, threads_each=threads_each) as pool:
+    stage = stage_of_kind(kind)
+    expected = list(LocalDrawer(stage, rasterizer).draw(NUMBERS))
+    with open_pool(stage, num_workers, threads_each=threads_each) as pool:
         found = list(pool.draw(NUMBERS))
     assert [drawn.number for drawn in found] == NUMBERS
     for one, other in zip(found, expected, strict=True):
@@ -35,8 +35,9 @@ def test_the_same_bytes(
 
 def test_only_files_are_sent(rasterizer: GLRasterizer) -> None:
     """Where nobody needs the pixels; they can still be had."""
-    expected = list(LocalDrawer(STAGES["transparent"], rasterizer).draw(NUMBERS[:2]))
-    with open_pool(STAGES["transparent"], 1, threads_each=1, with_pixels=False) as pool:
+    stage = stage_of_kind("transparent")
+    expected = list(LocalDrawer(stage, rasterizer).draw(NUMBERS[:2]))
+    with open_pool(stage, 1, threads_each=1, with_pixels=False) as pool:
         for one, other in zip(pool.draw(NUMBERS[:2]), expected, strict=True):
             assert one.picture.png == other.picture.png
             assert one.picture.pixels.tobytes() == other.picture.pixels.tobytes()

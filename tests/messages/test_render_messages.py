@@ -30,14 +30,19 @@ class Render:
 
     def fails(self, *arguments: str) -> tuple[int, str]:
         """Exit code and what was said, with /scans for the current folder; no file may have come or changed."""
-        before = self._files()
+        before = self.files()
+        outcome = self.run(*arguments)
+        assert self.files() == before
+        return outcome
+
+    def run(self, *arguments: str) -> tuple[int, str]:
+        """Exit code and what was said, with /scans for the current folder."""
         code = main.run(["render", "scene.yaml", *SMALL, "--quiet", *arguments])
         said = self._capsys.readouterr()
         assert said.out == ""
-        assert self._files() == before
         return code, said.err.replace(str(self._folder), "/scans")
 
-    def _files(self) -> dict[Path, bytes]:
+    def files(self) -> dict[Path, bytes]:
         return {path: path.read_bytes() for path in self._folder.rglob("*") if path.is_file()}
 
 
@@ -153,13 +158,20 @@ def test_a_disk_that_is_full_while_frames_are_written(render: Render, monkeypatc
 
 @pytest.mark.parametrize("output", ["film.mp4", "film.gif"])
 def test_a_disk_that_is_full_while_a_film_is_written(
-    render: Render, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory, output: str
+    render: Render,
+    scene_folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path_factory: pytest.TempPathFactory,
+    output: str,
 ) -> None:
     program = tmp_path_factory.mktemp("bin") / "ffmpeg"
     program.write_text("#!/bin/sh\ncat > /dev/null\necho 'No space left on device' >&2\nexit 1\n")
     program.chmod(0o755)
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
-    assert render.fails(*CONSTANT, "--output", output) == (1, f"{output}: {FULL}")
+    before = render.files()
+    assert render.run(*CONSTANT, "--output", output) == (1, f"{output}: {FULL}")
+    kept = {Path(f"{output}.unfinished/00000{i}.{suffix}") for i in range(6) for suffix in ("json", "png")}
+    assert {path.relative_to(scene_folder) for path in render.files().keys() - before.keys()} == kept
 
 
 def test_no_opengl(render: Render, monkeypatch: pytest.MonkeyPatch) -> None:

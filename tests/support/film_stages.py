@@ -45,7 +45,6 @@ PLAIN = Scene(
 
 KEYS = (Keyframe(0, 0.0, 0.0), Keyframe(3, 40.0, 30.0, 2.0), Keyframe(6, -20.0, 80.0))
 
-# By what they are: scenes of volumes that are read.
 SCENES = {
     "plain": PLAIN,
     "tolerance by frame": replace(PLAIN, error=ErrorSpec(((0, 0.5), (3, 0.5), (7, 0.01)))),
@@ -71,8 +70,8 @@ def stage_of(scene: Scene, volume: Volume | None = None) -> Stage:
     return prepare(scene, clock=itertools.count().__next__, num_threads=1, volume=volume)
 
 
-def real_valued(dtype: str = "float32") -> Volume:
-    """A volume of a type that has no table, sheared, with values from 0 to 255."""
+def waves(dtype: str) -> Volume:
+    """A sheared volume with values from 0 to 255."""
     z, y, x = np.indices((18, 22, 26))
     values = 127.5 + 127.5 * np.sin(x / 3.0) * np.cos(y / 4.0) * np.sin(z / 5.0 + x / 7.0)
     world_from_index = np.eye(4)
@@ -80,11 +79,17 @@ def real_valued(dtype: str = "float32") -> Volume:
     return make_volume(values.astype(dtype), world_from_index, "waves")
 
 
-def stages() -> dict[str, Stage]:
-    """All kinds, by what they are."""
-    lit = replace(PLAIN, shading=ShadingSpec())
-    return {name: stage_of(scene) for name, scene in SCENES.items()} | {
-        "float32": stage_of(PLAIN, real_valued()),
-        "float32, shading": stage_of(lit, real_valued()),
-        "int16": stage_of(PLAIN, real_valued("int16")),
-    }
+LIT = replace(PLAIN, shading=ShadingSpec())
+
+# By what is special about them: a scene, and the type of a volume that is drawn in place of the scene's.
+KINDS: dict[str, tuple[Scene, str | None]] = {name: (scene, None) for name, scene in SCENES.items()} | {
+    "float32": (PLAIN, "float32"),
+    "float32, shading": (LIT, "float32"),
+    "int16": (PLAIN, "int16"),
+}
+
+
+def stage_of_kind(kind: str) -> Stage:
+    """One of KINDS."""
+    scene, dtype = KINDS[kind]
+    return stage_of(scene, None if dtype is None else waves(dtype))

@@ -59,13 +59,15 @@ def test_killed(mark: str, what: str, of: str) -> None:
 
 @pytest.mark.parametrize("what", ["hold_the_lock", "wait", "draw_for_ever"])
 def test_cut(mark: str, what: str) -> None:
-    """By the parent, which lives on: at the end of the block."""
+    """By the parent, which lives on: at the end of the block, each of several children."""
     with Lifeline() as lifeline:
-        child = start(lifeline, what)
-        assert says(child)
-    assert child.wait(LONGEST_S) == -signal.SIGKILL
-    assert child.stdout is not None
-    child.stdout.close()
+        children = [start(lifeline, what) for _ in range(2)]
+        assert all(map(says, children))
+    ends = [-signal.SIGKILL] if what == "hold_the_lock" else [-signal.SIGKILL, 1]  # a thread may be first
+    for child in children:
+        assert child.wait(LONGEST_S) in ends
+        assert child.stdout is not None
+        child.stdout.close()
     assert wait_until(lambda: not marked(mark), LONGEST_S)
 
 
@@ -122,11 +124,23 @@ def test_a_child_has_no_other_files(mark: str) -> None:
         child.kill()
 
 
-def test_cut_twice() -> None:
-    """The second time does nothing, although the numbers of the descriptors may be others' by then."""
+def test_cut_twice(mark: str) -> None:
+    """The second time does nothing, although the numbers of the descriptors are others' by then."""
     lifeline = Lifeline()
+    child = start(lifeline, "wait")
     lifeline.cut()
-    ends = os.pipe()
+    ends = [os.open(os.devnull, os.O_RDONLY) for _ in range(8)]
     lifeline.cut()
     for end in ends:
         os.close(end)
+    assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)
+    assert child.stdout is not None
+    child.stdout.close()
+
+
+def test_what_cannot_be_started_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.executable", "/nowhere/python")
+    before = len(os.listdir("/proc/self/fd"))
+    with pytest.raises(FileNotFoundError), Lifeline() as lifeline:
+        start(lifeline, "wait")
+    assert len(os.listdir("/proc/self/fd")) == before

@@ -221,7 +221,7 @@ def test_other_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
         data["versions"] |= {"numpy": "1.0", "abandoned": "3.2"}
 
     change(Path("film.mp4.json"), make_other)
-    assert main.run(["render", "film.mp4.json"]) == 0
+    assert main.run(["render", "film.mp4.json", "--force"]) == 0
     note = (
         "the bytes may differ from those of the film before, made with other versions: "
         f"numpy {np.__version__}, which was 1.0; GL {made['gl']}, which was 'Other GL\\x1b[31m'"

@@ -111,7 +111,8 @@ def test_the_sidecar_says_how_it_was_made() -> None:
     render("--set", "error.tolerance={0: 0.8, 3: 0.1}")
     made = sidecar("film.mp4.json")
     assert list(made) == [
-        "scene", "volume", "camera", "pyramid", "gl", "versions", "schedule", "notes", "seconds", "frames",
+        "scene", "volume", "camera", "pyramid", "gl", "versions", "schedule", "notes", "seconds", "cause", "digest",
+        "frames",
     ]  # fmt: skip
     assert made["volume"]["shape"] == [24, 24, 12]
     assert made["volume"]["dtype"] == "uint8"

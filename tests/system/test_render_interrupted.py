@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,8 +15,7 @@ from typing import Any
 import imageio.v3 as imageio
 import pytest
 
-from hsplat_cli import main
-from hsplat_cli.render import film
+from hsplat_cli import drawn, main
 
 CODE = Path(main.__file__).parents[1]
 
@@ -53,7 +53,7 @@ class Interrupted:
     """Stands in for the frame loop and has a signal sent to this process at the third frame."""
 
     def __init__(self, number: signal.Signals) -> None:
-        self._number, self._render_frames = number, film.render_frames
+        self._number, self._render_frames = number, drawn.render_frames
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         for frame in self._render_frames(*arguments, **options):
@@ -67,17 +67,24 @@ class Interrupted:
 def test_in_the_middle(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, name: str
 ) -> None:
-    monkeypatch.setattr(film, "render_frames", Interrupted(number))
+    monkeypatch.setattr(drawn, "render_frames", Interrupted(number))
     code = main.run(["render", "scene.yaml", "--output", f"out/{name}", "--set", "camera.path.frames=6"])
     assert code == 130
-    assert capsys.readouterr().err.splitlines()[-1] == "hsplat: interrupted"
-    left = {path.name for path in (folder / "out").iterdir()}
+    *_, kept, last = capsys.readouterr().err.splitlines()
+    assert last == "hsplat: interrupted"
+    num_kept = int(kept[0])
+    assert kept == f"{num_kept} of 6 frames are kept; the same command goes on from there"
+    assert num_kept in (2, 3)
+    left = {str(path.relative_to(folder / "out")) for path in (folder / "out").rglob("*") if path.is_file()}
+    records = {f"00000{i}.json" for i in range(num_kept)}
     if name == "{frame}.png":
-        assert left in ({"0.png", "1.png"}, {"0.png", "1.png", "2.png"})
-        for path in (folder / "out").iterdir():
-            assert imageio.imread(path).shape == (32, 32, 3)
+        assert left - {"2.png"} == {"0.png", "1.png"} | {f"frames.unfinished/{record}" for record in records}
     else:
-        assert left == set()
+        pictures = {f"00000{i}.png" for i in range(num_kept)}
+        left -= {f"{name}.unfinished/000002.png"}
+        assert left == {f"{name}.unfinished/{file}" for file in records | pictures - {"000002.png"}}
+    for path in (folder / "out").rglob("*.png"):
+        assert imageio.imread(path).shape == (32, 32, 3)
 
 
 @pytest.mark.parametrize("name", ["film.mp4", "{frame}.png"])
@@ -92,7 +99,8 @@ def test_the_process_from_outside(folder: Path, name: str) -> None:
         _, said = process.communicate()
     assert (process.returncode, said.splitlines()[-1:]) == (130, ["hsplat: interrupted"])
     assert "Traceback" not in said
-    assert [path.name for path in (folder / "out").iterdir() if path.suffix != ".png"] == []
+    left = [path for path in (folder / "out").rglob("*") if path.is_file()]
+    assert all(re.fullmatch(r"[0-9]+\.png|[0-9]{6}\.json", path.name) for path in left), left
 
 
 def test_the_handler_is_put_back() -> None:

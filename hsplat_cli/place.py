@@ -1,0 +1,26 @@
+"""The place of an output: only one job at a time writes it, and what is not finished is in a folder beside it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from renderer.output_files import frame_path, has_frame_files, unfinished_folder
+from renderer.output_lock import locked
+from renderer.scene import OutputSpec
+from renderer.staging import require_writable
+
+
+@contextlib.contextmanager
+def taken(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
+    """The folder of what is not finished, which is gone after the block unless something is in it.
+
+    Raises InputError where another job writes the same, and where the output cannot be written, RenderError, too.
+    """
+    folder = unfinished_folder(output)
+    places = frames if has_frame_files(output) else [0]
+    with locked(folder, places, output.file):
+        for file in (frame_path(output.file, frames[0]), sidecar):
+            require_writable(file, folder)
+        yield folder

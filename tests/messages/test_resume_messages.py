@@ -1,0 +1,128 @@
+"""What a user reads about frames that are there already, and about jobs that cannot keep theirs."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hsplat_cli import drawn, main
+from hsplat_cli.render.cause import differences
+from renderer.drawing import Frame
+
+SMALL = [
+    "--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "text"),
+    [
+        ({"a": {"b": 1}}, {"a": {"b": 2}}, "a.b was 1"),
+        ({"a": {}}, {"a": {"b": {"c": 2}}}, "a.b was nothing"),
+        ({"a": {"b": [1, 2.0]}}, {"a": {}}, "a.b was [1, 2]"),
+        ({"a": [0] * 100}, {"a": 1}, f"a was [{'0, ' * 18}0,..."),
+        (dict.fromkeys("abcde", 1), dict.fromkeys("abcde", 2), "a was 1; b was 1; c was 1 and 2 more"),
+        ({"\x1b[31m": "\x1b[0m"}, {}, "'\\x1b[31m' was '\\x1b[0m'"),
+        ({"a": {"b": {"deep": [[[[[[]]]]]]}}}, {"a": {"b": 1}}, "a.b was {deep: [[...]]}"),
+        ({"a": float("nan")}, {"a": 1}, "a was .nan"),
+    ],
+)
+def test_what_differs(before: dict[str, Any], now: dict[str, Any], text: str) -> None:
+    assert differences(before, now) == text
+
+
+class Render:
+    """Runs `hsplat render` on a small variant of SCENE; something may happen before a frame is drawn."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        self._capsys, self._monkeypatch, self._original = capsys, monkeypatch, drawn.render_frames
+
+    def __call__(self, *arguments: str) -> tuple[int, str]:
+        """Exit code and what was said on the error stream, but for the progress."""
+        code = main.run(["render", "scene.yaml", *SMALL, *arguments])
+        lines = self._capsys.readouterr().err.splitlines(keepends=True)
+        return code, "".join(line for line in lines if "frames/s" not in line)
+
+    def at_frame(self, number: int, happens: Any) -> None:
+        def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
+            for frame in self._original(*arguments, **options):
+                if frame.number == number:
+                    happens()
+                yield frame
+
+        self._monkeypatch.setattr(drawn, "render_frames", watched)
+
+
+@pytest.fixture
+def render(scene_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Render:
+    return Render(capsys, monkeypatch)
+
+
+def interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_life_of_a_film(render: Render, output: str) -> None:
+    render.at_frame(4, interrupt)
+    kept = "4 of 6 frames are kept; the same command goes on from there\nhsplat: interrupted\n"
+    assert render("--output", output) == (130, kept)
+    render.at_frame(5, interrupt)
+    again = "4 of 6 frames are there already\n5 of 6 frames are kept; the same command goes on from there\n"
+    assert render("--output", output) == (130, f"{again}hsplat: interrupted\n")
+    render.at_frame(9, interrupt)
+    why = "scene.error.tolerance was 0.1"
+    changed = f"5 frames that were there are drawn anew, for they were of another film: {why}\n"
+    assert render("--output", output, "--set", "error.tolerance=0.2") == (0, changed)
+    up_to_date = f"{output} is up to date; --force draws it again\n"
+    assert render("--output", output, "--set", "error.tolerance=0.2") == (0, up_to_date)
+
+
+def test_a_folder_that_is_none(render: Render) -> None:
+    Path("film.mp4.unfinished").touch()
+    assert render("--output", "film.mp4") == (
+        2,
+        "film.mp4.unfinished: something else has the name of the folder for frames of a film that is not whole\n"
+        "  got: a file\n"
+        "  hint: give it another name, or the film another --output\n",
+    )
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "film.gif", "{frame}.png"])
+def test_an_output_folder_that_vanishes(render: Render, output: str) -> None:
+    render.at_frame(3, lambda: shutil.rmtree("out"))
+    place = "out/3.png" if output == "{frame}.png" else f"out/{output}.unfinished/000003.png"
+    assert render("--output", f"out/{output}") == (
+        1,
+        f"{place}: the folder of the output is gone\n  hint: it was there when the work began\n",
+    )
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+@pytest.mark.parametrize("suffix", ["png", "json"])
+def test_a_disk_that_is_full(render: Render, monkeypatch: pytest.MonkeyPatch, output: str, suffix: str) -> None:
+    """At a frame, or at its record."""
+    write = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if f"3.{suffix}.partial" in path.name:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        return write(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    folder = "frames.unfinished" if output == "{frame}.png" else f"{output}.unfinished"
+    place = "3.png" if output == "{frame}.png" and suffix == "png" else f"{folder}/000003.{suffix}"
+    assert render("--output", output) == (
+        1,
+        "3 of 6 frames are kept; the same command goes on from there\n"
+        f"{place}: the disk is full\n  hint: free some space, or write to another disk\n",
+    )
+    assert not Path("film.mp4").exists()
+    assert not [path for path in Path().rglob("*") if "partial" in path.name]

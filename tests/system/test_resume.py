@@ -1,0 +1,531 @@
+"""A film that was not finished goes on where it was, with the same bytes, and one that is whole is left alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hsplat_cli import drawn, main
+from hsplat_cli.render import cause
+from renderer.drawing import Frame
+from renderer.raster_gl import GLRasterizer
+
+CODE = Path(main.__file__).parents[1]
+NUM_FRAMES = 5
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [24, 24, 12]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.1}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 5, elevation: 20}
+output:
+  file: film.mp4
+  size: [32, 32]
+"""
+
+OUTPUTS = ["film.mp4", "film.gif", "{frame}.png", "deep/{frame:03}.png", "clear/{frame}.png"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+class Draws:
+    """The frames that were drawn, and a stop in the middle of them."""
+
+    def __init__(self) -> None:
+        self.numbers: list[int] = []
+        self.stop_at: int | None = None
+
+    def taken(self) -> list[int]:
+        """Those since the last call."""
+        numbers, self.numbers = self.numbers, []
+        return numbers
+
+
+@pytest.fixture(autouse=True)
+def draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
+    found, original = Draws(), drawn.render_frames
+
+    def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
+        for frame in original(*arguments, **options):
+            if frame.number == found.stop_at:
+                raise KeyboardInterrupt
+            found.numbers.append(frame.number)
+            yield frame
+
+    monkeypatch.setattr(drawn, "render_frames", watched)
+    return found
+
+
+def arguments(output: str, *options: str) -> list[str]:
+    clear = ["--set", "output.background=transparent"] if output.startswith("clear") else []
+    return ["render", "scene.yaml", "--output", f"out/{output}", *clear, *options]
+
+
+def render(output: str, *options: str) -> None:
+    assert main.run(arguments(output, *options)) == 0
+
+
+def stopped(draws: Draws, output: str, *options: str, at: int = 3) -> None:
+    """Finish the frames before `at`, then be interrupted."""
+    draws.stop_at = at
+    assert main.run(arguments(output, *options)) == 130
+    draws.stop_at = None
+    draws.taken()
+
+
+def made(folder: str = "out") -> dict[str, bytes]:
+    """All files, but for the sidecar, which tells of times."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in Path(folder).rglob("*")
+        if path.is_file() and not path.name.endswith("s.json") and path.suffix != ".json"
+    }
+
+
+def undisturbed(output: str, *options: str) -> dict[str, bytes]:
+    given = arguments(output, *options, "--quiet")
+    given[3] = given[3].replace("out/", "undisturbed/")
+    assert main.run(given) == 0
+    return made("undisturbed")
+
+
+def sidecar(name: str) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads((Path("out") / name).read_text(encoding="utf-8"))
+    return data
+
+
+def change(name: str, edit: Callable[[dict[str, Any]], Any]) -> None:
+    data = sidecar(name)
+    edit(data)
+    (Path("out") / name).write_text(json.dumps(data), encoding="utf-8")
+
+
+def assert_clean() -> None:
+    left = [path for path in Path().rglob("*") if "unfinished" in path.name or "partial" in path.name]
+    assert left == []
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """What was said on the error stream, but for the progress."""
+    return [line for line in capsys.readouterr().err.splitlines() if "frames/s" not in line]
+
+
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_it_goes_on_where_it_was(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = undisturbed(output)
+    stopped(draws, output)
+    assert said(capsys)[-2:] == [
+        "3 of 5 frames are kept; the same command goes on from there",
+        "hsplat: interrupted",
+    ]
+    render(output)
+    assert draws.taken() == [3, 4]
+    assert made() == expected
+    assert_clean()
+    captured = capsys.readouterr()
+    assert captured.err.splitlines()[0] == "3 of 5 frames are there already"
+    assert "(3 drawn before)" in captured.out
+
+
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_it_may_be_stopped_again_and_again(output: str, draws: Draws) -> None:
+    expected = undisturbed(output)
+    for at in range(NUM_FRAMES):
+        stopped(draws, output, at=at)
+    render(output)
+    assert draws.taken() == [4]
+    assert made() == expected
+    assert_clean()
+
+
+# What is changed, and what is said about it.
+CHANGES: list[tuple[list[str], str]] = [
+    (["--set", "error.tolerance=0.01"], "scene.error.tolerance was 0.1"),
+    (["--set", "camera.path.elevation=10"], "scene.camera.path.elevation was 20"),
+    (["--set", "output.size=[36, 32]"], "scene.output.size was [32, 32]"),
+]
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+@pytest.mark.parametrize(("options", "why"), CHANGES)
+def test_a_changed_scene_starts_afresh(
+    output: str, options: list[str], why: str, draws: Draws, capsys: pytest.CaptureFixture[str]
+) -> None:
+    expected = undisturbed(output, *options)
+    stopped(draws, output)
+    draws.taken()
+    capsys.readouterr()
+    render(output, *options)
+    assert draws.taken() == [0, 1, 2, 3, 4]
+    assert said(capsys)[0] == f"3 frames that were there are drawn anew, for they were of another film: {why}"
+    assert made() == expected
+    assert_clean()
+
+
+@pytest.mark.parametrize("what", ["volume", "driver", "version", "sources"])
+def test_other_makers_start_afresh(
+    what: str, draws: Draws, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
+    np.save("scan.npy", values)
+    stopped(draws, "film.mp4", "--volume", "scan.npy")
+    capsys.readouterr()
+    if what == "volume":
+        np.save("scan.npy", values[::-1])
+    elif what == "driver":
+        monkeypatch.setattr(GLRasterizer, "renderer_name", "another")
+    elif what == "version":
+        monkeypatch.setattr(cause, "package_versions", lambda: {"numpy": "9.0"})
+    else:
+        monkeypatch.setattr(cause, "sources_digest", lambda: "0")
+    render("film.mp4", "--volume", "scan.npy")
+    assert draws.taken() == [0, 1, 2, 3, 4]
+    beginning = {
+        "volume": "volume.fingerprint was ",
+        "driver": "gl was ",
+        "version": "versions.numpy was ",
+        "sources": "sources was ",
+    }
+    told = said(capsys)[0].removeprefix("3 frames that were there are drawn anew, for they were of another film: ")
+    assert told.startswith(beginning[what])
+    assert_clean()
+
+
+def test_where_the_volume_lies_changes_nothing(draws: Draws) -> None:
+    np.save("scan.npy", np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
+    stopped(draws, "film.mp4", "--volume", "scan.npy")
+    Path("scan.npy").rename("moved.npy")
+    render("film.mp4", "--volume", "moved.npy")
+    assert draws.taken() == [3, 4]
+
+
+@pytest.mark.parametrize("option", ["output.frames_per_second=10", "output.quality=3"])
+def test_what_only_the_film_depends_on_keeps_the_frames(option: str, draws: Draws) -> None:
+    expected = undisturbed("film.mp4", "--set", option)
+    stopped(draws, "film.mp4")
+    render("film.mp4", "--set", option)
+    assert draws.taken() == [3, 4]
+    assert made() == expected
+    draws.taken()
+    render("film.mp4")
+    assert draws.taken() == [0, 1, 2, 3, 4], "a film in one file has no frames that could be kept"
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_other_frames_of_the_same_film(output: str, draws: Draws) -> None:
+    expected = undisturbed(output)
+    stopped(draws, output, "--frames", "1::2")
+    render(output)
+    assert draws.taken() == [0, 2, 3, 4]
+    assert made() == expected
+    assert_clean()
+
+
+def test_a_part_of_frames_that_were_kept(draws: Draws) -> None:
+    """The film of the part is whole: nothing is kept any more."""
+    stopped(draws, "film.mp4")
+    render("film.mp4", "--frames", "1:3")
+    assert draws.taken() == []
+    assert [frame["frame"] for frame in sidecar("film.mp4.json")["frames"]] == [1, 2]
+    assert_clean()
+
+
+@pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_bytes(b"changed")])
+def test_a_picture_that_is_not_what_it_was(draws: Draws, damage: Callable[[Path], Any]) -> None:
+    """While the film is not whole, and when it was."""
+    expected = undisturbed("{frame}.png")
+    stopped(draws, "{frame}.png")
+    damage(Path("out/1.png"))
+    render("{frame}.png")
+    assert draws.taken() == [1, 3, 4]
+    damage(Path("out/2.png"))
+    render("{frame}.png")
+    assert draws.taken() == [2]
+    assert made() == expected
+    assert_clean()
+
+
+def touched() -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in Path("out").rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_a_film_that_is_up_to_date(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    render(output)
+    before = touched()
+    draws.taken()
+    capsys.readouterr()
+    render(output)
+    assert touched() == before
+    assert draws.taken() == []
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", f"out/{output} is up to date; --force draws it again\n")
+    render(output, "--quiet")
+    assert capsys.readouterr().err == ""
+    assert_clean()
+
+
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = undisturbed(output)
+    render(output)
+    draws.taken()
+    render(output, "--force")
+    assert draws.taken() == [0, 1, 2, 3, 4]
+    stopped(draws, output, "--force")
+    assert said(capsys)[-2] == "3 of 5 frames are kept; the same command without --force goes on from there"
+    render(output, "--force")
+    assert draws.taken() == [0, 1, 2, 3, 4]
+    assert made() == expected
+    assert_clean()
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda data: data.clear(),
+        lambda data: data.update(cause=[]),
+        lambda data: data.update(cause={"frames": [[]], "film": {}}),
+        lambda data: data.update(schedule=None),
+        lambda data: data.update(schedule={"met": "yes"}),
+        lambda data: data.update(frames=7),
+        lambda data: data.update(frames={"0": {}}),
+        lambda data: data.update(frames=[{"frame": "../../x", "digest": "0"}]),
+        lambda data: data.update(frames=[{"frame": -1, "digest": [0]}]),
+        lambda data: data.update(frames=[data["frames"][0] | {"seconds": {"draw": float("nan")}}]),
+        lambda data: data.update(frames=[]),
+        lambda data: data.update(digest=[1], frames=None),
+    ],
+)
+def test_a_sidecar_that_somebody_changed(output: str, edit: Callable[[dict[str, Any]], Any], draws: Draws) -> None:
+    expected = undisturbed(output)
+    render(output)
+    draws.taken()
+    change("film.mp4.json" if output == "film.mp4" else "frames.json", edit)
+    Path("out/film.mp4" if output == "film.mp4" else "out/3.png").unlink()
+    render(output)
+    assert 3 in draws.taken()
+    assert made() == expected
+    assert_clean()
+
+
+@pytest.mark.parametrize("content", [b"", b"\0\xff", b"[" * 100_000, b"7", b'"text"', b"[]", b"null", b"9" * 5000])
+def test_a_sidecar_of_garbage(content: bytes, draws: Draws) -> None:
+    render("film.mp4")
+    draws.taken()
+    Path("out/film.mp4.json").write_bytes(content)
+    render("film.mp4")
+    assert len(draws.taken()) == NUM_FRAMES
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_film_made_again_in_its_place(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    render(output)
+    expected, name = made(), "film.mp4.json" if output == "film.mp4" else "frames.json"
+    draws.taken()
+    capsys.readouterr()
+    assert main.run(["render", f"out/{name}"]) == 0
+    assert draws.taken() == []
+    assert said(capsys)[-1].endswith("is up to date; --force draws it again")
+    Path("out/film.mp4" if output == "film.mp4" else "out/3.png").unlink()
+    draws.stop_at = 3
+    assert main.run(["render", f"out/{name}"]) == 130
+    draws.stop_at = None
+    draws.taken()
+    assert main.run(["render", f"out/{name}"]) == 0
+    assert draws.taken() == ([3, 4] if output == "film.mp4" else [3])
+    assert made() == expected
+    assert_clean()
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+@pytest.mark.parametrize("schedule", ["{tolerance: {0: 0.5, 4: 0.02}}", "{splats: {0: 50, 4: 2000}}", "{psnr: 25}"])
+def test_schedules(schedule: str, output: str, draws: Draws) -> None:
+    given = ("--set", f"error={schedule}")
+    expected = undisturbed(output, *given)
+    stopped(draws, output, *given)
+    render(output, *given)
+    assert draws.taken() == [3, 4]
+    assert made() == expected
+    tolerances = [frame["tolerance"] for frame in sidecar(Path(_sidecar_of(output)).name)["frames"]]
+    undisturbed_sidecar = json.loads(Path("undisturbed", _sidecar_of(output)).read_text())
+    assert tolerances == [frame["tolerance"] for frame in undisturbed_sidecar["frames"]]
+
+
+def _sidecar_of(output: str) -> str:
+    return "frames.json" if output.endswith(".png") else f"{output}.json"
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_frames_on_a_budget_of_time_are_kept_as_they_are(output: str, draws: Draws) -> None:
+    given = ("--set", "error={seconds: 0.05}", "--best-effort")
+    stopped(draws, output, *given)
+    render(output, *given)
+    assert draws.taken() == [3, 4]
+    assert_clean()
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_film_that_refines_after_one_that_was_stopped(output: str, draws: Draws) -> None:
+    given = ("--set", "error.tolerance=0")
+    expected = undisturbed(output, *given)
+    stopped(draws, output, *given)
+    render(output, *given, "--progressive")
+    assert made() == expected
+    assert_clean()
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_one_pass_after_a_film_that_was_to_refine(output: str, draws: Draws) -> None:
+    given = ("--set", "error.tolerance=0")
+    expected = undisturbed(output, *given)
+    draws.stop_at = 3
+    assert main.run(arguments(output, *given, "--progressive")) == 130
+    draws.stop_at = None
+    assert_clean()
+    render(output, *given)
+    assert made() == expected
+    assert_clean()
+
+
+# Killed
+
+
+# Runs `hsplat` in a child process of its own that is killed before the operation on files of that number, from
+# `first` on in steps; then runs it again. Writes what became of each.
+KILLER = """\
+import hashlib, json, os, signal, sys
+from pathlib import Path
+from hsplat_cli import main
+from hsplat_cli.render import film
+from renderer import raster_gl
+first, step, arguments = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
+EVENTS = ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "fcntl.lockf", "subprocess.Popen")
+
+def run(kill_before=None):
+    child = os.fork()
+    if child == 0:
+        num_events = 0
+        def count(event, values):
+            nonlocal num_events
+            if event in EVENTS and (event.startswith(("fcntl", "sub")) or str(values[0]).startswith("out")):
+                num_events += 1
+                if num_events == kill_before:
+                    os.kill(os.getpid(), signal.SIGKILL)
+        sys.addaudithook(count)
+        os._exit(main.run(arguments))
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+def files():
+    found = {}
+    for path in sorted(Path("out").rglob("*")):
+        whole = path.is_file() and path.suffix != ".json"
+        found[str(path)] = hashlib.sha256(path.read_bytes()).hexdigest() if whole else ""
+    return found
+
+def clear(path):
+    for child in path.iterdir() if path.is_dir() else ():
+        clear(child) if child.is_dir() else child.unlink()
+    path.is_dir() and path.rmdir()
+
+assert run() == 0
+whole, number, num_killed = files(), first, 0
+while True:
+    clear(Path("out"))
+    code = run(number)
+    between = files()
+    if code == 0:
+        break
+    assert code == -signal.SIGKILL, (number, code)
+    torn = {name for name in between if name in whole and between[name] != whole[name]}
+    assert not torn, (number, torn)
+    others = {Path(name).parent for name in between if name not in whole and "unfinished" not in name}
+    assert not others - {Path(".")}, (number, others)
+    assert run() == 0, number
+    assert files() == whole, (number, files(), whole)
+    number, num_killed = number + step, num_killed + 1
+print(num_killed)
+"""
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_killed_at_any_operation_on_a_file(output: str) -> None:
+    """Nothing half-written has a final name, and the next run is right and leaves nothing else."""
+    given = arguments(output, "--quiet", "--set", "camera.path.frames=2")
+    command = [sys.executable, "-c", KILLER, "1", "6", *given]
+    done = subprocess.run(
+        command, check=False, env=os.environ | {"PYTHONPATH": str(CODE)}, capture_output=True, text=True
+    )
+    assert done.stderr == ""
+    assert int(done.stdout) > 5
+
+
+# Two at once
+
+
+def started(output: str, *options: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "hsplat_cli", *arguments(output, *options)]
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for(pattern: str) -> None:
+    while not any(Path().glob(pattern)):
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_second_job_on_the_same_output(output: str, capsys: pytest.CaptureFixture[str], draws: Draws) -> None:
+    """It is refused, and the first one is unharmed, stopped or not."""
+    many = ("--set", "camera.path.frames=400")
+    with started(output, *many, "--quiet") as first:
+        wait_for("out/*.unfinished/000001.json")
+        for options in ((), ("--force",), ("--progressive",), ("--frames", "0:5")):
+            assert main.run(arguments(output, *many, *options)) == 2
+            assert capsys.readouterr().err == (
+                f"out/{output}: another job is writing this output\n"
+                f"  got: process {first.pid} on {os.uname().nodename}\n"
+                "  hint: wait until it is done, or give this one another --output\n"
+            )
+        first.send_signal(signal.SIGKILL)
+        first.communicate()
+    render(output, *many)
+    num_drawn = len(draws.taken())
+    assert 0 < num_drawn <= 398
+    assert_clean()
+
+
+def test_jobs_with_different_frames_of_one_output(capsys: pytest.CaptureFixture[str]) -> None:
+    """As in a job array: they work at the same time, and all frames are there in the end."""
+    expected = undisturbed("{frame}.png", "--set", "camera.path.frames=60")
+    with (
+        started("{frame}.png", "--set", "camera.path.frames=60", "--frames", "0::2") as first,
+        started("{frame}.png", "--set", "camera.path.frames=60", "--frames", "1::2") as second,
+    ):
+        for process in (first, second):
+            process.communicate()
+            assert process.returncode == 0
+    assert made() == expected
+    assert_clean()

@@ -1,0 +1,319 @@
+"""Frames that are kept while a film is not whole: those whose files are what their records say, and no others."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer import staging
+from renderer.errors import RenderError
+from renderer.kept_frames import KeptFrames, digest, file_digest, forget_frames, is_file, is_record
+from renderer.output_files import frame_path
+from renderer.picture import Picture
+from renderer.png import encode_png
+from renderer.scene import OutputSpec
+
+NUMBERS = range(4)
+CAUSE = {"scene": {"size": (6, 4)}, "versions": {"numpy": "2.0"}}
+OUTPUTS = ["film.mp4", "{frame}.png", "{frame}/x.png", "deep/{frame:03}.png"]
+
+
+def png(number: int) -> bytes:
+    return encode_png(np.full((4, 6, 3), number, np.uint8))
+
+
+def record(number: int) -> dict[str, Any]:
+    return {"frame": number, "tolerance": 0.1, "cells": 9, "splats": 8, "seconds": {"draw": 0.5}}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    path = tmp_path / "frames.unfinished"
+    path.mkdir()
+    return path
+
+
+@pytest.fixture(params=OUTPUTS)
+def output(request: pytest.FixtureRequest, tmp_path: Path) -> OutputSpec:
+    return OutputSpec(tmp_path / request.param, size=(6, 4))
+
+
+def reopened(folder: Path, output: OutputSpec, cause: dict[str, Any] = CAUSE, **options: Any) -> KeptFrames:
+    return KeptFrames(folder, output, NUMBERS, cause, **options)
+
+
+def keep(folder: Path, output: OutputSpec, *numbers: int, cause: dict[str, Any] = CAUSE) -> KeptFrames:
+    kept = reopened(folder, output, cause)
+    for number in numbers:
+        kept.keep(number, png(number), record(number))
+    return kept
+
+
+def picture_of(folder: Path, output: OutputSpec, number: int) -> Path:
+    is_film = output.file.suffix == ".mp4"
+    return folder / f"00000{number}.png" if is_film else frame_path(output.file, number)
+
+
+def test_they_are_there_again(folder: Path, output: OutputSpec) -> None:
+    first = keep(folder, output, 0, 2)
+    second = reopened(folder, output)
+    assert second.records == first.records == {i: record(i) | {"digest": digest(png(i))} for i in (0, 2)}
+    np.testing.assert_array_equal(second.picture(2).pixels, Picture(png=png(2)).pixels)
+    assert (second.former_cause, second.num_former) == (None, 0)
+
+
+def test_there_is_nothing_but_pictures_and_records(folder: Path, output: OutputSpec) -> None:
+    keep(folder, output, 0, 2)
+    expected = {picture_of(folder, output, i) for i in (0, 2)} | {folder / f"00000{i}.json" for i in (0, 2)}
+    assert {path for path in folder.parent.rglob("*") if path.is_file()} == expected
+
+
+def test_a_record_that_ends_anywhere(folder: Path, output: OutputSpec) -> None:
+    keep(folder, output, 0, 1)
+    path = folder / "000001.json"
+    whole = path.read_bytes()
+    for length in range(len(whole)):
+        path.write_bytes(whole[:length])
+        assert set(reopened(folder, output).records) == {0}
+    path.write_bytes(whole)
+    assert set(reopened(folder, output).records) == {0, 1}
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [
+        b"", b"\0" * 100, b"\xff\xfe", b"[]", b"7", b"null", b'"text"', b"{}", b"[" * 100_000, b'{"cause":' * 100_000,
+        b'{"cause": {}}', b'{"cause": [], "record": {}}', b'{"record": []}', b"9" * 5000, b" " * 2**21,
+    ],
+)  # fmt: skip
+def test_a_record_of_garbage(folder: Path, output: OutputSpec, garbage: bytes) -> None:
+    keep(folder, output, 0, 1)
+    (folder / "000001.json").write_bytes(garbage)
+    kept = reopened(folder, output)
+    assert set(kept.records) == {0}
+    kept.keep(1, png(1), record(1))
+    assert set(reopened(folder, output).records) == {0, 1}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"frame": -1}, {"frame": True}, {"frame": "1"}, {"frame": 1.0}, {"frame": None}, {"cells": -1}, {"splats": 0.5},
+        {"digest": 7}, {"digest": None}, {"tolerance": "0.1"}, {"tolerance": -1}, {"tolerance": None},
+        {"tolerance": float("nan")}, {"tolerance": float("inf")}, {"seconds": []}, {"seconds": {"draw": "1"}},
+        {"seconds": {"draw": {"deep": [[[]]]}}}, {"predicted_seconds": "soon"}, {"more": 1},
+    ],
+)  # fmt: skip
+def test_what_is_no_record(change: dict[str, Any]) -> None:
+    whole = record(1) | {"digest": "00"}
+    assert is_record(whole)
+    assert is_record(whole | {"predicted_seconds": 0.1})
+    assert not is_record(whole | change)
+
+
+@pytest.mark.parametrize("key", ["frame", "digest", "tolerance", "cells", "splats", "seconds"])
+def test_a_record_without_a_part(key: str) -> None:
+    whole = record(1) | {"digest": "00"}
+    del whole[key]
+    assert not is_record(whole)
+
+
+def test_a_record_that_tells_of_another_frame(folder: Path, output: OutputSpec) -> None:
+    """Only what is told of the frames that are wanted counts, wherever it is told."""
+    keep(folder, output, 0, 1)
+    data = json.loads((folder / "000001.json").read_bytes())
+    for number in (0, 3, 7, 10**9):
+        data["record"]["frame"] = number
+        (folder / "000001.json").write_text(json.dumps(data))
+        assert set(reopened(folder, output).records) == {0}
+
+
+@pytest.mark.parametrize("damage", ["remove", "cut", "change", "folder", "pipe"])
+def test_a_picture_that_is_not_what_it_was(folder: Path, output: OutputSpec, damage: str) -> None:
+    keep(folder, output, 0, 1)
+    path = picture_of(folder, output, 1)
+    content = path.read_bytes()
+    path.unlink()
+    if damage == "cut":
+        path.write_bytes(content[:-1])
+    elif damage == "change":
+        path.write_bytes(content[:-1] + b"x")
+    elif damage == "folder":
+        path.mkdir()
+    elif damage == "pipe":
+        os.mkfifo(path)
+    assert set(reopened(folder, output).records) == {0}
+
+
+def test_another_cause(folder: Path, output: OutputSpec) -> None:
+    keep(folder, output, 0, 1, 2)
+    other = CAUSE | {"versions": {"numpy": "2.1"}}
+    kept = reopened(folder, output, other)
+    assert kept.records == {}
+    assert kept.former_cause == {"scene": {"size": [6, 4]}, "versions": {"numpy": "2.0"}}
+    assert kept.num_former == 3
+    assert list(folder.iterdir()) == []
+    kept.keep(1, png(1), record(1))
+    again = reopened(folder, output, other)
+    assert (set(again.records), again.former_cause, again.num_former) == ({1}, None, 0)
+
+
+def test_afresh(folder: Path, output: OutputSpec) -> None:
+    keep(folder, output, 0, 1, 2)
+    kept = reopened(folder, output, afresh=True)
+    assert (kept.records, kept.former_cause, kept.num_former) == ({}, None, 0)
+    assert list(folder.iterdir()) == []
+    assert reopened(folder, output).records == {}
+
+
+def test_pictures_under_their_final_names_are_never_removed(folder: Path, output: OutputSpec) -> None:
+    keep(folder, output, 0, 1)
+    finals = [path for path in folder.parent.rglob("*.png") if path.parent != folder]
+    reopened(folder, output, {"other": 1})
+    reopened(folder, output, afresh=True)
+    forget_frames(folder, output, NUMBERS)
+    assert all(path.is_file() for path in finals)
+    assert len(finals) == (0 if output.file.suffix == ".mp4" else 2)
+
+
+def test_jobs_with_other_frames_share_nothing(folder: Path, tmp_path: Path) -> None:
+    """As two of a job array, which both are at work: neither sees nor removes what the other has."""
+    output = OutputSpec(tmp_path / "{frame}.png", size=(6, 4))
+    first = KeptFrames(folder, output, [0, 1], CAUSE)
+    second = KeptFrames(folder, output, [2, 3], {"other": 1})
+    for i in (0, 1):
+        first.keep(i, png(i), record(i))
+        second.keep(i + 2, png(i + 2), record(i + 2))
+    forget_frames(folder, output, [0, 1])
+    assert set(KeptFrames(folder, output, [2, 3], {"other": 1}).records) == {2, 3}
+    assert KeptFrames(folder, output, [0, 1], {"other": 1}).num_former == 0
+
+
+def test_all_that_a_film_kept_is_forgotten(folder: Path, tmp_path: Path) -> None:
+    """Also frames that it did not have, and pictures without a record; but nothing of other names."""
+    output = OutputSpec(tmp_path / "film.mp4", size=(6, 4))
+    keep(folder, output, 0, 1, 3)
+    (folder / "000002.json").unlink(missing_ok=True)
+    (folder / "000002.png").write_bytes(b"no record came")
+    names = ["note.txt", "1.png", "000001.json.bak", "a000001.png", "lock"]
+    for name in names:
+        (folder / name).touch()
+    forget_frames(folder, output, [0])
+    assert sorted(path.name for path in folder.iterdir()) == sorted(names)
+
+
+def test_a_folder_that_vanishes(folder: Path, output: OutputSpec) -> None:
+    kept = keep(folder, output, 0)
+    shutil.rmtree(folder)
+    with pytest.raises(RenderError, match="the folder of the output is gone"):
+        kept.keep(1, png(1), record(1))
+    assert not folder.exists()
+    forget_frames(folder, output, NUMBERS)
+
+
+def test_a_picture_that_vanishes(folder: Path, output: OutputSpec) -> None:
+    kept = keep(folder, output, 0)
+    picture_of(folder, output, 0).unlink()
+    with pytest.raises(RenderError, match="gone"):
+        kept.picture(0)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".json"])
+def test_a_full_disk(folder: Path, output: OutputSpec, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
+    kept = keep(folder, output, 0)
+    write = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if f"{suffix}{staging._MARK}" in path.name:
+            write(path, content[:10])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        with pytest.raises(RenderError, match="the disk is full"):
+            kept.keep(1, png(1), record(1))
+    assert set(kept.records) == {0}
+    assert set(reopened(folder, output).records) == {0}
+    assert not [path for path in folder.iterdir() if staging._MARK in path.name]
+    kept.keep(1, png(1), record(1))
+    assert set(reopened(folder, output).records) == {0, 1}
+
+
+def test_frames_that_another_place_tells_of(folder: Path, output: OutputSpec) -> None:
+    told = list(keep(folder, output, 0, 1, 2).records.values())
+    for path in folder.glob("*.json"):
+        path.unlink()
+    picture_of(folder, output, 1).write_bytes(b"changed")
+    kept = reopened(folder, output)
+    assert kept.records == {}
+    kept.add_former(told)
+    assert set(kept.records) == {0, 2}
+
+
+def test_frames_that_are_not_wanted_after_all(folder: Path, output: OutputSpec) -> None:
+    kept = keep(folder, output, 0, 1, 2)
+    kept.drop(lambda told: told["frame"] == 1)
+    assert set(kept.records) == {1}
+
+
+def test_digests_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("renderer.kept_frames._BLOCK", 7)
+    for length in (0, 1, 6, 7, 8, 14, 100):
+        content = bytes(range(length))
+        (tmp_path / "file").write_bytes(content)
+        assert file_digest(tmp_path / "file") == digest(content)
+        assert is_file(tmp_path / "file", digest(content))
+        assert not is_file(tmp_path / "file", digest(content + b"x"))
+        assert not is_file(tmp_path / "file", None)
+    assert not is_file(tmp_path / "absent", digest(b""))
+    assert not is_file(tmp_path, digest(b""))
+
+
+Interrupt = Callable[[str], None]
+
+
+@pytest.mark.parametrize("step", range(40))
+def test_a_kill_between_any_two_steps(
+    folder: Path, output: OutputSpec, monkeypatch: pytest.MonkeyPatch, step: int
+) -> None:
+    """Whatever calls of the operating system a job came to, the frames that count are whole ones."""
+    before = keep(folder, output, 0)
+    num_steps = 0
+
+    class Killed(BaseException):
+        pass
+
+    def counted(function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
+            nonlocal num_steps
+            num_steps += 1
+            if num_steps > step:
+                raise Killed
+            return function(*arguments, **options)
+
+        return call
+
+    with monkeypatch.context() as patch:
+        for owner, name in ((os, "replace"), (Path, "touch"), (Path, "write_bytes"), (Path, "unlink"), (Path, "mkdir")):
+            patch.setattr(owner, name, counted(getattr(owner, name)))
+        try:
+            before.keep(1, png(1), record(1))
+            before.keep(2, png(2), record(2))
+        except Killed:
+            pass
+    kept = reopened(folder, output)
+    assert 0 in kept.records
+    for number in kept.records:
+        assert kept.picture(number).png == png(number)
+    staging.remove_temporaries(folder)
+    forget_frames(folder, output, NUMBERS)
+    assert list(folder.iterdir()) == []

@@ -1,0 +1,250 @@
+"""The lock of an output: what one process holds no other one gets, and nothing of it outlives them."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+import renderer
+from renderer.errors import HsplatError, InputError, RenderError
+from renderer.output_lock import locked
+
+CODE = Path(renderer.__file__).parents[1]
+OUTPUT = Path("film.mp4")
+
+HOLDER = """\
+import sys
+from pathlib import Path
+from renderer.output_lock import locked
+with locked(Path(sys.argv[1]), [int(place) for place in sys.argv[2:]], Path("film.mp4")):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+# Holds the place and makes a file that nobody else may have made; each time anew.
+CONTENDER = """\
+import os, sys
+from pathlib import Path
+from renderer.errors import InputError
+from renderer.output_lock import locked
+folder, place, num_times, wanted = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+num_held = num_refused = 0
+while num_held < num_times:
+    try:
+        with locked(folder, [place], Path("film.mp4")):
+            mine = folder.parent / f"only-one-has-{place}"
+            os.close(os.open(mine, os.O_CREAT | os.O_EXCL))
+            assert (folder / "lock").is_file()
+            mine.unlink()
+            num_held += 1
+    except InputError:
+        num_refused += 1
+        assert wanted == "same", "refused for another place"
+"""
+
+
+def start(program: str, *arguments: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        env=os.environ | {"PYTHONPATH": str(CODE)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@contextmanager
+def held(folder: Path, *places: int) -> Iterator[subprocess.Popen[str]]:
+    """Another process holds these places."""
+    with start(HOLDER, folder, *places) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "held\n"
+        yield process
+        process.communicate("")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "film.mp4.unfinished"
+
+
+def take(folder: Path, places: Sequence[int]) -> None:
+    with locked(folder, places, OUTPUT):
+        assert (folder / "lock").is_file()
+
+
+def test_it_makes_its_folder_and_removes_it(folder: Path) -> None:
+    take(folder / "deeper" / "still", [0])
+    assert not (folder / "deeper" / "still").exists()
+    take(folder, [0])
+    take(folder, [0])
+
+
+def test_a_folder_with_something_in_it_stays(folder: Path) -> None:
+    with locked(folder, [0], OUTPUT):
+        (folder / "000000.json").touch()
+        (folder / ".film.mp4.partial-0a1b").touch()
+    assert [path.name for path in folder.iterdir()] == ["000000.json"]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_however_the_block_ends(folder: Path, error: type[BaseException]) -> None:
+    with pytest.raises(error), locked(folder, [0], OUTPUT):
+        raise error
+    assert not folder.exists()
+
+
+def test_no_file_stays_open(folder: Path) -> None:
+    before = len(os.listdir("/proc/self/fd"))
+    take(folder, [0])
+    with held(folder, 0) as other, pytest.raises(InputError):
+        take(folder, [0])
+    del other
+    assert len(os.listdir("/proc/self/fd")) == before
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [([0], [0]), ([0, 1, 2], [2, 3]), ([2, 4, 6], [1, 3, 4]), (range(100), [99]), ([999_999], [5, 999_999])],
+)
+def test_places_that_overlap(folder: Path, theirs: Sequence[int], ours: Sequence[int]) -> None:
+    with held(folder, *theirs) as process:
+        with pytest.raises(InputError) as caught:
+            take(folder, ours)
+        assert str(caught.value) == (
+            f"film.mp4: another job is writing this output\n  got: process {process.pid} on {os.uname().nodename}\n"
+            "  hint: wait until it is done, or give this one another --output"
+        )
+        assert process.poll() is None
+        assert (folder / "lock").is_file()
+    assert not folder.exists()
+    take(folder, ours)
+
+
+@pytest.mark.parametrize(("theirs", "ours"), [([0], [1]), ([0, 2, 4], [1, 3, 5]), ([7], [0, 1, 2, 3, 4, 5, 6, 8])])
+def test_places_that_do_not_overlap(folder: Path, theirs: Sequence[int], ours: Sequence[int]) -> None:
+    with held(folder, *theirs):
+        take(folder, ours)
+        with pytest.raises(InputError):
+            take(folder, [*theirs])
+        (folder / ".theirs.partial-0a1b").touch()
+        take(folder, ours)
+        assert (folder / ".theirs.partial-0a1b").exists(), "it may be at work on it"
+    assert not folder.exists()
+
+
+def test_the_first_to_come_may_be_the_first_to_go(folder: Path) -> None:
+    with ExitStack() as second:
+        with held(folder, 0):
+            second.enter_context(locked(folder, [1], OUTPUT))
+        assert (folder / "lock").is_file()
+        take_in_another(folder, 0)
+    assert not folder.exists()
+
+
+def take_in_another(folder: Path, *places: int) -> None:
+    with held(folder, *places):
+        pass
+
+
+def test_a_holder_that_is_killed(folder: Path) -> None:
+    with held(folder, 0) as process:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert (folder / "lock").is_file()
+    take(folder, [0])
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("kind", ["same", "own"])
+def test_processes_that_take_turns(folder: Path, kind: str) -> None:
+    """Neither do two ever hold one place, nor is anybody refused because another one comes or goes."""
+    num_times = 60
+    with ExitStack() as stack:
+        processes = [
+            stack.enter_context(start(CONTENDER, folder, i if kind == "own" else 0, num_times, kind)) for i in range(4)
+        ]
+        for process in processes:
+            _, said = process.communicate()
+            assert said == ""
+            assert process.returncode == 0
+    assert list(folder.parent.iterdir()) == []
+
+
+def test_a_file_system_without_locks(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "lockf", refuse)
+    with locked(folder, [0], OUTPUT):
+        (folder / ".theirs.partial-0a1b").touch()
+        (folder / "000001.json").touch()
+        with held(folder, 0):
+            take(folder, [0])
+        assert (folder / ".theirs.partial-0a1b").exists(), "nobody knows who is at work"
+        for path in folder.iterdir():
+            path.unlink()
+    assert not folder.exists()
+
+
+def test_locks_that_fail(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(fcntl, "lockf", refuse)
+    with pytest.raises(RenderError, match=r"film\.mp4: the output cannot be written\n  got: Input/output error"):
+        take(folder, [0])
+
+
+def test_a_folder_that_vanishes_meanwhile(folder: Path) -> None:
+    with locked(folder, [0], OUTPUT):
+        (folder / "lock").unlink()
+        folder.rmdir()
+    assert not folder.exists()
+
+
+def test_a_folder_that_was_made_again_is_left_to_who_made_it(folder: Path) -> None:
+    with ExitStack() as stack:
+        with locked(folder, [0], OUTPUT):
+            (folder / "lock").unlink()
+            folder.rmdir()
+            stack.enter_context(held(folder, 0))
+        assert (folder / "lock").is_file()
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("kind", ["a file", "a link"])
+def test_something_else_under_the_name_of_the_folder(folder: Path, kind: str) -> None:
+    target = folder.parent / "target"
+    target.mkdir()
+    if kind == "a file":
+        folder.write_bytes(b"content")
+    else:
+        folder.symlink_to(target)
+    with pytest.raises(InputError) as caught:
+        take(folder, [0])
+    assert str(caught.value) == (
+        f"{folder}: something else has the name of the folder for frames of a film that is not whole\n"
+        f"  got: {kind}\n  hint: give it another name, or the film another --output"
+    )
+    assert list(target.iterdir()) == []
+
+
+def test_a_link_under_the_name_of_the_lock(folder: Path) -> None:
+    """What it leads to is not touched."""
+    folder.mkdir()
+    (folder.parent / "precious").write_bytes(b"content")
+    (folder / "lock").symlink_to(folder.parent / "precious")
+    with pytest.raises(HsplatError, match="the output cannot be written"):
+        take(folder, [0])
+    assert (folder.parent / "precious").read_bytes() == b"content"
