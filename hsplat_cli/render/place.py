@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hsplat_cli.job import Job
-from renderer.output_files import first_files, has_frame_files, sidecar_path, unfinished_folder
+from renderer.output_files import first_files, is_numbered, sidecar_path, unfinished_folder
 from renderer.output_lock import locked
 from renderer.staging import require_writable
 
@@ -20,7 +20,7 @@ def taken(job: Job) -> Iterator[Path]:
     """
     output = job.scene.output
     folder = unfinished_folder(sidecar_path(output.file))
-    places = job.frames if has_frame_files(output) else [0]
+    places = job.frames if is_numbered(output) else [0]
     with locked(folder, places, output.file):
         for file in first_files(output, job.frames):
             require_writable(file, folder)
