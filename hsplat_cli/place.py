@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.output_files import frame_path, has_frame_files, unfinished_folder
+from renderer.output_files import frame_path, is_numbered, unfinished_folder
 from renderer.output_lock import locked
 from renderer.scene import OutputSpec
 from renderer.staging import require_writable
@@ -19,7 +19,7 @@ def taken(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[
     Raises InputError where another job writes the same, and where the output cannot be written, RenderError, too.
     """
     folder = unfinished_folder(output)
-    places = frames if has_frame_files(output) else [0]
+    places = frames if is_numbered(output) else [0]
     with locked(folder, places, output.file):
         for file in (frame_path(output.file, frames[0]), sidecar):
             require_writable(file, folder)

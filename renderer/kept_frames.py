@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from renderer.output_files import frame_path, has_frame_files
+from renderer.output_files import frame_path, has_frame_files, is_numbered
 from renderer.picture import Picture
 from renderer.scene import OutputSpec
 from renderer.staging import explained, write_staged
@@ -105,11 +105,11 @@ class KeptFrames:
 
 
 def forget_frames(folder: Path, output: OutputSpec, numbers: Iterable[int]) -> None:
-    """Remove what a folder has of these frames, which is not what the output has; of a film in one file, of all frames.
+    """Remove what a folder has of these frames, which is not what the output has; of an output in one file, of all.
 
     Others of an output with numbered files may be those of another job.
     """
-    own = frozenset(numbers) if has_frame_files(output) else None
+    own = frozenset(numbers) if is_numbered(output) else None
     with contextlib.suppress(OSError):  # it has vanished: nothing is left
         for path in list(folder.iterdir()):
             name = _FILE.fullmatch(path.name)

@@ -71,6 +71,11 @@ def has_frame_files(output: OutputSpec) -> bool:
     return output.file.suffix.lower() == ".png"
 
 
+def is_numbered(output: OutputSpec) -> bool:
+    """Whether frames have names of their own, so that jobs may share them; a still has not."""
+    return FRAME_FIELD.search(str(output.file)) is not None
+
+
 def film_beside(sidecar: Path, recorded: Path) -> Path:
     """The output that a sidecar belongs to by its name and place; `recorded` is where the output was once.
 

@@ -116,7 +116,9 @@ def _draw(
             record = kept.keep(number, drawn.picture.png, drawn.record) if is_new else drawn.record
             if film is not None:
                 film.write(number, drawn.picture.pixels)
-            records.append(with_seconds(record, encode=time.perf_counter() - before))
+            if is_new or film is not None:
+                record = with_seconds(record, encode=time.perf_counter() - before)
+            records.append(record)
             if is_new:
                 bar.advance(f"{record['splats']} splats")
     if film is None:

@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -251,6 +246,17 @@ def test_a_part_of_frames_that_were_kept(draws: Draws) -> None:
     assert_clean()
 
 
+def test_stills_of_one_name(draws: Draws) -> None:
+    stopped(draws, "still.png", "--frames", "2", at=2)
+    Path("out/still.png.unfinished").mkdir()
+    Path("out/still.png.unfinished/000002.json").touch()  # as when it was killed later
+    for number in (3, 2):
+        render("still.png", "--frames", str(number))
+        assert draws.taken() == [number]
+        assert_clean()
+    assert made()["still.png"] == undisturbed("{frame}.png", "--frames", "2")["2.png"]
+
+
 @pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_bytes(b"changed")])
 def test_a_picture_that_is_not_what_it_was(draws: Draws, damage: Callable[[Path], Any]) -> None:
     """While the film is not whole, and when it was."""
@@ -406,126 +412,5 @@ def test_one_pass_after_a_film_that_was_to_refine(output: str, draws: Draws) -> 
     draws.stop_at = None
     assert_clean()
     render(output, *given)
-    assert made() == expected
-    assert_clean()
-
-
-# Killed
-
-
-# Runs `hsplat` in a child process of its own that is killed before the operation on files of that number, from
-# `first` on in steps; then runs it again. Writes what became of each.
-KILLER = """\
-import hashlib, json, os, signal, sys
-from pathlib import Path
-from hsplat_cli import main
-from hsplat_cli.render import film
-from renderer import raster_gl
-first, step, arguments = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
-EVENTS = ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "fcntl.lockf", "subprocess.Popen")
-
-def run(kill_before=None):
-    child = os.fork()
-    if child == 0:
-        num_events = 0
-        def count(event, values):
-            nonlocal num_events
-            if event in EVENTS and (event.startswith(("fcntl", "sub")) or str(values[0]).startswith("out")):
-                num_events += 1
-                if num_events == kill_before:
-                    os.kill(os.getpid(), signal.SIGKILL)
-        sys.addaudithook(count)
-        os._exit(main.run(arguments))
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-
-def files():
-    found = {}
-    for path in sorted(Path("out").rglob("*")):
-        whole = path.is_file() and path.suffix != ".json"
-        found[str(path)] = hashlib.sha256(path.read_bytes()).hexdigest() if whole else ""
-    return found
-
-def clear(path):
-    for child in path.iterdir() if path.is_dir() else ():
-        clear(child) if child.is_dir() else child.unlink()
-    path.is_dir() and path.rmdir()
-
-assert run() == 0
-whole, number, num_killed = files(), first, 0
-while True:
-    clear(Path("out"))
-    code = run(number)
-    between = files()
-    if code == 0:
-        break
-    assert code == -signal.SIGKILL, (number, code)
-    torn = {name for name in between if name in whole and between[name] != whole[name]}
-    assert not torn, (number, torn)
-    others = {Path(name).parent for name in between if name not in whole and "unfinished" not in name}
-    assert not others - {Path(".")}, (number, others)
-    assert run() == 0, number
-    assert files() == whole, (number, files(), whole)
-    number, num_killed = number + step, num_killed + 1
-print(num_killed)
-"""
-
-
-@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_killed_at_any_operation_on_a_file(output: str) -> None:
-    """Nothing half-written has a final name, and the next run is right and leaves nothing else."""
-    given = arguments(output, "--quiet", "--set", "camera.path.frames=2")
-    command = [sys.executable, "-c", KILLER, "1", "6", *given]
-    done = subprocess.run(
-        command, check=False, env=os.environ | {"PYTHONPATH": str(CODE)}, capture_output=True, text=True
-    )
-    assert done.stderr == ""
-    assert int(done.stdout) > 5
-
-
-# Two at once
-
-
-def started(output: str, *options: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "hsplat_cli", *arguments(output, *options)]
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
-    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def wait_for(pattern: str) -> None:
-    while not any(Path().glob(pattern)):
-        time.sleep(0.005)
-
-
-@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_a_second_job_on_the_same_output(output: str, capsys: pytest.CaptureFixture[str], draws: Draws) -> None:
-    """It is refused, and the first one is unharmed, stopped or not."""
-    many = ("--set", "camera.path.frames=400")
-    with started(output, *many, "--quiet") as first:
-        wait_for("out/*.unfinished/000001.json")
-        for options in ((), ("--force",), ("--progressive",), ("--frames", "0:5")):
-            assert main.run(arguments(output, *many, *options)) == 2
-            assert capsys.readouterr().err == (
-                f"out/{output}: another job is writing this output\n"
-                f"  got: process {first.pid} on {os.uname().nodename}\n"
-                "  hint: wait until it is done, or give this one another --output\n"
-            )
-        first.send_signal(signal.SIGKILL)
-        first.communicate()
-    render(output, *many)
-    num_drawn = len(draws.taken())
-    assert 0 < num_drawn <= 398
-    assert_clean()
-
-
-def test_jobs_with_different_frames_of_one_output(capsys: pytest.CaptureFixture[str]) -> None:
-    """As in a job array: they work at the same time, and all frames are there in the end."""
-    expected = undisturbed("{frame}.png", "--set", "camera.path.frames=60")
-    with (
-        started("{frame}.png", "--set", "camera.path.frames=60", "--frames", "0::2") as first,
-        started("{frame}.png", "--set", "camera.path.frames=60", "--frames", "1::2") as second,
-    ):
-        for process in (first, second):
-            process.communicate()
-            assert process.returncode == 0
     assert made() == expected
     assert_clean()

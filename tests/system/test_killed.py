@@ -1,0 +1,168 @@
+"""Jobs that are killed at any operation on a file, and two jobs at once on one output."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hsplat_cli import main
+
+CODE = Path(main.__file__).parents[1]
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [24, 24, 12]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 5, elevation: 20}
+output:
+  file: film.mp4
+  size: [32, 32]
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+def arguments(output: str, *options: str) -> list[str]:
+    return ["render", "scene.yaml", "--output", output, *options]
+
+
+def pictures(folder: str) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in Path(folder).glob("*.png")}
+
+
+def assert_clean() -> None:
+    left = [path for path in Path().rglob("*") if "unfinished" in path.name or "partial" in path.name]
+    assert left == []
+
+
+# Runs `hsplat` in a child process of its own that is killed before the operation on files of that number, from
+# `first` on in steps; then runs it again. Writes what became of each.
+KILLER = """\
+import hashlib, json, os, signal, sys
+from pathlib import Path
+from hsplat_cli import main
+from hsplat_cli.render import film
+from renderer import raster_gl
+first, step, arguments = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
+EVENTS = ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "fcntl.lockf", "subprocess.Popen")
+
+def run(kill_before=None):
+    child = os.fork()
+    if child == 0:
+        num_events = 0
+        def count(event, values):
+            nonlocal num_events
+            if event in EVENTS and (event.startswith(("fcntl", "sub")) or str(values[0]).startswith("out")):
+                num_events += 1
+                if num_events == kill_before:
+                    os.kill(os.getpid(), signal.SIGKILL)
+        sys.addaudithook(count)
+        os._exit(main.run(arguments))
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+def files():
+    found = {}
+    for path in sorted(Path("out").rglob("*")):
+        whole = path.is_file() and path.suffix != ".json"
+        found[str(path)] = hashlib.sha256(path.read_bytes()).hexdigest() if whole else ""
+    return found
+
+def clear(path):
+    for child in path.iterdir() if path.is_dir() else ():
+        clear(child) if child.is_dir() else child.unlink()
+    path.is_dir() and path.rmdir()
+
+assert run() == 0
+whole, number, num_killed = files(), first, 0
+while True:
+    clear(Path("out"))
+    code = run(number)
+    between = files()
+    if code == 0:
+        break
+    assert code == -signal.SIGKILL, (number, code)
+    torn = {name for name in between if name in whole and between[name] != whole[name]}
+    assert not torn, (number, torn)
+    others = {Path(name).parent for name in between if name not in whole and "unfinished" not in name}
+    assert not others - {Path(".")}, (number, others)
+    assert run() == 0, number
+    assert files() == whole, (number, files(), whole)
+    number, num_killed = number + step, num_killed + 1
+print(num_killed)
+"""
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_killed_at_any_operation_on_a_file(output: str) -> None:
+    """Nothing half-written has a final name, and the next run is right and leaves nothing else."""
+    given = arguments(f"out/{output}", "--quiet", "--set", "camera.path.frames=2")
+    command = [sys.executable, "-c", KILLER, "1", "6", *given]
+    done = subprocess.run(
+        command, check=False, env=os.environ | {"PYTHONPATH": str(CODE)}, capture_output=True, text=True
+    )
+    assert done.stderr == ""
+    assert int(done.stdout) > 5
+
+
+def started(output: str, *options: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "hsplat_cli", *arguments(f"out/{output}", *options)]
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for(pattern: str) -> None:
+    while not any(Path().glob(pattern)):
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_second_job_on_the_same_output(output: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is refused, and the first one is unharmed, stopped or not."""
+    many = ("--set", "camera.path.frames=100")
+    with started(output, *many, "--quiet") as first:
+        wait_for("out/*.unfinished/000001.json")
+        first.send_signal(signal.SIGSTOP)
+        for options in ((), ("--force",), ("--progressive",), ("--frames", "0:5")):
+            assert main.run(arguments(f"out/{output}", *many, *options)) == 2
+            assert capsys.readouterr().err == (
+                f"out/{output}: another job is writing this output\n"
+                f"  got: process {first.pid} on {os.uname().nodename}\n"
+                "  hint: wait until it is done, or give this one another --output\n"
+            )
+        first.send_signal(signal.SIGKILL)
+        first.communicate()
+    assert main.run(arguments(f"out/{output}", *many)) == 0
+    found = re.search(r"([0-9]+) of 100 frames are there already", capsys.readouterr().err)
+    assert found and int(found[1]) >= 2
+    assert_clean()
+
+
+def test_jobs_with_different_frames_of_one_output() -> None:
+    """As in a job array: they work at the same time, and all frames are there in the end."""
+    assert main.run(arguments("expected/{frame}.png", "--set", "camera.path.frames=60", "--quiet")) == 0
+    with (
+        started("{frame}.png", "--set", "camera.path.frames=60", "--frames", "0::2") as first,
+        started("{frame}.png", "--set", "camera.path.frames=60", "--frames", "1::2") as second,
+    ):
+        for process in (first, second):
+            process.communicate()
+            assert process.returncode == 0
+    assert pictures("out") == pictures("expected")
+    assert_clean()
