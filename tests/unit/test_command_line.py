@@ -96,7 +96,8 @@ def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["chekc", "x"]) == 2
     assert capsys.readouterr() == (
         "",
-        "hsplat has no command 'chekc'\n  expected: render, check, measure, paper, info\n  hint: did you mean check?\n",
+        "hsplat has no command 'chekc'\n"
+        "  expected: render, check, init, turntable, measure, paper, info\n  hint: did you mean check?\n",
     )
 
 

@@ -1,0 +1,139 @@
+"""Volumes whose values are names: masks, segmentations, connected components."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from renderer.evidence import Sample, evenness
+from renderer.exposure import Layer, expose, opacity_of, unit_for, whole
+from renderer.looks import CRISP, GLASS, SOLID
+from renderer.scene import Color, ColormapSpec, ControlPoint
+from renderer.statistics import Statistics
+from renderer.volume import Volume
+
+_MOST_LABELS = 300
+# Up to so many values are labels wherever they are; more are if that part of the neighbours of voxels, those of the
+# background aside, are like them.
+_FEW, _EVEN = 3, 0.75
+
+_PALETTE: tuple[Color, ...] = (
+    (0.90, 0.47, 0.29),
+    (0.29, 0.56, 0.85),
+    (0.91, 0.77, 0.28),
+    (0.37, 0.71, 0.42),
+    (0.69, 0.42, 0.78),
+    (0.31, 0.77, 0.77),
+    (0.85, 0.34, 0.48),
+    (0.60, 0.66, 0.29),
+    (0.54, 0.48, 0.85),
+    (0.79, 0.60, 0.42),
+)
+# Where there are more labels: 256 colours as different as can be.
+_MANY = "glasbey"
+
+# A label that covers this part of what any label covers, from all three sides, hides the others.
+_AROUND = 0.85
+
+Steps = tuple[tuple[float, float], ...]
+
+
+def label_values(volume: Volume, statistics: Statistics, sample: Sample) -> list[float] | None:
+    """The values of a volume of labels, ascending; None for other volumes."""
+    found = _few_values(volume, statistics, sample)
+    if found is None:
+        return None
+    if len(found) > _FEW and evenness(sample, _at_border(sample)) < _EVEN:
+        return None
+    return found
+
+
+def _few_values(volume: Volume, statistics: Statistics, sample: Sample) -> list[float] | None:
+    """All values, if they are few and, but for two alone, whole numbers."""
+    if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
+        if int(np.count_nonzero(statistics.counts)) > _MOST_LABELS:
+            return None
+        return [float(value) for value in statistics.bins[statistics.counts > 0]]
+    if len(np.unique(sample.shares)) > _MOST_LABELS:
+        return None
+    found: set[float] = set()
+    for plane in volume.values:
+        found.update(float(value) for value in np.unique(plane))
+        if len(found) > _MOST_LABELS:
+            return None
+    is_named = len(found) == 2 or all(value == int(value) and abs(value) < 2**53 for value in found)
+    return sorted(found) if is_named else None
+
+
+def label_outside(sample: Sample, values: Sequence[float]) -> float:
+    """The label of what is around the object: the most frequent one at the volume's border."""
+    at = sample.value(_at_border(sample))
+    return min(values, key=lambda value: abs(value / 2 - at / 2))
+
+
+def _at_border(sample: Sample) -> float:
+    values, counts = np.unique(sample.border(), return_counts=True)
+    return float(values[counts.argmax()])
+
+
+def label_mapping(
+    sample: Sample, values: Sequence[float], outside: float, colormap: str | None
+) -> tuple[tuple[ControlPoint, ...] | ColormapSpec, tuple[str, ...], float]:
+    """A colour and an opacity for each label but `outside`, with steps half-way between the labels; a word about each
+    point; the unit of the opacities.
+    """
+    ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]
+    between = dict(zip(values, pairwise(ends), strict=True))
+    shown = [value for value in values if value != outside]
+    unit = unit_for(sample.diagonal)
+    is_plain = colormap is None and len(shown) <= len(_PALETTE)
+    # The outermost labels have no end on one side.
+    shares = {
+        v: (sample.share(low) - (v == values[0]), sample.share(high) + (v == values[-1]))
+        for v, (low, high) in between.items()
+    }
+    if is_plain:
+        layers = _layers(sample, [shares[value] for value in shown])
+    else:  # one opacity for all, which is easy to change
+        layers = [Layer("", tuple((at, float(v != outside)) for v in values for at in shares[v]), SOLID, CRISP)] * len(
+            shown
+        )
+    depths = {id(layer): expose(sample, layer) for layer in layers}
+    opacity = {
+        value: opacity_of(depths[id(layer)], unit, sample.diagonal) for value, layer in zip(shown, layers, strict=True)
+    }
+    steps = [(value, at, opacity.get(value, 0.0)) for value in values for at in between[value]]
+    if not is_plain:
+        is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # then every label has an entry of its own
+        span = (0.0, 255.0) if is_table else (values[0], values[-1])
+        return ColormapSpec(colormap or _MANY, span, _thinned([step[1:] for step in steps])), (), unit
+    colors = dict(zip(shown, _PALETTE, strict=False)) | {outside: (0.0, 0.0, 0.0)}
+    points = tuple(ControlPoint(at, colors[value], part) for value, at, part in steps)
+    names = [f"label {whole(value)}" if value != outside else "the background" for value in values]
+    return points, tuple(word for name in names for word in (name, "")), unit
+
+
+def _layers(sample: Sample, regions: Sequence[tuple[float, float]]) -> list[Layer]:
+    """A layer for each label, from its (low, high) shares: solid, but glass where it lies around all the others."""
+    layers = [Layer("", ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0)), SOLID, CRISP) for low, high in regions]
+    if len(layers) == 1:
+        return layers
+    parts = [(sample.shares > low) & (sample.shares < high) for low, high in regions]
+    covered = [int(np.any(parts, axis=0).any(axis=axis).sum()) for axis in range(3)]
+    for number, part in enumerate(parts):
+        if all(int(part.any(axis=axis).sum()) > _AROUND * covered[axis] for axis in range(3)):
+            layers[number] = replace(layers[number], coverage=GLASS, solid=0.0)
+    return layers
+
+
+def _thinned(steps: Sequence[tuple[float, float]]) -> Steps:
+    """Without those in the middle of three of one opacity."""
+    inner = (
+        step
+        for before, step, after in zip(steps, steps[1:], steps[2:], strict=False)
+        if not before[1] == step[1] == after[1]
+    )
+    return (steps[0], *inner, steps[-1])
