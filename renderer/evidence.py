@@ -232,7 +232,7 @@ def split(shares: Float64, low: float, high: float) -> Split | None:
     total, mean = weight.sum(), float(weight @ place) / weight.sum()
     divides = (below > 0) & (below < total)
     between = np.zeros(len(below))
-    between[divides] = (moment - mean * below)[divides] ** 2 / (below * (total - below))[divides] / total
+    between[divides] = (moment - mean * below)[divides] ** 2 / (below * (total - below))[divides]
     best = int(between.argmax()) + 1
     variance = float(weight @ (place - mean) ** 2) / total
     first = int(np.searchsorted(np.cumsum(weight[:best]), weight[:best].sum() / 2))

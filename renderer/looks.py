@@ -5,25 +5,26 @@ Values are shares of the volume's range, as in `renderer.evidence`; amounts are 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from renderer.colormaps import colormap_points
 from renderer.evidence import Background, Sample, Split, coherence, split
-from renderer.exposure import Layer
+from renderer.exposure import Layer, covers
 from renderer.volume import Float64
 
 Color = tuple[float, float, float]
 
 # Mean opacities of rays through a layer: one that is hardly there, one to look through, one to look at.
-VEIL, GLASS, SOLID = 0.22, 0.4, 0.85
+VEIL, GLASS, SOLID = 0.25, 0.45, 0.85
 # Optical depth of 1% of the diagonal at which a surface is crisp.
 CRISP = 0.8
 
 # Colours of a scan's layers, from the thinnest to the densest material.
-_VEIL_COLOR, _GLASS_COLOR, _CORE_COLOR = (0.30, 0.48, 0.75), (0.85, 0.58, 0.38), (1.0, 0.93, 0.80)
-_HULL_COLOR = (0.44, 0.56, 0.90)
+_VEIL_COLOR, _GLASS_COLOR, _CORE_COLOR = (0.30, 0.48, 0.75), (0.95, 0.62, 0.38), (1.0, 0.93, 0.80)
+_HULL_COLOR, _FLESH_COLOR = (0.46, 0.58, 0.92), (0.80, 0.62, 0.54)
 
 # A smooth field, from where it is hardly visible on: the lowest part of this colormap is too dark to be seen on black.
 _FIELD_COLORMAP, _DARKEST = "inferno", 0.3
@@ -82,8 +83,14 @@ def tomography(sample: Sample, zero: float) -> Look:
 
 # Values beyond this percentile are outliers.
 _TOP = 99.99
-# A veil of thin material must be that coherent, have that part of the voxels, and be that well told from what is below.
-_VEIL_COHERENCE, _VEIL_SHARE, _VEIL_SEPARATION = 0.85, 2e-3, 0.66
+# A veil of thin material must be that coherent, have that many voxels by those inside of it (edges have fewer), and be
+# that well told from what is below.
+_VEIL_COHERENCE, _VEIL_SHARE, _VEIL_SEPARATION = 0.8, 0.3, 0.72
+
+
+# A denser material that covers this part of the thinner one, with less than this part of its voxels, is a shell around
+# it, such as the fat around a head in an MRI: it is to be seen through.
+_AROUND, _THIN, _SHELL = 0.75, 0.5, 0.65
 
 
 def materials(sample: Sample, background: Background) -> Look:
@@ -103,12 +110,20 @@ def materials(sample: Sample, background: Background) -> Look:
         Layer("the denser material", ((upper.at, 0.0), (core, 1.0)), SOLID, CRISP),
     ]
     hull = _HULL_COLOR if veil is None else _GLASS_COLOR
+    if _is_shell(sample, first, upper.at, layers):
+        layers[1], hull = replace(layers[1], coverage=_SHELL, solid=0.0), _FLESH_COLOR
     colors = [(first, hull), (upper.at, hull), (core, _CORE_COLOR)]
     if veil is not None:
         middle = _median(shares, veil.at, first)
         layers.insert(0, Layer("a veil", ((veil.at, 0.0), (middle, 1.0), (first, 1.0), (body, 0.0)), VEIL))
         colors = [(veil.at, _VEIL_COLOR), (first, _VEIL_COLOR), (body, hull), *colors[1:]]
     return Look(tuple(layers), tuple(colors))
+
+
+def _is_shell(sample: Sample, first: float, second: float, layers: Sequence[Layer]) -> bool:
+    inner = int(np.count_nonzero((sample.shares >= first) & (sample.shares < second)))
+    outer = int(np.count_nonzero(sample.shares >= second))
+    return outer < _THIN * inner and covers(sample, layers[1]) > _AROUND * covers(sample, layers[0])
 
 
 def _one_material(shares: Float64, first: float) -> Look:
@@ -120,8 +135,9 @@ def _veil(sample: Sample, background: Background, first: float) -> Split | None:
     found = split(sample.shares, float(sample.shares.min()), first)
     if found is None or found.at <= background.high or found.separation < _VEIL_SEPARATION:
         return None
-    part = float(np.mean((sample.shares >= found.at) & (sample.shares < first)))
-    return found if part >= _VEIL_SHARE and coherence(sample, found.at) >= _VEIL_COHERENCE else None
+    inside = int(np.count_nonzero(sample.shares >= first))
+    around = int(np.count_nonzero(sample.shares >= found.at)) - inside
+    return found if around >= _VEIL_SHARE * inside and coherence(sample, found.at) >= _VEIL_COHERENCE else None
 
 
 def _median(shares: Float64, low: float, high: float) -> float:
@@ -145,17 +161,26 @@ def ramp(sample: Sample, first: float, *, origin: float) -> Look:
     top = float(np.percentile(visible, 99.8)) if visible.size else 1.0
     top = max(top, first + 1e-6)
     steps = np.linspace(0.0, 1.0, _NUM_STEPS)
-    if visible.size and top - origin > _LONG_TAIL * (float(np.median(visible)) - origin) > 0:
+    weights = steps**2
+    if tail(sample, first, origin=origin) > _LONG_TAIL:
         begin = max(first - origin, (top - origin) * 1e-6)
         knots = origin + begin * ((top - origin) / begin) ** steps
-        name = "more with every factor"
+        name, weights = "even steps in ratio", steps**3
     else:
         knots = first + (top - first) * steps
-        name = "more with every step"
-    layer = Layer(name, tuple(zip(knots.tolist(), (steps**2).tolist(), strict=True)), 0.65)
+        name = ""
+    layer = Layer(name, tuple(zip(knots.tolist(), weights.tolist(), strict=True)), 0.65)
     palette = colormap_points(_FIELD_COLORMAP, 256)
     picked = (_DARKEST + (1 - _DARKEST) * steps) * 255
     return Look((layer,), tuple(zip(knots.tolist(), [palette[int(at)] for at in picked], strict=True)))
+
+
+def tail(sample: Sample, first: float, *, origin: float) -> float:
+    """How far the values above the share `first` reach from `origin`, by how far their median does."""
+    visible = sample.shares[sample.shares > first] - origin
+    if visible.size == 0 or float(np.median(visible)) <= 0:
+        return 1.0
+    return float(np.percentile(visible, 99.8)) / float(np.median(visible))
 
 
 def diverging(sample: Sample, middle: float, quiet: float) -> Look:

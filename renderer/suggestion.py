@@ -70,7 +70,9 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
 # Sides of a background: one that has less than this part of the other one's voxels does not count.
 _ONE_SIDED = 0.15
 # Fields are smoother than this; real numbers are more often computed than measured.
-_SMOOTH, _SMOOTH_FLOAT = 0.45, 0.6
+_SMOOTH, _SMOOTH_FLOAT = 0.45, 0.8
+# Real numbers of such a tail spread over orders of magnitude.
+_SPREAD = 25.0
 # Two phases have at least this part of the variance between them: 0.64 for one normal distribution, 0.75 for even
 # values.
 _TWO_PHASES = 0.85
@@ -99,10 +101,13 @@ def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str
     """What stands out above the background."""
     rough = roughness(sample, background.high)
     near = f"the background is near {_round(sample.value(background.middle), sample):g}"
-    limit = _SMOOTH_FLOAT if volume.values.dtype.kind == "f" else _SMOOTH
-    if rough < limit:
+    is_float = volume.values.dtype.kind == "f"
+    if is_float and looks.tail(sample, background.high, origin=background.middle) > _SPREAD:
         look = looks.ramp(sample, background.high, origin=background.middle)
-        return "smooth field", f"{near} and values change smoothly", look
+        return "field with a long tail", f"{near} and the largest values are many times those in the middle", look
+    if rough < (_SMOOTH_FLOAT if is_float else _SMOOTH):
+        look = looks.ramp(sample, background.high, origin=background.middle)
+        return "smooth data", f"{near} and values change smoothly", look
     return (
         "scan without an absolute scale",
         f"{near} and what stands out from it has edges",
