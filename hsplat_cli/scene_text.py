@@ -27,7 +27,7 @@ class FilmOptions:
     frames: int = 120
     elevation: float = 20.0
     axis: str = "z"
-    tolerance: float = 0.1
+    tolerance: float = 0.05
     size: tuple[int, int] = (512, 512)
     fps: float = 30.0
     background: str = "#000000"

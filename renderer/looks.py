@@ -13,12 +13,11 @@ import numpy as np
 from renderer.colormaps import colormap_points
 from renderer.evidence import Background, Sample, Split, coherence, split
 from renderer.exposure import Layer, covers
+from renderer.scene import Color, ShadingSpec
 from renderer.volume import Float64
 
-Color = tuple[float, float, float]
-
 # Mean opacities of rays through a layer: one that is hardly there, one to look through, one to look at.
-VEIL, GLASS, SOLID = 0.25, 0.45, 0.85
+VEIL, GLASS, SOLID = 0.25, 0.5, 0.85
 # Optical depth of 1% of the diagonal at which a surface is crisp.
 CRISP = 0.8
 
@@ -33,12 +32,20 @@ _NUM_STEPS = 8
 _NEGATIVE, _POSITIVE = ((0.16, 0.40, 0.92), (0.62, 0.87, 1.0)), ((0.90, 0.25, 0.16), (1.0, 0.85, 0.55))
 
 
+# Half of the light comes from everywhere, so that what turns away from the lamp is still seen; the lamp hangs above
+# and in front, on the side that a turntable shows first. Where surfaces of both signs are lit by it, less of it.
+SHADING = ShadingSpec(ambient=0.5, diffuse=0.6, light=(0.5, -0.8, 1.0))
+_FAINT_SHADING = replace(SHADING, ambient=0.75, diffuse=0.35)
+
+
 @dataclass(frozen=True)
 class Look:
-    """layers: their sum is the extinction. colors: (share, colour), ascending; linear between."""
+    """layers: their sum is the extinction. colors: (share, colour), ascending; linear between. shading: or None where
+    there are no surfaces."""
 
     layers: tuple[Layer, ...]
     colors: tuple[tuple[float, Color], ...]
+    shading: ShadingSpec | None = SHADING
 
     def reflected(self) -> Look:
         """The same for values with high for low."""
@@ -46,7 +53,14 @@ class Look:
             replace(layer, knots=tuple((1 - at, weight) for at, weight in reversed(layer.knots)))
             for layer in self.layers
         )
-        return Look(layers, tuple((1 - at, color) for at, color in reversed(self.colors)))
+        colors = tuple((1 - at, color) for at, color in reversed(self.colors))
+        return Look(layers, colors, None if self.shading is None else turned(self.shading))
+
+
+def turned(shading: ShadingSpec) -> ShadingSpec:
+    """The same light for surfaces inside of which values are lower: gradients point the other way there."""
+    x, y, z = shading.light
+    return replace(shading, light=(-x, -y, -z))
 
 
 # Computed tomography, in Hounsfield units. Soft tissue is glass around solid bone; lungs and air are left out.
@@ -90,7 +104,7 @@ _VEIL_COHERENCE, _VEIL_SHARE, _VEIL_SEPARATION = 0.8, 0.3, 0.72
 
 # A denser material that covers this part of the thinner one, with less than this part of its voxels, is a shell around
 # it, such as the fat around a head in an MRI: it is to be seen through.
-_AROUND, _THIN, _SHELL = 0.75, 0.5, 0.65
+_AROUND, _THIN, _SHELL = 0.75, 0.8, 0.65
 
 
 def materials(sample: Sample, background: Background) -> Look:
@@ -195,7 +209,7 @@ def diverging(sample: Sample, middle: float, quiet: float) -> Look:
     layer = Layer("strong values on either side", (*reversed(below), *above), 0.65)
     colors = [(middle - top, _NEGATIVE[1]), (middle - quiet, _NEGATIVE[0])]
     colors += [(middle + quiet, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
-    return Look((layer,), tuple(colors))
+    return Look((layer,), tuple(colors), _FAINT_SHADING)
 
 
 def phases(sample: Sample, found: Split) -> Look:
@@ -203,8 +217,3 @@ def phases(sample: Sample, found: Split) -> Look:
     upper = _median(sample.shares, found.at, 1.0)
     layer = Layer("the upper phase", ((found.at, 0.0), (upper, 1.0)), SOLID, CRISP)
     return Look((layer,), ((found.at, _GLASS_COLOR), (upper, _CORE_COLOR)))
-
-
-def everything() -> Look:
-    """One value everywhere."""
-    return Look((Layer("the one value", ((0.0, 1.0),), 0.65),), ((0.0, _CORE_COLOR),))

@@ -21,10 +21,6 @@ from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, TransferSpec
 from renderer.statistics import Statistics
 from renderer.volume import Float64, Volume
 
-# Half of the light comes from everywhere, so that what turns away from the lamp is still seen; the lamp hangs above
-# and in front, on the side that a turntable shows first.
-_SHADING = ShadingSpec(ambient=0.5, diffuse=0.6, light=(0.5, -0.8, 1.0))
-
 
 @dataclass(frozen=True)
 class Suggestion:
@@ -54,7 +50,8 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
         mapping, notes, unit = label_mapping(sample, values, outside, colormap)
         kind = "mask" if len(values) == 2 else "labels"
         reason = f"there are {len(values)} whole numbers in large pieces, and {whole(outside)} is the background"
-        return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, _SHADING)
+        shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
+        return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, shading)
     zero = hounsfield_zero(statistics)
     if zero is not None:
         where = "" if zero == 0 else f", stored with {zero:g} added"
@@ -206,14 +203,14 @@ def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str 
     if colormap is not None:
         span = (ordered[0], ordered[-1]) if ordered[0] < ordered[-1] else (sample.minimum, sample.maximum)
         mapping = ColormapSpec(colormap, span, tuple((value, points[value].opacity) for value in ordered))
-    return Suggestion(kind, reason, TransferSpec(mapping, unit), tuple(notes[value] for value in ordered), _SHADING)
+    return Suggestion(kind, reason, TransferSpec(mapping, unit), tuple(notes[value] for value in ordered), look.shading)
 
 
 def _all_of_it(kind: str, reason: str, sample: Sample, unit: float) -> Suggestion:
     """A ramp over the whole range, for values so odd that no sign of theirs led anywhere."""
     low, high = sorted((sample.minimum, sample.maximum))
     points = (ControlPoint(low, (0.0, 0.0, 0.0), 0.0), ControlPoint(high, (1.0, 0.93, 0.80), 0.3))
-    return Suggestion(kind, reason, TransferSpec(points, unit), ("", ""), _SHADING)
+    return Suggestion(kind, reason, TransferSpec(points, unit), ("", ""), None)
 
 
 def _peak(knots: tuple[tuple[float, float], ...]) -> float:
