@@ -24,7 +24,7 @@ _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
 
 @click.command()
 @click.argument("volume", type=click.Path(path_type=Path))
-@volume_options
+@volume_options(nonfinite="error")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """Describe a volume: shape, place, values and histogram.

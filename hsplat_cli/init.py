@@ -20,7 +20,7 @@ from renderer.staging import write_staged
 @click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write to this file, not to stdout.")
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 @film_options
-@volume_options
+@volume_options(nonfinite="lowest")
 def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None, **options: Any) -> None:
     """Write a scene file for a volume, to start from.
 

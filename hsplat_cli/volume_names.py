@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,30 +97,32 @@ def _data_files(header: Path) -> list[Path]:
 
 
 def named(volumes: Sequence[Path]) -> list[Named]:
-    """Each volume with a name of its own, also where upper and lower case are the same: `scan`, or with the folder
-    `a_scan`, or with the ending `scan.nrrd`, or with a number."""
-    names = [base_name(volume) for volume in volumes]
-    for longer in (_with_folder, _with_ending, _with_both):
-        clashing = _clashes(names)
-        if not clashing:
-            break
-        tried = [
-            longer(volume) if name.lower() in clashing else name for volume, name in zip(volumes, names, strict=True)
-        ]
-        settled = _clashes(tried)
-        # Only names that are settled by this are taken: of three files a/x.nrrd, b/x.nrrd and b/x.mha the first.
-        names = [new if new.lower() not in settled else old for new, old in zip(tried, names, strict=True)]
-    taken: Counter[str] = Counter()
+    """Each volume with a name of its own, also where upper and lower case are the same.
+
+    `scan`; where there are several of them, with the folder `a_scan`, or else with the ending `scan.nrrd`, or else with
+    a number.
+    """
+    alike: dict[str, list[Path]] = {}
+    for volume in volumes:
+        alike.setdefault(base_name(volume).lower(), []).append(volume)
+    form = {base: _telling_form(group) for base, group in alike.items()}
+    taken: set[str] = set()
     result = []
-    for volume, name in zip(volumes, names, strict=True):
-        taken[name.lower()] += 1
-        count = taken[name.lower()]
-        result.append(Named(volume, name if count == 1 else f"{name}-{count}"))
+    for volume in volumes:
+        name = wanted = form[base_name(volume).lower()](volume)
+        number = 1
+        while name.lower() in taken:
+            number += 1
+            name = f"{wanted}-{number}"
+        taken.add(name.lower())
+        result.append(Named(volume, name))
     return result
 
 
-def _clashes(names: Sequence[str]) -> set[str]:
-    return {name for name, num in Counter(name.lower() for name in names).items() if num > 1}
+def _telling_form(group: Sequence[Path]) -> Callable[[Path], str]:
+    """The first way to name volumes that tells these apart."""
+    forms = (base_name, _with_folder, _with_ending, _with_both)
+    return next((form for form in forms if len({form(volume).lower() for volume in group}) == len(group)), _with_folder)
 
 
 def _with_folder(volume: Path) -> str:

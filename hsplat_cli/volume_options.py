@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import click
 
@@ -31,27 +31,40 @@ def _three(kind: type[int] | type[float]) -> Callable[[click.Context, click.Para
     return convert
 
 
-_OPTIONS = (
-    click.option("--time", type=int, help="Which time step, from 0, of a volume that has several."),
-    click.option("--component", type=int, help="Which component, from 0, of a volume that has several."),
-    click.option(
-        "--nonfinite", type=click.Choice(["error", "lowest"]), default="error", help="What to do with NaN and inf."
-    ),
-    click.option(
-        "--shape", metavar="X,Y,Z", callback=_three(int), help="Read a headerless file of this shape; needs --dtype."
-    ),
-    click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),
-    click.option("--byte-order", type=click.Choice(["little", "big"]), default="little", help="Of a headerless file."),
-    click.option("--spacing", metavar="X,Y,Z", callback=_three(float), default="1,1,1", help="Of a headerless file."),
-    click.option("--offset", type=click.IntRange(min=0), default=0, help="Bytes to skip in a headerless file."),
-)
+def volume_options(nonfinite: Literal["error", "lowest"]) -> Callable[[_Command], _Command]:
+    """A decorator for --time, --component, --nonfinite with its default, and the options of a headerless file."""
+    options = (
+        click.option("--time", type=int, help="Which time step, from 0, of a volume that has several."),
+        click.option("--component", type=int, help="Which component, from 0, of a volume that has several."),
+        click.option(
+            "--nonfinite",
+            type=click.Choice(["error", "lowest"]),
+            default=nonfinite,
+            show_default=True,
+            help="What to do with NaN and inf.",
+        ),
+        click.option(
+            "--shape",
+            metavar="X,Y,Z",
+            callback=_three(int),
+            help="Read a headerless file of this shape; needs --dtype.",
+        ),
+        click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),
+        click.option(
+            "--byte-order", type=click.Choice(["little", "big"]), default="little", help="Of a headerless file."
+        ),
+        click.option(
+            "--spacing", metavar="X,Y,Z", callback=_three(float), default="1,1,1", help="Of a headerless file."
+        ),
+        click.option("--offset", type=click.IntRange(min=0), default=0, help="Bytes to skip in a headerless file."),
+    )
 
+    def decorate(command: _Command) -> _Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
 
-def volume_options(command: _Command) -> _Command:
-    """A decorator for all of them: --time, --component, --nonfinite, and those of a headerless file."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
+    return decorate
 
 
 def volume_spec(

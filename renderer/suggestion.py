@@ -49,7 +49,7 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
         outside = label_outside(sample, values)
         mapping, notes, unit = label_mapping(sample, values, outside, colormap)
         kind = "mask" if len(values) == 2 else "labels"
-        reason = f"there are {len(values)} whole numbers in large pieces, and {whole(outside)} is the background"
+        reason = f"there are {len(values)} values, in large pieces, and {whole(outside)} is the background"
         shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
         return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, shading)
     zero = hounsfield_zero(statistics)

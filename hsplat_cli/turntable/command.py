@@ -31,7 +31,7 @@ from renderer.errors import HsplatError, InputError
 )
 @click.option("--format", "kind", type=click.Choice(["mp4", "gif", "png"]), default="mp4", show_default=True)
 @film_options
-@volume_options
+@volume_options(nonfinite="lowest")
 @click.option("--force", is_flag=True, help="Write over scenes that were changed by hand.")
 @click.option("--quiet", is_flag=True, help="Say nothing but the table and errors.")
 @click.option("--name", hidden=True, help="Of the one volume's film, which another process has settled.")

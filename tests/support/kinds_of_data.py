@@ -1,4 +1,4 @@
-"""Small volumes of every kind of data that a transfer function is suggested for, made from formulas and seeded noise."""
+"""Small volumes of every kind of data that transfer functions are suggested for, from formulas and seeded noise."""
 
 from __future__ import annotations
 
