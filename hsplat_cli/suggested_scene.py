@@ -71,11 +71,18 @@ def suggest_scene(
 
 
 def _check(text: str, scene: Path) -> None:
-    """Raise SceneError for values that cannot be in a scene together, with the options that they came from: such as odd
-    sizes of an MP4. Nothing has been written yet."""
+    """Raise SceneError for values that cannot be in a scene, such as odd sizes of an MP4, with the options that they came
+    from. Nothing has been written yet, so that there is no line to show."""
     try:
         scene_in(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
     except SceneError as error:
         raise SceneError(
-            [replace(problem, place=_OPTIONS.get(problem.path, problem.place)) for problem in error.problems]
+            [
+                replace(
+                    problem,
+                    what=problem.what.partition("\n")[0],
+                    place=_OPTIONS.get(problem.path, "the scene that was suggested"),
+                )
+                for problem in error.problems
+            ]
         ) from error

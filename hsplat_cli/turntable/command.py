@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -78,7 +79,8 @@ def turntable(
         try:
             result = make_film(orders[0], quiet=quiet)
         except HsplatError as error:
-            write_report(folder, [orders[0].failed(error)])
+            with suppress(HsplatError):  # what went wrong first is what is said
+                write_report(folder, [orders[0].failed(error)])
             raise
         write_report(folder, [result])
 
