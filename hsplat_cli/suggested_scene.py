@@ -71,8 +71,8 @@ def suggest_scene(
 
 
 def _check(text: str, scene: Path) -> None:
-    """Raise SceneError for values that cannot be in a scene, such as odd sizes of an MP4, with the options that they came
-    from. Nothing has been written yet, so that there is no line to show."""
+    """Raise SceneError for values that cannot be in a scene, such as odd sizes of an MP4, with the options that they
+    came from. Nothing has been written yet, so that there is no line to show."""
     try:
         scene_in(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
     except SceneError as error:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.evidence import Sample, evenness
 from renderer.exposure import Layer, expose, opacity_of, unit_for, whole
@@ -32,12 +32,14 @@ _PALETTE: tuple[Color, ...] = (
     (0.54, 0.48, 0.85),
     (0.79, 0.60, 0.42),
 )
+_BLACK: Color = (0.0, 0.0, 0.0)
 # Where there are more labels: 256 colours as different as can be.
 _MANY = "glasbey"
 
-# A label that covers this part of what any label covers, from all three sides, hides the others.
+# A label hides the smaller ones if it covers this part of what they cover, from all three sides.
 _AROUND = 0.85
 
+Shadow = npt.NDArray[np.bool_]
 Steps = tuple[tuple[float, float], ...]
 
 
@@ -85,48 +87,50 @@ def label_mapping(
     """A colour and an opacity for each label but `outside`, with steps half-way between the labels; a word about each
     point; the unit of the opacities.
     """
+    unit = unit_for(sample.diagonal)
     ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]
     between = dict(zip(values, pairwise(ends), strict=True))
+    # In shares, where the outermost labels have no end on one side.
+    regions = {
+        value: (sample.share(low) - (value == values[0]), sample.share(high) + (value == values[-1]))
+        for value, (low, high) in between.items()
+    }
     shown = [value for value in values if value != outside]
-    unit = unit_for(sample.diagonal)
-    is_plain = colormap is None and len(shown) <= len(_PALETTE)
-    # The outermost labels have no end on one side.
-    shares = {
-        v: (sample.share(low) - (v == values[0]), sample.share(high) + (v == values[-1]))
-        for v, (low, high) in between.items()
-    }
-    if is_plain:
-        layers = _layers(sample, [shares[value] for value in shown])
-    else:  # one opacity for all, which is easy to change
-        layers = [Layer("", tuple((at, float(v != outside)) for v in values for at in shares[v]), SOLID, CRISP)] * len(
-            shown
-        )
-    depths = {id(layer): expose(sample, layer) for layer in layers}
-    opacity = {
-        value: opacity_of(depths[id(layer)], unit, sample.diagonal) for value, layer in zip(shown, layers, strict=True)
-    }
-    steps = [(value, at, opacity.get(value, 0.0)) for value in values for at in between[value]]
-    if not is_plain:
+    if colormap is not None or len(shown) > len(_PALETTE):
+        knots = tuple((at, float(value != outside)) for value in values for at in regions[value])
+        common = opacity_of(expose(sample, Layer("", knots, SOLID, CRISP)), unit, sample.diagonal)
+        steps = [(at, common if value != outside else 0.0) for value in values for at in between[value]]
         is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # then every label has an entry of its own
         span = (0.0, 255.0) if is_table else (values[0], values[-1])
-        return ColormapSpec(colormap or _MANY, span, _thinned([step[1:] for step in steps])), (), unit
-    colors = dict(zip(shown, _PALETTE, strict=False)) | {outside: (0.0, 0.0, 0.0)}
-    points = tuple(ControlPoint(at, colors[value], part) for value, at, part in steps)
+        return ColormapSpec(colormap or _MANY, span, _thinned(steps)), (), unit
+    layers = _layers(sample, [regions[value] for value in shown])
+    opacities = [opacity_of(expose(sample, layer), unit, sample.diagonal) for layer in layers]
+    looks = dict(zip(shown, zip(_PALETTE, opacities, strict=False), strict=True)) | {outside: (_BLACK, 0.0)}
+    points = tuple(ControlPoint(at, *looks[value]) for value in values for at in between[value])
     names = [f"label {whole(value)}" if value != outside else "the background" for value in values]
     return points, tuple(word for name in names for word in (name, "")), unit
 
 
 def _layers(sample: Sample, regions: Sequence[tuple[float, float]]) -> list[Layer]:
-    """A layer for each label, from its (low, high) shares: solid, but glass where it lies around all the others."""
-    layers = [Layer("", ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0)), SOLID, CRISP) for low, high in regions]
-    if len(layers) == 1:
-        return layers
-    parts = [(sample.shares > low) & (sample.shares < high) for low, high in regions]
-    covered = [int(np.any(parts, axis=0).any(axis=axis).sum()) for axis in range(3)]
-    for number, part in enumerate(parts):
-        if all(int(part.any(axis=axis).sum()) > _AROUND * covered[axis] for axis in range(3)):
-            layers[number] = replace(layers[number], coverage=GLASS, solid=0.0)
+    """A layer for each label, from its (low, high) shares: solid, but glass where it lies around smaller ones."""
+    shadows = []
+    for low, high in regions:
+        part = (sample.shares > low) & (sample.shares < high)
+        shadows.append([np.asarray(part.any(axis=axis)) for axis in range(3)])
+    areas = [sum(int(shadow.sum()) for shadow in of_label) for of_label in shadows]
+    layers = []
+    for (low, high), own, area in zip(regions, shadows, areas, strict=True):
+        smaller = [other for other, other_area in zip(shadows, areas, strict=True) if 0 < other_area < area]
+        is_around = bool(smaller) and all(_covers(own[axis], [other[axis] for other in smaller]) for axis in range(3))
+        knots = ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0))
+        layers.append(Layer("", knots, GLASS, 0.0) if is_around else Layer("", knots, SOLID, CRISP))
     return layers
+
+
+def _covers(shadow: Shadow, others: Sequence[Shadow]) -> bool:
+    """Whether a shadow holds most of what any of the others do."""
+    together = np.any(others, axis=0)
+    return int((shadow & together).sum()) > _AROUND * int(together.sum())
 
 
 def _thinned(steps: Sequence[tuple[float, float]]) -> Steps:

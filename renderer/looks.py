@@ -197,19 +197,30 @@ def tail(sample: Sample, first: float, *, origin: float) -> float:
     return float(np.percentile(visible, 99.8)) / float(np.median(visible))
 
 
+# Of what is on both sides of a value, nothing is seen up to this part of the way to the strongest.
+_QUIET = 0.15
+
+
 def diverging(sample: Sample, middle: float, quiet: float) -> Look:
     """Both sides of the share `middle`, blue and red; up to `quiet` away from it nothing is visible."""
     distance = np.abs(sample.shares - middle)
     loud = distance[distance > quiet]
     top = max(float(np.percentile(loud, 99.5)) if loud.size else 1.0, quiet * 1.01 + 1e-6)
+    quiet = max(quiet, _QUIET * top)
     away = np.linspace(quiet, top, 5)
-    weights = np.linspace(0.0, 1.0, 5) ** 1.5
+    weights = np.linspace(0.0, 1.0, 5) ** 2
     below = [(middle - d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
     above = [(middle + d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
     layer = Layer("strong values on either side", (*reversed(below), *above), 0.65)
     colors = [(middle - top, _NEGATIVE[1]), (middle - quiet, _NEGATIVE[0])]
     colors += [(middle + quiet, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
     return Look((layer,), tuple(colors), _FAINT_SHADING)
+
+
+def inside(border: float) -> Look:
+    """All that is above a share, solid."""
+    name = "inside"
+    return Look((Layer(name, ((border, 0.0), (min(border + 0.02, 1.0), 1.0)), SOLID, CRISP),), ((border, _CORE_COLOR),))
 
 
 def phases(sample: Sample, found: Split) -> Look:

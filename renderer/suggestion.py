@@ -73,6 +73,8 @@ _SPREAD = 25.0
 # Two phases have at least this part of the variance between them: 0.64 for one normal distribution, 0.75 for even
 # values.
 _TWO_PHASES = 0.85
+# The border of a level set has one sign, here and there excepted.
+_ONE_SIGN = 0.97
 # A filled volume shows values above this percentile.
 _UPPER_HALF = 60.0
 
@@ -116,9 +118,16 @@ def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
     """No background: the volume is full to its border."""
     low, high = float(statistics.minimum), float(statistics.maximum)
     middle, spread = float(np.median(sample.shares)), float(np.std(sample.shares))
-    if low < 0 < high and abs(middle - sample.share(0.0)) < spread / 4:
+    if low < 0 < high and abs(middle - sample.share(0.0)) < spread / 2:
         look = looks.diverging(sample, sample.share(0.0), 1.2 * spread)
         return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", look
+    if low < 0 < high:
+        around = float(np.mean(sample.border() > sample.share(0.0)))
+        if around > _ONE_SIGN:
+            look = looks.inside(1 - sample.share(0.0)).reflected()
+            return "level set", "negative values lie inside of positive ones", look
+        if around < 1 - _ONE_SIGN:
+            return "level set", "positive values lie inside of negative ones", looks.inside(sample.share(0.0))
     found = split(sample.shares, *np.percentile(sample.shares, (0.01, 99.99)).tolist())
     if found is not None and found.separation > _TWO_PHASES:
         return "two phases", "there is no background, and values gather in two groups", looks.phases(sample, found)

@@ -143,6 +143,14 @@ def temperature() -> Array:
     return (293 + 20 * z + 60 * np.exp(-(x**2 + y**2 + z**2) / 0.1)).astype(np.float32)
 
 
+def distance() -> Array:
+    """float32: the signed distance from two balls that touch, negative inside."""
+    z, y, x = axes()
+    return np.minimum(np.sqrt((x - 0.3) ** 2 + y**2 + z**2) - 0.4, np.sqrt((x + 0.4) ** 2 + y**2 + z**2) - 0.3).astype(
+        np.float32
+    )
+
+
 # Each with the kind that it is to be taken for.
 KINDS: dict[str, tuple[Array, str]] = {
     "head": (head_in_hounsfield_units(), "CT in Hounsfield units"),
@@ -164,6 +172,8 @@ KINDS: dict[str, tuple[Array, str]] = {
     "inverted mask": (((labels() < 2) * 1.5).astype(np.float32), "mask"),
     "dark object": (dark_object(), "scan without an absolute scale, dark in a bright background"),
     "phases": (phases(), "two phases"),
+    "distance": (distance(), "level set"),
+    "distance, reversed": (-distance(), "level set"),
     "temperature": (temperature(), "filled volume"),
     "constant": (np.full((N, N, N), -7.5), "constant volume"),
 }

@@ -153,7 +153,7 @@ def test_points_ascend_and_the_background_is_clear(name: str, colormap: str | No
         assert colormap is None
     assert all(low <= high for low, high in pairwise(at))
     assert extinction(transfer, *np.unique(values).tolist())
-    if kind not in ("constant volume", "two phases", "filled volume"):
+    if kind not in ("constant volume", "two phases", "filled volume", "field with two signs"):
         corner = float(np.median([values[0, 0, 0], values[-1, 0, 0], values[0, -1, -1]]))
         assert extinction(transfer, corner) == [0.0]
 
@@ -193,6 +193,14 @@ def test_a_label_around_others_is_glass() -> None:
     assert none == 0
     assert 0 < 5 * body < organ
     assert organ == pytest.approx(last, rel=0.5)
+
+
+def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
+    values = np.zeros((32, 32, 32), np.uint8)
+    for label, margin in ((5, 2), (1, 6), (3, 10)):
+        values[margin:-margin, margin:-margin, margin:-margin] = label
+    outer, middle, inner = extinction(suggested(values).transfer, 5, 1, 3)
+    assert 0 < 3 * max(outer, middle) < inner
 
 
 def test_light_comes_from_above_for_dark_objects_too() -> None:
