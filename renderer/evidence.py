@@ -201,6 +201,13 @@ def evenness(sample: Sample, background: float) -> float:
     return same / (4 * num) if num else 1.0
 
 
+def gentleness(sample: Sample, step: float) -> float:
+    """The part of all unequal neighbours that differ by no more than `step`, a share of the range."""
+    differences = np.concatenate([np.abs(other - sample.shares).ravel() for side in _sides(sample) for other in side])
+    unequal = differences[differences > 1e-9]
+    return float(np.mean(unequal <= step)) if unequal.size else 0.0
+
+
 def _sides(sample: Sample) -> tuple[Float64, Float64]:
     return sample.beside_x, sample.beside_y
 

@@ -8,17 +8,19 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.evidence import Sample, evenness
+from renderer.evidence import Sample, evenness, gentleness
 from renderer.exposure import Layer, expose, opacity_of, unit_for, whole
 from renderer.looks import CRISP, GLASS, SOLID
 from renderer.scene import Color, ColormapSpec, ControlPoint
 from renderer.statistics import Statistics
 from renderer.volume import Volume
 
-_MOST_LABELS = 300
+_MOST_LABELS = 4096
 # Up to so many values are labels wherever they are; more are if that part of the neighbours of voxels, those of the
 # background aside, are like them.
 _FEW, _EVEN = 3, 0.75
+# More than so many values, of which that part of unequal neighbours are one or two apart, are a smooth field.
+_SOME, _GENTLE = 16, 0.6
 
 _PALETTE: tuple[Color, ...] = (
     (0.90, 0.47, 0.29),
@@ -45,29 +47,28 @@ Steps = tuple[tuple[float, float], ...]
 
 def label_values(volume: Volume, statistics: Statistics, sample: Sample) -> list[float] | None:
     """The values of a volume of labels, ascending; None for other volumes."""
-    found = _few_values(volume, statistics, sample)
-    if found is None:
+    if len(np.unique(sample.shares)) > _FEW and evenness(sample, _at_border(sample)) < _EVEN:
+        return None
+    found = _all_values(volume, statistics)
+    if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
         return None
     if len(found) > _FEW and evenness(sample, _at_border(sample)) < _EVEN:
         return None
-    return found
+    two_levels = 2.5 / (found[-1] - found[0])
+    return None if len(found) > _SOME and gentleness(sample, two_levels) > _GENTLE else found
 
 
-def _few_values(volume: Volume, statistics: Statistics, sample: Sample) -> list[float] | None:
-    """All values, if they are few and, but for two alone, whole numbers."""
+def _all_values(volume: Volume, statistics: Statistics) -> list[float] | None:
+    """Every value that there is, ascending; None if there are too many."""
     if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
-        if int(np.count_nonzero(statistics.counts)) > _MOST_LABELS:
-            return None
-        return [float(value) for value in statistics.bins[statistics.counts > 0]]
-    if len(np.unique(sample.shares)) > _MOST_LABELS:
-        return None
-    found: set[float] = set()
+        found = set(statistics.bins[statistics.counts > 0].tolist())
+        return sorted(found) if len(found) <= _MOST_LABELS else None
+    found = set()
     for plane in volume.values:
         found.update(float(value) for value in np.unique(plane))
         if len(found) > _MOST_LABELS:
             return None
-    is_named = len(found) == 2 or all(value == int(value) and abs(value) < 2**53 for value in found)
-    return sorted(found) if is_named else None
+    return sorted(found)
 
 
 def label_outside(sample: Sample, values: Sequence[float]) -> float:

@@ -8,6 +8,7 @@ look (`renderer.looks`), whose amounts are exposed like a photograph (`renderer.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,17 +177,15 @@ def _is_narrow(statistics: Statistics, values: Float64) -> bool:
 
 # From a look to a transfer function
 
+# About two thirds of a diagonal's light are held back.
+_CONSTANT_OPACITY = 0.02
+
 
 def _constant(volume: Volume, value: float, colormap: str | None) -> Suggestion:
     unit = unit_for(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
-    opacity = 0.02
     reason = f"every voxel is {whole(value)}, so that there is nothing to tell apart"
-    if colormap is None:
-        transfer = TransferSpec((ControlPoint(value, (1.0, 0.93, 0.80), opacity),), unit)
-    else:
-        step = max(1.0, abs(value))
-        transfer = TransferSpec(ColormapSpec(colormap, (value - step, value + step), ((value, opacity),)), unit)
-    return Suggestion("constant volume", reason, transfer, ("",), None)
+    points = [ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)]
+    return _from_points("constant volume", reason, Look((), (), None), points, ("",), unit, colormap)
 
 
 def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str | None) -> Suggestion:
@@ -197,7 +196,9 @@ def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str 
         at, weights = np.array(layer.knots, np.float64).T
         depths += expose(sample, layer) * np.interp(knots, at, weights)
     if not depths.max() > 0:  # nothing that was looked for is in the sample
-        return _all_of_it(kind, reason, sample, unit)
+        low, high = sorted((sample.minimum, sample.maximum))
+        plain = Look((), (), None)
+        return _from_points(kind, reason, plain, _ramp_over(low, high), ("", ""), unit, colormap)
     where, colors = [at for at, _ in look.colors], np.array([color for _, color in look.colors])
     points: dict[float, ControlPoint] = {}
     notes: dict[float, str] = {}
@@ -208,18 +209,30 @@ def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str 
         starting = [layer.name for layer in look.layers if layer.name and _peak(layer.knots) == at]
         notes[value] = ", ".join(starting)
     ordered = sorted(points)
-    mapping: tuple[ControlPoint, ...] | ColormapSpec = tuple(points[value] for value in ordered)
-    if colormap is not None:
-        span = (ordered[0], ordered[-1]) if ordered[0] < ordered[-1] else (sample.minimum, sample.maximum)
-        mapping = ColormapSpec(colormap, span, tuple((value, points[value].opacity) for value in ordered))
-    return Suggestion(kind, reason, TransferSpec(mapping, unit), tuple(notes[value] for value in ordered), look.shading)
+    told = tuple(notes[value] for value in ordered)
+    return _from_points(kind, reason, look, [points[value] for value in ordered], told, unit, colormap)
 
 
-def _all_of_it(kind: str, reason: str, sample: Sample, unit: float) -> Suggestion:
-    """A ramp over the whole range, for values so odd that no sign of theirs led anywhere."""
-    low, high = sorted((sample.minimum, sample.maximum))
-    points = (ControlPoint(low, (0.0, 0.0, 0.0), 0.0), ControlPoint(high, (1.0, 0.93, 0.80), 0.3))
-    return Suggestion(kind, reason, TransferSpec(points, unit), ("", ""), None)
+def _ramp_over(low: float, high: float) -> list[ControlPoint]:
+    """For values so odd that no sign of theirs led anywhere."""
+    return [ControlPoint(low, (0.0, 0.0, 0.0), 0.0), ControlPoint(high, (1.0, 0.93, 0.80), 0.3)]
+
+
+def _from_points(
+    kind: str,
+    reason: str,
+    look: Look,
+    points: Sequence[ControlPoint],
+    notes: tuple[str, ...],
+    unit: float,
+    colormap: str | None,
+) -> Suggestion:
+    if colormap is None:
+        return Suggestion(kind, reason, TransferSpec(tuple(points), unit), notes, look.shading)
+    low, high = points[0].value, points[-1].value
+    span = (low, high) if low < high else (low - max(1.0, abs(low)), low + max(1.0, abs(low)))
+    mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in points))
+    return Suggestion(kind, reason, TransferSpec(mapping, unit), (), look.shading)
 
 
 def _peak(knots: tuple[tuple[float, float], ...]) -> float:

@@ -64,12 +64,12 @@ def _finish(records: Sequence[Record], folder: Path) -> None:
 def _made(order: Order, options: Mapping[str, Any]) -> Record:
     """The record of a film that another process has made, or failed to make."""
     start = time.perf_counter()
-    with _process(order, options) as process:
-        try:
-            said, _ = process.communicate()
-        except KeyboardInterrupt:
-            _end(process)
-            raise
+    process = _process(order, options)
+    try:
+        said, _ = process.communicate()
+    except KeyboardInterrupt:
+        _end(process)
+        raise
     with suppress(ValueError):
         record = json.loads(said.strip().rpartition("\n")[2])
         if isinstance(record, dict):

@@ -203,6 +203,21 @@ def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
     assert 0 < 3 * max(outer, middle) < inner
 
 
+def test_smooth_volumes_of_few_levels_are_no_labels() -> None:
+    """Where values change slowly most neighbours are equal, too; but unequal ones are alike."""
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 256)[:96]] * 3, indexing="ij")
+    values = np.rint(60 * np.exp(-3 * (x**2 + y**2 + z**2))).astype(np.uint8)
+    assert suggested(values).kind not in ("labels", "mask")
+
+
+def test_thousands_of_labels() -> None:
+    z, y, x = np.meshgrid(*[np.arange(48) // 4] * 3, indexing="ij")
+    numbers = np.random.Generator(np.random.PCG64(1)).permutation(12**3) * 3
+    values = numbers[x + 12 * y + 144 * z].astype(np.uint16)
+    values[:4] = values[-4:] = 0
+    assert suggested(values).kind == "labels"
+
+
 def test_light_comes_from_above_for_dark_objects_too() -> None:
     """Gradients point out of a dark object; its light is turned."""
     bright, dark = (KINDS[name][0] for name in ("uint8", "dark object"))
