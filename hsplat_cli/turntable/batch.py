@@ -6,7 +6,6 @@ Memory that a process had is gone with it, and a reader that crashes takes down 
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -25,11 +24,20 @@ from hsplat_cli.turntable.single import Order, Record
 from renderer.errors import RenderError
 from renderer.staging import require_writable
 
-# A process that was interrupted removes what is unfinished; after this time it is ended.
-_PATIENCE_S = 10.0
+# A process that was interrupted removes what is unfinished. One that does not end within this time is asked again, as an
+# interrupt can get lost in a library that is being loaded, so many times in all; then it is killed.
+_PATIENCE_S, _NUM_ASKED = 3.0, 4
 
-# Where this program was imported from, for processes that are started in other folders.
+# What a process runs, its first argument being where this program was imported from: `python -m hsplat_cli`, but with
+# no look for modules in the current folder, in which a scan may lie beside a numpy.py.
 _CODE = Path(__file__).resolve().parents[2]
+_START = """\
+import sys
+code = sys.argv.pop(1)
+sys.path[:1] = [] if code in sys.path[1:] else [code]
+from hsplat_cli.__main__ import main
+main()
+"""
 
 
 def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path, *, quiet: bool) -> None:
@@ -69,12 +77,14 @@ def _made(order: Order, options: Mapping[str, Any]) -> Record:
         said, _ = process.communicate()
     except KeyboardInterrupt:
         _end(process)
+        _sweep(order, process)
         raise
     with suppress(ValueError):
         record = json.loads(said.strip().rpartition("\n")[2])
         if isinstance(record, dict):
             return record
-    # It did not come to say what was wrong.
+    # It did not come to say what was wrong, nor to put away what was unfinished.
+    _sweep(order, process)
     seconds = {"seconds": round(time.perf_counter() - start, 3)}
     return order.record("failed") | {"exit_code": process.returncode, "error": _epitaph(order, process)} | seconds
 
@@ -82,13 +92,11 @@ def _made(order: Order, options: Mapping[str, Any]) -> Record:
 def _process(order: Order, options: Mapping[str, Any]) -> subprocess.Popen[str]:
     arguments = ["turntable", *as_arguments(dict(options)), f"--output={order.scene.parent}"]
     arguments += [f"--name={order.scene.stem}", "--", str(volume_file(order.volume))]
-    path = os.pathsep.join([str(_CODE), *filter(None, [os.environ.get("PYTHONPATH")])])
     # LIFELINE: here the process gets what lets it notice that this one has been killed.
     return subprocess.Popen(
-        [sys.executable, "-m", "hsplat_cli", *arguments],
+        [sys.executable, "-c", _START, str(_CODE), *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": path},
         encoding="utf-8",
         errors="replace",
     )
@@ -97,12 +105,21 @@ def _process(order: Order, options: Mapping[str, Any]) -> subprocess.Popen[str]:
 def _end(process: subprocess.Popen[str]) -> None:
     """Let a process put away what is unfinished. Ctrl-C on a terminal has reached it, too; a signal to this one alone
     has not."""
-    process.terminate()
-    try:
-        process.wait(_PATIENCE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    for _ in range(_NUM_ASKED):
+        process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_PATIENCE_S)
+            return
+    process.kill()
+    process.wait()
+
+
+def _sweep(order: Order, process: subprocess.Popen[str]) -> None:
+    """Remove the temporary files (`renderer.staging`) of a process that was ended before it could."""
+    for folder in {order.scene.parent, order.output.parent}:
+        for path in folder.glob(f".*.partial-{process.pid}"):
+            with suppress(OSError):
+                path.unlink()
 
 
 def _epitaph(order: Order, process: subprocess.Popen[str]) -> str:

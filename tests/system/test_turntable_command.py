@@ -127,6 +127,7 @@ def test_frames_as_pictures() -> None:
 
 def test_several_volumes_of_which_one_fails(capfd: pytest.CaptureFixture[str]) -> None:
     Path("in/broken.npy").write_bytes(b"\x93NUMPY nothing")
+    Path("numpy.py").write_text("raise SystemExit", encoding="utf-8")  # not to be imported
     assert turntable("in/*.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
     said = capfd.readouterr()
     table = [line.split() for line in said.out.splitlines()]
@@ -190,12 +191,14 @@ def test_a_process_that_is_killed_fails_alone(
     def started(arguments: list[str], **options: Any) -> subprocess.Popen[str]:
         process: subprocess.Popen[str] = start(arguments, **options)
         if arguments[-1] == "in/signed.npy":
+            Path(f"out/.signed.mp4.partial-{process.pid}").touch()
             process.kill()
         return process
 
     monkeypatch.setattr(batch.subprocess, "Popen", started)
     assert turntable("in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
     assert [record["status"] for record in report()] == ["done", "failed", "done"]
+    assert not [name for name in files("out") if "signed" in name]
     message = (
         "in/signed.npy: the process that made this film ended early\n"
         "  got: killed by SIGKILL, perhaps for want of memory\n"
