@@ -16,8 +16,9 @@ from renderer.exposure import Layer, covers
 from renderer.scene import Color, ShadingSpec
 from renderer.volume import Float64
 
-# Mean opacities of rays through a layer: one that is hardly there, one to look through, one to look at.
-VEIL, GLASS, SOLID = 0.25, 0.5, 0.85
+# Mean opacities of rays through a layer: one that is hardly there, one to look through, one to look at; and of those
+# through a field, which is dense here and thin there.
+VEIL, GLASS, SOLID, _FIELD = 0.25, 0.5, 0.85, 0.65
 # Optical depth of 1% of the diagonal at which a surface is crisp.
 CRISP = 0.8
 
@@ -183,7 +184,7 @@ def ramp(sample: Sample, first: float, *, origin: float) -> Look:
     else:
         knots = first + (top - first) * steps
         name = ""
-    layer = Layer(name, tuple(zip(knots.tolist(), weights.tolist(), strict=True)), 0.65)
+    layer = Layer(name, tuple(zip(knots.tolist(), weights.tolist(), strict=True)), _FIELD)
     palette = colormap_points(_FIELD_COLORMAP, 256)
     picked = (_DARKEST + (1 - _DARKEST) * steps) * 255
     return Look((layer,), tuple(zip(knots.tolist(), [palette[int(at)] for at in picked], strict=True)))
@@ -211,7 +212,7 @@ def diverging(sample: Sample, middle: float, quiet: float) -> Look:
     weights = np.linspace(0.0, 1.0, 5) ** 2
     below = [(middle - d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
     above = [(middle + d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
-    layer = Layer("strong values on either side", (*reversed(below), *above), 0.65)
+    layer = Layer("strong values on either side", (*reversed(below), *above), _FIELD)
     colors = [(middle - top, _NEGATIVE[1]), (middle - quiet, _NEGATIVE[0])]
     colors += [(middle + quiet, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
     return Look((layer,), tuple(colors), _FAINT_SHADING)
@@ -219,8 +220,8 @@ def diverging(sample: Sample, middle: float, quiet: float) -> Look:
 
 def inside(border: float) -> Look:
     """All that is above a share, solid."""
-    name = "inside"
-    return Look((Layer(name, ((border, 0.0), (min(border + 0.02, 1.0), 1.0)), SOLID, CRISP),), ((border, _CORE_COLOR),))
+    layer = Layer("inside", ((border, 0.0), (min(border + 0.02, 1.0), 1.0)), SOLID, CRISP)
+    return Look((layer,), ((border, _CORE_COLOR),))
 
 
 def phases(sample: Sample, found: Split) -> Look:

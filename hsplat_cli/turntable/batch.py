@@ -24,8 +24,8 @@ from hsplat_cli.turntable.single import Order, Record
 from renderer.errors import RenderError
 from renderer.staging import require_writable
 
-# A process that was interrupted removes what is unfinished. One that does not end within this time is asked again, as an
-# interrupt can get lost in a library that is being loaded, so many times in all; then it is killed.
+# A process that was interrupted removes what is unfinished. One that does not end within this time is asked again, as
+# an interrupt can get lost in a library that is being loaded, so many times in all; then it is killed.
 _PATIENCE_S, _NUM_ASKED = 3.0, 4
 
 # What a process runs, its first argument being where this program was imported from: `python -m hsplat_cli`, but with
