@@ -3,74 +3,30 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from renderer.errors import InputError
-from renderer.scene import FileSource, RawSource, VolumeSpec
+from hsplat_cli.scene_text import transfer_dict, transfer_lines
+from hsplat_cli.volume_options import volume_options, volume_spec
 
 if TYPE_CHECKING:
     from renderer.statistics import Statistics, ValueRange
+    from renderer.suggestion import Suggestion
     from renderer.volume import Float64, Volume
 
 _COLUMNS, _ROWS = 64, 8
 _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
 
-# Colours and opacities of the suggested transfer function: a translucent hull around a dense core. What has no other
-# material inside it or around it gets an opacity between the two.
-_HULL, _CORE, _ALONE_OPACITY = ("#6680e6", 0.01), ("#ffe6b3", 0.5), 0.2
-
-
-def _three(kind: type[int] | type[float]) -> Callable[[click.Context, click.Parameter, str | None], Any]:
-    """A callback that makes three positive numbers of `128,96,114`."""
-
-    def convert(_context: click.Context, _parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
-        if text is None:
-            return None
-        try:
-            numbers = tuple(kind(part) for part in text.split(","))
-        except ValueError:
-            numbers = ()
-        if len(numbers) != 3 or not all(0 < number < float("inf") for number in numbers):
-            raise click.BadParameter(f"{text!r} is not three positive numbers with commas between, such as 128,96,114.")
-        return numbers
-
-    return convert
-
 
 @click.command()
 @click.argument("volume", type=click.Path(path_type=Path))
-@click.option("--time", type=int, help="Which time step, from 0, of a volume that has several.")
-@click.option("--component", type=int, help="Which component, from 0, of a volume that has several.")
-@click.option(
-    "--nonfinite", type=click.Choice(["error", "lowest"]), default="error", help="What to do with NaN and inf."
-)
-@click.option(
-    "--shape", metavar="X,Y,Z", callback=_three(int), help="Read a headerless file of this shape; needs --dtype."
-)
-@click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ...")
-@click.option("--byte-order", type=click.Choice(["little", "big"]), default="little", help="Of a headerless file.")
-@click.option("--spacing", metavar="X,Y,Z", callback=_three(float), default="1,1,1", help="Of a headerless file.")
-@click.option("--offset", type=click.IntRange(min=0), default=0, help="Bytes to skip in a headerless file.")
+@volume_options(nonfinite="error")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
-def info(
-    *,
-    volume: Path,
-    time: int | None,
-    component: int | None,
-    nonfinite: Any,
-    shape: tuple[int, int, int] | None,
-    dtype: str | None,
-    byte_order: Any,
-    spacing: tuple[float, float, float],
-    offset: int,
-    as_json: bool,
-) -> None:
+def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """Describe a volume: shape, place, values and histogram.
 
     VOLUME is a file, or a folder of slices. The last part of the output suggests ranges of values, and a transfer
@@ -78,24 +34,21 @@ def info(
     """
     from renderer.readers import read_volume  # noqa: PLC0415  (numpy, for which --help does not wait)
     from renderer.statistics import measure, suggest_ranges  # noqa: PLC0415
+    from renderer.suggestion import suggest  # noqa: PLC0415
 
-    if (shape is None) != (dtype is None):
-        raise InputError(
-            "a headerless file needs both --shape and --dtype", got="--shape" if shape is not None else "--dtype"
-        )
-    source: FileSource | RawSource = FileSource(volume)
-    if shape is not None and dtype is not None:
-        source = RawSource(volume, shape, dtype, byte_order, spacing, offset)
-    read = read_volume(VolumeSpec(source, time, component, nonfinite=nonfinite))
+    read = read_volume(volume_spec(volume, **reading))
     statistics = measure(read.values)
-    facts = _facts(read, statistics, suggest_ranges(statistics))
+    suggestion = suggest(read, statistics)
+    facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)
     if as_json:
         click.echo(json.dumps(facts, indent=2))
     else:
-        click.echo(_report(facts, _histogram_marks()))
+        click.echo("\n".join([_report(facts, _histogram_marks()), *_suggested(suggestion)]))
 
 
-def _facts(volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...]) -> dict[str, Any]:
+def _facts(
+    volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...], suggestion: Suggestion
+) -> dict[str, Any]:
     """Everything that is printed, as plain data."""
     from renderer.statistics import PERCENTILES, rebin  # noqa: PLC0415
 
@@ -122,7 +75,9 @@ def _facts(volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...
             {"name": part.name, "low": part.low, "high": part.high, "typical": part.typical, "share": part.share}
             for part in ranges
         ],
-        "transfer_function": _transfer_function(ranges, float(spacing.min())),
+        "kind": suggestion.kind,
+        "reason": suggestion.reason,
+        "transfer_function": transfer_dict(suggestion.transfer),
     }
 
 
@@ -149,39 +104,6 @@ def describe_direction(axes: Float64) -> str:
     if flipped:
         words.append(f"{' '.join(flipped)} flipped")
     return ", ".join(words) + mirrored
-
-
-def _transfer_function(ranges: tuple[ValueRange, ...], unit: float) -> dict[str, Any]:
-    """A `transfer_function` that hides the background: opacity rises from its border to the next material's median."""
-    nested = [part.name for part in ranges] == ["background", "material 1", "material 2"]
-    points: list[tuple[float, str, float]] = []
-    for part in ranges:
-        color, opacity = _HULL if part.name == "material 1" and len(ranges) > 2 else _CORE
-        opacity = opacity if nested else _ALONE_OPACITY
-        if part.name == "background":
-            points += [(part.low, "#000000", 0.0), (part.high, "#000000", 0.0)]
-        else:
-            points += [(part.typical, color, opacity)]
-        if nested and part.name == "material 1":
-            points += [(part.high, color, opacity)]
-    digits = _digits(ranges[0].low, ranges[-1].high)
-    short = [(_short(value, digits), color, opacity) for value, color, opacity in points]
-    ascending = [point for k, point in enumerate(short) if k == 0 or point[0] > short[k - 1][0]]
-    return {
-        "unit": float(f"{unit:.7g}"),
-        "points": [{"value": value, "color": color, "opacity": opacity} for value, color, opacity in ascending],
-    }
-
-
-def _digits(low: float, high: float) -> int:
-    """How many digits of a threshold say where it lies between two values: seven, and those that both begin with."""
-    largest, extent = max(abs(low), abs(high)), high / 2 - low / 2
-    return 7 + min(max(0, math.ceil(math.log10(largest / extent))), 10) if extent > 0 and largest / 2 > extent else 7
-
-
-def _short(value: float, digits: int) -> int | float:
-    """Integers as they are, other numbers to so many digits."""
-    return int(value) if abs(value) < 2**53 and value == int(value) else float(f"{value:.{digits}g}")
 
 
 def _number(value: float) -> str:
@@ -224,26 +146,14 @@ def _report(facts: dict[str, Any], marks: str) -> str:
             f"    {part['name']:<11} {_number(part['low']):>12} to {_number(part['high']):<12} "
             f"{100 * part['share']:6.2f}% of the voxels, median {_number(part['typical'])}"
         )
-    return "\n".join([*lines, "", *_yaml(facts["transfer_function"])])
+    return "\n".join(lines)
 
 
-def _yaml(transfer_function: dict[str, Any]) -> list[str]:
-    """The transfer function in the style of the scene files: one line per point."""
-    lines = ["transfer_function:", f"  unit: {transfer_function['unit']!r}", "  points:"]
-    for point in transfer_function["points"]:
-        lines.append(
-            f'    - {{value: {_yaml_number(point["value"])}, color: "{point["color"]}", opacity: {point["opacity"]}}}'
-        )
-    return lines
-
-
-def _yaml_number(value: float) -> str:
-    """As YAML 1.1 reads it back: an exponent needs a point and a sign."""
-    text = repr(value)
-    mantissa, mark, exponent = text.partition("e")
-    if not mark:
-        return text
-    return f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent if exponent[0] in '+-' else '+' + exponent}"
+def _suggested(suggestion: Suggestion) -> Iterator[str]:
+    yield ""
+    yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
+    yield ""
+    yield from transfer_lines(suggestion.transfer, suggestion.notes)
 
 
 def _histogram_marks() -> str:

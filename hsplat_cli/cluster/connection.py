@@ -13,6 +13,7 @@ from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.cores import num_cores
+from hsplat_cli.crew_options import LOCAL
 from hsplat_cli.interrupts import deferrable_interrupts
 from renderer.errors import InputError, RenderError, require_package
 from renderer.schema import show
@@ -20,7 +21,6 @@ from renderer.schema import show
 if TYPE_CHECKING:
     from distributed import Client
 
-LOCAL = "local"
 # Of the scheduler, to answer at all.
 _ANSWER_S = 6.0
 # For clients and processes, to end in peace.

@@ -7,13 +7,12 @@ from typing import Literal
 
 import click
 
-from hsplat_cli.cluster.connection import LOCAL, require_address
+from hsplat_cli.crew_options import CrewSpec, crew_options, require_crew, require_crew_for
 from hsplat_cli.duration import parse_duration
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.job import load_job
 from renderer.errors import InputError
-from renderer.scene import TimeBudget
 
 
 @click.command()
@@ -32,13 +31,7 @@ from renderer.scene import TimeBudget
 @click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even where less than what was asked for can be had.")
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="Draw with N processes; as many as is fastest by default.",
-)
-@click.option("--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler: tcp://node7:8786.")
+@crew_options
 @click.option("--force", is_flag=True, help="Draw again what is there already.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def render(
@@ -60,20 +53,16 @@ def render(
     SCENE is a YAML file. Beside the output comes a JSON file that says how it was made; in place of SCENE it makes the
     same again.
     """
+    crew = CrewSpec(workers, scheduler)
+    require_crew(crew)
     draws: Literal["passes", "film"] = "passes" if progressive else "film"
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output, draws=draws)
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
     if limit is not None and not progressive:
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
-    if scheduler is not None:
-        require_address(scheduler)
-        if progressive or isinstance(job.scene.error.goal, TimeBudget):
-            raise InputError("a budget of time is for one machine, and no scheduler's", where="--scheduler")
-        if workers is not None and scheduler != LOCAL:
-            raise InputError("the workers are those of the scheduler", where="--workers")
+    require_crew_for(crew, job.scene, progressive=progressive)
     with terminated_as_interrupted():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
-        from hsplat_cli.render.crew import CrewSpec  # noqa: PLC0415
         from hsplat_cli.render.film import render_once  # noqa: PLC0415
         from hsplat_cli.render.progressive import render_progressively  # noqa: PLC0415
 
@@ -81,7 +70,7 @@ def render(
         if progressive:
             shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, quiet=quiet)
         else:
-            shortfall = render_once(job, CrewSpec(workers, scheduler), force=force, quiet=quiet)
+            shortfall = render_once(job, crew, force=force, quiet=quiet)
     if shortfall is not None and not best_effort:
         raise shortfall
     if shortfall is not None and not quiet:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from hsplat_cli.cluster.drawer import Cluster, open_cluster
 from hsplat_cli.cores import num_cores
+from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.drawn import Drawer, Drawn, LocalDrawer
 from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers.pool import Pool, open_pool
@@ -24,14 +25,6 @@ _MOST_ON_DEVICE = 4
 _WORKER_BYTES = 400 * 2**20
 # Workers take about a second of several cores until they are ready, which must be worth it.
 _WORTH_S = 4.0
-
-
-@dataclass(frozen=True)
-class CrewSpec:
-    """workers: processes that draw; None for as many as is fastest. scheduler: address of a cluster's, or `local`."""
-
-    workers: int | None = None
-    scheduler: str | None = None
 
 
 @contextlib.contextmanager

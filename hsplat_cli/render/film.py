@@ -11,13 +11,14 @@ from pathlib import Path
 import click
 
 from hsplat_cli.cores import num_cores
+from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.drawn import Drawer, Drawn
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
 from hsplat_cli.render.cause import Marks, cause_of_frames, made_before
-from hsplat_cli.render.crew import CrewSpec, open_crew
+from hsplat_cli.render.crew import open_crew
 from hsplat_cli.render.done import Done, record, tell
 from hsplat_cli.render.goals import make_plan
 from hsplat_cli.render.kept import find_kept, tell_kept, tell_left

@@ -24,6 +24,7 @@ ROOMS: dict[str, tuple[str, str]] = {
         "words",
     ),
     "volumes": ("readers procedural statistics", "words checks"),
+    "suggestions": ("evidence exposure looks labels suggestion", "words checks volumes"),
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_kernels pyramid_memory emptiness", "words classification"),
     "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
@@ -52,6 +53,7 @@ COMMANDS_MAY_IMPORT = {
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "png", "staging",  # reports
     "camera", "thumbnails", "transfer",  # peers
+    "colormaps", "suggestion",  # scenes without a scene file
     "integrator", "octree", "splats",  # paper
 }  # fmt: skip
 

@@ -61,12 +61,17 @@ EXPECTED = """{path}
     material 1           100 to 100            6.25% of the voxels, median 100
     material 2           200 to 200            3.12% of the voxels, median 200
 
+  looks like   labels: there are 3 values, in large pieces, and 0 is the background
+
 transfer_function:
-  unit: 1.0
+  unit: 0.05
   points:
-    - {{value: 0, color: "#000000", opacity: 0.0}}
-    - {{value: 100, color: "#6680e6", opacity: 0.01}}
-    - {{value: 200, color: "#ffe6b3", opacity: 0.5}}
+    - {{value: 0, color: "#000000", opacity: 0}}  # the background
+    - {{value: 50, color: "#000000", opacity: 0}}
+    - {{value: 50, color: "#e6784a", opacity: 0.439}}  # label 100
+    - {{value: 150, color: "#e6784a", opacity: 0.439}}
+    - {{value: 150, color: "#4a8fd9", opacity: 0.439}}  # label 200
+    - {{value: 200, color: "#4a8fd9", opacity: 0.439}}
 """
 
 

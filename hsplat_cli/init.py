@@ -1,0 +1,48 @@
+"""`hsplat init VOLUME`: a scene file to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hsplat_cli.film_options import FILM_NAMES, film_of, film_options
+from hsplat_cli.suggested_scene import suggest_scene
+from hsplat_cli.volume_names import base_name
+from hsplat_cli.volume_options import volume_options, volume_spec
+from renderer.errors import InputError
+from renderer.staging import write_staged
+
+
+@click.command()
+@click.argument("volume", type=click.Path(path_type=Path))
+@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write to this file, not to stdout.")
+@click.option("--force", is_flag=True, help="Write over a file that is there.")
+@film_options
+@volume_options(nonfinite="lowest")
+def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None, **options: Any) -> None:
+    """Write a scene file for a volume, to start from.
+
+    VOLUME is a file, or a folder of slices. The scene is a turntable with a transfer function that suits the values;
+    it goes to the standard output: hsplat init scan.nrrd > scene.yaml
+    """
+    film = film_of(**{name: options.pop(name) for name in FILM_NAMES})
+    if output is not None and output.exists() and not force:
+        raise InputError(
+            "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
+        )
+    scene = suggest_scene(
+        volume_spec(volume, **options),
+        film,
+        colormap=colormap,
+        scene=output or Path("scene.yaml"),
+        output=Path(f"{base_name(volume)}.mp4"),
+    )
+    click.echo(f"{volume}: {scene.kind}; {scene.reason}", err=True)
+    if output is None:
+        # As bytes: a terminal's encoding does not concern the file that this may become.
+        click.echo(scene.text.encode(), nl=False)
+    else:
+        write_staged(output, scene.text.encode())
+        click.echo(f"{output}: written; `hsplat render {output}` makes the film", err=True)

@@ -1,0 +1,250 @@
+"""A volume to a transfer function that shows what is in it, and the reason in words.
+
+First the kind of data is recognised, by the values alone: labels, computed tomography in Hounsfield units, values on
+both sides of a background, an object brighter or darker than its background, a volume that is filled. Each has its
+look (`renderer.looks`), whose amounts are exposed like a photograph (`renderer.exposure`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from renderer import looks
+from renderer.evidence import Background, Sample, find_background, roughness, split, take_sample
+from renderer.exposure import expose, opacity_of, unit_for, whole
+from renderer.labels import label_mapping, label_outside, label_values
+from renderer.looks import Look
+from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, TransferSpec
+from renderer.statistics import Statistics
+from renderer.volume import Float64, Volume
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """kind: what the data are taken for. reason: by which signs, a clause without a full stop.
+    transfer: the transfer function, with its unit. notes: a word about each of its points, mostly empty.
+    shading: or None where there are no surfaces."""
+
+    kind: str
+    reason: str
+    transfer: TransferSpec
+    notes: tuple[str, ...]
+    shading: ShadingSpec | None
+
+
+def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
+    """A transfer function for a volume whose statistics (`renderer.statistics.measure`) are known.
+
+    colormap: a name to take the colours from, in place of those that suit the kind of data.
+    """
+    if statistics.minimum == statistics.maximum:
+        return _constant(volume, float(statistics.minimum), colormap)
+    sample = take_sample(volume, statistics)
+    background = find_background(sample)
+    values = label_values(volume, statistics, sample)
+    if values is not None:
+        outside = label_outside(sample, values)
+        mapping, notes, unit = label_mapping(sample, values, outside, colormap)
+        kind = "mask" if len(values) == 2 else "labels"
+        reason = f"there are {len(values)} values, in large pieces, and {whole(outside)} is the background"
+        shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
+        return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, shading)
+    zero = hounsfield_zero(statistics)
+    if zero is not None:
+        where = "" if zero == 0 else f", stored with {zero:g} added"
+        reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{where}"
+        look = looks.tomography(sample, zero)
+        return _finished("CT in Hounsfield units", reason, sample, look, colormap)
+    kind, reason, look = _recognised(volume, statistics, sample, background)
+    return _finished(kind, reason, sample, look, colormap)
+
+
+# Signs of the other kinds
+
+# Sides of a background: one that has less than this part of the other one's voxels does not count.
+_ONE_SIDED = 0.15
+# Fields are smoother than this; real numbers are more often computed than measured.
+_SMOOTH, _SMOOTH_FLOAT = 0.45, 0.8
+# Real numbers of such a tail spread over orders of magnitude.
+_SPREAD = 25.0
+# Two phases have at least this part of the variance between them: 0.64 for one normal distribution, 0.75 for even
+# values.
+_TWO_PHASES = 0.85
+# The border of a level set has one sign, here and there excepted.
+_ONE_SIGN = 0.97
+# A filled volume shows values above this percentile.
+_UPPER_HALF = 60.0
+
+
+def _recognised(
+    volume: Volume, statistics: Statistics, sample: Sample, background: Background
+) -> tuple[str, str, Look]:
+    if not background.is_there or background.above + background.below == 0:
+        return _filled(statistics, sample)
+    if min(background.above, background.below) > _ONE_SIDED * max(background.above, background.below):
+        middle = _round(sample.value(background.middle), sample)
+        away = max(background.high - background.middle, 0.04)
+        reason = f"values lie on both sides of a background near {middle:g}"
+        return "field with two signs", reason, looks.diverging(sample, background.middle, away)
+    if background.below > background.above:
+        turned = sample.reflected()
+        kind, reason, look = _object(volume, turned, find_background(turned))
+        return f"{kind}, dark in a bright background", reason, look.reflected()
+    return _object(volume, sample, background)
+
+
+def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
+    """What stands out above the background."""
+    rough = roughness(sample, background.high)
+    near = f"the background is near {_round(sample.value(background.middle), sample):g}"
+    is_float = volume.values.dtype.kind == "f"
+    if is_float and looks.tail(sample, background.high, origin=background.middle) > _SPREAD:
+        look = looks.ramp(sample, background.high, origin=background.middle)
+        return "field with a long tail", f"{near} and the largest values are many times those in the middle", look
+    if rough < (_SMOOTH_FLOAT if is_float else _SMOOTH):
+        look = looks.ramp(sample, background.high, origin=background.middle)
+        return "smooth data", f"{near} and values change smoothly", look
+    return (
+        "scan without an absolute scale",
+        f"{near} and what stands out from it has edges",
+        looks.materials(sample, background),
+    )
+
+
+def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
+    """No background: the volume is full to its border."""
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    middle, spread = float(np.median(sample.shares)), float(np.std(sample.shares))
+    if low < 0 < high and abs(middle - sample.share(0.0)) < spread / 2:
+        look = looks.diverging(sample, sample.share(0.0), 1.2 * spread)
+        return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", look
+    if low < 0 < high:
+        around = float(np.mean(sample.border() > sample.share(0.0)))
+        if around > _ONE_SIGN:
+            look = looks.inside(1 - sample.share(0.0)).reflected()
+            return "level set", "negative values lie inside of positive ones", look
+        if around < 1 - _ONE_SIGN:
+            return "level set", "positive values lie inside of negative ones", looks.inside(sample.share(0.0))
+    found = split(sample.shares, *np.percentile(sample.shares, (0.01, 99.99)).tolist())
+    if found is not None and found.separation > _TWO_PHASES:
+        return "two phases", "there is no background, and values gather in two groups", looks.phases(sample, found)
+    first = float(np.percentile(sample.shares, _UPPER_HALF))
+    look = looks.ramp(sample, first, origin=float(sample.shares.min()))
+    return "filled volume", "there is no background; the upper 40% of the values are shown", look
+
+
+# Computed tomography
+
+# What CT scanners write as 0 Hounsfield units: 0, or what makes their 12 bits positive.
+_ZEROS = (0.0, 1024.0, 1000.0)
+
+
+def hounsfield_zero(statistics: Statistics) -> float | None:
+    """The data value of water if the values are those of a CT scan in Hounsfield units, stored as they are or with 1000
+    or 1024 added; else None.
+
+    Of a scan, air and lungs (-1100 to -700) and soft tissue (-150 to 150) are much more frequent than what is between
+    (-600 to -300), and there is something denser. What lies below -1100 is padding around the scanner's circle.
+    """
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    for zero in _ZEROS:
+        if (zero == 0) != (low < -200) or not 150 < high - zero < 40_000 or low - zero < -9000:
+            continue
+        if zero and high > 5200:
+            continue
+        values = statistics.bins - zero
+        air, between, soft = (
+            float(statistics.counts[(values >= a) & (values < b)].sum()) / (b - a)
+            for a, b in ((-1100, -700), (-600, -300), (-150, 150))
+        )
+        if zero and not _is_narrow(statistics, values):
+            continue
+        if min(air, soft) > 1.5 * between and soft * 300 > 0.01 * float(statistics.counts.sum()):
+            return zero
+    return None
+
+
+def _is_narrow(statistics: Statistics, values: Float64) -> bool:
+    """Whether soft tissue has a narrow peak, as only an absolute scale gives it: half of -300 to 300 within 150."""
+    counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
+    widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
+    return widest > 0.5 * sum(counts) > 0
+
+
+# From a look to a transfer function
+
+# About two thirds of a diagonal's light are held back.
+_CONSTANT_OPACITY = 0.02
+
+
+def _constant(volume: Volume, value: float, colormap: str | None) -> Suggestion:
+    unit = unit_for(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
+    reason = f"every voxel is {whole(value)}, so that there is nothing to tell apart"
+    points = [ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)]
+    return _from_points("constant volume", reason, Look((), (), None), points, ("",), unit, colormap)
+
+
+def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str | None) -> Suggestion:
+    unit = unit_for(sample.diagonal)
+    knots = sorted({at for layer in look.layers for at, _ in layer.knots})
+    depths = np.zeros(len(knots))
+    for layer in look.layers:
+        at, weights = np.array(layer.knots, np.float64).T
+        depths += expose(sample, layer) * np.interp(knots, at, weights)
+    if not depths.max() > 0:  # nothing that was looked for is in the sample
+        low, high = sorted((sample.minimum, sample.maximum))
+        plain = Look((), (), None)
+        return _from_points(kind, reason, plain, _ramp_over(low, high), ("", ""), unit, colormap)
+    where, colors = [at for at, _ in look.colors], np.array([color for _, color in look.colors])
+    points: dict[float, ControlPoint] = {}
+    notes: dict[float, str] = {}
+    for at, depth in zip(knots, depths.tolist(), strict=True):
+        value = _round(sample.value(at), sample)
+        r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
+        points[value] = ControlPoint(value, (r, g, b), opacity_of(depth, unit, sample.diagonal))
+        starting = [layer.name for layer in look.layers if layer.name and _peak(layer.knots) == at]
+        notes[value] = ", ".join(starting)
+    ordered = sorted(points)
+    told = tuple(notes[value] for value in ordered)
+    return _from_points(kind, reason, look, [points[value] for value in ordered], told, unit, colormap)
+
+
+def _ramp_over(low: float, high: float) -> list[ControlPoint]:
+    """For values so odd that no sign of theirs led anywhere."""
+    return [ControlPoint(low, (0.0, 0.0, 0.0), 0.0), ControlPoint(high, (1.0, 0.93, 0.80), 0.3)]
+
+
+def _from_points(
+    kind: str,
+    reason: str,
+    look: Look,
+    points: Sequence[ControlPoint],
+    notes: tuple[str, ...],
+    unit: float,
+    colormap: str | None,
+) -> Suggestion:
+    if colormap is None:
+        return Suggestion(kind, reason, TransferSpec(tuple(points), unit), notes, look.shading)
+    low, high = points[0].value, points[-1].value
+    span = (low, high) if low < high else (low - max(1.0, abs(low)), low + max(1.0, abs(low)))
+    mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in points))
+    return Suggestion(kind, reason, TransferSpec(mapping, unit), (), look.shading)
+
+
+def _peak(knots: tuple[tuple[float, float], ...]) -> float:
+    """Where a layer first has all its weight."""
+    most = max(weight for _, weight in knots)
+    return next(at for at, weight in knots if weight == most)
+
+
+def _round(value: float, sample: Sample) -> float:
+    """To about a thousandth of the range, so that it can be read; where there are no such decimals, as it is."""
+    extent = abs(sample.maximum / 2 - sample.minimum / 2) * 2
+    if not 1e-290 < extent < 1e290:
+        return value
+    decimals = 3 - math.floor(math.log10(extent))
+    return float(round(value, max(decimals, 0))) + 0.0 if decimals > -12 else float(f"{value:.5g}")

@@ -1,0 +1,139 @@
+"""What a user reads when `hsplat init` or `hsplat turntable` cannot do what was asked; and that nothing was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsplat_cli import main
+
+KNOWN = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
+
+# Arguments after `turntable -o out`, exit code and the whole text.
+REFUSED = {
+    "nothing there": (["no/where.npy"], 2, "no/where.npy: no such file or folder\n"),
+    "a similar name": (["scam.npy"], 2, "scam.npy: no such file or folder\n  hint: did you mean scan.npy?\n"),
+    "an empty glob": (
+        ["scan.npy", "*.dcm"],
+        2,
+        "*.dcm: no file matches this pattern\n  hint: it is relative to /scans\n",
+    ),
+    "a folder without slices": (
+        ["empty"],
+        2,
+        "empty: this folder holds neither a DICOM series nor TIFF slices\n  got: an empty folder\n"
+        "  expected: the files of one DICOM series, or .tif files, directly in the folder\n",
+    ),
+    "slices one by one": (
+        ["series/*.dcm"],
+        2,
+        "series: 2 DICOM files of one folder would be a film each\n"
+        "  hint: name the folder: its files are the slices of one volume\n",
+    ),
+    "text": (
+        ["notes.txt"],
+        2,
+        f"notes.txt: this is not a volume in a known format, or it is damaged\n  expected: {KNOWN}\n"
+        "  hint: voxels without a header are read with `raw: {file, shape, dtype, spacing}`\n",
+    ),
+    "a colormap": (
+        ["scan.npy", "--colormap", "virids"],
+        2,
+        "--colormap: unknown colormap\n  got: 'virids'\n"
+        "  expected: a name such as viridis, gray, cividis_r or crameri:batlow\n  hint: did you mean viridis?\n",
+    ),
+    "a background": (
+        ["scan.npy", "--background", "blak"],
+        2,
+        "--background: output.background: not a color\n  got: 'blak'\n"
+        '  expected: a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white\n'
+        "  hint: did you mean black?\n",
+    ),
+    "a transparent film": (
+        ["scan.npy", "--background", "transparent"],
+        2,
+        "--background: output.background: a transparent background in .mp4\n  expected: a color\n"
+        "  hint: only PNG frames can be transparent: file: frames/{frame:04}.png\n",
+    ),
+    "an odd size": (
+        ["scan.npy", "--size", "33"],
+        2,
+        "--size: output.size: odd sizes cannot be encoded as MP4\n  got: [33, 33]\n  expected: even numbers\n"
+        "  hint: the nearest is [34, 34]\n",
+    ),
+    "a scene of that name": (
+        ["other/scan.npy"],
+        2,
+        "out/scan.yaml: there is another scene of this name, perhaps one that was changed by hand\n"
+        "  hint: `hsplat render out/scan.yaml` renders it as it is; --force writes over it\n",
+    ),
+    "half a headerless volume": (
+        ["scan.npy", "--shape", "2,2,2"],
+        2,
+        "a headerless file needs both --shape and --dtype\n  got: --shape\n",
+    ),
+}
+
+
+@pytest.fixture(autouse=True)
+def scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("empty", "series", "other", "out"):
+        Path(folder).mkdir()
+    for file in ("series/1.dcm", "series/2.dcm", "out/scan.yaml"):
+        Path(file).touch()
+    Path("notes.txt").write_text("a text", encoding="utf-8")
+    np.save("scan.npy", np.arange(64).reshape(4, 4, 4))
+    np.save("other/scan.npy", np.arange(64).reshape(4, 4, 4))
+    return tmp_path
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused(case: str, scans: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments, code, text = REFUSED[case]
+    assert main.run(["turntable", *arguments, "-o", "out", "--quiet"]) == code
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.replace(str(scans), "/scans") == text
+    assert {path.name for path in Path("out").iterdir()} <= {"scan.yaml", "turntable.json"}
+    assert Path("out/scan.yaml").read_bytes() == b""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["x.npy", "--frames", "0"], "Invalid value for '--frames': 0 is not in the range 1<=x<=1000000."),
+        (["x.npy", "--size", "1x2x3"], "Invalid value for '--size': '1x2x3' is not a size such as 512 or 640x480, of"),
+        (["x.npy", "--elevation", "91"], "Invalid value for '--elevation': 91.0 is not in the range -90<=x<=90."),
+        ([], "Missing argument 'VOLUME...'."),
+    ],
+)
+def test_usage(arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["turntable", "-o", "out", *arguments]) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_a_folder_that_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["turntable", "scan.npy", "-o", "notes.txt/films"]) == 2
+    assert capsys.readouterr().err == (
+        "notes.txt/films/scan.yaml: the folder of the output is a file\n  got: notes.txt\n"
+    )
+
+
+def test_init_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["init", "scan.npy", "--output", "notes.txt"]) == 2
+    assert capsys.readouterr().err == (
+        "notes.txt: there is a file of this name\n  hint: --force writes over it; --output names another one\n"
+    )
+
+
+def test_what_was_chosen_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["init", "scan.npy"]) == 0
+    said = capsys.readouterr()
+    assert said.err == "scan.npy: filled volume; there is no background; the upper 40% of the values are shown\n"
+    assert said.out.startswith(
+        "# A turntable of scan.npy: filled volume;\n# there is no background; the upper 40% of the values are shown.\n"
+    )

@@ -1,0 +1,179 @@
+"""Small volumes of every kind of data that transfer functions are suggested for, from formulas and seeded noise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+
+N = 48
+
+
+def axes(n: int = N) -> tuple[Array, Array, Array]:
+    """z, y, x from -1 to 1, [n, n, n] each."""
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, n)] * 3, indexing="ij")
+    return z, y, x
+
+
+def ball(centre: tuple[float, float, float], radius: float, n: int = N) -> Array:
+    """Whether a voxel is in a ball; `centre` is z, y, x."""
+    return np.sqrt(sum((axis - c) ** 2 for axis, c in zip(axes(n), centre, strict=True))) < radius
+
+
+def blurred(values: Array) -> Array:
+    """A box of three voxels along each axis."""
+    for axis in range(3):
+        padded = np.pad(values, [(1, 1) if k == axis else (0, 0) for k in range(3)], mode="edge")
+        values = sum(np.take(padded, np.arange(k, k + values.shape[axis]), axis) for k in range(3)) / 3
+    return values
+
+
+def noise(seed: int, n: int = N) -> Array:
+    """Normal, of deviation 1."""
+    return np.random.Generator(np.random.PCG64(seed)).normal(size=(n, n, n))
+
+
+def head_in_hounsfield_units(n: int = N) -> Array:
+    """int16: a skull with a hole in it, brain, a table, and padding outside of the scanner's circle."""
+    _, y, x = axes(n)
+    values = np.full((n, n, n), -1000.0)
+    values[(np.abs(y - 0.85) < 0.06) & (np.abs(x) < 0.5)] = -100
+    values[ball((0, 0, 0), 0.7, n)] = 40
+    values[ball((0, 0, 0), 0.62, n) & ~ball((0, -0.6, 0), 0.2, n)] = 1100
+    values[ball((0, 0, 0), 0.52, n)] = 35
+    values = np.maximum(blurred(values) + 15 * noise(1, n), -1024)
+    values[x**2 + y**2 > 1] = -3024
+    return values.astype(np.int16)
+
+
+def head_as_unsigned() -> Array:
+    """The same with 1024 added, as uint16, and without padding."""
+    return (np.maximum(head_in_hounsfield_units().astype(np.int32), -1024) + 1024).astype(np.uint16)
+
+
+def magnetic_resonance() -> Array:
+    """int16: a head with fat around the brain, an uneven coil and the noise of a magnitude image."""
+    _, y, x = axes()
+    values = np.zeros((N, N, N))
+    values[ball((0, 0, 0), 0.8)] = 700
+    values[ball((0, 0, 0), 0.7)] = 60
+    values[ball((0, 0, 0), 0.64)] = 380
+    values[ball((0, 0.2, 0.2), 0.25)] = 520
+    values = blurred(values) * np.exp(-0.4 * ((x + 0.4) ** 2 + (y - 0.2) ** 2))
+    return np.hypot(values + 20 * noise(2), 20 * noise(3)).astype(np.int16)
+
+
+def microscopy() -> Array:
+    """uint16: bright points on a noisy ground."""
+    values = np.zeros((N, N, N))
+    generator = np.random.Generator(np.random.PCG64(4))
+    for z, y, x in generator.integers(3, N - 3, (40, 3)):
+        values[z, y, x] += generator.uniform(20_000, 60_000)
+    return np.clip(blurred(blurred(values)) + 110 + 12 * noise(5), 0, 65535).astype(np.uint16)
+
+
+def two_materials(dtype: str) -> Array:
+    """A light block with dense balls in it, in the upper part of the range of an unsigned type."""
+    scale = np.iinfo(dtype).max / 255
+    values = np.full((N, N, N), 12.0)
+    values[8:-8, 8:-8, 8:-8] = 95
+    values[ball((0.2, 0.2, 0), 0.3) | ball((-0.3, -0.2, 0.1), 0.2)] = 220
+    return np.clip((blurred(values) + 3 * noise(6)) * scale, 0, np.iinfo(dtype).max).astype(dtype)
+
+
+def signed() -> Array:
+    """float32: two lobes of either sign that fade to 0."""
+    z, y, x = axes()
+    return (x * np.exp(-6 * (x**2 + y**2 + z**2))).astype(np.float32)
+
+
+def filled_signed() -> Array:
+    """float32: waves of both signs up to the border."""
+    z, y, x = axes()
+    waves = (np.sin(7 * x + 2 * y) * np.cos(6 * y - z), np.sin(9 * z + x), np.cos(5 * x - 6 * z + 1))
+    return np.asarray(sum(waves) - np.mean(sum(waves)), np.float32)
+
+
+def density() -> Array:
+    """float32: a density that falls off over six orders of magnitude."""
+    z, y, x = axes()
+    return (1e-24 * np.exp(-14 * np.sqrt(x**2 + y**2 + z**2))).astype(np.float32)
+
+
+def plume() -> Array:
+    """float64, a tiny range on a large offset: smooth, with nothing around it."""
+    z, y, x = axes()
+    return 3e-9 + 1e-12 * np.exp(-(x**2 + y**2) / (0.02 + 0.05 * (z + 1)) - z**2)
+
+
+def labels() -> Array:
+    """uint8: a body around three organs."""
+    values = np.zeros((N, N, N), np.uint8)
+    for number, (centre, radius) in enumerate(
+        (((0.0, 0.0, 0.0), 0.85), ((0.3, 0.0, 0.0), 0.25), ((-0.3, 0.2, 0.0), 0.25), ((0.0, -0.4, 0.3), 0.2))
+    ):
+        values[ball(centre, radius)] = (1, 2, 3, 11)[number]
+    return values
+
+
+def many_labels() -> Array:
+    """uint16: a ball of 64 boxes."""
+    z, y, x = np.meshgrid(*[np.arange(N) // 12] * 3, indexing="ij")
+    return np.where(ball((0, 0, 0), 0.95), 1 + x + 4 * y + 16 * z, 0).astype(np.uint16)
+
+
+def dark_object() -> Array:
+    """uint8: the background is the brightest value."""
+    return (255 - two_materials("uint8")).astype(np.uint8)
+
+
+def phases() -> Array:
+    """uint8: pores in a stone that fills the volume."""
+    z, y, x = axes()
+    pores = np.sin(8 * x) + np.sin(8 * y + 1) + np.sin(8 * z + 2)
+    return np.clip(np.where(pores > 0.2, 60, 150) + 8 * noise(7), 0, 255).astype(np.uint8)
+
+
+def temperature() -> Array:
+    """float32: a layered room with a hot spot, visible everywhere."""
+    z, y, x = axes()
+    return (293 + 20 * z + 60 * np.exp(-(x**2 + y**2 + z**2) / 0.1)).astype(np.float32)
+
+
+def distance() -> Array:
+    """float32: the signed distance from two balls that touch, negative inside."""
+    z, y, x = axes()
+    return np.minimum(np.sqrt((x - 0.3) ** 2 + y**2 + z**2) - 0.4, np.sqrt((x + 0.4) ** 2 + y**2 + z**2) - 0.3).astype(
+        np.float32
+    )
+
+
+# Each with the kind that it is to be taken for.
+KINDS: dict[str, tuple[Array, str]] = {
+    "head": (head_in_hounsfield_units(), "CT in Hounsfield units"),
+    "head as float32": (head_in_hounsfield_units().astype(np.float32), "CT in Hounsfield units"),
+    "head as uint16": (head_as_unsigned(), "CT in Hounsfield units"),
+    "magnetic resonance": (magnetic_resonance(), "scan without an absolute scale"),
+    "microscopy": (microscopy(), "smooth data"),
+    "uint8": (two_materials("uint8"), "scan without an absolute scale"),
+    "uint16": (two_materials("uint16"), "scan without an absolute scale"),
+    "12 bits": (two_materials("uint16") // 16, "scan without an absolute scale"),
+    "signed": (signed(), "field with two signs"),
+    "filled, signed": (filled_signed(), "field with two signs"),
+    "density": (density(), "field with a long tail"),
+    "plume": (plume(), "smooth data"),
+    "labels": (labels(), "labels"),
+    "labels as float64": (labels().astype(np.float64), "labels"),
+    "many labels": (many_labels(), "labels"),
+    "mask": ((labels() > 1).astype(np.uint8) * 255, "mask"),
+    "inverted mask": (((labels() < 2) * 1.5).astype(np.float32), "mask"),
+    "dark object": (dark_object(), "scan without an absolute scale, dark in a bright background"),
+    "phases": (phases(), "two phases"),
+    "distance": (distance(), "level set"),
+    "distance, reversed": (-distance(), "level set"),
+    "temperature": (temperature(), "filled volume"),
+    "constant": (np.full((N, N, N), -7.5), "constant volume"),
+}

@@ -1,0 +1,231 @@
+"""`hsplat init` and `hsplat turntable`, from volumes to the last byte of what they write."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+import yaml
+from kinds_of_data import KINDS
+
+from hsplat_cli import main
+from hsplat_cli.scene_file import load_scene
+from hsplat_cli.turntable import batch
+
+CODE = Path(main.__file__).parents[1]
+SMALL = ["--frames", "3", "--size", "32", "--quiet"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with three volumes in `in`."""
+    monkeypatch.chdir(tmp_path)
+    Path("in").mkdir()
+    for name in ("uint8", "signed", "labels"):
+        np.save(f"in/{name}.npy", KINDS[name][0][8:40, 8:40, 8:40])
+    return tmp_path
+
+
+@pytest.fixture(autouse=True)
+def _listen_to_interrupts() -> Iterator[None]:
+    """A shell's background job, as CI may be, is started deaf to SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def turntable(*arguments: str) -> int:
+    return main.run(["turntable", *arguments])
+
+
+def report(folder: str = "out") -> list[dict[str, Any]]:
+    films: list[dict[str, Any]] = json.loads(Path(folder, "turntable.json").read_text(encoding="utf-8"))["films"]
+    return films
+
+
+def files(folder: str) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in Path(folder).rglob("*") if path.is_file())
+
+
+def test_init_writes_a_scene_that_renders(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
+    assert main.run(["init", "in/uint8.npy", "--frames", "2", "--size", "32x24"]) == 0
+    said = capfdbinary.readouterr()
+    assert said.err.startswith(b"in/uint8.npy: scan without an absolute scale; the background is near ")
+    Path("scene.yaml").write_bytes(said.out)
+    assert main.run(["check", "scene.yaml"]) == 0
+    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
+    assert imageio.imread("uint8.mp4", plugin="FFMPEG").shape == (2, 24, 32, 3)
+
+
+def test_init_and_info_suggest_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("uint8", "signed", "labels"):
+        assert main.run(["init", f"in/{name}.npy", "--output", f"{name}.yaml"]) == 0
+        capsys.readouterr()
+        assert main.run(["info", f"in/{name}.npy", "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)["transfer_function"]
+        assert yaml.safe_load(Path(f"{name}.yaml").read_text(encoding="utf-8"))["transfer_function"] == told
+
+
+def test_init_does_not_write_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine.yaml").write_text("mine", encoding="utf-8")
+    assert main.run(["init", "in/uint8.npy", "--output", "mine.yaml"]) == 2
+    assert Path("mine.yaml").read_text(encoding="utf-8") == "mine"
+    assert main.run(["init", "in/uint8.npy", "--output", "mine.yaml", "--force"]) == 0
+    assert load_scene(Path("mine.yaml")).output.file == Path("uint8.mp4")
+
+
+def test_headerless_volume() -> None:
+    KINDS["uint16"][0].tofile("scan.raw")
+    reading = ["--shape", "48,48,48", "--dtype", "uint16", "--spacing", "1,1,0.5"]
+    assert turntable("scan.raw", "-o", "out", *SMALL, *reading) == 0
+    source = load_scene(Path("out/scan.yaml")).volume.source
+    assert source.file.samefile("scan.raw")  # type: ignore[union-attr]
+    assert source.spacing == (1.0, 1.0, 0.5)  # type: ignore[union-attr]
+
+
+def test_one_volume() -> None:
+    assert turntable("in/uint8.npy", "-o", "out/deep", *SMALL) == 0
+    assert files("out/deep") == ["turntable.json", "uint8.mp4", "uint8.mp4.json", "uint8.yaml"]
+    (record,) = report("out/deep")
+    assert record["volume"] == "in/uint8.npy"
+    assert (record["status"], record["frames"]) == ("done", 3)
+    assert record["splats"] > 100
+    film = Path("out/deep/uint8.mp4").read_bytes()
+    Path("out/deep/uint8.mp4").unlink()
+    assert main.run(["render", "out/deep/uint8.yaml", "--quiet"]) == 0
+    assert Path("out/deep/uint8.mp4").read_bytes() == film
+
+
+def test_options_reach_the_scene() -> None:
+    options = ["--elevation", "-5", "--axis", "y", "--fps", "10", "--background", "white", "--tolerance", "0.5"]
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL, *options, "--colormap", "viridis", "--format", "gif") == 0
+    scene = load_scene(Path("out/uint8.yaml"))
+    assert scene.camera.path.elevation == -5  # type: ignore[union-attr]
+    assert scene.camera.path.axis == (0.0, 1.0, 0.0)
+    assert (scene.output.frames_per_second, scene.output.background) == (10.0, (1.0, 1.0, 1.0))
+    assert scene.error.tolerance == ((0, 0.5),)
+    assert scene.transfer_function.mapping.name == "viridis"  # type: ignore[union-attr]
+    assert imageio.imread("out/uint8.gif", index=None).shape[0] == 3
+
+
+def test_frames_as_pictures() -> None:
+    assert turntable("in/labels.npy", "-o", "out", *SMALL, "--format", "png", "--background", "transparent") == 0
+    frames = ["labels/0000.png", "labels/0001.png", "labels/0002.png", "labels/frames.json"]
+    assert files("out") == ["labels.yaml", *frames, "turntable.json"]
+    assert imageio.imread("out/labels/0000.png").shape == (32, 32, 4)
+
+
+def test_several_volumes_of_which_one_fails(capfd: pytest.CaptureFixture[str]) -> None:
+    Path("in/broken.npy").write_bytes(b"\x93NUMPY nothing")
+    Path("numpy.py").write_text("raise SystemExit", encoding="utf-8")  # not to be imported
+    assert turntable("in/*.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
+    said = capfd.readouterr()
+    table = [line.split() for line in said.out.splitlines()]
+    assert table[0] == ["volume", "status", "kind", "frames", "splats", "seconds", "film"]
+    assert [row[:2] for row in table[1:]] == [
+        ["in/broken.npy", "failed"],
+        ["in/labels.npy", "done"],
+        ["in/signed.npy", "done"],
+        ["in/uint8.npy", "done"],
+    ]
+    assert said.err.endswith("out: 1 of 4 films could not be made\n")
+    records = report()
+    assert [record["status"] for record in records] == ["failed", "done", "done", "done"]
+    assert records[0]["exit_code"] == 2
+    assert records[0]["error"].startswith("in/broken.npy: ")
+    assert records[0]["error"] in said.err
+    assert "broken.mp4" not in files("out") and "broken.yaml" not in files("out")
+
+
+def test_volumes_of_the_same_name() -> None:
+    Path("a").mkdir()
+    Path("a/uint8.npy").write_bytes(Path("in/signed.npy").read_bytes())
+    assert turntable("in/uint8.npy", "a/uint8.npy", "-o", "out", *SMALL) == 0
+    assert [(record["film"], record["kind"]) for record in report()] == [
+        ("out/in_uint8.mp4", "scan without an absolute scale"),
+        ("out/a_uint8.mp4", "field with two signs"),
+    ]
+
+
+def test_a_scene_that_was_edited_is_not_lost(capfd: pytest.CaptureFixture[str]) -> None:
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0  # what it would write is there
+    scene = Path("out/uint8.yaml")
+    edited = scene.read_text(encoding="utf-8").replace("elevation: 20", "elevation: 30")
+    scene.write_text(edited, encoding="utf-8")
+    film = Path("out/uint8.mp4").read_bytes()
+    capfd.readouterr()
+    assert turntable("in/uint8.npy", "in/signed.npy", "-o", "out", *SMALL) == 1
+    assert "out/uint8.yaml: there is another scene of this name" in capfd.readouterr().err
+    assert [record["status"] for record in report()] == ["failed", "done"]
+    assert scene.read_text(encoding="utf-8") == edited
+    assert Path("out/uint8.mp4").read_bytes() == film
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL, "--force") == 0
+    assert scene.read_text(encoding="utf-8") != edited
+
+
+def test_odd_names() -> None:
+    names = ["-dash.npy", "two\nlines.npy", "a b'c\"d: {frame}.npy", os.fsdecode(b"\xff.npy")]
+    for name in names:
+        Path(name).write_bytes(Path("in/labels.npy").read_bytes())
+    assert turntable("-o", "out", *SMALL, "--", *names) == 0
+    assert [record["status"] for record in report()] == ["done"] * 4
+    assert len([name for name in files("out") if name.endswith(".mp4")]) == 4
+
+
+def test_a_process_that_is_killed_fails_alone(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    start = subprocess.Popen
+
+    def started(arguments: list[str], **options: Any) -> subprocess.Popen[str]:
+        process: subprocess.Popen[str] = start(arguments, **options)
+        if arguments[-1] == "in/signed.npy":
+            Path(f"out/.signed.mp4.partial-{process.pid}").touch()
+            process.kill()
+        return process
+
+    monkeypatch.setattr(batch.subprocess, "Popen", started)
+    assert turntable("in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
+    assert [record["status"] for record in report()] == ["done", "failed", "done"]
+    assert not [name for name in files("out") if "signed" in name]
+    message = (
+        "in/signed.npy: the process that made this film ended early\n"
+        "  got: killed by SIGKILL, perhaps for want of memory\n"
+    )
+    assert message in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_the_batch_and_says_what_is_done(number: signal.Signals) -> None:
+    """The signal comes to the parent alone, while the second film is made: its process ends and leaves nothing half."""
+    arguments = ["turntable", "in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", "--frames", "500"]
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hsplat_cli", *arguments, "--size", "16"],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not list(Path("out").glob(".signed.mp4*")):
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.endswith("hsplat: interrupted\n")
+    assert [record["status"] for record in report()] == ["done", "interrupted", "not begun"]
+    assert [line.split()[1] for line in out.splitlines()[-3:]] == ["done", "interrupted", "not"]
+    names = [*(f"labels.{end}" for end in ("mp4", "mp4.json", "yaml")), "signed.yaml", "turntable.json"]
+    assert files("out") == names

@@ -1,0 +1,158 @@
+"""The text of a scene says what was meant, whatever the names and numbers in it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsplat_cli.scene_file import load_scene
+from hsplat_cli.scene_text import FilmOptions, number, plain_text, quoted, scene_text
+from hsplat_cli.yaml_tree import read_tree
+from renderer.scene import (
+    ColormapSpec,
+    ControlPoint,
+    FileSource,
+    RawSource,
+    ShadingSpec,
+    TransferSpec,
+    TurntablePath,
+    VolumeSpec,
+)
+from renderer.suggestion import Suggestion
+
+POINTS = (ControlPoint(-1e-7, (0.0, 0.0, 0.0), 0.0), ControlPoint(3.0, (1.0, 0.2, 0.4), 0.999))
+SUGGESTION = Suggestion("scan", "it has edges", TransferSpec(POINTS, 0.5), ("", "the object"), ShadingSpec())
+
+_NO_BRACES = str.maketrans("{}", "__")
+
+NAMES = [
+    "scan.npy",
+    "a scan.npy",
+    'it\'s "quoted".npy',
+    "key: value.npy",
+    "# comment.npy",
+    "-dash.npy",
+    "new\nline.npy",
+    "tab\tand\x7f.npy",
+    "Größe 数据 🙂.npy",
+    "\u2028\x85.npy",
+    "null",
+    "1e3",
+    "back\\slash.npy",
+    "{frame}.npy",
+    "&anchor *alias !tag %.npy",
+    os.fsdecode(b"bytes \xff\xfe.npy"),
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_name_is_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """From the scene's folder, which is neither the volume's nor the current one."""
+    monkeypatch.chdir(tmp_path)
+    Path("data").mkdir()
+    Path("scenes").mkdir()
+    volume = Path("data", name)
+    volume.touch()
+    text = scene_text(
+        VolumeSpec(FileSource(volume)),
+        SUGGESTION,
+        FilmOptions(),
+        folder=Path("scenes"),
+        output=Path("out", f"{name}.mp4".translate(_NO_BRACES)),
+        is_float=False,
+    )
+    Path("scenes/scene.yaml").write_bytes(text.encode())
+    scene = load_scene(Path("scenes/scene.yaml"))
+    assert isinstance(scene.volume.source, FileSource)
+    assert scene.volume.source.file.samefile(volume)
+    assert scene.output.file == Path("out", f"{name}.mp4".translate(_NO_BRACES))
+
+
+def test_all_that_is_said_is_read(tmp_path: Path) -> None:
+    (tmp_path / "a.raw").write_bytes(bytes(12 + 48))
+    source = RawSource(tmp_path / "a.raw", (2, 3, 4), "int16", "big", (0.5, 1.0, 1e-5), 12)
+    film = FilmOptions(7, -12.5, "-x", 1e-9, (640, 480), 12.5, "#ff8000")
+    colormap = TransferSpec(ColormapSpec("viridis", (-1.0, 1e22), ((0.0, 0.0), (1e-9, 0.25))), 1e-7)
+    suggestion = Suggestion("a kind", "a reason", colormap, (), None)
+    text = scene_text(
+        VolumeSpec(source, nonfinite="lowest"),
+        suggestion,
+        film,
+        folder=tmp_path,
+        output=Path("film.mp4"),
+        is_float=True,
+    )
+    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
+    scene = load_scene(tmp_path / "scene.yaml")
+    assert scene.volume == VolumeSpec(source, nonfinite="lowest")
+    assert scene.transfer_function == colormap
+    assert scene.shading is None
+    assert scene.camera.path == TurntablePath(7, elevation=-12.5, axis=(-1.0, 0.0, 0.0))
+    assert scene.camera.target == "visible"
+    assert scene.error.tolerance == ((0, 1e-9),)
+    assert (scene.output.size, scene.output.frames_per_second) == ((640, 480), 12.5)
+    assert scene.output.background == pytest.approx((1.0, 128 / 255, 0.0))
+
+
+def test_the_whole_text() -> None:
+    text = scene_text(
+        VolumeSpec(FileSource(Path("scans/scan.nrrd")), 3, 1),
+        SUGGESTION,
+        FilmOptions(),
+        folder=Path("films"),
+        output=Path("films/scan.mp4"),
+        is_float=True,
+    )
+    assert text == WHOLE
+
+
+WHOLE = """\
+# A turntable of scan.nrrd: scan;
+# it has edges.
+# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.
+version: 1
+
+volume:
+  file: ../scans/scan.nrrd    # relative to this file
+  time: 3
+  component: 1
+  nonfinite: error            # NaN and infinities: error, or lowest, as the lowest finite value
+
+# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.
+transfer_function:
+  unit: 0.5
+  points:
+    - {value: -1.0e-07, color: "#000000", opacity: 0}
+    - {value: 3, color: "#ff3366", opacity: 0.999}  # the object
+
+# Darker where a surface faces away from the light, which turns with the object. Delete it for even light.
+shading: {ambient: 0.3, diffuse: 0.7, light: [1, -1, 1]}
+
+camera:
+  target: visible             # the middle of what can be seen; from as near as shows all of it
+  path: {type: turntable, frames: 120, elevation: 20, axis: z}
+
+error:
+  tolerance: 0.05             # smaller is more exact and slower, 0 draws every visible voxel
+
+output:
+  file: films/scan.mp4        # relative to the current folder
+  size: [512, 512]
+  frames_per_second: 30
+  background: "#000000"
+"""
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_numbers(value: float) -> None:
+    assert read_tree(f"a: {number(value)}").data == {"a": value}
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"])))
+def test_texts(text: str) -> None:
+    assert read_tree(f"a: {quoted(text)}").data == {"a": text}
+    assert read_tree(f"a: 1 # {plain_text(text)}").data == {"a": 1}

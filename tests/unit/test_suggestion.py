@@ -1,0 +1,252 @@
+"""The kinds of data are told apart, and what is suggested for each gives a picture that shows something."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from kinds_of_data import KINDS, head_in_hounsfield_units, labels, signed, two_materials
+
+from renderer.pipeline import prepare, render_frames
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import (
+    CameraSpec,
+    ColormapSpec,
+    ErrorSpec,
+    FileSource,
+    OutputSpec,
+    Scene,
+    TransferSpec,
+    TurntablePath,
+    VolumeSpec,
+)
+from renderer.statistics import measure
+from renderer.suggestion import Suggestion, hounsfield_zero, suggest
+from renderer.transfer import make_transfer
+from renderer.volume import Volume, make_volume
+
+Array = npt.NDArray[Any]
+
+
+def volume_of(values: Array, spacing: float = 1.0) -> Volume:
+    return make_volume(np.ascontiguousarray(values), np.diag([spacing] * 3 + [1.0]), "made up")
+
+
+def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) -> Suggestion:
+    volume = volume_of(values, spacing)
+    return suggest(volume, measure(volume.values), colormap)
+
+
+def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:
+    return list(make_transfer(transfer, spacing).classify(np.array(values))[1])
+
+
+def picture(values: Array, rasterizer: GLRasterizer, size: int = 64) -> Array:
+    """uint8 [size, size, 3]: the second of four frames."""
+    volume = volume_of(values)
+    suggestion = suggest(volume, measure(volume.values))
+    scene = Scene(
+        VolumeSpec(FileSource(Path("made-up.npy"))),
+        suggestion.transfer,
+        CameraSpec(TurntablePath(4, elevation=20), target="visible"),
+        OutputSpec(Path("still.png"), (size, size)),
+        error=ErrorSpec(((0, 0.05),)),
+        shading=suggestion.shading,
+    )
+    stage = prepare(scene, clock=time.perf_counter, num_threads=1, volume=volume)
+    (frame,) = render_frames(stage, [1], rasterizer, clock=time.perf_counter)
+    return np.asarray(frame.image)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_kind(name: str) -> None:
+    values, kind = KINDS[name]
+    assert suggested(values).kind == kind
+
+
+@pytest.mark.parametrize("name", [name for name in KINDS if name != "constant"])
+def test_picture(name: str, rasterizer: GLRasterizer) -> None:
+    """The object covers a part of the picture that is neither a speck nor all of it, neither dim nor burnt out, and is
+    not of one brightness.
+
+    Seen were 0.17 to 0.70 of the picture, a mean of 60 to 175 and deviations of 25 to 72; the bounds leave half as
+    much room again.
+    """
+    image = picture(KINDS[name][0], rasterizer)
+    brightest = image.max(axis=2).astype(float)
+    covered = brightest > 12
+    assert 0.1 < covered.mean() < 0.85
+    assert 40 < brightest[covered].mean() < 210
+    assert brightest[covered].std() > 16
+    assert (image.min(axis=2) > 250).mean() < 0.02
+
+
+def test_a_constant_volume_is_shown_through_and_through(rasterizer: GLRasterizer) -> None:
+    image = picture(np.full((16, 16, 16), 3.0), rasterizer)
+    assert 60 < image.max() < 250
+
+
+@pytest.mark.parametrize("name", ["head", "uint8", "signed", "labels", "density", "phases"])
+@pytest.mark.parametrize("factor", [2, 3])
+def test_the_size_of_the_volume_does_not_matter(name: str, factor: int) -> None:
+    """The same object of `factor` times as many voxels along each axis, each as much smaller: the same opacities per
+    length, within what the edges of a sample of voxels may change."""
+    values = KINDS[name][0][:32, :32, :32]
+    coarse = suggested(values)
+    fine = suggested(values.repeat(factor, 0).repeat(factor, 1).repeat(factor, 2), 1 / factor)
+    at = np.percentile(values, [1, 50, 90, 99, 99.9]).tolist()
+    assert fine.kind == coarse.kind
+    np.testing.assert_allclose(
+        extinction(fine.transfer, *at, spacing=1 / factor), extinction(coarse.transfer, *at), rtol=0.25, atol=1e-2
+    )
+
+
+@pytest.mark.parametrize("name", ["uint8", "signed", "labels", "plume", "microscopy"])
+@pytest.mark.parametrize("scale", [1e-20, 1e-3, 1e6, 1e25])
+def test_the_unit_of_length_does_not_matter(name: str, scale: float) -> None:
+    """A scene in other units of length has the same depths: opacities by a length that is as many times longer."""
+    values = KINDS[name][0]
+    here, there = suggested(values), suggested(values, scale)
+    at = np.percentile(values, [50, 99, 100]).tolist()
+    # Opacities are written with three digits.
+    np.testing.assert_allclose(
+        np.array(extinction(there.transfer, *at, spacing=scale)) * scale,
+        extinction(here.transfer, *at),
+        rtol=0.02,
+        atol=1e-6,
+    )
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1e-30, 0.0), (1e-12, 3e-9), (1e30, 0.0), (0.001, -7.0), (1e300, 1e302)])
+def test_the_unit_of_the_values_does_not_matter(scale: float, offset: float) -> None:
+    """Values that are scaled and shifted, in float64: the same look, at values that are scaled and shifted.
+
+    The control values are rounded to thousandths of the range, and opacities follow where they are.
+    """
+    values = np.asarray(KINDS["dark object"][0], np.float64) + 0.25
+    here, there = suggested(values), suggested(values * scale + offset)
+    at = np.percentile(values, [1, 5, 20, 50, 99])
+    np.testing.assert_allclose(
+        extinction(there.transfer, *(at * scale + offset).tolist()),
+        extinction(here.transfer, *at.tolist()),
+        rtol=0.05,
+        atol=2e-3,
+    )
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("colormap", [None, "viridis"])
+def test_points_ascend_and_the_background_is_clear(name: str, colormap: str | None) -> None:
+    values, kind = KINDS[name]
+    transfer = suggested(values, colormap=colormap).transfer
+    mapping = transfer.mapping
+    if isinstance(mapping, ColormapSpec):
+        at = [value for value, _ in mapping.opacity]
+        assert colormap in (None, mapping.name) and mapping.range[0] < mapping.range[1]
+    else:
+        at = [point.value for point in mapping]
+        assert colormap is None
+    assert all(low <= high for low, high in pairwise(at))
+    assert extinction(transfer, *np.unique(values).tolist())
+    if kind not in ("constant volume", "two phases", "filled volume", "field with two signs"):
+        corner = float(np.median([values[0, 0, 0], values[-1, 0, 0], values[0, -1, -1]]))
+        assert extinction(transfer, corner) == [0.0]
+
+
+def test_hounsfield_units_are_recognised_by_their_peaks() -> None:
+    head = head_in_hounsfield_units()
+    assert hounsfield_zero(measure(head)) == 0
+    assert hounsfield_zero(measure(np.ascontiguousarray(head[:, :, 10:-10]))) == 0  # no padding
+    assert hounsfield_zero(measure((np.maximum(head, -1000) + 1000).astype(np.uint16))) in (1000, 1024)
+    # Other values of the same range: twice as far apart, even ones, those of a seismic survey.
+    assert hounsfield_zero(measure((head // 2).astype(np.int16))) is None
+    assert hounsfield_zero(measure(np.linspace(-1024, 3071, 10_000))) is None
+    normal = np.random.Generator(np.random.PCG64(1)).normal(0, 700, 100_000)
+    assert hounsfield_zero(measure(normal.astype(np.int16))) is None
+
+
+def test_padding_is_not_seen() -> None:
+    transfer = suggested(head_in_hounsfield_units()).transfer
+    assert extinction(transfer, -3024, -1024, -1000, -400) == [0, 0, 0, 0]
+    tissue, bone = extinction(transfer, 40, 1000)
+    assert 0 < 10 * tissue < bone
+
+
+def test_signs_are_alike() -> None:
+    """Both lobes, mirrored, are as dense, in colours of their own."""
+    transfer = make_transfer(suggested(signed()).transfer, 1.0)
+    value = 0.7 * float(signed().max())
+    colors, depths = transfer.classify(np.array([-value, 0.0, value]))
+    assert depths[1] == 0
+    assert depths[0] == pytest.approx(depths[2], rel=0.02)
+    assert colors[0][2] > colors[0][0] and colors[2][0] > colors[2][2]
+
+
+def test_a_label_around_others_is_glass() -> None:
+    transfer = suggested(labels()).transfer
+    none, body, organ, last = extinction(transfer, 0, 1, 2, 11)
+    assert none == 0
+    assert 0 < 5 * body < organ
+    assert organ == pytest.approx(last, rel=0.5)
+
+
+def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
+    values = np.zeros((32, 32, 32), np.uint8)
+    for label, margin in ((5, 2), (1, 6), (3, 10)):
+        values[margin:-margin, margin:-margin, margin:-margin] = label
+    outer, middle, inner = extinction(suggested(values).transfer, 5, 1, 3)
+    assert 0 < 3 * max(outer, middle) < inner
+
+
+def test_smooth_volumes_of_few_levels_are_no_labels() -> None:
+    """Where values change slowly most neighbours are equal, too; but unequal ones are alike."""
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 256)[:96]] * 3, indexing="ij")
+    values = np.rint(60 * np.exp(-3 * (x**2 + y**2 + z**2))).astype(np.uint8)
+    assert suggested(values).kind not in ("labels", "mask")
+
+
+def test_thousands_of_labels() -> None:
+    z, y, x = np.meshgrid(*[np.arange(48) // 4] * 3, indexing="ij")
+    numbers = np.random.Generator(np.random.PCG64(1)).permutation(12**3) * 3
+    values = numbers[x + 12 * y + 144 * z].astype(np.uint16)
+    values[:4] = values[-4:] = 0
+    assert suggested(values).kind == "labels"
+
+
+def test_light_comes_from_above_for_dark_objects_too() -> None:
+    """Gradients point out of a dark object; its light is turned."""
+    bright, dark = (KINDS[name][0] for name in ("uint8", "dark object"))
+    of_bright, of_dark = suggested(bright).shading, suggested(dark).shading
+    assert of_bright is not None and of_dark is not None
+    assert tuple(-part for part in of_bright.light) == of_dark.light
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.zeros((1, 1, 1)),
+        np.array([[[0.0, 1.0]]]),
+        np.array([[[-1e308, 1e308]]]),
+        np.arange(3.0).reshape(3, 1, 1),
+        np.linspace(0, 1, 1000).reshape(10, 10, 10),
+        np.array([0, 2**53 - 1], np.int64).reshape(1, 1, 2),
+        np.full((1, 2, 3), 5e-324) * np.arange(3),
+        np.where(np.arange(8**3) == 77, 255, 0).reshape(8, 8, 8).astype(np.uint8),
+        np.where(np.arange(60**3) == 77, 1e30, 0.5).reshape(60, 60, 60),
+    ],
+    ids=["voxel", "two", "far apart", "three", "ramp", "large", "denormal", "one bright", "one bright of many"],
+)
+def test_odd_volumes_get_something_that_is_visible(values: Array) -> None:
+    suggestion = suggested(values)
+    assert max(extinction(suggestion.transfer, *np.unique(values).tolist())) > 0
+    assert suggestion.transfer.unit is not None and suggestion.transfer.unit > 0
+
+
+def test_suggesting_twice_gives_the_same() -> None:
+    values = two_materials("uint16")
+    assert suggested(values) == suggested(values.copy())

@@ -1,0 +1,106 @@
+"""Which volumes a command line means, and what their films are called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsplat_cli.volume_names import base_name, expand, named
+from renderer.errors import InputError
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def touch(*names: str) -> None:
+    for name in names:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).touch()
+
+
+def names_of(*volumes: str) -> list[str]:
+    return [one.name for one in named([Path(volume) for volume in volumes])]
+
+
+@pytest.mark.parametrize(
+    ("volume", "name"),
+    [
+        ("scan.nrrd", "scan"),
+        ("a/scan.nii.gz", "scan"),
+        ("scan.v2.NII.GZ", "scan.v2"),
+        ("series/", "series"),
+        ("scan", "scan"),
+        ("scan.2024", "scan.2024"),
+        (".nrrd", "volume"),
+        ("-x.npy", "_x"),
+        ("..hidden.npy", "_hidden"),
+        ("a{frame}\n.tif", "a_frame__"),
+        ("Größe 数据.mha", "Größe 数据"),
+    ],
+)
+def test_base_name(volume: str, name: str) -> None:
+    assert base_name(Path(volume)) == name
+
+
+def test_the_current_folder_has_a_name(tmp_path: Path) -> None:
+    assert base_name(Path()) == tmp_path.name
+
+
+@pytest.mark.parametrize(
+    ("volumes", "names"),
+    [
+        (["a.nrrd", "b.nrrd"], ["a", "b"]),
+        (["a/scan.nrrd", "b/scan.nrrd", "other.nrrd"], ["a_scan", "b_scan", "other"]),
+        (["scan.nrrd", "scan.mha"], ["scan.nrrd", "scan.mha"]),
+        (["x/a/scan.nrrd", "y/a/scan.nrrd"], ["a_scan", "a_scan-2"]),
+        (["Scan.nrrd", "b/scan.nrrd"], None),
+        (["x/a/s.nrrd", "y/a/s.nrrd", "a_s-2.nrrd"], None),
+        (["a/x.nrrd", "b/x.nrrd", "b/x.mha"], None),
+    ],
+)
+def test_each_volume_has_a_name_of_its_own(volumes: list[str], names: list[str] | None) -> None:
+    found = names_of(*volumes)
+    assert len({name.lower() for name in found}) == len(volumes)
+    assert names is None or found == names
+
+
+def test_patterns_are_expanded_in_order() -> None:
+    touch("b.npy", "a.npy", "sub/c.npy", "x.txt")
+    assert expand(["*.npy", "a.npy"]) == ([Path("a.npy"), Path("b.npy")], [])
+    assert expand(["**/*.npy"])[0] == [Path("a.npy"), Path("b.npy"), Path("sub/c.npy")]
+
+
+def test_a_name_that_looks_like_a_pattern() -> None:
+    touch("scan[1].npy", "scan1.npy")
+    assert expand(["scan[1].npy"])[0] == [Path("scan[1].npy")]
+
+
+def test_what_is_not_there_is_left_to_its_reader() -> None:
+    assert expand(["missing.npy"]) == ([Path("missing.npy")], [])
+
+
+def test_data_files_are_left_out_beside_their_headers() -> None:
+    np.zeros((2, 2, 2), np.uint8).tofile("engine.raw")
+    Path("engine.nhdr").write_text(
+        "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: engine.raw\n", encoding="ascii"
+    )
+    touch("pair.hdr", "pair.img", "alone.raw")
+    volumes, notes = expand(["*"])
+    assert volumes == [Path("alone.raw"), Path("engine.nhdr"), Path("pair.hdr")]
+    assert notes == ["engine.raw is the data of engine.nhdr", "pair.img is the data of pair.hdr"]
+    assert expand(["engine.raw"]) == ([Path("engine.raw")], [])
+
+
+def test_a_header_whose_data_are_gone_is_left_to_its_reader() -> None:
+    Path("engine.nhdr").write_text("NRRD0004\nencoding: raw\ndata file: gone.raw\n", encoding="ascii")
+    assert expand(["*"]) == ([Path("engine.nhdr")], [])
+
+
+def test_slices_are_no_volumes() -> None:
+    touch("series/1.dcm", "series/2.dcm")
+    with pytest.raises(InputError, match="2 DICOM files of one folder would be a film each"):
+        expand(["series/*.dcm"])
