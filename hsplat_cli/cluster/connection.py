@@ -105,7 +105,7 @@ def _local_cluster(num_workers: int) -> Iterator[Any]:
                     threads_per_worker=1,
                     processes=True,
                     memory_limit=0,  # none: nothing is to be written to disk, and no process to be ended for its size
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",  # not the port that everybody takes
                     silence_logs=logging.CRITICAL,
                 )
             except (OSError, RuntimeError) as error:

@@ -44,7 +44,7 @@ def stage() -> Stage:
 def client() -> Iterator[Client]:
     """Of two workers, of two threads each, that are replaced when they die."""
     with (
-        LocalCluster(n_workers=2, threads_per_worker=2, memory_limit=0, dashboard_address=None) as cluster,
+        LocalCluster(n_workers=2, threads_per_worker=2, memory_limit=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
         yield client
@@ -112,7 +112,7 @@ def test_frames_of_workers_that_die_are_drawn_again(
 
 def test_nobody_is_there(stage: Stage) -> None:
     with (
-        LocalCluster(n_workers=0, dashboard_address=None) as cluster,
+        LocalCluster(n_workers=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
         Cluster(client, "tcp://here:1", patience_s=0.5).drawer(stage) as drawer,
         pytest.raises(RenderError) as caught,
