@@ -207,7 +207,7 @@ def main() -> None:
     arguments = parser.parse_args()
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
-        runs = kill_again_and_again(arguments.kills, Path(folder), (), arguments.seed)
+        runs = kill_again_and_again(arguments.kills, Path(folder), ("--workers", arguments.workers), arguments.seed)
         for number, outcome in enumerate(runs, 1):
             outcomes.append(outcome)
             words = "; ".join(outcome.problems) or "ok"
