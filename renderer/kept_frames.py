@@ -24,7 +24,8 @@ from renderer.staging import explained, write_staged
 Record = Mapping[str, Any]
 
 _FILE = re.compile(r"([0-9]{6,9})\.(json|png)")
-_MOST_BYTES = 2**20  # of a record: some kilobytes are usual
+_MARK = re.compile(r"[0-9a-f]{32}")
+_MOST_BYTES = 2**26  # of a record or a cause; some kilobytes are usual
 _BLOCK = 2**20
 
 
@@ -36,7 +37,7 @@ class KeptFrames:
     afresh: those that are there are of no use in any case.
 
     records: by number, of the frames whose files are what they should be; each has the `digest` of its file.
-    former_cause, num_former: of the frames that were there, with another cause.
+    former_cause, num_former: of the frames that were there, with another cause; empty where it is not known any more.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class KeptFrames:
     ) -> None:
         self._folder, self._output, self._numbers = folder, output, frozenset(numbers)
         self.cause: Record = json.loads(json.dumps(cause))  # as it is read again: tuples are lists
+        self._mark, self._is_told = digest(json.dumps(cause, sort_keys=True).encode()), False
         self.records: dict[int, Record] = {}
         self.former_cause: Record | None = None
         self.num_former = 0
@@ -57,16 +59,20 @@ class KeptFrames:
             forget_frames(folder, output, numbers)
         for number in numbers:
             self._find(number)
+        if self.former_cause is not None and not self.records:
+            forget_frames(folder, output, numbers)
 
     def _find(self, number: int) -> None:
         found = _read(self._own(number, "json"))
         if found is None:
             return
-        cause, record = found
-        if cause == self.cause:
+        mark, record = found
+        if mark == self._mark:
             self.add_former([record])
         else:
-            self.former_cause, self.num_former = cause, self.num_former + 1
+            if self.former_cause is None:
+                self.former_cause = _read_object(_cause_file(self._folder, mark)) or {}
+            self.num_former += 1
             with contextlib.suppress(OSError):
                 for path in (self._own(number, "json"), self._own(number, "png")):
                     path.unlink(missing_ok=True)
@@ -82,7 +88,10 @@ class KeptFrames:
         """Write a frame's picture, then its record; the record with its digest."""
         record = {**record, "digest": digest(png)}
         write_staged(self._file(number), png, self._folder)
-        content = json.dumps({"cause": self.cause, "record": record}).encode()
+        if not self._is_told:
+            write_staged(_cause_file(self._folder, self._mark), json.dumps(self.cause).encode(), self._folder)
+            self._is_told = True
+        content = json.dumps({"cause": self._mark, "record": record}).encode()
         write_staged(self._own(number, "json"), content, self._folder)
         self.records[number] = record
         return record
@@ -111,10 +120,14 @@ def forget_frames(folder: Path, output: OutputSpec, numbers: Iterable[int]) -> N
     """
     own = frozenset(numbers) if is_numbered(output) else None
     with contextlib.suppress(OSError):  # it has vanished: nothing is left
+        others = False
         for path in list(folder.iterdir()):
             name = _FILE.fullmatch(path.name)
             if name and (own is None or int(name[1]) in own):
                 path.unlink(missing_ok=True)
+            others = others or (name is not None and path.exists())
+        for path in [] if others else list(folder.glob("cause-*.json")):
+            path.unlink(missing_ok=True)
 
 
 def digest(content: bytes) -> str:
@@ -161,14 +174,26 @@ def _is_amount(value: Any) -> bool:
     return type(value) in (int, float) and math.isfinite(value) and value >= 0
 
 
-def _read(path: Path) -> tuple[Record, Record] | None:
-    """Cause and record of a frame, if there is a whole one."""
+def _cause_file(folder: Path, mark: str) -> Path:
+    """What frames depend on, once for all of them: of a film with a schedule by frame it is long."""
+    return folder / f"cause-{mark}.json"
+
+
+def _read(path: Path) -> tuple[str, Record] | None:
+    """The mark of the cause and the record of a frame, if there is a whole one."""
+    data = _read_object(path)
+    if data is None or not is_record(data.get("record")):
+        return None
+    mark = data.get("cause")
+    return (mark, data["record"]) if isinstance(mark, str) and _MARK.fullmatch(mark) else None
+
+
+def _read_object(path: Path) -> Record | None:
+    """An object of JSON, if there is a whole one of a size that can be."""
     try:
         if not path.is_file() or path.stat().st_size > _MOST_BYTES:
             return None
         data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return None
-    if not isinstance(data, dict) or not isinstance(data.get("cause"), dict) or not is_record(data.get("record")):
-        return None
-    return data["cause"], data["record"]
+    return data if isinstance(data, dict) else None

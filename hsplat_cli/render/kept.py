@@ -45,9 +45,9 @@ def tell_kept(kept: KeptFrames, job: Job) -> None:
     if kept.records:
         click.echo(f"{len(kept.records)} of {len(job.frames)} frames are there already", err=True)
     if kept.former_cause is not None:
-        why = differences(kept.former_cause, kept.cause)
+        why = f": {differences(kept.former_cause, kept.cause)}" if kept.former_cause else ""
         what = "frames that were there are drawn anew, for they were of another film"
-        click.echo(f"{kept.num_former} {what}: {why}", err=True)
+        click.echo(f"{kept.num_former} {what}{why}", err=True)
 
 
 def tell_left(kept: KeptFrames, job: Job, folder: Path, *, force: bool) -> None:

@@ -35,7 +35,7 @@ GRACE_S = 5.0
 
 SCENE = f"""\
 volume:
-  procedural: {{name: engine_block, shape: [32, 32, 16], seed: 1}}
+  procedural: {{name: engine_block, shape: [64, 64, 32], seed: 1}}
 transfer_function:
   points:
     - {{value: 0, color: black, opacity: 0}}
@@ -45,7 +45,7 @@ camera:
   path: {{type: turntable, frames: {NUM_FRAMES}}}
 output:
   file: out/film.mp4
-  size: [64, 64]
+  size: [256, 256]
 """
 
 

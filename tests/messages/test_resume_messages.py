@@ -112,7 +112,7 @@ def test_a_disk_that_is_full(render: Render, monkeypatch: pytest.MonkeyPatch, ou
     write = Path.write_bytes
 
     def full(path: Path, content: bytes) -> int:
-        if f"3.{suffix}.partial" in path.name:
+        if path.name.startswith((f".000003.{suffix}.partial", f".3.{suffix}.partial")):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         return write(path, content)
 

@@ -70,9 +70,11 @@ def test_they_are_there_again(folder: Path, output: OutputSpec) -> None:
     assert (second.former_cause, second.num_former) == (None, 0)
 
 
-def test_there_is_nothing_but_pictures_and_records(folder: Path, output: OutputSpec) -> None:
+def test_there_is_nothing_but_pictures_records_and_their_cause(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 2)
     expected = {picture_of(folder, output, i) for i in (0, 2)} | {folder / f"00000{i}.json" for i in (0, 2)}
+    (cause,) = folder.glob("cause-*.json")
+    expected.add(cause)
     assert {path for path in folder.parent.rglob("*") if path.is_file()} == expected
 
 
@@ -164,6 +166,24 @@ def test_another_cause(folder: Path, output: OutputSpec) -> None:
     kept.keep(1, png(1), record(1))
     again = reopened(folder, output, other)
     assert (set(again.records), again.former_cause, again.num_former) == ({1}, None, 0)
+
+
+def test_a_cause_that_is_not_known_any_more(folder: Path, output: OutputSpec) -> None:
+    keep(folder, output, 0, 1)
+    (told,) = folder.glob("cause-*.json")
+    told.unlink()
+    assert set(reopened(folder, output).records) == {0, 1}
+    kept = reopened(folder, output, {"versions": {"numpy": "2.1"}})
+    assert (kept.records, kept.former_cause, kept.num_former) == ({}, {}, 2)
+
+
+def test_a_long_cause_is_kept_once(folder: Path, output: OutputSpec) -> None:
+    """As it is where each frame has a tolerance of its own."""
+    long = {"scene": {"error": {"tolerance": {str(frame): 0.1 for frame in range(5000)}}}}
+    keep(folder, output, 0, 1, 2, cause=long)
+    sizes = sorted(path.stat().st_size for path in folder.glob("*.json"))
+    assert sizes[-1] > 50_000 and sizes[-2] < 1000
+    assert set(reopened(folder, output, long).records) == {0, 1, 2}
 
 
 def test_afresh(folder: Path, output: OutputSpec) -> None:
