@@ -47,7 +47,7 @@ class Render:
         """Exit code and what was said on the error stream, but for the progress."""
         code = main.run(["render", "scene.yaml", *SMALL, *arguments])
         lines = self._capsys.readouterr().err.splitlines(keepends=True)
-        return code, "".join(line for line in lines if "frames/s" not in line)
+        return code, "".join(line for line in lines if "frames/s" not in line and "compiling" not in line)
 
     def at_frame(self, number: int, happens: Any) -> None:
         def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
