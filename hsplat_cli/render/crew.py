@@ -14,6 +14,7 @@ from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.drawn import Drawer, Drawn, LocalDrawer
 from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers.pool import Pool, open_pool
+from renderer.errors import RenderError
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import AccuracyGoal, Scene
 
@@ -70,17 +71,20 @@ class Crew:
             return
         with open_pool(plan.stage, 0, threads_each=max(1, num_cores() // num_workers)) as pool:
             plan = replace(plan, stage=pool.stage)
-            worth_s = 0.0 if self._spec.workers else _WORTH_S
             alone = LocalDrawer(plan.stage, self.rasterizer, made_by=[self.gl])
-            yield plan, _GrowingDrawer(alone, pool, num_workers, worth_s)
+            yield plan, _GrowingDrawer(alone, pool, num_workers, must=self._spec.workers is not None)
 
 
 class _GrowingDrawer:
-    """This process draws, until its workers are ready; they are called when there is enough to be done."""
+    """This process draws, until its workers are ready; they are called when there is enough to be done.
 
-    def __init__(self, alone: LocalDrawer, pool: Pool, num_workers: int, worth_s: float) -> None:
-        self._alone, self._pool, self._num_workers, self._worth_s = alone, pool, num_workers, worth_s
-        self.notes: Sequence[str] = ()
+    must: the user wants workers: they are called at once, and without them there is no film.
+    """
+
+    def __init__(self, alone: LocalDrawer, pool: Pool, num_workers: int, *, must: bool) -> None:
+        self._alone, self._pool, self._num_workers, self._must = alone, pool, num_workers, must
+        self._is_called = False
+        self.notes: list[str] = []
 
     @property
     def made_by(self) -> tuple[str, ...]:
@@ -89,12 +93,9 @@ class _GrowingDrawer:
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
         """As in Drawer."""
-        num_drawn, is_called, seconds = 0, False, math.inf if self._worth_s == 0 else 0.0
+        num_drawn, seconds = 0, math.inf if self._must else 0.0
         with contextlib.closing(self._alone.draw(numbers)) as frames:
-            while not (is_called and self._pool.is_ready):
-                if not is_called and (len(numbers) - num_drawn) * seconds > self._worth_s:
-                    self._pool.start(self._num_workers)
-                    is_called = True
+            while not self._has_workers((len(numbers) - num_drawn) * seconds):
                 drawn = next(frames, None)
                 if drawn is None:
                     return
@@ -103,6 +104,22 @@ class _GrowingDrawer:
                     seconds = sum(drawn.record["seconds"].values())
                 yield drawn
         yield from self._pool.draw(numbers[num_drawn:])
+
+    def _has_workers(self, seconds_left: float) -> bool:
+        """Whether workers can draw; calls them once that is worth it."""
+        if self.notes or not (self._is_called or seconds_left > _WORTH_S):
+            return False
+        try:
+            if not self._is_called:
+                self._is_called = True
+                self._pool.start(self._num_workers)
+            return self._pool.is_ready
+        except RenderError as error:
+            if self._must:
+                raise
+            self._pool.close()
+            self.notes.append(f"drawn by one process, for others could not be started: {error.what}")
+            return False
 
 
 def _default_workers(gl: str) -> int:

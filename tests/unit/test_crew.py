@@ -1,0 +1,127 @@
+"""Who draws which frames: this process alone, until its workers are ready, if they are worth it and can be had."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+import pytest
+
+from hsplat_cli.cores import num_cores
+from hsplat_cli.drawn import Drawn
+from hsplat_cli.render import crew
+from renderer.errors import RenderError
+from renderer.picture import Picture
+
+
+def drawn(number: int, by: str, seconds: float) -> Drawn:
+    return Drawn(number, Picture(np.zeros((1, 1, 3), np.uint8)), {"by": by, "seconds": {"draw": seconds}})
+
+
+class Alone:
+    """Stands in for this process. seconds: of a frame."""
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.made_by, self.notes = seconds, ("here",), ()
+
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+        for number in numbers:
+            yield drawn(number, "alone", self.seconds)
+
+
+class Pool:
+    """Stands in for workers that are ready when they have been asked so many times, or cannot be started."""
+
+    def __init__(self, num_asked: int = 0, fails: str = "") -> None:
+        self.num_asked, self.fails, self.num_started, self.is_closed = num_asked, fails, 0, False
+        self.made_by = ("there",)
+
+    def start(self, num_workers: int) -> None:
+        if self.fails == "start":
+            raise RenderError("no process can be started")
+        self.num_started += num_workers
+
+    @property
+    def is_ready(self) -> bool:
+        if self.fails == "ready":
+            raise RenderError("no OpenGL")
+        self.num_asked -= 1
+        return self.num_asked < 0
+
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+        for number in numbers:
+            yield drawn(number, "pool", 0.0)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def who(seconds: float, pool: Pool, *, num: int = 10, must: bool = False) -> tuple[str, Sequence[str]]:
+    """A letter for each frame, `a` or `p`, and the notes."""
+    drawer = crew._GrowingDrawer(Alone(seconds), pool, 2, must=must)  # type: ignore[arg-type]
+    frames = list(drawer.draw(range(100, 100 + num)))
+    assert [frame.number for frame in frames] == list(range(100, 100 + num))
+    assert drawer.made_by == ("here", "there")
+    return "".join(frame.record["by"][0] for frame in frames), drawer.notes
+
+
+def test_a_short_film_needs_nobody() -> None:
+    pool = Pool()
+    assert who(0.1, pool) == ("aaaaaaaaaa", [])
+    assert pool.num_started == 0
+
+
+def test_a_long_film_is_handed_over_when_workers_are_ready() -> None:
+    """Two frames tell how long it is, the first of which counts for nothing."""
+    pool = Pool(num_asked=3)
+    assert who(1.0, pool) == ("aaaaappppp", [])
+    assert pool.num_started == 2
+
+
+def test_workers_that_are_asked_for_are_called_at_once() -> None:
+    pool = Pool()
+    assert who(0.001, pool, must=True) == ("pppppppppp", [])
+    assert pool.num_started == 2
+
+
+def test_workers_that_come_too_late() -> None:
+    assert who(1.0, Pool(num_asked=100)) == ("aaaaaaaaaa", [])
+
+
+@pytest.mark.parametrize("fails", ["start", "ready"])
+def test_without_workers_the_film_is_made_all_the_same(fails: str) -> None:
+    pool = Pool(fails=fails)
+    who_drew, notes = who(1.0, pool)
+    assert who_drew == "aaaaaaaaaa"
+    what = "no process can be started" if fails == "start" else "no OpenGL"
+    assert notes == [f"drawn by one process, for others could not be started: {what}"]
+    assert pool.is_closed
+
+
+@pytest.mark.parametrize("fails", ["start", "ready"])
+def test_unless_they_are_asked_for(fails: str) -> None:
+    with pytest.raises(RenderError):
+        who(1.0, Pool(fails=fails), must=True)
+
+
+@pytest.mark.parametrize(
+    ("gl", "free", "most"),
+    [
+        ("llvmpipe (LLVM 15.0.6, 256 bits), GL 4.5", float("inf"), num_cores()),
+        ("NVIDIA H100/PCIe/SSE2, GL 4.6", float("inf"), min(num_cores(), 4)),
+        ("llvmpipe", 1e9, 1),
+        ("llvmpipe", 0, 1),
+    ],
+)
+def test_how_many_workers(gl: str, free: float, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(crew, "_free_bytes", lambda: free)
+    assert crew._default_workers(gl) == most
+
+
+def test_cores_within_a_quota(monkeypatch: pytest.MonkeyPatch) -> None:
+    from hsplat_cli import cores  # noqa: PLC0415
+
+    monkeypatch.setattr(cores.os, "sched_getaffinity", lambda _: range(16))
+    for quota, expected in ((float("inf"), 16), (2.5, 3), (0.2, 1), (100.0, 16)):
+        monkeypatch.setattr(cores, "_quota", lambda quota=quota: quota)
+        assert num_cores() == expected
