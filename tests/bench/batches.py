@@ -34,6 +34,16 @@ SCENES: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
     "bonsai": ("bonsai", "bonsai.nhdr", ()),
     "demo": ("demo", None, ()),
 }
+PAGE_HEAD = """\
+# Films on all cores
+
+Whole commands, from their start to the last file, in turns. `2 x 1` is two workers of one thread each (`--workers 2`), `1 x
+2` one process of two threads (`LP_NUM_THREADS=2`); where nothing is said this process draws until it is worth while to call
+workers, and they are ready.
+
+A single process with two threads keeps both cores busy where footprints cover many pixels; then there is little left to
+gain. It does not where vertices, sorting, PNG and the encoder are most of the work: those have one thread in a process.
+"""
 SMALL = """\
 volume: {procedural: {name: engine_block, shape: [32, 32, 16], seed: 1}}
 transfer_function:
@@ -153,7 +163,7 @@ def main() -> None:
                     lines.append(line)
                     print(line, flush=True)
     if arguments.page:
-        text = f"Written by `tests/bench/batches.py` at {commit()}, {num_cores()} cores.\n"
+        text = f"{PAGE_HEAD}\nWritten by `tests/bench/batches.py` at {commit()}, on {num_cores()} cores.\n"
         arguments.page.write_text(text + "\n".join(lines) + "\n", encoding="utf-8")
 
 
