@@ -37,8 +37,8 @@ SCENES: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
 PAGE_HEAD = """\
 # Films on all cores
 
-Whole commands, from their start to the last file, in turns. `2 x 1` is two workers of one thread each (`--workers 2`), `1 x
-2` one process of two threads (`LP_NUM_THREADS=2`); where nothing is said this process draws until it is worth while to call
+Whole commands, from their start to the last file, in turns. `2 x 1` is two workers of one thread each (`--workers 2`),
+`1 x 2` one process of two threads (`LP_NUM_THREADS=2`); by default this process draws until it is worth while to call
 workers, and they are ready.
 
 A single process with two threads keeps both cores busy where footprints cover many pixels; then there is little left to

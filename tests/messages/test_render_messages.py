@@ -171,6 +171,7 @@ def test_a_disk_that_is_full_while_a_film_is_written(
     before = render.files()
     assert render.run(*CONSTANT, "--output", output) == (1, f"{output}: {FULL}")
     kept = {Path(f"{output}.unfinished/00000{i}.{suffix}") for i in range(6) for suffix in ("json", "png")}
+    kept |= {path.relative_to(scene_folder) for path in scene_folder.glob("*.unfinished/cause-*.json")}
     assert {path.relative_to(scene_folder) for path in render.files().keys() - before.keys()} == kept
 
 
