@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import click
 
-from renderer.errors import InputError
+from renderer.errors import InputError, require_package
 from renderer.scene import Scene, TimeBudget
+from renderer.schema import show
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 # The scheduler of processes on this machine.
 LOCAL = "local"
+
+ADDRESSES = "the address of a Dask scheduler such as tcp://node7:8786, or local for processes on this machine"
+_ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
+
+
+def require_address(address: str) -> None:
+    """Raise InputError for what cannot be the address of a scheduler, or where no Dask is installed to talk to one."""
+    found = _ADDRESS.fullmatch(address)
+    if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
+        raise InputError("not an address", where="--scheduler", got=show(address), expected=ADDRESSES)
+    require_package("distributed", extra="cluster")
 
 
 @dataclass(frozen=True)
@@ -41,9 +54,6 @@ def crew_options(command: _Command) -> _Command:
 def require_crew(spec: CrewSpec) -> None:
     """Raise InputError for an address that is none, and for options that do not go together."""
     if spec.scheduler is not None:
-        # Imported here: Dask's surroundings take longer to load than --help may take to answer.
-        from hsplat_cli.cluster.connection import require_address  # noqa: PLC0415
-
         require_address(spec.scheduler)
         if spec.workers is not None and spec.scheduler != LOCAL:
             raise InputError("the workers are those of the scheduler", where="--workers")
@@ -51,8 +61,9 @@ def require_crew(spec: CrewSpec) -> None:
 
 def require_crew_for(spec: CrewSpec, scene: Scene, *, progressive: bool = False) -> None:
     """Raise InputError where a scene cannot be drawn by these."""
-    is_timed = progressive or isinstance(scene.error.goal, TimeBudget)
-    if spec.scheduler is not None and is_timed:
-        raise InputError("a budget of time is for one machine, and no scheduler's", where="--scheduler")
-    if spec.workers is not None and spec.workers > 1 and is_timed:
-        raise InputError("a budget of time is for one process, which is timed", where="--workers")
+    if not (progressive or isinstance(scene.error.goal, TimeBudget)):
+        return
+    what = "frames of --progressive" if progressive else "frames on a budget of time, error.seconds,"
+    where = "--scheduler" if spec.scheduler is not None else "--workers"
+    if spec.scheduler is not None or (spec.workers or 1) > 1:
+        raise InputError(f"{what} are timed and drawn one after the other, by one process", where=where)

@@ -10,7 +10,7 @@ import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.errors import InputError
+from renderer.errors import InputError, RenderError
 from renderer.staging import explained, remove_temporaries
 
 _LONGEST_NOTE = 200
@@ -40,8 +40,8 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
 def _enter(folder: Path) -> int:
     """The lock file, at whose gate nobody else is."""
     while True:
+        _make(folder)
         try:
-            _make(folder)
             descriptor = os.open(_lock_file(folder), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         except FileNotFoundError:  # its last holder has removed the folder meanwhile
             continue
@@ -56,9 +56,16 @@ def _enter(folder: Path) -> int:
 
 
 def _make(folder: Path) -> None:
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except FileNotFoundError as error:  # where no folders can be made, or the current one is gone
+        raise RenderError("the folder of the output cannot be made", where=str(folder.parent)) from error
     with contextlib.suppress(FileExistsError):
-        folder.mkdir(parents=True)
-    mode = folder.lstat().st_mode
+        folder.mkdir()
+    try:
+        mode = folder.lstat().st_mode
+    except FileNotFoundError:  # its last holder has removed the folder meanwhile
+        return
     if not stat.S_ISDIR(mode):
         raise InputError(
             "something else has the name of the folder for frames of a film that is not whole",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import re
 import signal
 import warnings
 from collections.abc import Iterator
@@ -13,10 +12,9 @@ from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.cores import num_cores
-from hsplat_cli.crew_options import LOCAL
+from hsplat_cli.crew_options import ADDRESSES, LOCAL, require_address
 from hsplat_cli.interrupts import deferrable_interrupts
-from renderer.errors import InputError, RenderError, require_package
-from renderer.schema import show
+from renderer.errors import InputError, RenderError
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -25,17 +23,6 @@ if TYPE_CHECKING:
 _ANSWER_S = 6.0
 # For clients and processes, to end in peace.
 _FAREWELL_S = 2.0
-
-_WORDS = "the address of a Dask scheduler such as tcp://node7:8786, or local for processes on this machine"
-_ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
-
-
-def require_address(address: str) -> None:
-    """Raise InputError for what cannot be the address of a scheduler, or where no Dask is installed to talk to one."""
-    found = _ADDRESS.fullmatch(address)
-    if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
-        raise InputError("not an address", where="--scheduler", got=show(address), expected=_WORDS)
-    require_package("distributed", extra="cluster")
 
 
 @contextlib.contextmanager
@@ -73,9 +60,9 @@ def _require_scheduler(address: str) -> None:
         kind = asyncio.run(asyncio.wait_for(_kind_of_server(address), _ANSWER_S))
     except Exception as error:  # Dask may take the words of another kind of server for anything
         what = nobody if isinstance(error, (OSError, asyncio.TimeoutError)) else other
-        raise InputError(what, where=f"--scheduler {address}", expected=_WORDS, hint=hint) from error
+        raise InputError(what, where=f"--scheduler {address}", expected=ADDRESSES, hint=hint) from error
     if kind != "Scheduler":
-        raise InputError(other, where=f"--scheduler {address}", got=f"a {kind}", expected=_WORDS, hint=hint)
+        raise InputError(other, where=f"--scheduler {address}", got=f"a {kind}", expected=ADDRESSES, hint=hint)
 
 
 async def _kind_of_server(address: str) -> str:

@@ -76,6 +76,7 @@ def test_in_the_middle(
     assert kept == f"{num_kept} of 6 frames are kept; the same command goes on from there"
     assert num_kept in (2, 3)
     left = {str(path.relative_to(folder / "out")) for path in (folder / "out").rglob("*") if path.is_file()}
+    left = {file for file in left if "/cause-" not in file}
     records = {f"00000{i}.json" for i in range(num_kept)}
     if name == "{frame}.png":
         assert left - {"2.png"} == {"0.png", "1.png"} | {f"frames.unfinished/{record}" for record in records}

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,13 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 import yaml
+from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
 from hsplat_cli.scene_file import load_scene
 from hsplat_cli.turntable import batch
+from hsplat_cli.workers.lifeline import Lifeline
 
 CODE = Path(main.__file__).parents[1]
 SMALL = ["--frames", "3", "--size", "32", "--quiet"]
@@ -186,16 +189,15 @@ def test_odd_names() -> None:
 def test_a_process_that_is_killed_fails_alone(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    start = subprocess.Popen
+    start = Lifeline.start
 
-    def started(arguments: list[str], **options: Any) -> subprocess.Popen[str]:
-        process: subprocess.Popen[str] = start(arguments, **options)
+    def started(lifeline: Lifeline, module: str, arguments: list[str], **options: Any) -> subprocess.Popen[bytes]:
+        process = start(lifeline, module, arguments, **options)
         if arguments[-1] == "in/signed.npy":
-            Path(f"out/.signed.mp4.partial-{process.pid}").touch()
             process.kill()
         return process
 
-    monkeypatch.setattr(batch.subprocess, "Popen", started)
+    monkeypatch.setattr(batch.Lifeline, "start", started)
     assert turntable("in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
     assert [record["status"] for record in report()] == ["done", "failed", "done"]
     assert not [name for name in files("out") if "signed" in name]
@@ -218,7 +220,7 @@ def test_an_interrupt_ends_the_batch_and_says_what_is_done(number: signal.Signal
         stderr=subprocess.PIPE,
         text=True,
     )
-    while not list(Path("out").glob(".signed.mp4*")):
+    while not list(Path("out").glob("signed.mp4.unfinished/*.json")):
         assert process.poll() is None
         time.sleep(0.02)
     process.send_signal(number)
@@ -228,4 +230,30 @@ def test_an_interrupt_ends_the_batch_and_says_what_is_done(number: signal.Signal
     assert [record["status"] for record in report()] == ["done", "interrupted", "not begun"]
     assert [line.split()[1] for line in out.splitlines()[-3:]] == ["done", "interrupted", "not"]
     names = [*(f"labels.{end}" for end in ("mp4", "mp4.json", "yaml")), "signed.yaml", "turntable.json"]
-    assert files("out") == names
+    assert [name for name in files("out") if "unfinished" not in name] == names
+
+
+@pytest.mark.parametrize("is_group", [False, True], ids=["parent", "group"])
+def test_a_batch_that_is_killed_leaves_nothing_that_runs(is_group: bool) -> None:
+    """Neither the process of the film, nor its workers, nor its encoder; and the next run goes on."""
+    mark = uuid.uuid4().hex
+    environment = os.environ | {"PYTHONPATH": str(CODE), MARK: mark}
+    arguments = ["turntable", "in/labels.npy", "in/signed.npy", "-o", "out", "--frames", "400", "--size", "64"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hsplat_cli", *arguments, "--workers", "2", "--quiet"],
+        env=environment,
+        start_new_session=True,
+    )
+    while not list(Path("out").glob("labels.mp4.unfinished/000003.json")):
+        assert process.poll() is None
+        time.sleep(0.02)
+    assert len(names_of(mark)) >= 3  # the batch, the film and its encoder
+    if is_group:
+        os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+    process.wait()
+    assert seconds_until_gone(mark) < GRACE_S
+    assert not Path("out/labels.mp4").exists()
+    assert turntable("in/labels.npy", "-o", "out", "--frames", "400", "--size", "64") == 0
+    assert not Path("out/labels.mp4.unfinished").exists()

@@ -248,3 +248,19 @@ def test_a_link_under_the_name_of_the_lock(folder: Path) -> None:
     with pytest.raises(HsplatError, match="the output cannot be written"):
         take(folder, [0])
     assert (folder.parent / "precious").read_bytes() == b"content"
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is told, and not tried again and again."""
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "absent" / "scratch")
+    with pytest.raises(InputError, match="a link that leads nowhere"), locked(link / "a", [0], link / "film.mp4"):
+        pytest.fail("there is no such folder")
+    with pytest.raises(HsplatError), locked(Path("/proc/absent/a"), [0], Path("/proc/absent/film.mp4")):
+        pytest.fail("there is no such folder")
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with pytest.raises(RenderError, match="cannot be made"), locked(Path("a"), [0], Path("film.mp4")):
+        pytest.fail("there is no such folder")
