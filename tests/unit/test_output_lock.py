@@ -262,5 +262,5 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.Monkey
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    with pytest.raises(RenderError, match="cannot be made"), locked(Path("a"), [0], Path("film.mp4")):
+    with pytest.raises(RenderError, match="is gone"), locked(Path("a"), [0], Path("film.mp4")):
         pytest.fail("there is no such folder")
