@@ -43,10 +43,15 @@ class LocalDrawer:
     """Draws in this process, one frame after the other."""
 
     def __init__(
-        self, stage: Stage, rasterizer: Rasterizer, guide: Guide | None = None, made_by: Sequence[str] = ()
+        self,
+        stage: Stage,
+        rasterizer: Rasterizer,
+        guide: Guide | None = None,
+        made_by: Sequence[str] = (),
+        notes: Sequence[str] = (),
     ) -> None:
         self._stage, self._rasterizer = stage, rasterizer
-        self.made_by, self.notes = made_by, ()
+        self.made_by, self.notes = made_by, notes
         self._guide = Scheduled(stage) if guide is None else guide
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:

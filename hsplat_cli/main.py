@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import importlib
 import io
 import os
@@ -103,7 +104,9 @@ def run(arguments: Sequence[str]) -> int:
         _complain("hsplat: out of memory")
         return 1
     except Exception as error:  # the last resort: whatever it was, no traceback reaches a user
-        if not (isinstance(error, BrokenPipeError) and _reader_is_gone()):
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
+            _complain(f"hsplat: what is printed cannot be written: {error.strerror}")
+        elif not (isinstance(error, BrokenPipeError) and _reader_is_gone()):
             what = " ".join(f"{type(error).__name__}: {error}".split())
             _complain(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
         return 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import signal
 import subprocess
 import threading
 from collections.abc import Iterator, Sequence
@@ -126,7 +127,11 @@ class Encoder:
         words = self._last_words.read()
         if os.strerror(errno.ENOSPC) in words:
             return write_error(OSError(errno.ENOSPC, words), self._output)
-        return RenderError(what, where=str(self._output), got=words or f"exit status {status} and no message")
+        return RenderError(what, where=str(self._output), got=words or f"{_ending(status)} and no message")
+
+
+def _ending(status: int) -> str:
+    return f"signal {signal.Signals(-status).name}" if -status in set(signal.Signals) else f"exit status {status}"
 
 
 class _Tail:

@@ -155,14 +155,15 @@ def is_file(path: Path, expected: str | None) -> bool:
 def is_record(record: Any) -> bool:
     """Whether this, read from a file that anybody may have written, is all that a film's record tells of a frame.
 
-    That is its number as `frame`, the `digest` of its PNG file, `tolerance`, `cells`, `splats`, `seconds` by step, and
-    `predicted_seconds` where it was drawn on a budget of time.
+    That is its number as `frame`, the `digest` of its PNG file, `tolerance`, `cells`, `splats`, `seconds` by step,
+    `predicted_seconds` where it was drawn on a budget of time, and `gl` where it was drawn elsewhere.
     """
     if not isinstance(record, dict):
         return False
     seconds, predicted = record.get("seconds"), record.get("predicted_seconds", 0.0)
     return (
-        set(record) <= {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds"}
+        set(record) <= {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds", "gl"}
+        and isinstance(record.get("gl", ""), str)
         and isinstance(record.get("digest"), str)
         and all(type(record.get(key)) is int and record[key] >= 0 for key in ("frame", "cells", "splats"))
         and isinstance(seconds, dict)

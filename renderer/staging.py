@@ -109,10 +109,10 @@ def write_error(error: OSError, path: Path) -> HsplatError:
     where = str(path)
     if isinstance(error, IsADirectoryError):
         return InputError("the output is a folder", where=where, expected="the name of a file")
-    broken = next((parent for parent in path.parents if parent.is_symlink() and not parent.exists()), None)
-    if broken is not None:
-        return InputError("the folder of the output is a link that leads nowhere", where=where, got=str(broken))
     if isinstance(error, (NotADirectoryError, FileExistsError)):
+        broken = next((parent for parent in path.parents if parent.is_symlink() and not parent.exists()), None)
+        if broken is not None:
+            return InputError("the folder of the output is a link that leads nowhere", where=where, got=str(broken))
         file = next((parent for parent in path.parents if parent.is_file()), path.parent)
         return InputError("the folder of the output is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):

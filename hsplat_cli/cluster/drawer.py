@@ -161,7 +161,7 @@ class ClusterDrawer:
             self._num_again += 1
             return
         png, record, maker = result
-        film.drawn[task.index] = Drawn(film.numbers[task.index], Picture(png=png), record)
+        film.drawn[task.index] = Drawn(film.numbers[task.index], Picture(png=png), {**record, "gl": maker["GL"]})
         if maker not in self._makers:
             self._makers.append(maker)
 

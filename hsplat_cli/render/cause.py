@@ -74,12 +74,14 @@ def _mark(data: Any) -> str:
 class Made:
     """What a sidecar, which anybody may have written, tells of its film.
 
+    cause: of the frames, as `cause_of_frames` made it then.
     is_whole: all its frames are told of, and they are what was asked for.
     file_digest: of a film that is one file.
     records: of the frames.
     """
 
     marks: Marks
+    cause: Any
     is_whole: bool
     file_digest: str | None
     records: Sequence[Mapping[str, Any]]
@@ -100,7 +102,7 @@ def made_before(scene: Scene, frames: Sequence[int]) -> Made | None:
         cause, schedule, records = data["cause"], data["schedule"], data["frames"]
         whole = [record for record in records if is_record(record)]
         is_whole = schedule["met"] is True and len(whole) == len(records)
-        return Made(Marks(cause["frames"], cause["film"]), is_whole, data.get("digest"), whole)
+        return Made(Marks(cause["frames"], cause["film"]), cause.get("of"), is_whole, data.get("digest"), whole)
     except (KeyError, TypeError):
         return None
 

@@ -26,6 +26,7 @@ _MOST_ON_DEVICE = 4
 _WORKER_BYTES = 400 * 2**20
 # Workers take about a second of several cores until they are ready, which must be worth it.
 _WORTH_S = 4.0
+_ALONE = "drawn by one process, for others could not be started: {}"
 
 
 @contextlib.contextmanager
@@ -69,7 +70,16 @@ class Crew:
         if num_workers < 2 or plan.by_clock:
             yield plan, LocalDrawer(plan.stage, self.rasterizer, plan.guide, made_by=[self.gl])
             return
-        with open_pool(plan.stage, 0, threads_each=max(1, num_cores() // num_workers)) as pool:
+        with contextlib.ExitStack() as stack:
+            try:
+                opened = open_pool(plan.stage, 0, threads_each=max(1, num_cores() // num_workers))
+                pool = stack.enter_context(opened)
+            except RenderError as error:
+                if self._spec.workers is not None:
+                    raise
+                notes = [_ALONE.format(error.what)]
+                yield plan, LocalDrawer(plan.stage, self.rasterizer, made_by=[self.gl], notes=notes)
+                return
             plan = replace(plan, stage=pool.stage)
             alone = LocalDrawer(plan.stage, self.rasterizer, made_by=[self.gl])
             yield plan, _GrowingDrawer(alone, pool, num_workers, must=self._spec.workers is not None)
@@ -83,8 +93,12 @@ class _GrowingDrawer:
 
     def __init__(self, alone: LocalDrawer, pool: Pool, num_workers: int, *, must: bool) -> None:
         self._alone, self._pool, self._num_workers, self._must = alone, pool, num_workers, must
-        self._is_called = False
-        self.notes: list[str] = []
+        self._is_called, self._notes = False, list[str]()
+
+    @property
+    def notes(self) -> list[str]:
+        """As in Drawer."""
+        return [*self._notes, *self._pool.notes]
 
     @property
     def made_by(self) -> tuple[str, ...]:
@@ -107,7 +121,7 @@ class _GrowingDrawer:
 
     def _has_workers(self, seconds_left: float) -> bool:
         """Whether workers can draw; calls them once that is worth it."""
-        if self.notes or not (self._is_called or seconds_left > _WORTH_S):
+        if self._notes or not (self._is_called or seconds_left > _WORTH_S):
             return False
         try:
             if not self._is_called:
@@ -118,7 +132,7 @@ class _GrowingDrawer:
             if self._must:
                 raise
             self._pool.close()
-            self.notes.append(f"drawn by one process, for others could not be started: {error.what}")
+            self._notes.append(_ALONE.format(error.what))
             return False
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -52,19 +53,19 @@ class Done:
         return sidecar_path(self.job.scene, self.job.frames)
 
 
-def record(done: Done, folder: Path, *, marks: Marks | None = None, passes: Sequence[Record] = ()) -> None:
+def record(done: Done, folder: Path, *, cause: Mapping[str, Any] | None = None, passes: Sequence[Record] = ()) -> None:
     """Write the sidecar.
 
-    folder: of what is not finished. marks: by which the next job sees that it has nothing to do.
+    folder: of what is not finished. cause: of the frames, by which the next job sees whether it has nothing to do.
     """
     content = film_record(done.plan.stage, done.frames, done.made_by)
     content |= {"schedule": schedule_record(done.job, done.plan, done.frames, done.shortfall)}
     content |= {"passes": list(passes)} if passes else {}
     content |= {"notes": done.notes, "seconds": done.plan.stage.seconds | {"total": done.seconds}}
-    if marks is not None:
-        content |= {"cause": asdict(marks)}
-        file = done.job.scene.output.file
-        if not has_frame_files(done.job.scene.output):
+    if cause is not None:
+        output, file = done.job.scene.output, done.job.scene.output.file
+        content |= {"cause": {**asdict(Marks.of(cause, output, done.job.frames)), "of": cause}}
+        if not has_frame_files(output):
             with explained(file):
                 content |= {"digest": file_digest(file)}
     write_sidecar(done.sidecar, content | {"frames": done.frames}, folder)

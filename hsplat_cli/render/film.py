@@ -21,8 +21,8 @@ from hsplat_cli.render.cause import Marks, cause_of_frames, made_before
 from hsplat_cli.render.crew import open_crew
 from hsplat_cli.render.done import Done, record, tell
 from hsplat_cli.render.goals import make_plan
-from hsplat_cli.render.kept import find_kept, tell_kept, tell_left
-from hsplat_cli.render.record import Record, with_seconds
+from hsplat_cli.render.kept import find_kept, replace_former, tell_kept, tell_left
+from hsplat_cli.render.record import Record, makers, with_seconds
 from renderer.costs import CostLog
 from renderer.drawing import Stage
 from renderer.errors import RenderError
@@ -63,16 +63,17 @@ def render_once(job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bo
         plan = make_plan(Details(stage, CostLog()), frames, crew.rasterizer, quiet=quiet)
         del stage
         kept = find_kept(job, plan, folder, cause, marks, before, force=force)
+        replace_former(job, before, marks, cause, quiet=quiet)
         if not quiet:
             tell_kept(kept, job)
         num_kept = len(kept.records)
         try:
             with crew.drawer(plan, len(frames) - num_kept) as (plan, drawer):
                 records, notes = _draw(job, kept, drawer, folder, defer_interrupts, quiet=quiet)
-                notes, made_by = [*notes, *drawer.notes], " and ".join(drawer.made_by) or crew.gl
+                notes, made_by = [*notes, *drawer.notes], makers(records) or drawer.made_by or [crew.gl]
             seconds = time.perf_counter() - start
-            done = Done(job, plan, records, notes, made_by, seconds, num_kept)
-            record(done, folder, marks=marks)
+            done = Done(job, plan, records, notes, " and ".join(made_by), seconds, num_kept)
+            record(done, folder, cause=cause)
         except BaseException:
             if not quiet:
                 tell_left(kept, job, folder, force=force)

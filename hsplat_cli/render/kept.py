@@ -14,7 +14,7 @@ from hsplat_cli.render.cause import Made, Marks, differences
 from hsplat_cli.render.goals import Plan
 from hsplat_cli.render.record import Record
 from renderer.kept_frames import KeptFrames
-from renderer.output_files import has_frame_files
+from renderer.output_files import has_frame_files, sidecar_path
 from renderer.schedule import tolerance_at
 
 
@@ -48,6 +48,21 @@ def tell_kept(kept: KeptFrames, job: Job) -> None:
         why = f": {differences(kept.former_cause, kept.cause)}" if kept.former_cause else ""
         what = "frames that were there are drawn anew, for they were of another film"
         click.echo(f"{kept.num_former} {what}{why}", err=True)
+
+
+def replace_former(job: Job, before: Made | None, marks: Marks, cause: Mapping[str, Any], *, quiet: bool) -> None:
+    """Say that the output is that of another film, if it is, and how that differs.
+
+    The sidecar of numbered frames goes: from now on some of them will be of the one film and some of the other.
+    """
+    output = job.scene.output
+    if before is None or before.marks.frames == marks.frames:
+        return
+    if not quiet:
+        why = f": {differences(before.cause, cause)}" if isinstance(before.cause, dict) else ""
+        click.echo(f"{output.file} is drawn anew, for what is there is another film{why}", err=True)
+    if has_frame_files(output):
+        sidecar_path(job.scene, job.frames).unlink(missing_ok=True)
 
 
 def tell_left(kept: KeptFrames, job: Job, folder: Path, *, force: bool) -> None:

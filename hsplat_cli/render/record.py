@@ -31,6 +31,11 @@ def with_seconds(record: Record, **seconds: float) -> Record:
     return {**record, "seconds": {**record["seconds"], **seconds}}
 
 
+def makers(frames: Sequence[Record]) -> list[str]:
+    """Devices and drivers, as GL names them, of the frames that tell: those that were drawn elsewhere."""
+    return list(dict.fromkeys(frame["gl"] for frame in frames if "gl" in frame))
+
+
 def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[str, Any]:
     """The sidecar's first part: a scene that makes these frames again, with all defaults, and what it met."""
     scene, volume, pyramid = stage.scene, stage.volume, stage.pyramid

@@ -96,7 +96,13 @@ class Pool:
         self._workers: list[WorkerProcess[_Task]] = []
         self._selector = selectors.DefaultSelector()
         self._renderer_names: dict[str, None] = {}  # a set that keeps its order
-        self._num_failed_starts = 0
+        self._num_failed_starts, self._num_deaths = 0, 0
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know."""
+        num = self._num_deaths
+        return [f"{num} process{'es' * (num > 1)} that drew died, and what they had was drawn again"] * (num > 0)
 
     @property
     def made_by(self) -> tuple[str, ...]:
@@ -195,6 +201,7 @@ class Pool:
             self._num_failed_starts += 1
             if not may_be_chance or self._num_failed_starts == _MOST_DEATHS:
                 raise error
+        self._num_deaths += 1
         for task in worker.tasks:
             heapq.heappush(task.run.waiting, task)
         if worker.tasks:

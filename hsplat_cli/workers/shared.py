@@ -70,5 +70,5 @@ def _no_room(error: OSError) -> RenderError:
     return RenderError(
         "the volume cannot be shared with the processes that draw",
         got=error.strerror or str(error),
-        hint="a single process needs less memory",
+        hint="--workers 1 needs less memory",
     )

@@ -82,6 +82,8 @@ def test_a_life_of_a_film(render: Render, output: str) -> None:
     assert render("--output", output, "--set", "error.tolerance=0.2") == (0, changed)
     up_to_date = f"{output} is up to date; --force draws it again\n"
     assert render("--output", output, "--set", "error.tolerance=0.2") == (0, up_to_date)
+    anew = f"{output} is drawn anew, for what is there is another film: scene.error.tolerance was 0.2\n"
+    assert render("--output", output, "--set", "error.tolerance=0.3") == (0, anew)
 
 
 def test_a_folder_that_is_none(render: Render) -> None:

@@ -77,8 +77,11 @@ def test_dask_is_not_installed(capsys: pytest.CaptureFixture[str], monkeypatch: 
 
 def test_what_does_not_go_together(capsys: pytest.CaptureFixture[str]) -> None:
     seconds = ("--set", "error.tolerance=null", "--set", "error.seconds=1")
-    for options in (seconds, ("--progressive",)):
-        assert refused(capsys, "local", *options) == (
-            "--scheduler: a budget of time is for one machine, and no scheduler's\n"
-        )
+    one_by_one = "are timed and drawn one after the other, by one process\n"
+    on_budget = f"frames on a budget of time, error.seconds, {one_by_one}"
+    assert refused(capsys, "local", *seconds) == f"--scheduler: {on_budget}"
+    assert refused(capsys, "local", "--progressive") == f"--scheduler: frames of --progressive {one_by_one}"
+    for options, text in ((seconds, on_budget), (["--progressive"], f"frames of --progressive {one_by_one}")):
+        assert main.run(["render", "scene.yaml", "--workers", "2", *options]) == 2
+        assert capsys.readouterr().err == f"--workers: {text}"
     assert refused(capsys, "node7:8786", "--workers", "2") == "--workers: the workers are those of the scheduler\n"

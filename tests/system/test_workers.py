@@ -70,6 +70,7 @@ def draw_all(pool: Pool) -> list[bytes]:
 def test_what_can_be_done_again_is(stage: Stage, expected: list[bytes], tmp_path: Path, fault: str) -> None:
     with open_pool(stage, 2, threads_each=1, program=faulty(fault, tmp_path)) as pool:
         assert draw_all(pool) == expected
+        assert bool(pool.notes) == (fault != "talk")
 
 
 def test_killed_from_outside(stage: Stage, expected: list[bytes], mark: str) -> None:

@@ -34,7 +34,7 @@ class Pool:
 
     def __init__(self, num_asked: int = 0, fails: str = "") -> None:
         self.num_asked, self.fails, self.num_started, self.is_closed = num_asked, fails, 0, False
-        self.made_by = ("there",)
+        self.made_by, self.notes = ("there",), ()
 
     def start(self, num_workers: int) -> None:
         if self.fails == "start":
