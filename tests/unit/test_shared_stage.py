@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import resource
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -45,23 +45,25 @@ def test_it_has_no_name(stage: Stage) -> None:
         assert not os.get_inheritable(shared.descriptor)
 
 
-@pytest.fixture
-def _little_room() -> Iterator[None]:
+@contextmanager
+def little_room() -> Iterator[None]:
+    """For the files of this process, its output among them: no longer than it takes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.usefixtures("_little_room")
 def test_no_room(stage: Stage) -> None:
     descriptors = len(os.listdir("/proc/self/fd"))
-    with pytest.raises(RenderError) as raised:
+    with pytest.raises(RenderError) as raised, little_room():
         SharedStage(stage)
     assert str(raised.value) == (
         "the volume cannot be shared with the processes that draw\n"
         "  got: File too large\n"
-        "  hint: a single process needs less memory"
+        "  hint: --workers 1 needs less memory"
     )
     assert len(os.listdir("/proc/self/fd")) == descriptors
 
