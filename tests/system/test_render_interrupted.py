@@ -101,7 +101,7 @@ def test_the_process_from_outside(folder: Path, name: str) -> None:
     assert (process.returncode, said.splitlines()[-1:]) == (130, ["hsplat: interrupted"])
     assert "Traceback" not in said
     left = [path for path in (folder / "out").rglob("*") if path.is_file()]
-    assert all(re.fullmatch(r"[0-9]+\.png|[0-9]{6}\.json", path.name) for path in left), left
+    assert all(re.fullmatch(r"[0-9]+\.png|([0-9]{6}|cause-[0-9a-f]{32})\.json", path.name) for path in left), left
 
 
 def test_the_handler_is_put_back() -> None:
