@@ -45,7 +45,7 @@ camera:
   path: {{type: turntable, frames: {NUM_FRAMES}}}
 output:
   file: out/film.mp4
-  size: [256, 256]
+  size: [160, 160]
 """
 
 

@@ -6,17 +6,25 @@ The long run of it is `python tests/faults/kills.py --kills 200`.
 from __future__ import annotations
 
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from kill_at import PHASES
-from kills import kill_again_and_again
+from kills import Outcome, kill_again_and_again
 
 NUM_KILLS = 20
 
 
 def test_twenty_kills(tmp_path: Path) -> None:
     """Places in the program are hit for sure; by the clock a kill may come when all is done."""
-    outcomes = list(kill_again_and_again(NUM_KILLS, tmp_path, ("--workers", "2"), seed=1))
+
+    def half(seed: int) -> list[Outcome]:
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        return list(kill_again_and_again(NUM_KILLS // 2, folder, ("--workers", "2"), seed))
+
+    with ThreadPoolExecutor(2) as lanes:
+        outcomes = [outcome for outcomes in lanes.map(half, (1, 2)) for outcome in outcomes]
     problems = [(outcome.kill.plan, outcome.problems) for outcome in outcomes if outcome.problems]
     assert problems == []
     hits = Counter(outcome.kill.phase for outcome in outcomes if outcome.was_killed)

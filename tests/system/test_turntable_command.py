@@ -211,7 +211,7 @@ def test_a_process_that_is_killed_fails_alone(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_ends_the_batch_and_says_what_is_done(number: signal.Signals) -> None:
     """The signal comes to the parent alone, while the second film is made: its process ends and leaves nothing half."""
-    arguments = ["turntable", "in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", "--frames", "500"]
+    arguments = ["turntable", "in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", "--frames", "200"]
     environment = os.environ | {"PYTHONPATH": str(CODE)}
     process = subprocess.Popen(
         [sys.executable, "-m", "hsplat_cli", *arguments, "--size", "16"],
