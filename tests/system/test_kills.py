@@ -18,10 +18,10 @@ NUM_KILLS = 20
 def test_twenty_kills(tmp_path: Path) -> None:
     """Places in the program are hit for sure; by the clock a kill may come when all is done."""
 
-    def half(seed: int) -> list[Outcome]:
+    def half(seed: int) -> list[Outcome]:  # by one process, and by two workers
         folder = tmp_path / str(seed)
         folder.mkdir()
-        return list(kill_again_and_again(NUM_KILLS // 2, folder, ("--workers", "2"), seed))
+        return list(kill_again_and_again(NUM_KILLS // 2, folder, ("--workers", str(seed)), seed))
 
     with ThreadPoolExecutor(2) as lanes:
         outcomes = [outcome for outcomes in lanes.map(half, (1, 2)) for outcome in outcomes]
