@@ -9,23 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import main
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [24, 24, 12]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 7, elevation: 20}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
+SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.
 OWN = ("seconds", "cause", "digest", "parts")
 

@@ -12,28 +12,14 @@ from typing import Any
 
 import imageio.v3 as imageio
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import drawn, main
 from renderer.drawing import Frame
 
 NUM_FRAMES = 4
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [96, 96, 64]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 4, elevation: 20}
-error:
-  tolerance: 0
-output:
-  file: film.mp4
-  size: [48, 32]
-"""
+SCENE = small_scene(shape="96, 96, 64", frames=4, size="48, 32", error="tolerance: 0")
 
 
 @pytest.fixture(autouse=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import drawn, main
 from hsplat_cli.render import cause
@@ -18,20 +19,7 @@ from renderer.raster_gl import GLRasterizer
 CODE = Path(main.__file__).parents[1]
 NUM_FRAMES = 5
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [24, 24, 12]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 5, elevation: 20}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
+SCENE = small_scene()
 
 OUTPUTS = ["film.mp4", "film.gif", "{frame}.png", "deep/{frame:03}.png", "clear/{frame}.png"]
 
