@@ -22,7 +22,7 @@ from renderer.errors import InputError, RenderError
 from renderer.scene import FileSource, VolumeSpec
 
 CODE = Path(report_module.__file__).parents[2]
-WRITTEN = {"scene_of": "../scan.npy", "scene_digests": ["0" * 32]}
+WRITTEN: dict[str, Any] = {"scene_of": "../scan.npy", "scene_digests": ["0" * 32]}
 
 
 def record(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
