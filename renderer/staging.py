@@ -111,7 +111,7 @@ def write_error(error: OSError, path: Path) -> HsplatError:
     where = str(path)
     if isinstance(error, IsADirectoryError):
         return InputError("the output is a folder", where=where, expected="the name of a file")
-    if isinstance(error, (NotADirectoryError, FileExistsError)):
+    if isinstance(error, (NotADirectoryError, FileExistsError)) or error.errno == errno.ELOOP:
         broken = next((parent for parent in path.parents if parent.is_symlink() and not parent.exists()), None)
         if broken is not None:
             return InputError("the folder of the output is a link that leads nowhere", where=where, got=str(broken))

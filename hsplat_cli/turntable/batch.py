@@ -52,7 +52,11 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
     _finish(records, folder)
     num_failed = sum(record["status"] != "done" for record in records)
     if num_failed:
-        raise RenderError(f"{num_failed} of {len(records)} films could not be made", where=str(folder))
+        raise RenderError(
+            f"{num_failed} of {len(records)} films could not be made",
+            where=str(folder),
+            hint=f"the same command{' without --force' * orders[0].force} makes only what is missing",
+        )
 
 
 def _finish(records: Sequence[Record], folder: Path) -> None:

@@ -65,7 +65,8 @@ class Report:
         for record in records:
             name = Path(record["scene"]).name
             former = self._records.pop(name, {})
-            self._records[name] = {key: former[key] for key in (_OF, _DIGESTS) if key in former} | record
+            known = {} if _OF in record else {key: former[key] for key in (_OF, _DIGESTS) if key in former}
+            self._records[name] = record | known
         # ASCII, so that also names with bytes that are no UTF-8 have a form.
         content = json.dumps({"films": list(self._records.values())}, indent=2)
         write_staged(self._folder / FILE, f"{content}\n".encode())

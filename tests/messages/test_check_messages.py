@@ -46,6 +46,11 @@ REFUSED = {
         2,
         "/scans/link/deeper/film.mp4: the folder of the output is a link that leads nowhere\n  got: /scans/link\n",
     ),
+    "a folder that is a link to itself": (
+        ["--output", "/scans/circle/film.mp4"],
+        2,
+        "/scans/circle/film.mp4: the folder of the output is a link that leads nowhere\n  got: /scans/circle\n",
+    ),
     "where there are no files": (
         ["--output", "/proc/film.mp4"],
         1,
@@ -127,6 +132,7 @@ def test_check_and_render_refuse_alike(name: str, scene_folder: Path, capsys: py
     for file in ("empty.vtk", "taken.mp4.unfinished"):
         (scene_folder / file).touch()
     (scene_folder / "link").symlink_to("nowhere")
+    (scene_folder / "circle").symlink_to("circle")
     before = sorted(scene_folder.rglob("*"))
     assert said(capsys, scene_folder, ["check", "scene.yaml", *arguments]) == (code, text)
     assert sorted(scene_folder.rglob("*")) == before

@@ -141,7 +141,9 @@ def test_several_volumes_of_which_one_fails(capfd: pytest.CaptureFixture[str]) -
         ["in/signed.npy", "done"],
         ["in/uint8.npy", "done"],
     ]
-    assert said.err.endswith("out: 1 of 4 films could not be made\n")
+    assert said.err.endswith(
+        "out: 1 of 4 films could not be made\n  hint: the same command makes only what is missing\n"
+    )
     records = report()
     assert [record["status"] for record in records] == ["failed", "done", "done", "done"]
     assert records[0]["exit_code"] == 2
