@@ -27,7 +27,7 @@ def _missed(job: Job, original: Original) -> list[str]:
 def _others(original: Original, made_by: str) -> list[str]:
     before, now = original.made_with, package_versions() | {"GL": made_by}
     changed = [
-        f"{name} {now[name]}, which was {plain_name(before[name])}"
+        f"{name} {plain_name(now[name])}, which was {plain_name(before[name])}"
         for name in now
         if name in before and before[name] != now[name]
     ]
