@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError
+from renderer.runs import runs
 from renderer.staging import explained, remove_temporaries
 
 _LONGEST_NOTE = 200
@@ -98,8 +99,8 @@ def _make(folder: Path) -> None:
 
 def _hold(descriptor: int, places: Sequence[int], output: Path) -> None:
     """Lock these places and leave the gate."""
-    for first, length in _runs(places):
-        if _lock(descriptor, _FIRST_PLACE + first, length) is False:
+    for start, stop in runs(places):
+        if _lock(descriptor, _FIRST_PLACE + start, stop - start) is False:
             note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
             raise InputError(
                 "another job is writing this output",
@@ -145,17 +146,6 @@ def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bo
             raise
         return None
     return True
-
-
-def _runs(places: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """First place and length of each run of places without a gap."""
-    first = last = places[0]
-    for place in places[1:]:
-        if place != last + 1:
-            yield first, last - first + 1
-            first = place
-        last = place
-    yield first, last - first + 1
 
 
 def _lock_file(folder: Path) -> Path:

@@ -12,11 +12,10 @@ from hsplat_cli.input_file import read_content
 from hsplat_cli.patterns import matches
 from hsplat_cli.sidecar_file import Sidecar, sidecar_in
 from renderer.errors import InputError, Problem, SceneError
+from renderer.frame_record import Record, is_record
 from renderer.output_files import film_beside, frame_path
 from renderer.scene import ErrorSpec
 from renderer.schema_camera import MAX_FRAMES
-
-Record = Mapping[str, Any]
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
@@ -133,20 +132,10 @@ def _output_file(sidecar: Sidecar | None) -> Path | None:
 def _record_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
     """Of the first frame that says too little: the others may for the same reason."""
     for index, record in enumerate(data["frames"] if isinstance(data["frames"], list) else []):
-        if not _is_complete(record):
+        if not is_record(record, has_digest=False):
             expected = "tolerance, cells, splats and seconds, as this version writes them"
             yield Problem(f"frames.{index}", "a frame with too little about it", expected=expected)
             return
-
-
-def _is_complete(record: Any) -> bool:
-    return (
-        isinstance(record, dict)
-        and all(type(record.get(name)) is int for name in ("cells", "splats"))
-        and type(record.get("tolerance")) in (int, float)
-        and isinstance(record.get("seconds"), dict)
-        and all(type(seconds) in (int, float) for seconds in record["seconds"].values())
-    )
 
 
 def _path_problems(sidecar: Sidecar) -> Iterator[Problem]:
