@@ -240,7 +240,7 @@ class Pool:
             self._num_failed_starts += 1
             if not may_be_chance or self._num_failed_starts == _MOST_DEATHS:
                 raise error
-        self._losses[f"hung ({self._patience})" if worker.hangs else "died"] += 1
+        self._losses[f"hung ({self._patience.verdict})" if worker.hangs else "died"] += 1
         for task in worker.tasks:
             heapq.heappush(task.run.waiting, task)
         if worker.tasks:

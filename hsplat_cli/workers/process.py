@@ -37,7 +37,9 @@ class Patience:
     look_s: float = 5.0
     num_looks: int = 12
 
-    def __str__(self) -> str:
+    @property
+    def verdict(self) -> str:
+        """On one that hangs."""
         return f"no processor time for {self.look_s * self.num_looks:g} s"
 
 
@@ -142,7 +144,7 @@ class WorkerProcess(Generic[Task]):
         is_for_memory = status == -signal.SIGKILL and not self.hangs
         return RenderError(
             f"a process that draws has {'hung' if self.hangs else 'died'}",
-            got="\n    ".join([str(self._patience) if self.hangs else how, *self._words.lines()[-_NUM_LAST_LINES:]]),
+            got="\n    ".join([self._patience.verdict if self.hangs else how, *self._words.lines()[-_NUM_LAST_LINES:]]),
             hint="where memory runs out the system sends this signal: fewer workers need less"
             if is_for_memory
             else None,

@@ -15,7 +15,7 @@ from renderer.stream_tail import StreamTail
         (b"", []),
         (b"one\n\n  two  \r\n\n", ["one", "two"]),
         (b"\xff end", ["\N{REPLACEMENT CHARACTER} end"]),
-        (b"x" * 100_000 + b"\n" + b"y" * 1990 + b"\nlast", ["xxx", "y" * 1990, "last"]),  # more than a pipe holds
+        (b"x" * 100_000 + b"\n" + b"y" * 1990 + b"\nlast", ["xxxx", "y" * 1990, "last"]),  # more than a pipe holds
     ],
 )
 def test_the_last_lines(words: bytes, lines: list[str]) -> None:
