@@ -36,7 +36,7 @@ from renderer.frame_record import Record
 from renderer.kept_frames import forget_frames
 from renderer.output_files import sidecar_path
 from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
-from renderer.raster_gl import GLRasterizer
+from renderer.raster_lasting import LastingRasterizer
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
 from renderer.schedule import at_tolerances, tolerance_at, value_at
 
@@ -77,7 +77,7 @@ def render_progressively(
     """
     start = time.perf_counter()
     place = taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames))
-    with place as folder, GLRasterizer() as rasterizer:
+    with place as folder, LastingRasterizer() as rasterizer:
         require_encoder(job.scene.output)
         begun = start_film(job, folder, rasterizer.renderer_name, force=force, quiet=quiet)
         if begun is None:
@@ -108,7 +108,7 @@ class _Maker:
         job: Job,
         cause: Cause,
         folder: Path,
-        rasterizer: GLRasterizer,
+        rasterizer: LastingRasterizer,
         start: float,
         time_limit: float | None,
         *,
@@ -165,7 +165,8 @@ class _Maker:
             "difference": difference.record() if difference else None,
         }
         self._passes.append(made)
-        self.done = Done(job, each.plan, frames, film.notes, [self._rasterizer.renderer_name], now - self._start)
+        notes = [*film.notes, *self._rasterizer.notes]
+        self.done = Done(job, each.plan, frames, notes, [self._rasterizer.renderer_name], now - self._start)
         record(self.done, self._folder, self._cause, passes=self._passes)
         if not self._quiet:
             click.echo(f"pass {number}: {', '.join(_facts(made, frames, difference))}")
