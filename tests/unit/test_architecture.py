@@ -33,7 +33,8 @@ ROOMS: dict[str, tuple[str, str]] = {
     "raster": ("raster_gl raster_lasting raster_reference compositing shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
     "film": (
-        "film encode frame_record kept_frames output_files output_lock picture png quantize sidecar staging stream_tail",
+        "film encode frame_record kept_frames output_files output_lock picture png quantize sidecar staging "
+        "stream_tail",
         "words",
     ),
     "frame": ("drawing costs pacing parcel", "words checks volumes classification pyramid cut path splats film"),
