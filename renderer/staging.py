@@ -115,8 +115,9 @@ def write_error(error: OSError, path: Path) -> HsplatError:
         broken = next((parent for parent in path.parents if parent.is_symlink() and not parent.exists()), None)
         if broken is not None:
             return InputError("the folder of the output is a link that leads nowhere", where=where, got=str(broken))
-        file = next((parent for parent in path.parents if parent.is_file()), path.parent)
-        return InputError("the folder of the output is a file", where=where, got=str(file))
+        if error.errno != errno.ELOOP:  # which a link under another name may cause, too
+            file = next((parent for parent in path.parents if parent.is_file()), path.parent)
+            return InputError("the folder of the output is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RenderError("the disk is full", where=where, hint="free some space, or write to another disk")
     if _is_of_the_kernel(path):
