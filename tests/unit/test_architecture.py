@@ -80,6 +80,11 @@ def module(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@cache
+def modules() -> frozenset[str]:
+    return frozenset(map(module, sources()))
+
+
 def imports(path: Path) -> Iterator[str]:
     """Full names of the modules that are imported anywhere in a file, also those imported from a package."""
     for node in ast.walk(tree(path)):
@@ -89,8 +94,7 @@ def imports(path: Path) -> Iterator[str]:
             assert node.level == 0, f"{path}: a relative import"
             assert node.module is not None
             children = {f"{node.module}.{alias.name}" for alias in node.names}
-            modules = {module(other) for other in sources()}
-            yield from sorted(children & modules) or [node.module]
+            yield from sorted(children & modules()) or [node.module]
 
 
 def renderer_module(name: str) -> str | None:
