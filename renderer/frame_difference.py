@@ -1,0 +1,143 @@
+"""How far one picture of 8 bits is from another, in the figures by which a golden frame passes or fails.
+
+Most of them are in levels, of which a channel has 255. Colours count as much as they are opaque: where a picture has
+alpha they are premultiplied, and alpha is a channel beside them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.metrics import single
+
+Pixels = npt.NDArray[np.uint8]
+_Levels = npt.NDArray[np.float32]
+
+WINDOW_PX = 8
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number that a comparison comes to.
+
+    name: in options, files and reports. label: what it is, in words. unit: "levels" or "".
+    higher_is_better: its limit is the least that passes, not the most.
+    """
+
+    name: str
+    label: str
+    unit: str
+    higher_is_better: bool = False
+
+    def passes(self, value: float, limit: float) -> bool:
+        """Whether a value is within a limit."""
+        return value >= limit if self.higher_is_better else value <= limit
+
+
+# In the order in which they are looked at: the first one over its limit is the reason that is given.
+FIGURES = {
+    figure.name: figure
+    for figure in (
+        Figure("largest", "largest error of a channel", "levels"),
+        Figure("p99", "99th percentile of the pixels' largest errors", "levels"),
+        Figure("flip", "mean FLIP", ""),
+        Figure("ssim", "mean SSIM", "", higher_is_better=True),
+        Figure("densest", f"mean error in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "levels"),
+        Figure("bias", "mean signed error of the most shifted channel", "levels"),
+    )
+}
+
+
+class FrameDifference:
+    """A picture, `actual`, against another of the same shape, uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
+
+    def __init__(self, golden: Pixels, actual: Pixels) -> None:
+        assert golden.shape == actual.shape and golden.dtype == actual.dtype == np.uint8, (golden.shape, actual.shape)
+        self._golden, self._actual = golden, actual
+        self._signed = _premultiplied(actual) - _premultiplied(golden)
+
+    @property
+    def levels(self) -> _Levels:
+        """float32 [h, w]: the largest error of each pixel's channels, without its sign, in levels."""
+        return np.abs(self._signed).max(axis=2)
+
+    @property
+    def bias(self) -> tuple[float, ...]:
+        """Mean signed error of each channel, actual minus golden, in levels."""
+        return tuple(float(mean) for mean in self._signed.mean(axis=(0, 1), dtype=np.float64))
+
+    def figures(self, names: Iterable[str]) -> dict[str, float]:
+        """These of FIGURES, in their order, each at its own price; without SSIM for a picture smaller than its window.
+
+        FLIP needs the package flip-evaluator, SSIM scikit-image.
+        """
+        wanted = set(names)
+        found = {name: _FIGURE_OF[name](self) for name in FIGURES if name in wanted}
+        return {name: value for name, value in found.items() if not math.isnan(value)}
+
+    def largest(self) -> float:
+        """In levels, over all pixels and channels."""
+        return float(np.abs(self._signed).max())
+
+    def p99(self) -> float:
+        """Of the pixels' `levels`."""
+        return float(np.percentile(self.levels, 99))
+
+    def densest(self) -> float:
+        """The largest mean, over all channels, of the errors in a square of WINDOW_PX pixels, or what fits of it.
+
+        That is what many small errors add up to where they are close together.
+        """
+        errors = np.abs(self._signed).mean(axis=2, dtype=np.float64)
+        height, width = (min(WINDOW_PX, length) for length in errors.shape)
+        sums = np.pad(errors.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+        windows = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
+        return max(0.0, float(windows.max()) / (height * width))  # a sum of nothing may end below 0
+
+    def over(self, name: str) -> float:
+        """A metric of `renderer.metrics` on the pictures as they are seen; transparent ones over the worse of black
+        and white."""
+        values = [
+            single(name, _over(self._actual, ground), _over(self._golden, ground)) for ground in self._grounds()
+        ]
+        return min(values) if FIGURES[name].higher_is_better else max(values)
+
+    def _grounds(self) -> tuple[float, ...]:
+        return (0.0,) if self._golden.shape[2] == 3 else (0.0, 1.0)
+
+
+def _largest_bias(difference: FrameDifference) -> float:
+    return max(map(abs, difference.bias))
+
+
+_FIGURE_OF: dict[str, Callable[[FrameDifference], float]] = {
+    "largest": FrameDifference.largest,
+    "p99": FrameDifference.p99,
+    "flip": lambda difference: difference.over("flip"),
+    "ssim": lambda difference: difference.over("ssim"),
+    "densest": FrameDifference.densest,
+    "bias": _largest_bias,
+}
+
+
+def _premultiplied(image: Pixels) -> _Levels:
+    """float32, which holds products of two levels exactly, and a 255th of them to 1e-5 of a level."""
+    values = image.astype(np.float32)
+    if image.shape[2] == 4:
+        values[..., :3] *= values[..., 3:] / 255
+    return values
+
+
+def _over(image: Pixels, ground: float) -> npt.NDArray[Any]:
+    """float64 [h, w, 3] in [0, 1]."""
+    values = image / 255
+    if image.shape[2] == 3:
+        return values
+    alpha = values[..., 3:]
+    return np.clip(values[..., :3] * alpha + (1 - alpha) * ground, 0, 1)
