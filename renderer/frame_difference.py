@@ -103,9 +103,7 @@ class FrameDifference:
     def over(self, name: str) -> float:
         """A metric of `renderer.metrics` on the pictures as they are seen; transparent ones over the worse of black
         and white."""
-        values = [
-            single(name, _over(self._actual, ground), _over(self._golden, ground)) for ground in self._grounds()
-        ]
+        values = [single(name, _over(self._actual, ground), _over(self._golden, ground)) for ground in self._grounds()]
         return min(values) if FIGURES[name].higher_is_better else max(values)
 
     def _grounds(self) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
 """How strict a comparison of frames is: which figures are limited, and where the limits are.
 
-The numbers come from docs/goldens.md, where each figure stands beside changes that have to pass and defects that must not.
+The numbers come from docs/goldens.md: each figure beside changes that have to pass and defects that must not.
 """
 
 from __future__ import annotations
@@ -44,7 +44,9 @@ LEVELS = {
 def exceeded(figures: Mapping[str, float], limits: Limits) -> list[str]:
     """Names of the figures that are not within their limits, in the order of FIGURES."""
     return [
-        name for name in FIGURES if name in figures and name in limits and not FIGURES[name].passes(figures[name], limits[name])
+        name
+        for name in FIGURES
+        if name in figures and name in limits and not FIGURES[name].passes(figures[name], limits[name])
     ]
 
 
