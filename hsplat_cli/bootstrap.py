@@ -65,8 +65,9 @@ def demo() -> int:
 
 def test() -> int:
     """Run the tests on the installed wheel."""
-    # Not `python -m pytest`: that would put the checkout before the wheel.
-    return run(VENV / "bin" / "pytest", HSPLAT_TEST_INSTALLED="1")
+    # Not `python -m pytest`: that would put the checkout before the wheel. Several at once, a file's tests by one.
+    lanes = ("--numprocesses=auto", "--maxprocesses=4", "--dist=loadfile")
+    return run(VENV / "bin" / "pytest", *lanes, HSPLAT_TEST_INSTALLED="1")
 
 
 def require_python(version: "tuple[int, ...]", executable: str) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from hsplat_cli.job import load_job
-from renderer.output_files import first_files
+from renderer.output_files import first_files, unfinished_folder
+from renderer.output_lock import require_no_other
 from renderer.scene import (
     AccuracyGoal,
     ByFrame,
@@ -45,6 +46,7 @@ def check(
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
     for file in first_files(job.scene, job.frames):
         require_possible(file)
+    require_no_other(unfinished_folder(job.scene.output))
     if isinstance(job.scene.volume.source, FileSource):
         require_volume_file(job.scene.volume.source.file)
     click.echo(f"{scene}: ok")

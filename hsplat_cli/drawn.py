@@ -42,16 +42,8 @@ class Drawer(Protocol):
 class LocalDrawer:
     """Draws in this process, one frame after the other."""
 
-    def __init__(
-        self,
-        stage: Stage,
-        rasterizer: Rasterizer,
-        guide: Guide | None = None,
-        made_by: Sequence[str] = (),
-        notes: Sequence[str] = (),
-    ) -> None:
+    def __init__(self, stage: Stage, rasterizer: Rasterizer, guide: Guide | None = None) -> None:
         self._stage, self._rasterizer = stage, rasterizer
-        self.made_by, self.notes = made_by, notes
         self._guide = Scheduled(stage) if guide is None else guide
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hsplat_cli.scene_text import transfer_dict, transfer_lines
-from hsplat_cli.volume_options import volume_options, volume_spec
+from hsplat_cli.volume_options import read_as_told, volume_options, volume_spec
 
 if TYPE_CHECKING:
     from renderer.statistics import Statistics, ValueRange
@@ -32,11 +32,10 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     VOLUME is a file, or a folder of slices. The last part of the output suggests ranges of values, and a transfer
     function to paste into a scene file.
     """
-    from renderer.readers import read_volume  # noqa: PLC0415  (numpy, for which --help does not wait)
-    from renderer.statistics import measure, suggest_ranges  # noqa: PLC0415
+    from renderer.statistics import measure, suggest_ranges  # noqa: PLC0415  (numpy, for which --help does not wait)
     from renderer.suggestion import suggest  # noqa: PLC0415
 
-    read = read_volume(volume_spec(volume, **reading))
+    read = read_as_told(volume_spec(volume, **reading))
     statistics = measure(read.values)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)

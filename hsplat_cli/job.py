@@ -18,6 +18,7 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.output_files import film_beside
 from renderer.scene import Scene
 from renderer.scene_schema import schedule_to_dict
+from renderer.schedule import is_met_as_a_whole
 
 # What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
 _MOVED = {
@@ -74,9 +75,12 @@ def load_job(
             where=str(path),
             hint="--output names another file",
         )
+    original, asked = sidecar.original, sidecar.original.asked or scene.error
     if is_changed:
-        return Job(scene, picked, schedule_to_dict(scene.error), replace(sidecar.original, told={}, made_with={}))
-    return Job(scene, picked, schedule_to_dict(sidecar.original.asked or scene.error), sidecar.original)
+        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}, made_with={}))
+    if not is_whole and is_met_as_a_whole(asked):
+        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}))
+    return Job(scene, picked, schedule_to_dict(asked), original)
 
 
 def _has_whole_schedule(sidecar: Sidecar, editor: Editor) -> bool:

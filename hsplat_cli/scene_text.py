@@ -81,7 +81,7 @@ def volume_file(volume: VolumeSpec) -> Path:
 
 def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool) -> Iterator[str]:
     file = volume_file(volume)
-    place = file if file.is_absolute() else Path(os.path.relpath(file, folder))
+    place = file if file.is_absolute() else Path(os.path.relpath(file, os.path.realpath(folder)))
     yield "volume:"
     source = volume.source
     if isinstance(source, RawSource):

@@ -207,17 +207,18 @@ _FINGERPRINT: Kind[str] = Kind("32 hexadecimal digits", _parse_fingerprint)
 def _parse_schedule(node: Node) -> dict[str, Any]:
     """Whatever it is, it is written into the next sidecar, too."""
     schedule = _MAPPING.parse(node)
-    if schedule is not INVALID and not _is_shallow(schedule, _MOST_LEVELS):
+    if schedule is not INVALID and not is_shallow(schedule):
         return _MAPPING.refuse(node, "too many levels", expected=f"at most {_MOST_LEVELS}")
     return schedule if schedule is INVALID else schedule | _known(node, {"asked": ERROR})
 
 
-def _is_shallow(value: object, num_levels: int) -> bool:
-    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return num_levels >= 0 and all(_is_shallow(item, num_levels - 1) for item in items)
-
-
 _MOST_LEVELS = 10
+
+
+def is_shallow(value: object, num_levels: int = _MOST_LEVELS) -> bool:
+    """Whether plain data has no more levels than what is taken over as it stands may have."""
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return num_levels >= 0 and all(is_shallow(item, num_levels - 1) for item in items)
 
 
 def _parse_frames(node: Node) -> tuple[int, ...]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, scene_text
+from hsplat_cli.volume_options import read_as_told
 from renderer.colormaps import is_colormap, nearest_colormap
 from renderer.errors import InputError, SceneError
 from renderer.scene import VolumeSpec
@@ -51,12 +52,11 @@ def suggest_scene(
 ) -> SuggestedScene:
     """The scene to be written to the file `scene`. Raises InputError for a volume that cannot be read, and SceneError
     where an option, such as the background, cannot be in a scene."""
-    from renderer.readers import read_volume  # noqa: PLC0415  (numpy, for which --help does not wait)
-    from renderer.statistics import measure  # noqa: PLC0415
+    from renderer.statistics import measure  # noqa: PLC0415  (numpy, for which --help does not wait)
     from renderer.suggestion import suggest  # noqa: PLC0415
 
     require_colormap(colormap)
-    read = read_volume(volume)
+    read = read_as_told(volume)
     suggestion = suggest(read, measure(read.values), colormap)
     text = scene_text(
         volume,

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import glob
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hsplat_cli.patterns import matches
 from renderer.errors import InputError
 
 # Endings of volumes; of a name such as scan.v2.nii.gz the last one only is taken away.
 _ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|mha|mhd|raw|tiff?|npy|dcm|vtk|mrc)(\.gz|\.bz2)?$", re.IGNORECASE)
-_MAGIC = re.compile(r"[*?\[]")
 _DETACHED = (".nhdr", ".mhd")
 
 
@@ -51,22 +50,12 @@ def expand(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     """
     found: dict[Path, Path] = {}
     for text in arguments:
-        for path in _matches(text):
+        for path in matches(text):
             found.setdefault(path.resolve(), path)
     _refuse_slices(list(found.values()))
     data = {file: header for header in found.values() for file in _data_files(header)}
     notes = [f"{path} is the data of {data[key]}" for key, path in found.items() if key in data]
     return [path for key, path in found.items() if key not in data], notes
-
-
-def _matches(text: str) -> list[Path]:
-    path = Path(text)
-    if path.exists() or not _MAGIC.search(text):
-        return [path]
-    matches = sorted(glob.glob(text, recursive=True))
-    if not matches:
-        raise InputError("no file matches this pattern", where=text, hint=f"it is relative to {Path.cwd()}")
-    return [Path(match) for match in matches]
 
 
 def _refuse_slices(volumes: Sequence[Path]) -> None:

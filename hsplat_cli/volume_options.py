@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 
 from renderer.errors import InputError
 from renderer.scene import FileSource, RawSource, VolumeSpec
+from renderer.volume_files import UnknownFormatError
+
+if TYPE_CHECKING:
+    from renderer.volume import Volume
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -88,3 +92,19 @@ def volume_spec(
     if shape is not None and dtype is not None:
         source = RawSource(volume, shape, dtype, byte_order, spacing, offset)
     return VolumeSpec(source, time, component, nonfinite=nonfinite)
+
+
+def read_as_told(volume: VolumeSpec) -> Volume:
+    """The volume that the options ask for. Raises InputError, with hints about these options, not a scene."""
+    from renderer.readers import read_volume  # noqa: PLC0415  (numpy, for which --help does not wait)
+
+    try:
+        return read_volume(volume)
+    except UnknownFormatError as error:
+        raise InputError(
+            error.what,
+            where=error.where,
+            got=error.got,
+            expected=error.expected,
+            hint="voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16",
+        ) from error

@@ -7,11 +7,9 @@ import errno
 import os
 import signal
 import subprocess
-import threading
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import IO
 
 import imageio_ffmpeg
 import numpy as np
@@ -19,6 +17,7 @@ import numpy.typing as npt
 
 from renderer.errors import HsplatError, RenderError
 from renderer.staging import write_error
+from renderer.stream_tail import StreamTail
 
 # ffmpeg converts RGB with the BT.601 matrix unless it is told, whatever the tags say. The chroma position is H.264's
 # default, left; `accurate_rnd` and `bitexact` make the result the same on every processor.
@@ -38,8 +37,6 @@ _TO_PALETTE = (
 )
 _SHORTEST_GIF_DELAY_CS = 2  # browsers show shorter delays as 10
 _LONGEST_GIF_DELAY_CS = 65535  # 16 bits
-
-_STDERR_TAIL_BYTES = 2000
 
 
 def mp4_options(quality: float) -> list[str]:
@@ -94,7 +91,7 @@ class Encoder:
         assert process.stdin is not None
         assert process.stderr is not None
         self._process, self._pictures, self._output = process, process.stdin, output
-        self._last_words = _Tail(process.stderr)
+        self._last_words = StreamTail(process.stderr)
 
     def write(self, image: npt.NDArray[np.uint8]) -> None:
         """Encode one picture, uint8 [h, w, 3]."""
@@ -120,11 +117,10 @@ class Encoder:
         # What is still buffered has nowhere to go.
         with contextlib.suppress(OSError):
             self._pictures.close()
-        self._last_words.read()
 
     def _failure(self, what: str) -> HsplatError:
         status = self._process.wait()
-        words = self._last_words.read()
+        words = "\n    ".join(self._last_words.lines())  # to stand in a message
         if os.strerror(errno.ENOSPC) in words:
             return write_error(OSError(errno.ENOSPC, words), self._output)
         return RenderError(what, where=str(self._output), got=words or f"{_ending(status)} and no message")
@@ -132,26 +128,6 @@ class Encoder:
 
 def _ending(status: int) -> str:
     return f"signal {signal.Signals(-status).name}" if -status in set(signal.Signals) else f"exit status {status}"
-
-
-class _Tail:
-    """The last bytes of a stream, read in the background so that the writer is never blocked."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self._stream, self._tail = stream, b""
-        self._thread = threading.Thread(target=self._drain, daemon=True)
-        self._thread.start()
-
-    def _drain(self) -> None:
-        while words := self._stream.read(_STDERR_TAIL_BYTES):
-            self._tail = (self._tail + words)[-_STDERR_TAIL_BYTES:]
-
-    def read(self) -> str:
-        """The text, once the stream has ended; lines after the first are indented to stand in a message."""
-        self._thread.join()
-        self._stream.close()
-        lines = self._tail.decode("utf-8", "replace").strip().splitlines()
-        return "\n    ".join(line.strip() for line in lines)
 
 
 def _arguments(size: tuple[int, int], rate: Fraction, options: Sequence[str], file: Path) -> list[str]:

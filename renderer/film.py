@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.encode import Encoder, find_ffmpeg, gif_delay_cs, gif_options, mp4_options, open_encoder
-from renderer.output_files import frame_path, has_frame_files
+from renderer.output_files import frame_path, has_frame_files, picture_shape
 from renderer.png import encode_png
 from renderer.scene import OutputSpec
 from renderer.staging import require_writable, staged, staged_together
@@ -25,8 +25,7 @@ class FilmWriter(ABC):
     """
 
     def __init__(self, output: OutputSpec, frames: Sequence[int], notes: Sequence[str] = ()) -> None:
-        width, height = output.size
-        self._shape = (height, width, 4 if output.background is None else 3)
+        self._shape = picture_shape(output)
         self._frames, self._num_written = tuple(frames), 0
         self.notes = tuple(notes)
 

@@ -10,18 +10,17 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from renderer.output_files import frame_path, has_frame_files, is_numbered
+from renderer.frame_record import Record, is_record
+from renderer.output_files import frame_path, has_frame_files, is_numbered, picture_shape
 from renderer.picture import Picture
+from renderer.png import HEADER_BYTES, header_shape
 from renderer.scene import OutputSpec
 from renderer.staging import explained, write_staged
-
-Record = Mapping[str, Any]
 
 _FILE = re.compile(r"([0-9]{6,9})\.(json|png)")
 _MARK = re.compile(r"[0-9a-f]{32}")
@@ -81,7 +80,7 @@ class KeptFrames:
         """Frames of the same cause that are told of elsewhere: those whose files are there and are the same."""
         for record in records:
             number = record["frame"]
-            if number in self._numbers and is_file(self._file(number), record["digest"]):
+            if number in self._numbers and is_frame(self._file(number), record["digest"], self._output):
                 self.records[number] = record
 
     def keep(self, number: int, png: bytes, record: Record) -> Record:
@@ -152,27 +151,17 @@ def is_file(path: Path, expected: str | None) -> bool:
         return False
 
 
-def is_record(record: Any) -> bool:
-    """Whether this, read from a file that anybody may have written, is all that a film's record tells of a frame.
-
-    That is its number as `frame`, the `digest` of its PNG file, `tolerance`, `cells`, `splats`, `seconds` by step,
-    `predicted_seconds` where it was drawn on a budget of time, and `gl` where it was drawn elsewhere.
-    """
-    if not isinstance(record, dict):
+def is_frame(path: Path, expected: str, output: OutputSpec) -> bool:
+    """Whether a PNG file is there and has this digest, and the size and channels of an output's pictures."""
+    try:
+        return is_file(path, expected) and _shape(path) == picture_shape(output)
+    except (OSError, ValueError):
         return False
-    seconds, predicted = record.get("seconds"), record.get("predicted_seconds", 0.0)
-    return (
-        set(record) <= {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds", "gl"}
-        and isinstance(record.get("gl", ""), str)
-        and isinstance(record.get("digest"), str)
-        and all(type(record.get(key)) is int and record[key] >= 0 for key in ("frame", "cells", "splats"))
-        and isinstance(seconds, dict)
-        and all(map(_is_amount, [record.get("tolerance"), predicted, *seconds.values()]))
-    )
 
 
-def _is_amount(value: Any) -> bool:
-    return type(value) in (int, float) and math.isfinite(value) and value >= 0
+def _shape(path: Path) -> tuple[int, int, int]:
+    with path.open("rb") as stream:
+        return header_shape(stream.read(HEADER_BYTES))
 
 
 def _cause_file(folder: Path, mark: str) -> Path:

@@ -71,6 +71,12 @@ def has_frame_files(output: OutputSpec) -> bool:
     return output.file.suffix.lower() == ".png"
 
 
+def picture_shape(output: OutputSpec) -> tuple[int, int, int]:
+    """(height, width, channels) of its pictures: RGB, with a transparent background RGBA."""
+    width, height = output.size
+    return height, width, 4 if output.background is None else 3
+
+
 def is_numbered(output: OutputSpec) -> bool:
     """Whether frames have names of their own, so that jobs may share them; a still has not."""
     return FRAME_FIELD.search(str(output.file)) is not None

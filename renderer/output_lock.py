@@ -10,7 +10,8 @@ import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.errors import InputError, RenderError
+from renderer.errors import InputError
+from renderer.runs import runs
 from renderer.staging import explained, remove_temporaries
 
 _LONGEST_NOTE = 200
@@ -37,48 +38,69 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
         _leave(folder, descriptor)
 
 
+@contextlib.contextmanager
+def alone(file: Path) -> Iterator[None]:
+    """Wait until no other process is in such a block with this lock file, which is made and removed again.
+
+    On a file system without locks nobody waits. Raises InputError and RenderError where the file cannot be made.
+    """
+    with explained(file):
+        descriptor = _wait_for(file)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            if _is_there(file, descriptor):
+                file.unlink()
+        os.close(descriptor)
+
+
+def require_no_other(folder: Path) -> None:
+    """Raise InputError if something that is no folder has the name of a folder of what is not finished."""
+    with contextlib.suppress(FileNotFoundError):
+        mode = folder.lstat().st_mode
+        if not stat.S_ISDIR(mode):
+            raise InputError(
+                "something else has the name of the folder for frames of a film that is not whole",
+                where=str(folder),
+                got="a link" if stat.S_ISLNK(mode) else "a file",
+                hint="give it another name, or the film another --output",
+            )
+
+
 def _enter(folder: Path) -> int:
     """The lock file, at whose gate nobody else is."""
     while True:
         _make(folder)
-        try:
-            descriptor = os.open(_lock_file(folder), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
-        except FileNotFoundError:  # its last holder has removed the folder meanwhile
-            continue
+        with contextlib.suppress(FileNotFoundError):  # its last holder has removed the folder meanwhile
+            return _wait_for(_lock_file(folder))
+
+
+def _wait_for(file: Path) -> int:
+    """A lock file that is there, with its first byte held."""
+    while True:
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         try:
             _lock(descriptor, _GATE, 1, wait=True)
-            if _is_there(folder, descriptor):
+            if _is_there(file, descriptor):
                 return descriptor
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)
+        os.close(descriptor)  # its last holder has removed it meanwhile
 
 
 def _make(folder: Path) -> None:
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except FileNotFoundError as error:  # where no folders can be made, or the current one is gone
-        raise RenderError("the folder of the output cannot be made", where=str(folder.parent)) from error
+    folder.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.suppress(FileExistsError):
         folder.mkdir()
-    try:
-        mode = folder.lstat().st_mode
-    except FileNotFoundError:  # its last holder has removed the folder meanwhile
-        return
-    if not stat.S_ISDIR(mode):
-        raise InputError(
-            "something else has the name of the folder for frames of a film that is not whole",
-            where=str(folder),
-            got="a link" if stat.S_ISLNK(mode) else "a file",
-            hint="give it another name, or the film another --output",
-        )
+    require_no_other(folder)
 
 
 def _hold(descriptor: int, places: Sequence[int], output: Path) -> None:
     """Lock these places and leave the gate."""
-    for first, length in _runs(places):
-        if _lock(descriptor, _FIRST_PLACE + first, length) is False:
+    for start, stop in runs(places):
+        if _lock(descriptor, _FIRST_PLACE + start, stop - start) is False:
             note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
             raise InputError(
                 "another job is writing this output",
@@ -97,7 +119,7 @@ def _leave(folder: Path, descriptor: int) -> None:
     try:
         _lock(descriptor, _GATE, 1, wait=True)
         is_last = _lock(descriptor, _GATE, 0)
-        if is_last is False or (is_last and not _is_there(folder, descriptor)):
+        if is_last is False or (is_last and not _is_there(_lock_file(folder), descriptor)):
             return
         if is_last:  # and not one of many, for all that can be known
             remove_temporaries(folder)
@@ -126,23 +148,12 @@ def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bo
     return True
 
 
-def _runs(places: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """First place and length of each run of places without a gap."""
-    first = last = places[0]
-    for place in places[1:]:
-        if place != last + 1:
-            yield first, last - first + 1
-            first = place
-        last = place
-    yield first, last - first + 1
-
-
 def _lock_file(folder: Path) -> Path:
     return folder / "lock"
 
 
-def _is_there(folder: Path, descriptor: int) -> bool:
+def _is_there(file: Path, descriptor: int) -> bool:
     try:
-        return os.path.samestat(_lock_file(folder).stat(follow_symlinks=False), os.fstat(descriptor))
+        return os.path.samestat(file.stat(follow_symlinks=False), os.fstat(descriptor))
     except FileNotFoundError:
         return False

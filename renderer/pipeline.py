@@ -17,8 +17,8 @@ from renderer.framing import finest_useful_level, fit_distance, visible_centre, 
 from renderer.pacing import Guide, Scheduled
 from renderer.pyramid import build_pyramid
 from renderer.readers import read_volume
-from renderer.scene import Scene, TimeBudget, Vector
-from renderer.schedule import least_tolerance
+from renderer.scene import Scene, Vector
+from renderer.schedule import in_order, least_tolerance
 from renderer.transfer import make_transfer
 from renderer.volume import Float64, Volume
 
@@ -37,11 +37,9 @@ def prepare(
 
     A `volume` that is given is drawn in place of the scene's, which is then not read. One with another fingerprint
     than `fingerprint`, which is `recorded_in` some place, cannot be used. The pyramid has what the scene's schedule can
-    ask for; with `any_tolerance` it serves every tolerance and level. A film on a budget of time is drawn in a single
-    order: a second drawing of some frames would take twice their time, or a far coarser cut, which flickers.
+    ask for; with `any_tolerance` it serves every tolerance and level.
     """
-    if isinstance(scene.error.goal, TimeBudget) and scene.splat.order == "depth":
-        scene = replace(scene, splat=replace(scene.splat, order="unmixed"))
+    scene = in_order(scene)
     watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
     volume = read_volume(scene.volume) if volume is None else volume
     if fingerprint is not None and volume.fingerprint != fingerprint:

@@ -16,6 +16,8 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOR_TYPES = {3: 2, 4: 6}  # number of channels: RGB is type 2, RGB with straight alpha type 6
 _FILTER_UP = 2  # a byte is stored as its difference to the one above, which suits smooth shading on an even background
 _LEVEL = 1
+# Signature, and the first chunk's length, name, width, height, depth and colour type.
+HEADER_BYTES = 26
 
 
 def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
@@ -42,7 +44,7 @@ def png_shape(content: bytes) -> tuple[int, int, int]:
     """
     if not content.startswith(_SIGNATURE):
         raise ValueError("not a PNG file")
-    chunks, position = [], len(_SIGNATURE)
+    name, position = b"", len(_SIGNATURE)
     while position < len(content):
         length = int.from_bytes(content[position : position + 4], "big")
         name, end = content[position + 4 : position + 8], position + 8 + length
@@ -50,11 +52,21 @@ def png_shape(content: bytes) -> tuple[int, int, int]:
             raise ValueError("cut off")
         if zlib.crc32(content[position + 4 : end]) != int.from_bytes(content[end : end + 4], "big"):
             raise ValueError("damaged")
-        chunks.append((name, content[position + 8 : end]))
         position = end + 4
-    if not chunks or chunks[0][0] != b"IHDR" or chunks[-1][0] != b"IEND":
+    if name != b"IEND":
         raise ValueError("cut off")
-    width, height, depth, color_type = struct.unpack(">IIBB", chunks[0][1][:10])
+    return header_shape(content)
+
+
+def header_shape(content: bytes) -> tuple[int, int, int]:
+    """The same by the file's first HEADER_BYTES alone."""
+    if not content.startswith(_SIGNATURE):
+        raise ValueError("not a PNG file")
+    if len(content) < HEADER_BYTES:
+        raise ValueError("cut off")
+    length, name, width, height, depth, color_type = struct.unpack_from(">I4sIIBB", content, len(_SIGNATURE))
+    if (length, name) != (13, b"IHDR"):
+        raise ValueError("damaged")
     channels = {color: number for number, color in _COLOR_TYPES.items()}.get(color_type)
     if depth != 8 or channels is None:
         raise ValueError("not of 8 bits in RGB or RGBA")

@@ -63,7 +63,7 @@ class GLRasterizer:
     """A GL context with the programs for splats; reusable for any number of frames, of any size.
 
     Use as a context manager, or call `release`. Raises RenderError where no context can be made, and ContextLostError
-    where it is lost while it draws: then it is of no more use.
+    where it is lost while it draws: then it is of no more use, and `raster_lasting` takes another one.
     """
 
     def __init__(self) -> None:

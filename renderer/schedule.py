@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import pairwise, zip_longest
 from operator import itemgetter
 
-from renderer.scene import ByFrame, ErrorSpec, Scene
+from renderer.scene import AccuracyGoal, ByFrame, ErrorSpec, Scene, TimeBudget
 
 
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
@@ -38,6 +38,21 @@ def value_at(by_frame: ByFrame, frame: int) -> float:
     rise = math.log1p((after - before) / before) if close else math.log(after) - math.log(before)
     root = math.exp(0.5 * rise * ((frame - start) / (end - start)))
     return min(max(before * root * root, min(before, after)), max(before, after))
+
+
+def is_met_as_a_whole(error: ErrorSpec) -> bool:
+    """Whether the goal is one of the frames together: whether some of them alone would meet it is not known."""
+    return isinstance(error.goal, (AccuracyGoal, TimeBudget))
+
+
+def in_order(scene: Scene) -> Scene:
+    """The scene in the order in which it is drawn: a single one, `unmixed`, on a budget of time.
+
+    A second drawing of some frames would take twice their time, or a far coarser cut, which flickers.
+    """
+    if isinstance(scene.error.goal, TimeBudget) and scene.splat.order == "depth":
+        return replace(scene, splat=replace(scene.splat, order="unmixed"))
+    return scene
 
 
 def least_tolerance(error: ErrorSpec) -> float:

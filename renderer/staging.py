@@ -85,9 +85,11 @@ def require_possible(path: Path) -> None:
             path.lstat()  # fails for a name that is too long
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        folder = next(parent for parent in path.absolute().parents if parent.exists())
-        if not folder.is_dir():
+        folder = _nearest(path)
+        if not folder.is_dir():  # a link that leads nowhere, too
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
+        if _is_of_the_kernel(path):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
         longest = max(_temporary_of(path).absolute().relative_to(folder).parts, key=lambda name: len(os.fsencode(name)))
         if len(os.fsencode(longest)) > os.pathconf(folder, "PC_NAME_MAX"):
             raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG), str(path))
@@ -109,7 +111,7 @@ def write_error(error: OSError, path: Path) -> HsplatError:
     where = str(path)
     if isinstance(error, IsADirectoryError):
         return InputError("the output is a folder", where=where, expected="the name of a file")
-    if isinstance(error, (NotADirectoryError, FileExistsError)):
+    if isinstance(error, (NotADirectoryError, FileExistsError)) or error.errno == errno.ELOOP:
         broken = next((parent for parent in path.parents if parent.is_symlink() and not parent.exists()), None)
         if broken is not None:
             return InputError("the folder of the output is a link that leads nowhere", where=where, got=str(broken))
@@ -117,10 +119,12 @@ def write_error(error: OSError, path: Path) -> HsplatError:
         return InputError("the folder of the output is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RenderError("the disk is full", where=where, hint="free some space, or write to another disk")
+    if _is_of_the_kernel(path):
+        return RenderError("no files can be made here", where=where, hint=_ANOTHER_FOLDER)
     if isinstance(error, FileNotFoundError):
         return RenderError("the folder of the output is gone", where=where, hint="it was there when the work began")
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return RenderError("no permission to write here", where=where, hint="choose another folder for the output")
+        return RenderError("no permission to write here", where=where, hint=_ANOTHER_FOLDER)
     return RenderError("the output cannot be written", where=where, got=error.strerror or str(error))
 
 
@@ -131,6 +135,21 @@ def remove_temporaries(folder: Path) -> None:
 
 
 _MARK = ".partial-"
+_ANOTHER_FOLDER = "choose another folder for the output"
+# Not even the superuser makes a file or folder here, whom `os.access` tells otherwise.
+_OF_THE_KERNEL = (Path("/proc"), Path("/sys"))
+
+
+def _nearest(path: Path) -> Path:
+    """The folder that `path` is below, as far as there is one; a link that leads nowhere, or a file, too."""
+    return next(parent for parent in path.absolute().parents if os.path.lexists(parent))
+
+
+def _is_of_the_kernel(path: Path) -> bool:
+    with contextlib.suppress(OSError):  # the current folder is gone
+        device = _nearest(path).stat().st_dev
+        return any(place.is_mount() and place.stat().st_dev == device for place in _OF_THE_KERNEL)
+    return False
 
 
 def _temporary_of(path: Path, within: Path | None = None) -> Path:

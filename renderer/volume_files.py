@@ -12,6 +12,20 @@ from renderer.errors import InputError
 
 KNOWN_FORMATS = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
 
+
+class UnknownFormatError(InputError):
+    """A file that is no volume with a header, as far as is known: its voxels may have none, or it may be damaged."""
+
+    def __init__(self, path: Path, *, is_empty: bool) -> None:
+        super().__init__(
+            "this is not a volume in a known format, or it is damaged",
+            where=str(path),
+            got="an empty file" if is_empty else None,
+            expected=KNOWN_FORMATS,
+            hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
+        )
+
+
 # How files of these names begin.
 _SIGNATURES = {
     ".nrrd": (b"NRRD",),
@@ -45,13 +59,7 @@ def require_volume_file(path: Path) -> None:
     except OSError as error:
         raise InputError("cannot read this file", where=str(path), got=error.strerror) from error
     if not _may_be_volume(path.suffix.lower(), start):
-        raise InputError(
-            "this is not a volume in a known format, or it is damaged",
-            where=str(path),
-            got=None if start else "an empty file",
-            expected=KNOWN_FORMATS,
-            hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
-        )
+        raise UnknownFormatError(path, is_empty=not start)
 
 
 def _may_be_slice(path: Path) -> bool:

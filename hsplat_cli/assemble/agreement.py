@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.assemble.parts import Part, Record
+from hsplat_cli.assemble.parts import Part
 from renderer.errors import Problem
+from renderer.frame_record import Record
 from renderer.kept_frames import digest
 from renderer.output_files import FRAME_FIELD
 from renderer.png import png_shape
+from renderer.runs import runs
 from renderer.scene_schema import schedule_to_dict
 from renderer.schema import join, show
 
@@ -138,26 +140,15 @@ def _double_problems(first: Picked, other: Picked) -> Iterator[Problem]:
 
 
 def _missing_problems(missing: Sequence[int], part: Part) -> Iterator[Problem]:
-    runs = _runs(missing)
-    if not runs:
+    gaps = runs(missing)
+    if not gaps:
         return
-    ranges = ", ".join(f"{start}:{stop}" for start, stop in runs)
+    ranges = ", ".join(f"{start}:{stop}" for start, stop in gaps)
     verb = "frame is" if len(missing) == 1 else "frames are"
-    commands = [_command(part, start, stop) for start, stop in runs[:_MOST_SHOWN]]
-    commands += ["and so on"] * (len(runs) > _MOST_SHOWN)
+    commands = [_command(part, start, stop) for start, stop in gaps[:_MOST_SHOWN]]
+    commands += ["and so on"] * (len(gaps) > _MOST_SHOWN)
     hint = "these draw them:\n    " + "\n    ".join(commands)
     yield Problem("", f"{len(missing)} {verb} in no part", got=f"nothing of {ranges}", hint=hint)
-
-
-def _runs(numbers: Sequence[int]) -> list[tuple[int, int]]:
-    """Half-open runs of following numbers."""
-    runs: list[tuple[int, int]] = []
-    for number in numbers:
-        if runs and runs[-1][1] == number:
-            runs[-1] = runs[-1][0], number + 1
-        else:
-            runs.append((number, number + 1))
-    return runs
 
 
 def _command(part: Part, start: int, stop: int) -> str:

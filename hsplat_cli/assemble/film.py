@@ -9,14 +9,15 @@ from pathlib import Path
 import click
 
 from hsplat_cli.assemble.agreement import Picked, file_problems, film_problems, pick
-from hsplat_cli.assemble.merged import merged_record, part_notes, parts_of
+from hsplat_cli.assemble.merged import cause_of_parts, merged_record, part_notes, parts_of
 from hsplat_cli.assemble.parts import Part
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
+from hsplat_cli.render.cause import cause_record, made_before
 from renderer.errors import SceneError
 from renderer.film import open_film, require_encoder
-from renderer.output_files import frame_path, has_frame_files, sidecar_of
+from renderer.output_files import frame_path, has_frame_files, picture_shape, sidecar_of
 from renderer.picture import Picture
 from renderer.scene import OutputSpec
 from renderer.sidecar import write_sidecar
@@ -24,26 +25,33 @@ from renderer.staging import explained, staged_together
 
 
 def assemble_film(parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, *, quiet: bool) -> None:
-    """Make the film, and its sidecar.
+    """Make the film, and its sidecar, unless they are there.
 
     Raises SceneError with all that is wrong with the parts, and what writing raises; then there is no film.
     """
     start = time.perf_counter()
     problems = list(film_problems(parts))
     picked, more = pick(parts, numbers)
-    height_width = output.size[::-1]
-    shape = (*height_width, 4 if output.background is None else 3)
-    # Of another film's part neither the size nor the frames tell anything.
-    problems = problems or [*more, *file_problems(picked, shape)]
+    sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
+    cause, before = None if problems or more else cause_of_parts(picked, output), made_before(sidecar, output)
+    is_there = cause is not None and before is not None and before.is_up_to_date(cause, output, numbers)
+    if not is_there:
+        # Of another film's part neither the size nor the frames tell anything.
+        problems = problems or [*more, *file_problems(picked, picture_shape(output))]
     if problems:
         raise SceneError(problems)
-    sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
     require_encoder(output)
     with taken(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
+        if is_there:
+            if not quiet:
+                click.echo(f"{output.file} is up to date", err=True)
+            return
         write = _copy if has_frame_files(output) else _encode
         notes = [*write(picked, output, folder, defer_interrupts, quiet=quiet), *part_notes(picked)]
-        record = merged_record(picked, output, time.perf_counter() - start)
-        write_sidecar(sidecar, record | {"notes": notes}, folder)
+        record = merged_record(picked, output, time.perf_counter() - start) | {"notes": notes}
+        if cause is not None:
+            record |= cause_record(cause, output)
+        write_sidecar(sidecar, record, folder)
     if not quiet:
         num_parts = len(parts_of(picked))
         num = f"{len(picked)} frame{'s' * (len(picked) > 1)} of {num_parts} part{'s' * (num_parts > 1)}"

@@ -6,11 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from hsplat_cli.assemble.agreement import Picked, error_without_schedule, has_goal
-from hsplat_cli.assemble.parts import Part, Record
+from hsplat_cli.assemble.parts import Part
+from hsplat_cli.render.cause import Cause, told_cause
 from hsplat_cli.render.record import limits, visibility_notes
+from renderer.frame_record import Record
 from renderer.scene import ErrorSpec, OutputSpec
 from renderer.scene_schema import schedule_to_dict
-from renderer.schedule import through
+from renderer.schedule import is_met_as_a_whole, through
 
 
 def merged_record(picked: Sequence[Picked], output: OutputSpec, seconds: float) -> dict[str, Any]:
@@ -60,6 +62,21 @@ def part_notes(picked: Sequence[Picked]) -> list[str]:
         told = part.data.get("notes")
         notes += [note for note in (told if isinstance(told, list) else []) if note not in own]
     return list(dict.fromkeys(notes))
+
+
+def cause_of_parts(picked: Sequence[Picked], output: OutputSpec) -> Cause | None:
+    """What a film drawn in one go would depend on, too, where that is one and the same for all parts.
+
+    A goal that is one of the frames together was met by whole parts.
+    """
+    parts, numbers = parts_of(picked), [frame.number for frame in picked]
+    first, *others = (told_cause(part.data) for part in parts)
+    if first is None or not first.is_intact or any(each is None or each.frames != first.frames for each in others):
+        return None
+    asked, drawn = parts[0].asked, {record["frame"] for part in parts for record in part.records}
+    if asked is not None and is_met_as_a_whole(asked) and not drawn <= {*numbers}:
+        return None
+    return Cause.make(first.of, output, numbers)
 
 
 def _scene(picked: Sequence[Picked], output: OutputSpec) -> dict[str, Any]:

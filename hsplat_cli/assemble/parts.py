@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.input_file import read_content
+from hsplat_cli.patterns import matches
 from hsplat_cli.sidecar_file import Sidecar, sidecar_in
 from renderer.errors import InputError, Problem, SceneError
+from renderer.frame_record import Record, is_record
 from renderer.output_files import film_beside, frame_path
 from renderer.scene import ErrorSpec
 from renderer.schema_camera import MAX_FRAMES
-
-Record = Mapping[str, Any]
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
@@ -64,10 +63,7 @@ def find_parts(names: Sequence[str]) -> list[Part]:
     parts: dict[Path, Part] = {}
     problems: list[Problem] = []
     for name in names:
-        found = list(_expanded(name))
-        if not found:
-            problems.append(Problem("", "nothing has such a name", expected=_EXPECTED, place=name))
-        for path in found:
+        for path in _expanded(name, problems):
             for part in _parts_at(path, problems):
                 parts[part.path.resolve()] = part
     if problems:
@@ -75,12 +71,13 @@ def find_parts(names: Sequence[str]) -> list[Part]:
     return sorted(parts.values(), key=lambda part: (part.records[0]["frame"], str(part.path)))
 
 
-def _expanded(name: str) -> Iterator[Path]:
+def _expanded(name: str, problems: list[Problem]) -> list[Path]:
     """What a glob matches; any other name as it is."""
-    if Path(name).exists() or not glob.has_magic(name):
-        yield Path(name)
-    else:
-        yield from map(Path, sorted(glob.glob(name, recursive=True)))
+    try:
+        return matches(name)
+    except InputError as error:
+        problems.append(_problem(error, name))
+        return []
 
 
 def _parts_at(path: Path, problems: list[Problem]) -> Iterator[Part]:
@@ -106,7 +103,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
         problems.extend(error.problems)
         return
     except InputError as error:
-        problems.append(Problem("", error.what, error.got, error.expected, error.hint, place=error.where or str(path)))
+        problems.append(_problem(error, str(path)))
         return
     file = _output_file(sidecar)
     if sidecar is None or file is None or file.suffix.lower() != ".png":
@@ -122,6 +119,10 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     yield Part(path, data, sidecar.original.asked, film_beside(path, file))
 
 
+def _problem(error: InputError, place: str) -> Problem:
+    return Problem("", error.what, error.got, error.expected, error.hint, place=error.where or place)
+
+
 def _output_file(sidecar: Sidecar | None) -> Path | None:
     output = sidecar.scene.get("output") if sidecar else None
     file = output.get("file") if isinstance(output, dict) else None
@@ -131,20 +132,10 @@ def _output_file(sidecar: Sidecar | None) -> Path | None:
 def _record_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
     """Of the first frame that says too little: the others may for the same reason."""
     for index, record in enumerate(data["frames"] if isinstance(data["frames"], list) else []):
-        if not _is_complete(record):
+        if not is_record(record, has_digest=False):
             expected = "tolerance, cells, splats and seconds, as this version writes them"
             yield Problem(f"frames.{index}", "a frame with too little about it", expected=expected)
             return
-
-
-def _is_complete(record: Any) -> bool:
-    return (
-        isinstance(record, dict)
-        and all(type(record.get(name)) is int for name in ("cells", "splats"))
-        and type(record.get("tolerance")) in (int, float)
-        and isinstance(record.get("seconds"), dict)
-        and all(type(seconds) in (int, float) for seconds in record["seconds"].values())
-    )
 
 
 def _path_problems(sidecar: Sidecar) -> Iterator[Problem]:

@@ -96,13 +96,13 @@ class ClusterDrawer:
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know: who drew, where that may be seen in the bytes, and what went wrong."""
-        versions = package_versions()
-        seen = {name: sorted({maker[name] for maker in self._makers}) for name in (*versions, "GL")}
+        """What the user should know: which versions drew, where they differ from those here, and what went wrong."""
+        here = package_versions()
+        seen = {name: sorted({maker[name] for maker in self._makers}) for name in here}
         mixed = [
-            f"{name} {' and '.join(found)}" + f", which is {versions[name]} here" * (name in versions)
+            f"{name} {' and '.join(found)}, which is {here[name]} here"
             for name, found in seen.items()
-            if len(found) > 1 or (found and found != [versions.get(name, found[0])])
+            if found not in ([], [here[name]])
         ]
         notes = [f"bytes may differ from frame to frame, drawn by different workers: {'; '.join(mixed)}"] * bool(mixed)
         again = f"{self._num_again} frame{'s were' if self._num_again > 1 else ' was'} drawn again by other workers"

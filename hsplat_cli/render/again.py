@@ -27,7 +27,7 @@ def _missed(job: Job, original: Original) -> list[str]:
 def _others(original: Original, made_by: str) -> list[str]:
     before, now = original.made_with, package_versions() | {"GL": made_by}
     changed = [
-        f"{name} {now[name]}, which was {_name(before[name])}"
+        f"{name} {plain_name(now[name])}, which was {plain_name(before[name])}"
         for name in now
         if name in before and before[name] != now[name]
     ]
@@ -36,7 +36,7 @@ def _others(original: Original, made_by: str) -> list[str]:
     return [f"the bytes may differ from those of the film before, made with other versions: {'; '.join(changed)}"]
 
 
-def _name(value: object) -> str:
+def plain_name(value: object) -> str:
     """What a file says that anybody may have written, for the terminal."""
     is_plain = isinstance(value, str) and value.isprintable() and len(value) <= _LONGEST_NAME
     return str(value) if is_plain else show(value)

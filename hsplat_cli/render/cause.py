@@ -3,38 +3,76 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from hsplat_cli.input_file import MAX_SIDECAR_BYTES
 from hsplat_cli.job import Job
+from hsplat_cli.sidecar_file import is_shallow
 from hsplat_cli.versions import package_versions, sources_digest
-from renderer.kept_frames import digest, is_file, is_record
-from renderer.output_files import frame_path, has_frame_files, sidecar_path
-from renderer.scene import OutputSpec, Scene
-from renderer.scene_schema import scene_to_dict
+from renderer.frame_record import Record, is_record
+from renderer.kept_frames import digest, file_digest, is_file, is_frame
+from renderer.output_files import frame_path, has_frame_files
+from renderer.scene import OutputSpec
+from renderer.scene_schema import scene_to_dict, schedule_to_dict
+from renderer.schedule import in_order
 from renderer.schema import join, show
-from renderer.volume import Volume
+from renderer.staging import explained
 
 # How the frames become a film; not what is in them.
 _OF_THE_FILM = ("file", "frames_per_second", "quality")
 _MOST_DIFFERENCES = 3
 
 
-def cause_of_frames(job: Job, volume: Volume, made_by: str) -> dict[str, Any]:
-    """Plain data that is equal where the frames are: scene, voxels, program, driver. made_by: as GL names itself."""
-    scene = scene_to_dict(job.scene)
+@dataclass(frozen=True)
+class Cause:
+    """What a film depends on; a sidecar holds it as `cause`.
+
+    frames: a mark of what its frames depend on, which is equal where they are.
+    film: a mark also of their numbers and of how they are encoded.
+    of: what its frames depend on, as plain data just as JSON has it; in a sidecar whatever is there.
+    """
+
+    frames: str
+    film: str
+    of: Any
+
+    @classmethod
+    def make(cls, of: Any, output: OutputSpec, frames: Sequence[int]) -> Cause:
+        """frames: the numbers of them."""
+        mark = _mark(of)
+        return cls(mark, _mark([mark, output.frames_per_second, output.quality, [*frames]]), of)
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether `of` is what it was when the mark was made."""
+        return self.frames == _mark(self.of)
+
+
+def _mark(data: Any) -> str:
+    return digest(json.dumps(data, sort_keys=True).encode())
+
+
+def cause_of(job: Job, fingerprint: str, made_by: str) -> Cause:
+    """That of a job's film: scene, voxels, program, driver.
+
+    What is made again has the cause of the film before, whose tolerances may have been found for what was asked.
+    fingerprint: of the volume. made_by: as GL names itself.
+    """
+    scene = scene_to_dict(in_order(job.scene))
+    rest = {key: value for key, value in scene["error"].items() if key not in schedule_to_dict(job.scene.error)}
     output = {key: value for key, value in scene["output"].items() if key not in _OF_THE_FILM}
     del scene["volume"]
-    return {
-        "scene": scene | {"output": output},
-        "volume": {"fingerprint": volume.fingerprint},
+    of = {
+        "scene": scene | {"output": output, "error": {**job.asked, **rest}},
+        "volume": {"fingerprint": fingerprint},
         "versions": package_versions(),
         "sources": sources_digest(),
         "gl": made_by,
     }
+    return Cause.make(json.loads(json.dumps(of)), job.scene.output, job.frames)
 
 
 def differences(before: Any, now: Any) -> str:
@@ -52,59 +90,78 @@ def _differences(before: Any, now: Any, path: str) -> Iterator[str]:
         yield f"{path} was {show(before)}"
 
 
-@dataclass(frozen=True)
-class Marks:
-    """Of causes: of that of the frames, and of that of the whole film; what a sidecar holds of them."""
-
-    frames: str
-    film: str
-
-    @classmethod
-    def of(cls, cause: Mapping[str, Any], output: OutputSpec, frames: Sequence[int]) -> Marks:
-        """film: also of its numbers of frames and of how they are encoded."""
-        coding = [output.frames_per_second, output.quality, [*frames]]
-        return cls(_mark(cause), _mark([cause, coding]))
-
-
-def _mark(data: Any) -> str:
-    return digest(json.dumps(data, sort_keys=True).encode())
+# In sidecars
 
 
 @dataclass(frozen=True)
 class Made:
     """What a sidecar, which anybody may have written, tells of its film.
 
-    cause: of the frames, as `cause_of_frames` made it then.
     is_whole: all its frames are told of, and they are what was asked for.
     file_digest: of a film that is one file.
     records: of the frames.
     """
 
-    marks: Marks
-    cause: Any
+    cause: Cause
     is_whole: bool
     file_digest: str | None
-    records: Sequence[Mapping[str, Any]]
+    records: Sequence[Record]
 
-    def is_up_to_date(self, marks: Marks, output: OutputSpec, frames: Sequence[int]) -> bool:
-        """Whether the film of these causes is there, whole, as it was made."""
-        if self.marks != marks or not self.is_whole or [record["frame"] for record in self.records] != [*frames]:
+    def has_frames_of(self, cause: Cause) -> bool:
+        """Whether its frames are as they would be drawn for this cause."""
+        return self.cause.frames == cause.frames
+
+    def is_up_to_date(self, cause: Cause, output: OutputSpec, frames: Sequence[int]) -> bool:
+        """Whether the film of this cause is there, whole, as it was made."""
+        if self.cause.film != cause.film or not self.is_whole or [each["frame"] for each in self.records] != [*frames]:
             return False
         if not has_frame_files(output):
             return is_file(output.file, self.file_digest)
-        return all(is_file(frame_path(output.file, record["frame"]), record["digest"]) for record in self.records)
+        files = ((frame_path(output.file, each["frame"]), each["digest"]) for each in self.records)
+        return all(is_frame(path, mark, output) for path, mark in files)
 
 
-def made_before(scene: Scene, frames: Sequence[int]) -> Made | None:
-    """What is told by the sidecar of the output of these frames, if there is one that tells enough."""
-    data = _read(sidecar_path(scene, frames))
+def made_before(sidecar: Path, output: OutputSpec) -> Made | None:
+    """What is told by the sidecar of an output, if there is one that tells enough."""
+    data = _read(sidecar)
     try:
-        cause, schedule, records = data["cause"], data["schedule"], data["frames"]
-        whole = [record for record in records if is_record(record)]
+        cause, schedule, records = told_cause(data), data["schedule"], data["frames"]
+        # The pictures of a film that is one file are there no more.
+        whole = [record for record in records if is_record(record, has_digest=has_frame_files(output))]
         is_whole = schedule["met"] is True and len(whole) == len(records)
-        return Made(Marks(cause["frames"], cause["film"]), cause.get("of"), is_whole, data.get("digest"), whole)
+        return None if cause is None else Made(cause, is_whole, data.get("digest"), whole)
     except (KeyError, TypeError):
         return None
+
+
+def told_cause(data: Any) -> Cause | None:
+    """That in the content of a sidecar, if there is one."""
+    try:
+        told = data["cause"]
+        of = told.get("of")
+        return Cause(told["frames"], told["film"], of if is_shallow(of) else None)
+    except (AttributeError, KeyError, TypeError):
+        return None
+
+
+def cause_record(cause: Cause, output: OutputSpec) -> dict[str, Any]:
+    """For the sidecar of an output that is there: by what the next job sees whether it has nothing to do."""
+    if has_frame_files(output):
+        return {"cause": asdict(cause)}
+    with explained(output.file):
+        return {"cause": asdict(cause), "digest": file_digest(output.file)}
+
+
+def with_digests(frames: Sequence[Record], output: OutputSpec) -> list[Record]:
+    """The records of frames that are there with the digests of their files, where they have files of their own."""
+    if not has_frame_files(output):
+        return [*frames]
+    found: list[Record] = []
+    for frame in frames:
+        path = frame_path(output.file, frame["frame"])
+        with explained(path):
+            found.append(frame if "digest" in frame else {**frame, "digest": file_digest(path)})
+    return found
 
 
 def _read(path: Path) -> Any:

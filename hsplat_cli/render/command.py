@@ -68,7 +68,7 @@ def render(
 
         tell_first_run(quiet=quiet)
         if progressive:
-            shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, quiet=quiet)
+            shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, force=force, quiet=quiet)
         else:
             shortfall = render_once(job, crew, force=force, quiet=quiet)
     if shortfall is not None and not best_effort:

@@ -15,7 +15,7 @@ from hsplat_cli.drawn import Drawer, Drawn, LocalDrawer
 from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers.pool import Pool, open_pool
 from renderer.errors import RenderError
-from renderer.raster_gl import GLRasterizer
+from renderer.raster_lasting import LastingRasterizer
 from renderer.scene import AccuracyGoal, Scene
 
 # Mesa's renderers that draw with the processor's cores, as they name themselves.
@@ -37,14 +37,14 @@ def open_crew(spec: CrewSpec, scene: Scene) -> Iterator[Crew]:
         if spec.scheduler is not None:
             cluster = stack.enter_context(open_cluster(spec.scheduler, num_workers=spec.workers))
         if cluster is None or isinstance(scene.error.goal, AccuracyGoal):  # which is looked for here
-            rasterizer = stack.enter_context(GLRasterizer())
+            rasterizer = stack.enter_context(LastingRasterizer())
         yield Crew(spec, rasterizer, cluster)
 
 
 class Crew:
     """Made by `open_crew`. rasterizer: of this process, where it draws anything."""
 
-    def __init__(self, spec: CrewSpec, rasterizer: GLRasterizer | None, cluster: Cluster | None) -> None:
+    def __init__(self, spec: CrewSpec, rasterizer: LastingRasterizer | None, cluster: Cluster | None) -> None:
         self._spec, self.rasterizer, self._cluster = spec, rasterizer, cluster
 
     @property
@@ -68,7 +68,7 @@ class Crew:
         assert self.rasterizer is not None
         num_workers = min(self._spec.workers or _default_workers(self.gl), num_frames)
         if num_workers < 2 or plan.by_clock:
-            yield plan, LocalDrawer(plan.stage, self.rasterizer, plan.guide, made_by=[self.gl])
+            yield plan, _Alone(plan, self.rasterizer)
             return
         with contextlib.ExitStack() as stack:
             try:
@@ -77,12 +77,25 @@ class Crew:
             except RenderError as error:
                 if self._spec.workers is not None:
                     raise
-                notes = [_ALONE.format(error.what)]
-                yield plan, LocalDrawer(plan.stage, self.rasterizer, made_by=[self.gl], notes=notes)
+                yield plan, _Alone(plan, self.rasterizer, [_ALONE.format(error.what)])
                 return
             plan = replace(plan, stage=pool.stage)
-            alone = LocalDrawer(plan.stage, self.rasterizer, made_by=[self.gl])
+            alone = _Alone(plan, self.rasterizer)
             yield plan, _GrowingDrawer(alone, pool, num_workers, must=self._spec.workers is not None)
+
+
+class _Alone(LocalDrawer):
+    """This process draws. notes: besides what there is to be said of OpenGL."""
+
+    def __init__(self, plan: Plan, rasterizer: LastingRasterizer, notes: Sequence[str] = ()) -> None:
+        super().__init__(plan.stage, rasterizer, plan.guide)
+        self.made_by = [rasterizer.renderer_name]
+        self._gl, self._notes = rasterizer, notes
+
+    @property
+    def notes(self) -> list[str]:
+        """As in Drawer."""
+        return [*self._notes, *self._gl.notes]
 
 
 class _GrowingDrawer:
@@ -91,14 +104,14 @@ class _GrowingDrawer:
     must: the user wants workers: they are called at once, and without them there is no film.
     """
 
-    def __init__(self, alone: LocalDrawer, pool: Pool, num_workers: int, *, must: bool) -> None:
+    def __init__(self, alone: Drawer, pool: Pool, num_workers: int, *, must: bool) -> None:
         self._alone, self._pool, self._num_workers, self._must = alone, pool, num_workers, must
         self._is_called, self._notes = False, list[str]()
 
     @property
     def notes(self) -> list[str]:
         """As in Drawer."""
-        return [*self._notes, *self._pool.notes]
+        return [*self._notes, *self._alone.notes, *self._pool.notes]
 
     @property
     def made_by(self) -> tuple[str, ...]:

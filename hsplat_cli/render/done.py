@@ -2,38 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import click
 
 from hsplat_cli.job import Job
 from hsplat_cli.render.again import maker_notes
-from hsplat_cli.render.cause import Marks
+from hsplat_cli.render.cause import Cause, cause_record, with_digests
 from hsplat_cli.render.goals import Plan, shortfall_of
-from hsplat_cli.render.record import Record, film_record, schedule_record, summary, visibility_notes
+from hsplat_cli.render.record import driver_notes, film_record, schedule_record, summary, visibility_notes
 from renderer.errors import RenderError
-from renderer.kept_frames import file_digest
-from renderer.output_files import has_frame_files, sidecar_path
+from renderer.frame_record import Record
+from renderer.output_files import sidecar_path
 from renderer.sidecar import write_sidecar
-from renderer.staging import explained
 
 
 @dataclass(frozen=True)
 class Done:
     """A finished film: the records of its frames, what is to be said about its file, and what it took in all.
 
-    num_kept: frames that had been drawn before.
+    made_by: devices and drivers, as GL names them. num_kept: frames that had been drawn before.
     """
 
     job: Job
     plan: Plan
     frames: Sequence[Record]
     file_notes: Sequence[str]
-    made_by: str
+    made_by: Sequence[str]
     seconds: float
     num_kept: int = 0
 
@@ -45,7 +43,17 @@ class Done:
     @property
     def notes(self) -> list[str]:
         """What the user should know."""
-        return [*self.file_notes, *maker_notes(self.job, self.made_by), *visibility_notes(self.frames)]
+        return [
+            *self.file_notes,
+            *driver_notes(self.made_by),
+            *maker_notes(self.job, self.gl),
+            *visibility_notes(self.frames),
+        ]
+
+    @property
+    def gl(self) -> str:
+        """What made it, as the sidecar tells it."""
+        return " and ".join(self.made_by)
 
     @property
     def sidecar(self) -> Path:
@@ -53,22 +61,21 @@ class Done:
         return sidecar_path(self.job.scene, self.job.frames)
 
 
-def record(done: Done, folder: Path, *, cause: Mapping[str, Any] | None = None, passes: Sequence[Record] = ()) -> None:
+def record(done: Done, folder: Path, cause: Cause, *, passes: Sequence[Record] = ()) -> None:
     """Write the sidecar.
 
-    folder: of what is not finished. cause: of the frames, by which the next job sees whether it has nothing to do.
+    folder: of what is not finished. The next job sees by the `cause` that it has nothing to do; a film that one pass
+    would not have made, a coarser one or one that was found on the clock without being asked to, has none.
     """
-    content = film_record(done.plan.stage, done.frames, done.made_by)
-    content |= {"schedule": schedule_record(done.job, done.plan, done.frames, done.shortfall)}
+    job, frames = done.job, done.frames
+    schedule = schedule_record(job, done.plan, frames, done.shortfall)
+    content = film_record(done.plan.stage, frames, done.gl) | {"schedule": schedule}
     content |= {"passes": list(passes)} if passes else {}
     content |= {"notes": done.notes, "seconds": done.plan.stage.seconds | {"total": done.seconds}}
-    if cause is not None:
-        output, file = done.job.scene.output, done.job.scene.output.file
-        content |= {"cause": {**asdict(Marks.of(cause, output, done.job.frames)), "of": cause}}
-        if not has_frame_files(output):
-            with explained(file):
-                content |= {"digest": file_digest(file)}
-    write_sidecar(done.sidecar, content | {"frames": done.frames}, folder)
+    if not done.plan.is_unfinished and (schedule["reproducible"] or "seconds" in job.asked):
+        content |= cause_record(cause, job.scene.output)
+        frames = with_digests(frames, job.scene.output)
+    write_sidecar(done.sidecar, content | {"frames": frames}, folder)
 
 
 def tell(done: Done, *, quiet: bool) -> None:

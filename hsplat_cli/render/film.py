@@ -5,34 +5,27 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
-import click
-
-from hsplat_cli.cores import num_cores
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.drawn import Drawer, Drawn
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
-from hsplat_cli.render.cause import Marks, cause_of_frames, made_before
 from hsplat_cli.render.crew import open_crew
 from hsplat_cli.render.done import Done, record, tell
 from hsplat_cli.render.goals import make_plan
-from hsplat_cli.render.kept import find_kept, replace_former, tell_kept, tell_left
-from hsplat_cli.render.record import Record, makers, with_seconds
+from hsplat_cli.render.kept import find_kept, tell_kept, tell_left
+from hsplat_cli.render.record import makers, with_seconds
+from hsplat_cli.render.start import start_film
 from renderer.costs import CostLog
-from renderer.drawing import Stage
 from renderer.errors import RenderError
 from renderer.film import open_film, require_encoder
+from renderer.frame_record import Record
 from renderer.kept_frames import KeptFrames, forget_frames
 from renderer.output_files import has_frame_files, sidecar_path
 from renderer.pacing import Details
-from renderer.pipeline import prepare
-from renderer.readers import read_volume
-from renderer.volume import Volume
 
 
 def render_once(job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bool) -> RenderError | None:
@@ -47,33 +40,24 @@ def render_once(job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bo
         defer_interrupts = stack.enter_context(deferrable_interrupts())
         require_encoder(output)
         crew = stack.enter_context(open_crew(crew_spec, job.scene))
-        before_reading = time.perf_counter()
-        volume = read_volume(job.scene.volume)
-        read_seconds = time.perf_counter() - before_reading
-        cause = cause_of_frames(job, volume, crew.gl)
-        marks = Marks.of(cause, output, frames)
-        before = None if force else made_before(job.scene, frames)
-        if before is not None and before.is_up_to_date(marks, output, frames):
-            forget_frames(folder, output, frames)  # of a job that was killed when its film was whole
-            if not quiet:
-                click.echo(f"{output.file} is up to date; --force draws it again", err=True)
+        begun = start_film(job, folder, crew.gl, force=force, quiet=quiet)
+        if begun is None:
             return None
-        stage = prepare_job(job, volume, read_seconds)
-        del volume  # it may move
-        plan = make_plan(Details(stage, CostLog()), frames, crew.rasterizer, quiet=quiet)
-        del stage
-        kept = find_kept(job, plan, folder, cause, marks, before, force=force)
-        replace_former(job, before, marks, cause, quiet=quiet)
+        plan = make_plan(Details(begun.stage, CostLog()), frames, crew.rasterizer, quiet=quiet)
+        cause, before = begun.cause, begun.before
+        del begun  # its volume may move
+        kept = find_kept(job, plan, folder, cause, before, force=force)
         if not quiet:
             tell_kept(kept, job)
         num_kept = len(kept.records)
         try:
             with crew.drawer(plan, len(frames) - num_kept) as (plan, drawer):
                 records, notes = _draw(job, kept, drawer, folder, defer_interrupts, quiet=quiet)
-                notes, made_by = [*notes, *drawer.notes], makers(records) or drawer.made_by or [crew.gl]
+                notes = [*notes, *drawer.notes]
+                made_by = list(dict.fromkeys([*makers(records), *drawer.made_by])) or [crew.gl]
             seconds = time.perf_counter() - start
-            done = Done(job, plan, records, notes, " and ".join(made_by), seconds, num_kept)
-            record(done, folder, cause=cause)
+            done = Done(job, plan, records, notes, made_by, seconds, num_kept)
+            record(done, folder, cause)
         except BaseException:
             if not quiet:
                 tell_left(kept, job, folder, force=force)
@@ -81,19 +65,6 @@ def render_once(job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bo
         forget_frames(folder, output, frames)
     tell(done, quiet=quiet)
     return done.shortfall
-
-
-def prepare_job(job: Job, volume: Volume | None = None, read_seconds: float = 0.0) -> Stage:
-    """The job's stage, on all cores; of its `volume`, if it was read already, which took so long."""
-    stage = prepare(
-        job.scene,
-        clock=time.perf_counter,
-        num_threads=num_cores(),
-        volume=volume,
-        fingerprint=job.original.fingerprint if job.original else None,
-        recorded_in=f"{job.original.path}: volume.fingerprint" if job.original else "",
-    )
-    return replace(stage, seconds={**stage.seconds, "read": stage.seconds["read"] + read_seconds})
 
 
 def _draw(

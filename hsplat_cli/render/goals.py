@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hsplat_cli.job import Job
-from hsplat_cli.render.record import IN_TIME, Record, drawing_seconds, seconds_for, span
+from hsplat_cli.render.record import IN_TIME, drawing_seconds, seconds_for, span
 from renderer.drawing import Rasterizer, Stage, Stopwatch
 from renderer.errors import RenderError
+from renderer.frame_record import Record
 from renderer.pacing import Details, Guide, Pacer, try_drawings
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
 from renderer.schedule import at_tolerance, at_tolerances, value_at

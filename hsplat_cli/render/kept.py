@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import click
 
 from hsplat_cli.job import Job
-from hsplat_cli.render.cause import Made, Marks, differences
+from hsplat_cli.render.cause import Cause, Made, differences
 from hsplat_cli.render.goals import Plan
-from hsplat_cli.render.record import Record
+from renderer.frame_record import Record
 from renderer.kept_frames import KeptFrames
 from renderer.output_files import has_frame_files, sidecar_path
 from renderer.schedule import tolerance_at
 
 
-def find_kept(
-    job: Job, plan: Plan, folder: Path, cause: Mapping[str, Any], marks: Marks, before: Made | None, *, force: bool
-) -> KeptFrames:
+def find_kept(job: Job, plan: Plan, folder: Path, cause: Cause, before: Made | None, *, force: bool) -> KeptFrames:
     """Those of the job's frames that are there and are what would be drawn; none with `force`.
 
-    before: what the sidecar tells that is there, which may be of frames that are.
+    before: what the sidecar tells that is there, which may be of frames that are. That of another film goes where it
+    tells of numbered frames: from now on some of them will be of the one film and some of the other.
     """
     output = job.scene.output
-    kept = KeptFrames(folder, output, job.frames, cause, afresh=force)
-    if before is not None and before.marks.frames == marks.frames and has_frame_files(output):
-        kept.add_former(before.records)
+    kept = KeptFrames(folder, output, job.frames, cause.of, afresh=force)
+    if before is not None and has_frame_files(output):
+        if before.has_frames_of(cause):
+            kept.add_former(before.records)
+        else:
+            sidecar_path(job.scene, job.frames).unlink(missing_ok=True)
     kept.drop(partial(_is_as_planned, plan))
     return kept
 
@@ -48,21 +48,6 @@ def tell_kept(kept: KeptFrames, job: Job) -> None:
         why = f": {differences(kept.former_cause, kept.cause)}" if kept.former_cause else ""
         what = "frames that were there are drawn anew, for they were of another film"
         click.echo(f"{kept.num_former} {what}{why}", err=True)
-
-
-def replace_former(job: Job, before: Made | None, marks: Marks, cause: Mapping[str, Any], *, quiet: bool) -> None:
-    """Say that the output is that of another film, if it is, and how that differs.
-
-    The sidecar of numbered frames goes: from now on some of them will be of the one film and some of the other.
-    """
-    output = job.scene.output
-    if before is None or before.marks.frames == marks.frames:
-        return
-    if not quiet:
-        why = f": {differences(before.cause, cause)}" if isinstance(before.cause, dict) else ""
-        click.echo(f"{output.file} is drawn anew, for what is there is another film{why}", err=True)
-    if has_frame_files(output):
-        sidecar_path(job.scene, job.frames).unlink(missing_ok=True)
 
 
 def tell_left(kept: KeptFrames, job: Job, folder: Path, *, force: bool) -> None:

@@ -22,19 +22,21 @@ from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
 from hsplat_cli.progress import Progress, progress
+from hsplat_cli.render.cause import Cause
 from hsplat_cli.render.difference import Difference, Differences
 from hsplat_cli.render.done import Done, record, tell
-from hsplat_cli.render.film import prepare_job
 from hsplat_cli.render.goals import Plan, make_plan
-from hsplat_cli.render.record import Record, limits, span, with_seconds
+from hsplat_cli.render.record import limits, span, with_seconds
+from hsplat_cli.render.start import start_film
 from renderer.costs import CostLog, Load, load_of
 from renderer.drawing import Rasterizer, Stopwatch
 from renderer.errors import RenderError
-from renderer.film import FilmWriter, open_film
+from renderer.film import FilmWriter, open_film, require_encoder
+from renderer.frame_record import Record
 from renderer.kept_frames import forget_frames
 from renderer.output_files import sidecar_path
 from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
-from renderer.raster_gl import GLRasterizer
+from renderer.raster_lasting import LastingRasterizer
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
 from renderer.schedule import at_tolerances, tolerance_at, value_at
 
@@ -64,17 +66,24 @@ class _Pass:
     frame_seconds: float
 
 
-def render_progressively(job: Job, *, time_limit: float | None, best_effort: bool, quiet: bool) -> RenderError | None:
+def render_progressively(
+    job: Job, *, time_limit: float | None, best_effort: bool, force: bool, quiet: bool
+) -> RenderError | None:
     """Film after film, until one is what the scene asks for or time is up; what was asked for and not had.
 
     time_limit: seconds; the first pass is made all the same. When a later one is interrupted, the film of the pass
-    before it stays; KeyboardInterrupt then goes on, unless `best_effort` takes that film for good enough.
+    before it stays; KeyboardInterrupt then goes on, unless `best_effort` takes that film for good enough. Nothing is
+    made where the last film is there already, unless with `force`.
     """
     start = time.perf_counter()
     place = taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames))
-    with place as folder, GLRasterizer() as rasterizer:
-        maker = _Maker(job, folder, rasterizer, start, time_limit, quiet=quiet)
-        planner = _Planner(job, Details(prepare_job(job), CostLog()), rasterizer, quiet=quiet)
+    with place as folder, LastingRasterizer() as rasterizer:
+        require_encoder(job.scene.output)
+        begun = start_film(job, folder, rasterizer.renderer_name, force=force, quiet=quiet)
+        if begun is None:
+            return None
+        maker = _Maker(job, begun.cause, folder, rasterizer, start, time_limit, quiet=quiet)
+        planner = _Planner(job, Details(begun.stage, CostLog()), rasterizer, quiet=quiet)
         try:
             for each in planner.passes(maker):
                 maker.make(each)
@@ -95,9 +104,18 @@ class _Maker:
     """Makes one film after the other under the same name, each complete before it takes the place of the one before."""
 
     def __init__(
-        self, job: Job, folder: Path, rasterizer: GLRasterizer, start: float, time_limit: float | None, *, quiet: bool
+        self,
+        job: Job,
+        cause: Cause,
+        folder: Path,
+        rasterizer: LastingRasterizer,
+        start: float,
+        time_limit: float | None,
+        *,
+        quiet: bool,
     ) -> None:
-        self._job, self._folder, self._rasterizer, self._start, self._quiet = job, folder, rasterizer, start, quiet
+        self._job, self._cause, self._folder = job, cause, folder
+        self._rasterizer, self._start, self._quiet = rasterizer, start, quiet
         self._deadline = math.inf if time_limit is None else start + time_limit
         output = job.scene.output
         self._differences = Differences(job.frames, math.prod(output.size) * (4 if output.background is None else 3))
@@ -147,8 +165,9 @@ class _Maker:
             "difference": difference.record() if difference else None,
         }
         self._passes.append(made)
-        self.done = Done(job, each.plan, frames, film.notes, self._rasterizer.renderer_name, now - self._start)
-        record(self.done, self._folder, passes=self._passes)
+        notes = [*film.notes, *self._rasterizer.notes]
+        self.done = Done(job, each.plan, frames, notes, [self._rasterizer.renderer_name], now - self._start)
+        record(self.done, self._folder, self._cause, passes=self._passes)
         if not self._quiet:
             click.echo(f"pass {number}: {', '.join(_facts(made, frames, difference))}")
 
@@ -157,7 +176,7 @@ class _Maker:
         assert self.done is not None
         met = replace(self.done.plan, is_unfinished=False, found=plan.found, shortfall=plan.shortfall)
         self.done = replace(self.done, plan=met)
-        record(self.done, self._folder, passes=self._passes)
+        record(self.done, self._folder, self._cause, passes=self._passes)
 
     def tell_interrupted(self) -> None:
         """Say what there is now, if there is something."""

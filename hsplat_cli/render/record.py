@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.job import Job
-from hsplat_cli.render.again import recorded_schedule
+from hsplat_cli.render.again import plain_name, recorded_schedule
 from hsplat_cli.versions import package_versions
 from renderer.drawing import Stage, finest_level_at
 from renderer.errors import RenderError
+from renderer.frame_record import Record
 from renderer.scene import TimeBudget
 from renderer.scene_schema import scene_to_dict
 from renderer.schedule import at_tolerances, value_at
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 # A frame is in time when it takes no longer and no shorter than its budget by more than this part.
 IN_TIME = 0.2
-
-Record = Mapping[str, Any]
 
 
 def with_seconds(record: Record, **seconds: float) -> Record:
@@ -80,6 +79,12 @@ def _measured(found: Found) -> dict[str, Any]:
     worst = found.worst
     value = worst.value if math.isfinite(worst.value) else None  # the PSNR of equal pictures
     return {"metric": found.want.metric, "worst": value, "frame": worst.frame, "probes": found.frames}
+
+
+def driver_notes(made_by: Sequence[str]) -> list[str]:
+    """That frames are not all of one driver, if so: some of them are kept, or workers differ."""
+    drivers = " and ".join(map(plain_name, made_by))
+    return [f"bytes may differ from frame to frame, drawn by different drivers: {drivers}"] * (len(made_by) > 1)
 
 
 def visibility_notes(frames: Sequence[Record]) -> list[str]:

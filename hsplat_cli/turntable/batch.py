@@ -18,10 +18,10 @@ import click
 
 from hsplat_cli.film_options import as_arguments
 from hsplat_cli.scene_text import volume_file
-from hsplat_cli.turntable.report import table, write_report
-from hsplat_cli.turntable.single import Order, Record
+from hsplat_cli.turntable.report import FILE, Record, table, write_report
+from hsplat_cli.turntable.single import Order
 from hsplat_cli.workers.lifeline import Lifeline
-from renderer.errors import RenderError
+from renderer.errors import HsplatError, RenderError
 from renderer.staging import require_writable
 
 # A process that was interrupted removes what is unfinished. One that does not end within this time is asked again, as
@@ -30,11 +30,11 @@ _PATIENCE_S, _NUM_ASKED = 3.0, 4
 
 
 def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path, *, quiet: bool) -> None:
-    """Make the films, print a table, write the report. Raises RenderError if one of them failed.
+    """Make the films, add each to the report, print a table. Raises RenderError if one of them failed.
 
     options: of the command line, for all of them. After an interrupt table and report tell what there is.
     """
-    require_writable(folder / "turntable.json")
+    require_writable(folder / FILE)
     records: list[Record] = []
     try:
         for number, order in enumerate(orders, start=1):
@@ -43,6 +43,8 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
             records.append(_made(order, options))
             if records[-1]["status"] != "done":
                 click.echo(records[-1]["error"], err=True)
+            with suppress(HsplatError):  # the next one may be written, and with it this one
+                write_report(folder, records)
     except KeyboardInterrupt:
         interrupted = [orders[len(records)].record("interrupted")] if len(records) < len(orders) else []
         _finish([*records, *interrupted, *(order.record("not begun") for order in orders[len(records) + 1 :])], folder)
@@ -50,12 +52,16 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
     _finish(records, folder)
     num_failed = sum(record["status"] != "done" for record in records)
     if num_failed:
-        raise RenderError(f"{num_failed} of {len(records)} films could not be made", where=str(folder))
+        raise RenderError(
+            f"{num_failed} of {len(records)} films could not be made",
+            where=str(folder),
+            hint=f"the same command{' without --force' * orders[0].force} makes only what is missing",
+        )
 
 
 def _finish(records: Sequence[Record], folder: Path) -> None:
-    write_report(folder, records)
     click.echo(table(records))
+    write_report(folder, records)
 
 
 def _made(order: Order, options: Mapping[str, Any]) -> Record:

@@ -84,13 +84,20 @@ def turntable(
             passed |= {"workers": workers, "scheduler": scheduler}
             run_batch(orders, passed, folder, quiet=quiet)
             return
-        try:
-            result = make_film(orders[0], quiet=quiet)
-        except HsplatError as error:
-            with suppress(HsplatError):  # what went wrong first is what is said
-                write_report(folder, [orders[0].failed(error)])
-            raise
-        write_report(folder, [result])
+        _make_one(orders[0], quiet=quiet)
+
+
+def _make_one(order: Order, *, quiet: bool) -> None:
+    """The only film of a command, which fails as the film does."""
+    folder = order.scene.parent
+    try:
+        result = make_film(order, quiet=quiet)
+    except (HsplatError, KeyboardInterrupt) as error:
+        record = order.failed(error) if isinstance(error, HsplatError) else order.record("interrupted")
+        with suppress(HsplatError):  # what went wrong first is what is said
+            write_report(folder, [record])
+        raise
+    write_report(folder, [result])
 
 
 def _films(volumes: tuple[str, ...], name: str | None, quiet: bool) -> list[Named]:

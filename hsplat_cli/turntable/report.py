@@ -1,27 +1,133 @@
-"""What became of each volume: a table for the terminal, and turntable.json for programs."""
+"""What became of each volume: a table for the terminal, and turntable.json for programs.
+
+turntable.json tells of all films of its folder, whichever commands made them, one after the other or at the same time.
+It is also how a scene that nobody has changed is known again.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Sequence
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from renderer.staging import write_staged
+from renderer.output_lock import alone
+from renderer.staging import explained, write_staged
+
+Record = dict[str, Any]
 
 FILE = "turntable.json"
 
 _COLUMNS = ("volume", "status", "kind", "frames", "splats", "seconds", "film")
 _NUMBERS = ("frames", "splats", "seconds")
 
-
-def write_report(folder: Path, records: Sequence[dict[str, Any]]) -> None:
-    """Write turntable.json: `{"films": [...]}`, a record for each volume, complete or not at all."""
-    # ASCII, so that also names with bytes that are no UTF-8 have a form.
-    write_staged(folder / FILE, f"{json.dumps({'films': list(records)}, indent=2)}\n".encode())
+_TEXTS = ("volume", "scene", "film", "status")  # that each record has
+_DIGESTS, _OF = "scene_digests", "scene_of"
+_MOST_BYTES = 2**26  # a film has some 500
 
 
-def table(records: Sequence[dict[str, Any]]) -> str:
+@dataclass(frozen=True)
+class Written:
+    """What is known of a scene that this program has written.
+
+    of: its volume, relative to the folder, without links. digests: of what the file may be.
+    """
+
+    of: str
+    digests: Sequence[str]
+
+    def as_record(self) -> Record:
+        """The part of a record that tells it."""
+        return {_OF: self.of, _DIGESTS: list(self.digests)}
+
+
+class Report:
+    """turntable.json of a folder, while no other process changes it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._records = folder, _read(folder)
+
+    def written(self, scene: Path) -> Written | None:
+        """What this program has written there, if that is known."""
+        record = self._records.get(scene.name, {})
+        return Written(record[_OF], record[_DIGESTS]) if _OF in record else None
+
+    def put(self, *records: Record) -> None:
+        """Write records of films in the place of those that there are; what scenes were written stays known.
+
+        Others stay, too, but for those of films whose scenes have been removed.
+        """
+        self._records = {name: record for name, record in self._records.items() if self._is_right(name, record)}
+        for record in records:
+            name = Path(record["scene"]).name
+            former = self._records.pop(name, {})
+            known = {} if _OF in record else {key: former[key] for key in (_OF, _DIGESTS) if key in former}
+            self._records[name] = record | known
+        # ASCII, so that also names with bytes that are no UTF-8 have a form.
+        content = json.dumps({"films": list(self._records.values())}, indent=2)
+        write_staged(self._folder / FILE, f"{content}\n".encode())
+
+    def _is_right(self, name: str, record: Record) -> bool:
+        return _OF not in record or os.path.exists(self._folder / name)  # no error for names that cannot be
+
+
+@contextlib.contextmanager
+def held_report(folder: Path) -> Iterator[Report]:
+    """turntable.json of a folder, which is made where it is missing, while other processes wait, on all machines.
+
+    Raises InputError and RenderError where that cannot be.
+    """
+    with explained(folder / FILE):
+        folder.mkdir(parents=True, exist_ok=True)
+    with alone(folder / f".{FILE}.lock"):
+        yield Report(folder)
+
+
+def write_report(folder: Path, records: Sequence[Record]) -> None:
+    """Add records to turntable.json: `{"films": [...]}`, one for each scene; complete or not at all."""
+    with held_report(folder) as report:
+        report.put(*records)
+
+
+def _read(folder: Path) -> dict[str, Record]:
+    """Records by the names of their scenes; none where the file is damaged, or is something else of that name."""
+    path = folder / FILE
+    try:
+        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+            return {}
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    films = data.get("films") if isinstance(data, dict) else None
+    if not isinstance(films, list) or not all(map(_is_record, films)):
+        return {}
+    return {Path(record["scene"]).name: record for record in films}
+
+
+def _is_record(record: Any) -> bool:
+    """Whether all values are text or numbers, but for the digests, and those that a record always has are there."""
+    if not isinstance(record, dict):
+        return False
+    digests = record.get(_DIGESTS, [])
+    return (
+        all(isinstance(record.get(name), str) for name in _TEXTS)
+        and all(_is_plain(value) for name, value in record.items() if name != _DIGESTS)
+        and (_OF in record) == (_DIGESTS in record)
+        and isinstance(record.get(_OF, ""), str)
+        and isinstance(digests, list)
+        and all(isinstance(digest, str) for digest in digests)
+    )
+
+
+def _is_plain(value: Any) -> bool:
+    return type(value) in (str, int) or (type(value) is float and math.isfinite(value))
+
+
+def table(records: Sequence[Record]) -> str:
     """A line for each volume, in columns; of a film that failed the first line of the error."""
     rows = [list(_COLUMNS), *(_row(record) for record in records)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(_COLUMNS))]
@@ -34,7 +140,7 @@ def table(records: Sequence[dict[str, Any]]) -> str:
     )
 
 
-def _row(record: dict[str, Any]) -> list[str]:
+def _row(record: Record) -> list[str]:
     row = [str(record.get(name, "-")) for name in _COLUMNS]
     if record["status"] == "failed":
         row[-1] = record["error"].splitlines()[0]

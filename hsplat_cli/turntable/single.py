@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -14,12 +14,11 @@ from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.job import Job, load_job
 from hsplat_cli.scene_text import FilmOptions, volume_file
 from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
+from hsplat_cli.turntable.report import Record, Report, Written, held_report
 from renderer.errors import HsplatError, InputError
 from renderer.output_files import sidecar_path
 from renderer.scene import VolumeSpec
 from renderer.staging import explained, require_writable, write_staged
-
-Record = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -76,19 +75,44 @@ def make_film(order: Order, *, quiet: bool) -> Record:
 
 
 def write_scene(order: Order, suggested: SuggestedScene) -> None:
-    """Write the scene's file, unless there is one already that somebody has changed; then raise InputError."""
+    """Write the scene's file, and into the report that the film is begun.
+
+    Raises InputError where there is a scene already that this program did not write like that, or of another volume.
+    """
+    from renderer.kept_frames import digest  # noqa: PLC0415  (numpy, for which --help does not wait)
+
     content = suggested.text.encode()
-    with explained(order.scene):
-        there = order.scene.read_bytes() if order.scene.exists() else None
-    if there == content:
-        return
-    if there is not None and not order.force:
+    with held_report(order.scene.parent) as report:
+        with explained(order.scene):
+            there = order.scene.read_bytes() if order.scene.exists() else None
+        digests = [digest(content)]
+        of = os.path.relpath(os.path.realpath(volume_file(order.volume)), os.path.realpath(order.scene.parent))
+        if there is not None and there != content and not order.force:
+            _require_own(order.scene, digest(there), of, report)
+            digests.append(digest(there))
+        # First, and with both: when this process is killed, whichever of them is there is known.
+        report.put(order.record("begun") | Written(of, digests).as_record())
+        if there != content:
+            write_staged(order.scene, content)
+
+
+def _require_own(scene: Path, digest: str, of: str, report: Report) -> None:
+    """Raise InputError unless a scene is as it was written, and for the same volume, or else another film is lost."""
+    written = report.written(scene)
+    if written is None or digest not in written.digests:
         raise InputError(
             "there is another scene of this name, perhaps one that was changed by hand",
-            where=str(order.scene),
-            hint=f"`hsplat render {order.scene}` renders it as it is; --force writes over it",
+            where=str(scene),
+            hint=f"`hsplat render {scene}` renders it as it is; --force writes over it",
         )
-    write_staged(order.scene, content)
+    if written.of != of:
+        raise InputError(
+            "there is a film of another volume of this name",
+            where=str(scene),
+            got=f"that of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), written.of))}",
+            hint="give this one another --output, or both to one command, which names them apart; "
+            "--force writes over it",
+        )
 
 
 def _cost(job: Job) -> Record:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import socket
 import struct
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,19 +39,43 @@ def send(end: socket.socket, message: Message) -> None:
 
 def receive(end: socket.socket) -> Message:
     """Wait for the next message. Raises EOFError, or OSError, when there will be none."""
-    (length,) = _LENGTH.unpack(_exactly(end, _LENGTH.size))
-    content, lengths = json.loads(_exactly(end, length))
-    return Message(content, tuple(_exactly(end, length) for length in lengths))
+    message = next(_incoming(end, 0))
+    assert message is not None
+    return message
 
 
-def _exactly(end: socket.socket, num_bytes: int) -> bytes:
-    content = b""
-    while len(content) < num_bytes:  # one turn, unless a signal comes in between
-        more = end.recv(num_bytes - len(content), socket.MSG_WAITALL)
-        if not more:
+def incoming(end: socket.socket) -> Iterator[Message | None]:
+    """The messages that come, each once it is whole, and None wherever more has to be waited for.
+
+    So nobody has to wait for a sender that has stopped half way through. Raises EOFError, or OSError, when there will
+    be no more.
+    """
+    return _incoming(end, socket.MSG_DONTWAIT)
+
+
+def _incoming(end: socket.socket, flags: int) -> Iterator[Message | None]:
+    while True:
+        (length,) = _LENGTH.unpack((yield from _exactly(end, _LENGTH.size, flags)))
+        content, lengths = json.loads((yield from _exactly(end, length, flags)))
+        runs = []
+        for length in lengths:
+            runs.append((yield from _exactly(end, length, flags)))
+        yield Message(content, tuple(runs))
+
+
+def _exactly(end: socket.socket, num_bytes: int, flags: int) -> Generator[None, None, bytes]:
+    content = bytearray(num_bytes)
+    missing = memoryview(content)
+    while missing:
+        try:
+            num = end.recv_into(missing, 0, flags)
+        except BlockingIOError:
+            yield None
+            continue
+        if num == 0:
             raise EOFError
-        content = content + more if content else more
-    return content
+        missing = missing[num:]
+    return bytes(content)
 
 
 _KINDS: dict[str, type[HsplatError]] = {kind.__name__: kind for kind in (InputError, RenderError)}

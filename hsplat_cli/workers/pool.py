@@ -1,14 +1,17 @@
 """Draws the frames of a film with several worker processes.
 
 Frames are handed out one by one to whoever has least to do, and come back in order. A worker that dies, or whose GL
-context is lost, is replaced, and what it had is drawn again; that a worker hangs is not noticed, for nothing tells it
-from a frame that takes long.
+context is lost, is replaced, and what it had is drawn again. So is one that hangs: a frame that takes long takes
+processor time, and a process that is stopped, dead-locked, or waits for what never comes, does not. That is seen where
+the system has a /proc, which macOS has not.
 """
 
 from __future__ import annotations
 
 import heapq
 import selectors
+import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
@@ -18,7 +21,7 @@ import numpy as np
 from hsplat_cli.drawn import Drawn
 from hsplat_cli.workers.lifeline import Lifeline
 from hsplat_cli.workers.messages import Message, error_from_plain
-from hsplat_cli.workers.process import WorkerProcess, worker_environment
+from hsplat_cli.workers.process import Patience, WorkerProcess, worker_environment
 from hsplat_cli.workers.shared import SharedStage
 from renderer.drawing import Stage
 from renderer.errors import HsplatError, RenderError
@@ -33,10 +36,18 @@ _WINDOW_EACH = 4
 # A frame that kills whoever draws it is given up after so many; so are workers that die before they are ready.
 _MOST_DEATHS = 3
 
+_PATIENCE = Patience()
+
 
 @contextmanager
 def open_pool(
-    stage: Stage, num_workers: int, *, threads_each: int, with_pixels: bool = True, program: Sequence[str] = PROGRAM
+    stage: Stage,
+    num_workers: int,
+    *,
+    threads_each: int,
+    with_pixels: bool = True,
+    program: Sequence[str] = PROGRAM,
+    patience: Patience = _PATIENCE,
 ) -> Iterator[Pool]:
     """Start worker processes, which need about a second until they are ready; after the block there are none.
 
@@ -44,7 +55,8 @@ def open_pool(
 
     The stage moves to shared memory: `Pool.stage` is the one to go on with. threads_each: of Mesa's software renderer,
     in each worker; where LP_NUM_THREADS is set, that holds. with_pixels: pictures come with their pixels beside the
-    file that they would have to be decoded from. program: the module that workers run, and arguments.
+    file that they would have to be decoded from. program: the module that workers run, and arguments. patience: with
+    those that hang.
 
     Raises RenderError where the memory or the processes cannot be had. `Pool.is_ready` and `Pool.draw` raise what a
     worker failed with, and RenderError where a frame could not be drawn in spite of several tries.
@@ -53,7 +65,7 @@ def open_pool(
         shared = stack.enter_context(closing(SharedStage(stage)))
         del stage
         lifeline = stack.enter_context(Lifeline())
-        pool = Pool(shared, lifeline, tuple(program), threads_each, with_pixels)
+        pool = Pool(shared, lifeline, tuple(program), threads_each, with_pixels, patience)
         stack.callback(pool.close)
         pool.start(num_workers)
         yield pool
@@ -87,7 +99,13 @@ class Pool:
     """
 
     def __init__(
-        self, shared: SharedStage, lifeline: Lifeline, program: Sequence[str], threads_each: int, with_pixels: bool
+        self,
+        shared: SharedStage,
+        lifeline: Lifeline,
+        program: Sequence[str],
+        threads_each: int,
+        with_pixels: bool,
+        patience: Patience,
     ) -> None:
         self.stage = shared.stage
         self._descriptor, self._lifeline, self._program = shared.descriptor, lifeline, program
@@ -96,13 +114,17 @@ class Pool:
         self._workers: list[WorkerProcess[_Task]] = []
         self._selector = selectors.DefaultSelector()
         self._renderer_names: dict[str, None] = {}  # a set that keeps its order
-        self._num_failed_starts, self._num_deaths = 0, 0
+        self._num_failed_starts = 0
+        self._losses: Counter[str] = Counter()  # workers, by what became of them
+        self._patience, self._next_look = patience, time.monotonic() + patience.look_s
 
     @property
     def notes(self) -> list[str]:
         """What the user should know."""
-        num = self._num_deaths
-        return [f"{num} process{'es' * (num > 1)} that drew died, and what they had was drawn again"] * (num > 0)
+        return [
+            f"{num} process{'es' * (num > 1)} that drew {end}, and what they had was drawn again"
+            for end, num in self._losses.items()
+        ]
 
     @property
     def made_by(self) -> tuple[str, ...]:
@@ -131,7 +153,9 @@ class Pool:
     def start(self, num_workers: int) -> None:
         """Start so many workers more."""
         for _ in range(num_workers):
-            worker = WorkerProcess[_Task](self._lifeline, self._program, self._descriptor, self._environment)
+            worker = WorkerProcess[_Task](
+                self._lifeline, self._program, self._descriptor, self._environment, self._patience
+            )
             self._workers.append(worker)
             self._selector.register(worker, selectors.EVENT_READ)
 
@@ -159,13 +183,28 @@ class Pool:
             worker.send(Message({"draw": task.number, "pixels": self._with_pixels}))
 
     def _listen(self, seconds: float | None) -> None:
-        """Take what workers have to say, of which there is something or will be within this time; None is any."""
-        for key, _ in self._selector.select(seconds):
+        """Take what workers have to say, of which there is something or will be within this time; None is a while."""
+        until_look = max(0.0, self._next_look - time.monotonic())
+        for key, _ in self._selector.select(until_look if seconds is None else seconds):
             worker: WorkerProcess[_Task] = key.fileobj  # type: ignore[assignment]
             try:
-                self._take(worker, worker.receive())
+                message = worker.receive()
             except EOFError:
                 self._bury(worker, None)
+            else:
+                if message is not None:
+                    self._take(worker, message)
+        if time.monotonic() >= self._next_look:
+            self._look()
+
+    def _look(self) -> None:
+        """End workers that hang."""
+        for worker in list(self._workers):
+            worker.look()
+            if worker.hangs:
+                worker.kill()
+                self._bury(worker, None)
+        self._next_look = time.monotonic() + self._patience.look_s
 
     def _take(self, worker: WorkerProcess[_Task], message: Message) -> None:
         ((kind, content),) = message.content.items()
@@ -201,7 +240,7 @@ class Pool:
             self._num_failed_starts += 1
             if not may_be_chance or self._num_failed_starts == _MOST_DEATHS:
                 raise error
-        self._num_deaths += 1
+        self._losses[f"hung ({self._patience.verdict})" if worker.hangs else "died"] += 1
         for task in worker.tasks:
             heapq.heappush(task.run.waiting, task)
         if worker.tasks:

@@ -6,23 +6,41 @@ import os
 import signal
 import socket
 import subprocess
-import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import IO, Generic, TypeVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
 
 from hsplat_cli.workers.lifeline import Lifeline
-from hsplat_cli.workers.messages import Message, receive, send
+from hsplat_cli.workers.messages import Message, incoming, send
 from renderer.errors import RenderError
+from renderer.stream_tail import StreamTail
 
 Task = TypeVar("Task")
 
 # Of a worker's standard error stream, what a message can show.
-_NUM_LAST_BYTES, _NUM_LAST_LINES = 2000, 5
+_NUM_LAST_LINES = 5
 
 # A process that has closed its socket is about to end; one that does not is ended.
 _LONGEST_END_S = 1.0
+
+
+@dataclass(frozen=True)
+class Patience:
+    """A worker is looked at each `look_s` seconds; one that was idle at `num_looks` of them in a row hangs.
+
+    It is looks that count, and not the time: where the machine sleeps, or this process is stopped, all that is one.
+    """
+
+    look_s: float = 5.0
+    num_looks: int = 12
+
+    @property
+    def verdict(self) -> str:
+        """On one that hangs."""
+        return f"no processor time for {self.look_s * self.num_looks:g} s"
 
 
 class WorkerProcess(Generic[Task]):
@@ -33,10 +51,17 @@ class WorkerProcess(Generic[Task]):
     """
 
     def __init__(
-        self, lifeline: Lifeline, program: Sequence[str], descriptor: int, environment: Mapping[str, str]
+        self,
+        lifeline: Lifeline,
+        program: Sequence[str],
+        descriptor: int,
+        environment: Mapping[str, str],
+        patience: Patience,
     ) -> None:
         self.renderer_name: str | None = None
         self.tasks: deque[Task] = deque()
+        self._patience, self._num_idle_looks = patience, 0
+        self._processor_time: int | None = None
         self._socket, other = socket.socketpair()
         module, *arguments = program
         with other:
@@ -54,7 +79,8 @@ class WorkerProcess(Generic[Task]):
                 self._socket.close()
                 raise RenderError("a process that draws cannot be started", got=str(error)) from error
         assert self._process.stderr is not None
-        self._words = _Tail(self._process.stderr)
+        self._words = StreamTail(self._process.stderr)
+        self._incoming = incoming(self._socket)
 
     def fileno(self) -> int:
         """To wait for messages with."""
@@ -70,12 +96,28 @@ class WorkerProcess(Generic[Task]):
         with suppress(OSError):
             send(self._socket, message)
 
-    def receive(self) -> Message:
-        """Its next message. Raises EOFError when there is none, for it has ended."""
+    def receive(self) -> Message | None:
+        """Read what it has sent, up to the end of a message, which is returned; None if there is only part of one.
+
+        Raises EOFError when there will be none, for it has ended.
+        """
+        self._num_idle_looks = 0
         try:
-            return receive(self._socket)
+            return next(self._incoming)
         except OSError as error:  # it ended with a task unread
             raise EOFError from error
+
+    def look(self) -> None:
+        """See whether it has done anything since the last look; where there is no /proc that is taken for granted."""
+        before, self._processor_time = self._processor_time, _processor_time(self._process.pid)
+        has_work = bool(self.tasks) or not self.is_ready
+        is_idle = has_work and before is not None and before == self._processor_time
+        self._num_idle_looks = self._num_idle_looks + 1 if is_idle else 0
+
+    @property
+    def hangs(self) -> bool:
+        """Whether it has something to do and has, for look after look, neither used the processor nor sent anything."""
+        return self._num_idle_looks >= self._patience.num_looks
 
     def kill(self) -> None:
         """End it at once."""
@@ -99,10 +141,10 @@ class WorkerProcess(Generic[Task]):
         """How it ended, after `close`, and what it said last."""
         status = self._process.returncode
         how = f"signal {_signal_name(-status)}" if status < 0 else f"exit status {status}"
-        is_for_memory = status == -signal.SIGKILL
+        is_for_memory = status == -signal.SIGKILL and not self.hangs
         return RenderError(
-            "a process that draws has died",
-            got="\n    ".join([how, *self._words.lines()]),
+            f"a process that draws has {'hung' if self.hangs else 'died'}",
+            got="\n    ".join([self._patience.verdict if self.hangs else how, *self._words.lines()[-_NUM_LAST_LINES:]]),
             hint="where memory runs out the system sends this signal: fewer workers need less"
             if is_for_memory
             else None,
@@ -114,28 +156,18 @@ def worker_environment(threads_each: int) -> dict[str, str]:
     return {"LP_NUM_THREADS": str(threads_each)} | os.environ
 
 
+def _processor_time(process: int) -> int | None:
+    """Of all its threads, in the kernel's ticks; None where the system does not tell."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return None
+    fields = text.rpartition(")")[2].split()  # after the program's name, which may hold anything; proc_pid_stat(5)
+    return int(fields[11]) + int(fields[12])
+
+
 def _signal_name(number: int) -> str:
     try:
         return signal.Signals(number).name
     except ValueError:  # a real-time signal
         return str(number)
-
-
-class _Tail:
-    """The end of a stream, which is read all the time so that the writer is never blocked."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self._stream, self._tail = stream, b""
-        self._thread = threading.Thread(target=self._drain, daemon=True)
-        self._thread.start()
-
-    def _drain(self) -> None:
-        with self._stream:
-            while words := os.read(self._stream.fileno(), 1 << 16):
-                self._tail = (self._tail + words)[-_NUM_LAST_BYTES:]
-
-    def lines(self) -> list[str]:
-        """The last ones, once the writer has ended."""
-        self._thread.join(_LONGEST_END_S)
-        words = self._tail.decode("utf-8", "replace")
-        return [line.strip() for line in words.splitlines() if line.strip()][-_NUM_LAST_LINES:]

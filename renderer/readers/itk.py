@@ -19,7 +19,7 @@ from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, check_stored, choose
 from renderer.readers.headers import check_dicom_pixels, metaimage_voxels, nrrd_voxels
 from renderer.volume import Array
-from renderer.volume_files import KNOWN_FORMATS
+from renderer.volume_files import UnknownFormatError
 
 _BITS_ALLOCATED = "0028|0100"
 
@@ -68,13 +68,7 @@ def open_itk(sitk: Any, path: Path) -> Any:
     """A SimpleITK reader that has read the header of `path`; raises InputError when it is of no known format."""
     format_name = sitk.ImageFileReader.GetImageIOFromFileName(str(path))
     if not format_name:
-        raise InputError(
-            "this is not a volume in a known format, or it is damaged",
-            where=str(path),
-            got="an empty file" if path.stat().st_size == 0 else None,
-            expected=KNOWN_FORMATS,
-            hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
-        )
+        raise UnknownFormatError(path, is_empty=path.stat().st_size == 0)
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
     try:

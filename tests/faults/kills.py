@@ -4,7 +4,8 @@
 
 After each kill: within 5 s no process of the job is there any more, no new file in /dev/shm, no film under the final
 name that is not whole; and the same command, run again, makes frames and film that are byte for byte those of a run
-that nobody disturbed.
+that nobody disturbed. The exit status is 1 where that was not so, or where so many kills were asked for that each phase
+should have had its share, and one has not.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ import tempfile
 import time
 import uuid
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +34,9 @@ ROOT = Path(__file__).resolve().parents[2]
 KILL_AT = Path(__file__).with_name("kill_at.py")
 MARK = "HSPLAT_TEST_MARK"
 GRACE_S = 5.0
+TARGETS = ("parent", "group")
+# Of so many kills or more, each phase has at least so many of the parent alone, and of the group.
+MANY, LEAST_EACH = 200, 20
 
 SCENE = f"""\
 volume:
@@ -62,8 +67,8 @@ class Kill:
 
     @property
     def target(self) -> str:
-        """Who is killed."""
-        return "group" if self.plan["group"] else "parent"
+        """Who is killed: one of TARGETS."""
+        return TARGETS[self.plan["group"]]
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,7 @@ def try_kill(job: Job, kill: Kill, whole: dict[str, bytes], digests: list[str]) 
     status, mark = job.run(kill.plan)
     seconds = seconds_until_gone(mark)
     problems = [f"after {GRACE_S:g} s there are still {', '.join(names_of(mark))}"] if seconds > GRACE_S else []
-    problems += [f"in /dev/shm: {name}" for name in sorted(set(os.listdir("/dev/shm")) - shared)]
+    problems += [f"in /dev/shm: {name}" for name in orphans(set(os.listdir("/dev/shm")) - shared)]
     left = job.files()
     if left.get("film.mp4") not in (None, whole["film.mp4"]):
         problems.append("a film that is not whole has the final name")
@@ -156,6 +161,18 @@ def seconds_until_gone(mark: str) -> float:
             return float("inf")
         time.sleep(0.02)
     return time.monotonic() - start
+
+
+def orphans(names: set[str]) -> list[str]:
+    """Those blocks of shared memory that no process has mapped: others may come and go here meanwhile."""
+    mapped = "".join(_maps()) if names else ""
+    return sorted(name for name in names if Path("/dev/shm", name).exists() and f"/dev/shm/{name}\n" not in mapped)
+
+
+def _maps() -> Iterator[str]:
+    for file in Path("/proc").glob("[0-9]*/maps"):
+        with suppress(OSError):  # gone meanwhile, or not ours
+            yield file.read_text(errors="replace")
 
 
 def names_of(mark: str) -> list[str]:
@@ -213,14 +230,35 @@ def main() -> None:
             words = "; ".join(outcome.problems) or "ok"
             print(f"{number} {outcome.kill.plan} killed {outcome.was_killed}, {outcome.num_kept} kept, "
                   f"gone after {outcome.seconds_to_end:.2f} s: {words}", flush=True)  # fmt: skip
-    counts = Counter((outcome.kill.phase, outcome.kill.target) for outcome in outcomes if outcome.was_killed)
-    for phase in PHASES:
-        print(f"{phase:<10} parent {counts[phase, 'parent']:>4}   group {counts[phase, 'group']:>4}")
+    counts = count(outcomes)
     bad = [outcome for outcome in outcomes if outcome.problems]
     slowest = max(outcome.seconds_to_end for outcome in outcomes)
-    print(f"{sum(counts.values())} kills of {len(outcomes)} runs, {len(bad)} with problems")
+    missing = too_few(arguments.kills, counts)
+    print("\n".join(["", *table(counts), ""]))
+    print(f"{counts.total()} kills of {len(outcomes)} runs, {len(bad)} with problems")
     print(f"the last process of a run was gone after at most {slowest:.2f} s")
-    sys.exit(bool(bad))
+    for phase, target in missing:
+        print(f"fewer than {LEAST_EACH} kills: {phase}, {target}")
+    sys.exit(bool(bad or missing))
+
+
+def count(outcomes: Sequence[Outcome]) -> Counter[tuple[str, str]]:
+    """How many runs were killed, by phase and target; of the others it was too late."""
+    return Counter((outcome.kill.phase, outcome.kill.target) for outcome in outcomes if outcome.was_killed)
+
+
+def table(counts: Counter[tuple[str, str]]) -> list[str]:
+    """Lines of Markdown."""
+    head = [f"| phase | {' | '.join(TARGETS)} |", f"|---|{'---|' * len(TARGETS)}"]
+    rows = (" | ".join([phase, *(str(counts[phase, target]) for target in TARGETS)]) for phase in PHASES)
+    return [*head, *(f"| {row} |" for row in rows)]
+
+
+def too_few(num_kills: int, counts: Counter[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Phases and targets that had less than their share, where so many kills were asked for that they should have."""
+    if num_kills < MANY:
+        return []
+    return [(phase, target) for phase in PHASES for target in TARGETS if counts[phase, target] < LEAST_EACH]
 
 
 if __name__ == "__main__":

@@ -169,8 +169,8 @@ def test_no_parts(capsys: pytest.CaptureFixture[str]) -> None:
         refused(capsys, *names, "--output", "all.mp4")
         == f"""\
 absent: no such file
-*.jpg: nothing has such a name
-  expected: {expected}
+*.jpg: no file matches this pattern
+  hint: it is relative to {Path.cwd()}
 empty: no numbered frames with their sidecar in this folder
   hint: `hsplat render SCENE --frames 0:30 --output 'parts/{{frame:04}}.png'` draws a part
 cut.json:2:13: not valid JSON

@@ -41,6 +41,32 @@ REFUSED = {
         2,
         "/scans/007.png: the output is a folder\n  expected: the name of a file\n",
     ),
+    "a folder that is a link to nothing": (
+        ["--output", "/scans/link/deeper/film.mp4"],
+        2,
+        "/scans/link/deeper/film.mp4: the folder of the output is a link that leads nowhere\n  got: /scans/link\n",
+    ),
+    "a folder that is a link to itself": (
+        ["--output", "/scans/circle/film.mp4"],
+        2,
+        "/scans/circle/film.mp4: the folder of the output is a link that leads nowhere\n  got: /scans/circle\n",
+    ),
+    "where there are no files": (
+        ["--output", "/proc/film.mp4"],
+        1,
+        "/proc/film.mp4: no files can be made here\n  hint: choose another folder for the output\n",
+    ),
+    "where there are no folders": (
+        ["--output", "/proc/new/film.mp4"],
+        1,
+        "/proc/new/film.mp4: no files can be made here\n  hint: choose another folder for the output\n",
+    ),
+    "a name that frames need": (
+        ["--output", "/scans/taken.mp4"],
+        2,
+        "/scans/taken.mp4.unfinished: something else has the name of the folder for frames of a film that is not "
+        "whole\n  got: a file\n  hint: give it another name, or the film another --output\n",
+    ),
     "a sidecar that is a folder": (
         ["--output", "/scans/film.gif"],
         2,
@@ -103,7 +129,10 @@ def test_check_and_render_refuse_alike(name: str, scene_folder: Path, capsys: py
         (scene_folder / folder).mkdir()
     (scene_folder / "notes" / "more").mkdir(parents=True)
     (scene_folder / "notes" / "readme").write_text("no volume here")
-    (scene_folder / "empty.vtk").touch()
+    for file in ("empty.vtk", "taken.mp4.unfinished"):
+        (scene_folder / file).touch()
+    (scene_folder / "link").symlink_to("nowhere")
+    (scene_folder / "circle").symlink_to("circle")
     before = sorted(scene_folder.rglob("*"))
     assert said(capsys, scene_folder, ["check", "scene.yaml", *arguments]) == (code, text)
     assert sorted(scene_folder.rglob("*")) == before

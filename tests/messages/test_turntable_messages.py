@@ -36,7 +36,13 @@ REFUSED = {
         ["notes.txt"],
         2,
         f"notes.txt: this is not a volume in a known format, or it is damaged\n  expected: {KNOWN}\n"
-        "  hint: voxels without a header are read with `raw: {file, shape, dtype, spacing}`\n",
+        "  hint: voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16\n",
+    ),
+    "voxels without a header": (
+        ["bare.raw"],
+        2,
+        f"bare.raw: this is not a volume in a known format, or it is damaged\n  expected: {KNOWN}\n"
+        "  hint: voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16\n",
     ),
     "a colormap": (
         ["scan.npy", "--colormap", "virids"],
@@ -86,6 +92,7 @@ def scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for file in ("series/1.dcm", "series/2.dcm", "out/scan.yaml"):
         Path(file).touch()
     Path("notes.txt").write_text("a text", encoding="utf-8")
+    Path("bare.raw").write_bytes(bytes(range(64)))
     np.save("scan.npy", np.arange(64).reshape(4, 4, 4))
     np.save("other/scan.npy", np.arange(64).reshape(4, 4, 4))
     return tmp_path
@@ -121,6 +128,12 @@ def test_a_folder_that_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == (
         "notes.txt/films/scan.yaml: the folder of the output is a file\n  got: notes.txt\n"
     )
+
+
+@pytest.mark.parametrize("command", ["init", "info"])
+def test_voxels_without_a_header(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run([command, "bare.raw"]) == 2
+    assert capsys.readouterr().err == REFUSED["voxels without a header"][2]
 
 
 def test_init_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:

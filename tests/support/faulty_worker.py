@@ -9,16 +9,20 @@ import ctypes
 import itertools
 import os
 import signal
+import socket
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.workers import worker
+from hsplat_cli.workers.messages import Message
 from renderer.errors import InputError, RenderError
 
 FRAME = 3  # the one that things happen at
+LONG_S = 2.0  # what it may take
 
 
 def main(name: str, folder: Path, rest: Sequence[str]) -> None:
@@ -77,6 +81,32 @@ def hang_up_once(folder: Path, number: int) -> None:
         time.sleep(600)
 
 
+def stop_once(folder: Path, number: int) -> None:
+    if number == FRAME and first(folder, "stopped"):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def stop_always(folder: Path, number: int) -> None:
+    if number == FRAME:
+        print("the driver waits", file=sys.stderr, flush=True)
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def dead_lock_once(folder: Path, number: int) -> None:
+    if number == FRAME and first(folder, "locked"):
+        lock = threading.Lock()
+        with lock:
+            lock.acquire()
+
+
+def take_long_once(folder: Path, number: int) -> None:
+    """Of the processor's time."""
+    if number == FRAME and first(folder, "long"):
+        end = time.process_time() + LONG_S
+        while time.process_time() < end:
+            pass
+
+
 def talk(folder: Path, number: int) -> None:
     """More than any pipe holds."""
     for _ in range(50):
@@ -127,7 +157,28 @@ def die_at_start(folder: Path) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-START_FAULTS = {fault.__name__: fault for fault in (no_gl, fail_to_start, die_at_first_start, die_at_start)}
+def stop_at_first_start(folder: Path) -> None:
+    if first(folder, "stopped"):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def stop_half_way_once(folder: Path) -> None:
+    """In the midst of a message."""
+    whole_send = worker.send
+
+    def send(end: socket.socket, message: Message) -> None:
+        if message.runs and first(folder, "stopped"):
+            end.sendall(b"\x10\0\0\0[")  # the first of 16 bytes
+            os.kill(os.getpid(), signal.SIGSTOP)
+        whole_send(end, message)
+
+    worker.send = send  # type: ignore[attr-defined]
+
+
+START_FAULTS = {
+    fault.__name__: fault
+    for fault in (no_gl, fail_to_start, die_at_first_start, die_at_start, stop_at_first_start, stop_half_way_once)
+}
 DRAW_FAULTS = {
     fault.__name__: fault
     for fault in (
@@ -136,6 +187,10 @@ DRAW_FAULTS = {
         kill_always,
         exit_always,
         hang_up_once,
+        stop_once,
+        stop_always,
+        dead_lock_once,
+        take_long_once,
         talk,
         input_error,
         out_of_memory,

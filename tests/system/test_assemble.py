@@ -5,29 +5,18 @@ from __future__ import annotations
 import json
 import shlex
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import main
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [24, 24, 12]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 7, elevation: 20}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
+SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.
-OWN = ("seconds", "cause", "digest", "parts")
+OWN = ("seconds", "digest", "parts")
 
 
 @pytest.fixture(autouse=True)
@@ -166,3 +155,80 @@ def test_nothing_is_left_of_a_film_that_could_not_be_made(folder: Path) -> None:
     before = sorted(path.name for path in folder.rglob("*"))
     run("assemble", "parts", "--output", "made.mp4", code=2)
     assert sorted(path.name for path in folder.rglob("*")) == before
+
+
+def touched(folder: Path) -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
+
+
+def sidecar(path: str) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+    return data
+
+
+@pytest.mark.parametrize("schedule", ["{tolerance: {0: 0.5, 6: 0.02}}", "{splats: 300}", "{psnr: 20}", "{seconds: 1}"])
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_what_was_put_together_is_up_to_date(
+    output: str, schedule: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """For `assemble`, the scene and the sidecar; also where the parts are not there any more."""
+    draw_parts("--set", f"error={schedule}")
+    run("assemble", "parts", "--output", f"made/{output}")
+    Path("parts").rename("before")
+    before = touched(folder)
+    capsys.readouterr()
+    name = "frames.json" if "png" in output else f"{output}.json"
+    shutil.copytree("before", "parts", ignore=shutil.ignore_patterns("*.png"))
+    assert main.run(["assemble", "parts", "--output", f"made/{output}"]) == 0
+    assert capsys.readouterr().err == f"made/{output} is up to date\n"
+    shutil.rmtree("parts")
+    for scene in (["scene.yaml", "--set", f"error={schedule}", "--output", f"made/{output}"], [f"made/{name}"]):
+        assert main.run(["render", *scene]) == 0
+        assert capsys.readouterr().err == f"made/{output} is up to date; --force draws it again\n"
+    assert touched(folder) == before
+
+
+def test_it_is_put_together_again_where_something_changed(capsys: pytest.CaptureFixture[str]) -> None:
+    draw_parts()
+    run("assemble", "parts", "--output", "film.mp4")
+    film = Path("film.mp4").read_bytes()
+    capsys.readouterr()
+    for again, options in enumerate(([], ["--quality", "3"], ["--frames", "0:5"], ["--frames-per-second", "7"], [])):
+        if again == 0:
+            Path("film.mp4").write_bytes(b"changed")
+        assert main.run(["assemble", "parts", "--output", "film.mp4", *options]) == 0
+        assert capsys.readouterr().out.endswith("how it was made: film.mp4.json\n")
+    assert Path("film.mp4").read_bytes() == film
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda data: data.pop("cause"),
+        lambda data: data.update(cause=7),
+        lambda data: data["cause"].update(frames="0" * 32),
+        lambda data: data["cause"]["of"].update(gl="another"),
+    ],
+)
+def test_parts_that_do_not_tell_the_same_cause(
+    edit: Callable[[dict[str, Any]], Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Their film is like any other, but nobody knows whether it is up to date."""
+    draw_parts(ranges=("0:3", "3:7"))
+    data = sidecar("parts/frames.0-2.json")
+    edit(data)
+    Path("parts/frames.0-2.json").write_text(json.dumps(data), encoding="utf-8")
+    for _ in range(2):
+        run("assemble", "parts", "--output", "film.mp4")
+        assert "cause" not in sidecar("film.mp4.json")
+    assert main.run(["render", "scene.yaml"]) == 0
+    assert "up to date" not in capsys.readouterr().err
+
+
+def test_some_frames_of_parts_that_met_a_goal_together() -> None:
+    """Whether these alone meet it is not known."""
+    draw_parts("--set", "error={psnr: 20}", ranges=("0:3", "3:7"))
+    run("assemble", "parts", "--output", "film.mp4", "--frames", "3:7")
+    assert "cause" in sidecar("film.mp4.json")
+    run("assemble", "parts", "--output", "film.mp4", "--frames", "2:7")
+    assert "cause" not in sidecar("film.mp4.json")

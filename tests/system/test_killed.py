@@ -11,24 +11,13 @@ import time
 from pathlib import Path
 
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import main
 
 CODE = Path(main.__file__).parents[1]
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [24, 24, 12]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 5, elevation: 20}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
+SCENE = small_scene()
 
 
 @pytest.fixture(autouse=True)

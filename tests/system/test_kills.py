@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from kill_at import PHASES
-from kills import Outcome, kill_again_and_again
+from kills import LEAST_EACH, MANY, TARGETS, Outcome, count, kill_again_and_again, table, too_few
 
 NUM_KILLS = 20
 
@@ -27,7 +27,24 @@ def test_twenty_kills(tmp_path: Path) -> None:
         outcomes = [outcome for outcomes in lanes.map(half, (1, 2)) for outcome in outcomes]
     problems = [(outcome.kill.plan, outcome.problems) for outcome in outcomes if outcome.problems]
     assert problems == []
-    hits = Counter(outcome.kill.phase for outcome in outcomes if outcome.was_killed)
-    assert all(hits[phase] >= 2 for phase in PHASES), hits
+    hits = count(outcomes)
+    assert all(sum(hits[phase, target] for target in TARGETS) >= 2 for phase in PHASES), hits
     aimed = [outcome for outcome in outcomes if "event" in outcome.kill.plan]
     assert all(outcome.was_killed for outcome in aimed)
+
+
+def test_of_many_kills_each_phase_has_its_share() -> None:
+    counts = Counter({(phase, target): LEAST_EACH for phase in PHASES for target in TARGETS})
+    assert too_few(MANY, counts) == []
+    counts["drawing", "group"] -= 1
+    del counts["finishing", "parent"]
+    assert too_few(MANY, counts) == [("drawing", "group"), ("finishing", "parent")]
+    assert too_few(MANY - 1, counts) == []
+    assert table(counts) == [
+        "| phase | parent | group |",
+        "|---|---|---|",
+        "| start | 20 | 20 |",
+        "| drawing | 20 | 19 |",
+        "| encoding | 20 | 20 |",
+        "| finishing | 0 | 20 |",
+    ]

@@ -9,23 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import main
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [24, 24, 12]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 7, elevation: 20}
-output:
-  file: film.mp4
-  size: [48, 32]
-"""
+SCENE = small_scene(frames=7, size="48, 32")
 
 
 @pytest.fixture(autouse=True)

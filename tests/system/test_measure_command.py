@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
+from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.measure import study
@@ -17,22 +18,7 @@ from hsplat_cli.peers.vtk_peer import describe_vtk, vtk_settings
 from renderer.errors import RenderError
 from renderer.sweep import Measurement
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [32, 32, 16]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 8, elevation: 20}
-error:
-  tolerance: 0.1
-output:
-  file: film.mp4
-  size: [48, 32]
-"""
+SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="tolerance: 0.1")
 QUICK = ("--repeats", "1", "--frames", "0:8:4")
 
 

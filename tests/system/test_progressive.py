@@ -12,28 +12,14 @@ from typing import Any
 
 import imageio.v3 as imageio
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import drawn, main
 from renderer.drawing import Frame
 
 NUM_FRAMES = 4
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [96, 96, 64]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 4, elevation: 20}
-error:
-  tolerance: 0
-output:
-  file: film.mp4
-  size: [48, 32]
-"""
+SCENE = small_scene(shape="96, 96, 64", frames=4, size="48, 32", error="tolerance: 0")
 
 
 @pytest.fixture(autouse=True)
@@ -286,3 +272,104 @@ def test_budgets_that_some_frames_cannot_keep_are_told(folder: Path, capsys: pyt
     assert render(*changes) == 1
     assert capsys.readouterr().err.startswith("error.seconds: 2 of 4 frames took longer than there was time for\n")
     assert not sidecar()["schedule"]["met"]
+
+
+def drawn_frames(on_frame: Callable[[Hook], None]) -> list[int]:
+    """Their numbers, from now on."""
+    numbers: list[int] = []
+    on_frame(lambda _, frame: numbers.append(frame.number))
+    return numbers
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """On the error stream, but for the progress."""
+    return [line for line in capsys.readouterr().err.splitlines() if "frames/s" not in line]
+
+
+@pytest.mark.parametrize(
+    ("output", "goal"),
+    [
+        ("film.mp4", "tolerance=0"),
+        ("film.mp4", "psnr=24"),
+        ("{frame}.png", "tolerance=0"),
+        ("{frame}.png", "splats=20000"),
+    ],
+)
+def test_a_finished_film_is_up_to_date(
+    folder: Path, output: str, goal: str, on_frame: Callable[[Hook], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """However it is asked for."""
+    options = ["scene.yaml", "--output", output, "--set", "error.tolerance=null", "--set", f"error.{goal}"]
+    refined = [*options, "--progressive"]
+    assert main.run(["render", *refined]) == 0
+    name = "film.mp4.json" if output == "film.mp4" else "frames.json"
+    before, numbers = {path: path.stat().st_mtime_ns for path in folder.iterdir()}, drawn_frames(on_frame)
+    said(capsys)
+    for command in (refined, [*refined, "--time-limit", "1s"], options, [name]):
+        assert main.run(["render", *command]) == 0
+        assert said(capsys) == [f"{output} is up to date; --force draws it again"]
+    assert main.run(["render", *refined, "--quiet"]) == 0
+    assert said(capsys) == []
+    assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
+    assert numbers == []
+    films = {path: path.read_bytes() for path in before if path.suffix in (".mp4", ".png")}
+    assert main.run(["render", *refined, "--force"]) == 0
+    assert numbers[:NUM_FRAMES] == [*range(NUM_FRAMES)]
+    assert films == {path: path.read_bytes() for path in films}
+
+
+def test_a_film_of_one_pass_needs_no_passes(
+    on_frame: Callable[[Hook], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert render() == 0
+    numbers = drawn_frames(on_frame)
+    assert main.run(["render", "scene.yaml", "--progressive"]) == 0
+    assert said(capsys) == ["film.mp4 is up to date; --force draws it again"]
+    assert numbers == []
+
+
+def test_a_finished_film_on_a_budget_of_time(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["render", "scene.yaml", "--set", "error.tolerance=null", "--set", "error.seconds=30"]
+    assert main.run([*options, "--progressive"]) == 0
+    said(capsys)
+    for command in (options, [*options, "--progressive"]):
+        assert main.run(command) == 0
+        assert said(capsys) == ["film.mp4 is up to date; --force draws it again"]
+
+
+def test_frames_of_the_last_pass_are_kept(on_frame: Callable[[Hook], None], capsys: pytest.CaptureFixture[str]) -> None:
+    assert render("--progressive", "--output", "{frame}.png") == 0
+    whole = Path("2.png").read_bytes()
+    Path("2.png").unlink()
+    numbers = drawn_frames(on_frame)
+    assert main.run(["render", "scene.yaml", "--output", "{frame}.png"]) == 0
+    assert said(capsys) == ["3 of 4 frames are there already"]
+    assert numbers == [2]
+    assert Path("2.png").read_bytes() == whole
+
+
+@pytest.mark.parametrize(("output", "before"), [("film.mp4", ()), ("{frame}.png", ("--progressive",))])
+def test_another_scene_is_drawn_anew(
+    folder: Path, output: str, before: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert render(*before, "--output", output) == 0
+    changed = ["--output", output, "--set", "camera.path.elevation=10", "--progressive"]
+    assert main.run(["render", "scene.yaml", *changed]) == 0
+    what = f"{output} is drawn anew, for what is there is another film: scene.camera.path.elevation was 20"
+    assert said(capsys) == [what]
+    assert main.run(["render", "scene.yaml", *changed]) == 0
+    assert said(capsys) == [f"{output} is up to date; --force draws it again"]
+
+
+def test_a_film_that_was_not_finished_is_not_up_to_date(
+    on_frame: Callable[[Hook], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """For neither way to ask for it; nor is one whose exactness depends on the clock, though nobody asked for time."""
+    for options in (("--time-limit", "0.01s"), ("--set", "error.tolerance=null", "--set", "error.psnr=5")):
+        assert render("--progressive", "--best-effort", *options) == 0
+        assert "cause" not in sidecar()
+        assert not sidecar()["schedule"]["reproducible"]
+        numbers = drawn_frames(on_frame)
+        assert render("--progressive", "--best-effort", *options) == 0
+        assert numbers[:NUM_FRAMES] == [*range(NUM_FRAMES)]
+    assert said(capsys) == []

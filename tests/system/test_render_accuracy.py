@@ -13,6 +13,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 import yaml
+from small_scene import small_scene
 
 from hsplat_cli import main, search
 from hsplat_cli.scene_file import load_scene
@@ -25,22 +26,7 @@ from renderer.truths import TRUTH_TOLERANCE, find_truth
 
 ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24
-SCENE = f"""\
-volume:
-  procedural: {{name: engine_block, shape: [32, 32, 16]}}
-transfer_function:
-  points:
-    - {{value: 50, color: "#000000", opacity: 0.0}}
-    - {{value: 90, color: "#6680e6", opacity: 0.1}}
-    - {{value: 255, color: "#ffffff", opacity: 0.7}}
-camera:
-  path: {{type: turntable, frames: {NUM_FRAMES}, elevation: 20}}
-error:
-  psnr: 27
-output:
-  file: film.mp4
-  size: [48, 32]
-"""
+SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="48, 32", error="psnr: 27")
 BEYOND = ("--set", "error.psnr=150")
 RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.04")
 ELSEWHERE = ("--set", "camera.target=[10000, 0, 0]")

@@ -11,28 +11,14 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.scene_file import load_scene
 from renderer.scene_schema import parse_scene
 from renderer.volume import Array
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [24, 24, 12]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 6, elevation: 20}
-error:
-  tolerance: 0.1
-output:
-  file: film.mp4
-  size: [48, 32]
-"""
+SCENE = small_scene(frames=6, size="48, 32", error="tolerance: 0.1")
 
 
 @pytest.fixture(autouse=True)

@@ -9,29 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import drawn, main
 from hsplat_cli.render import cause
 from renderer.drawing import Frame
+from renderer.kept_frames import digest
+from renderer.png import encode_png
 from renderer.raster_gl import GLRasterizer
 
 CODE = Path(main.__file__).parents[1]
 NUM_FRAMES = 5
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [24, 24, 12]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 5, elevation: 20}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
+SCENE = small_scene()
 
 OUTPUTS = ["film.mp4", "film.gif", "{frame}.png", "deep/{frame:03}.png", "clear/{frame}.png"]
 
@@ -323,6 +313,9 @@ def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) ->
         lambda data: data.update(frames=[data["frames"][0] | {"seconds": {"draw": float("nan")}}]),
         lambda data: data.update(frames=[]),
         lambda data: data.update(digest=[1], frames=None),
+        lambda data: data["frames"][0].update(tolerance=10**400),
+        lambda data: data["cause"].update(of="nothing"),
+        lambda data: data["cause"].update(frames="0", of={"deep": json.loads("[" * 500 + "]" * 500)}),
     ],
 )
 def test_a_sidecar_that_somebody_changed(output: str, edit: Callable[[dict[str, Any]], Any], draws: Draws) -> None:
@@ -382,6 +375,158 @@ def test_schedules(schedule: str, output: str, draws: Draws) -> None:
 
 def _sidecar_of(output: str) -> str:
     return "frames.json" if output.endswith(".png") else f"{output}.json"
+
+
+def again(name: str, *options: str, code: int = 0) -> None:
+    """Make a film once more from the sidecar in out/."""
+    assert main.run(["render", f"out/{name}", *options]) == code
+
+
+GOALS = ["{splats: {0: 50, 4: 2000}}", "{psnr: 25}", "{seconds: 0.5}"]
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+@pytest.mark.parametrize("goal", GOALS)
+def test_a_goal_that_was_met_is_met_when_the_film_is_made_again(
+    goal: str, output: str, draws: Draws, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the scene or the sidecar, whichever is first; and what is missing is drawn as it was."""
+    given, name = ("--set", f"error={goal}"), _sidecar_of(output)
+    render(output, *given)
+    expected, up_to_date = made(), [f"out/{output} is up to date; --force draws it again"]
+    for _ in range(2):
+        draws.taken()
+        said(capsys)
+        for command in (lambda: render(output, *given), lambda: again(name)):
+            before = touched()
+            command()
+            assert said(capsys) == up_to_date
+            assert touched() == before
+        assert draws.taken() == []
+        Path("out/film.mp4" if output == "film.mp4" else "out/3.png").unlink()
+        again(name)
+        assert draws.taken() == ([0, 1, 2, 3, 4] if output == "film.mp4" else [3])
+        assert made() == expected
+    assert_clean()
+
+
+@pytest.mark.parametrize("goal", GOALS)
+def test_a_film_made_again_elsewhere(goal: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ("--set", f"error={goal}")
+    render("film.mp4", *given)
+    again("film.mp4.json", "--output", "out/other.gif")
+    draws.taken()
+    said(capsys)
+    render("other.gif", *given)
+    assert said(capsys) == ["out/other.gif is up to date; --force draws it again"]
+    assert draws.taken() == []
+
+
+@pytest.mark.parametrize("goal", ["{psnr: 25}", "{seconds: 0.5}"])
+def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(
+    goal: str, draws: Draws, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whether the part alone meets it is not known: it was asked for at the tolerances of the whole."""
+    given, part = ("--set", f"error={goal}"), ("--frames", "1:3", "--output", "out/part/{frame}.png")
+    render("{frame}.png", *given)
+    again("frames.json", *part)
+    told = sidecar("part/frames.1-2.json")["schedule"]
+    assert [*told["asked"]] == ["tolerance"]
+    assert told["met"] and "measured" not in told
+    draws.taken()
+    said(capsys)
+    again("part/frames.1-2.json")
+    assert said(capsys) == ["out/part/{frame}.png is up to date; --force draws it again"]
+    assert main.run(["render", "scene.yaml", *given, *part]) == 0
+    name = goal[1:].partition(":")[0]
+    what = "out/part/{frame}.png is drawn anew, for what is there is another film"
+    assert said(capsys)[0].startswith(f"{what}: scene.error.{name} was nothing; scene.error.tolerance was ")
+    assert draws.taken() == [1, 2]
+
+
+def test_frames_that_were_kept_for_the_same_goal(draws: Draws) -> None:
+    """Those of a scene, for its film that is made again, and the other way round, if they are as exact."""
+    given = ("--set", "error={splats: {0: 50, 4: 2000}}")
+    render("film.mp4", *given)
+    expected = made()
+    Path("out/film.mp4").unlink()
+    stopped(draws, "film.mp4", *given)
+    again("film.mp4.json")
+    assert draws.taken() == [3, 4]
+    Path("out/film.mp4").unlink()
+    draws.stop_at = 3
+    again("film.mp4.json", code=130)
+    draws.stop_at = None
+    draws.taken()
+    render("film.mp4", *given)
+    assert draws.taken() == [3, 4]
+    assert made() == expected
+
+
+def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws) -> None:
+    """On a budget of time they are what the clock made them; those of the film are told in its sidecar."""
+    given = ("--set", "error={seconds: 0.5}")
+    render("film.mp4", *given)
+    Path("out/film.mp4").unlink()
+    change("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.5))
+    stopped(draws, "film.mp4", *given)
+    again("film.mp4.json")
+    assert draws.taken() == [0, 1, 2, 3, 4]
+    assert {frame["tolerance"] for frame in sidecar("film.mp4.json")["frames"]} == {0.5}
+
+
+def test_what_differs_where_tolerances_are_given_by_frame(capsys: pytest.CaptureFixture[str]) -> None:
+    by_frame = ("--set", "error.tolerance={0: 0.5, 4: 0.1}")
+    render("film.mp4", *by_frame)
+    said(capsys)
+    render("film.mp4", *by_frame, "--set", "camera.path.elevation=10")
+    what = "out/film.mp4 is drawn anew, for what is there is another film"
+    assert said(capsys)[0] == f"{what}: scene.camera.path.elevation was 20"
+
+
+@pytest.mark.parametrize("shape", [(16, 32, 3), (32, 32, 4)])
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_picture_of_another_size_whose_record_agrees(output: str, shape: tuple[int, int, int], draws: Draws) -> None:
+    expected = undisturbed(output)
+    stopped(draws, output)
+    folder = Path("out/film.mp4.unfinished" if output == "film.mp4" else "out/frames.unfinished")
+    content = encode_png(np.zeros(shape, np.uint8))
+    (folder / "000001.png" if output == "film.mp4" else Path("out/1.png")).write_bytes(content)
+    data = json.loads((folder / "000001.json").read_bytes())
+    data["record"]["digest"] = digest(content)
+    (folder / "000001.json").write_text(json.dumps(data))
+    render(output)
+    assert draws.taken() == [1, 3, 4]
+    assert made() == expected
+
+
+def test_a_picture_of_another_size_in_a_film_that_was_whole(draws: Draws) -> None:
+    render("{frame}.png")
+    expected = made()
+    draws.taken()
+    content = encode_png(np.zeros((16, 32, 3), np.uint8))
+    Path("out/1.png").write_bytes(content)
+    change("frames.json", lambda data: data["frames"][1].update(digest=digest(content)))
+    render("{frame}.png")
+    assert draws.taken() == [1]
+    assert made() == expected
+
+
+def test_frames_of_different_drivers(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    """As when a film of one cluster goes on on another: it is told once, as text that does nothing to a terminal."""
+    stopped(draws, "film.mp4")
+    path = Path("out/film.mp4.unfinished/000001.json")
+    data = json.loads(path.read_bytes())
+    data["record"]["gl"] = "Other GL\x1b[31m"
+    path.write_text(json.dumps(data))
+    capsys.readouterr()
+    render("film.mp4")
+    told = sidecar("film.mp4.json")
+    here = told["gl"].removeprefix("Other GL\x1b[31m and ")
+    note = f"bytes may differ from frame to frame, drawn by different drivers: 'Other GL\\x1b[31m' and {here}"
+    assert told["notes"] == [note]
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1:] == [f"note: {note}", "how it was made: out/film.mp4.json"]
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])

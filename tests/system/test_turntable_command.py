@@ -141,7 +141,9 @@ def test_several_volumes_of_which_one_fails(capfd: pytest.CaptureFixture[str]) -
         ["in/signed.npy", "done"],
         ["in/uint8.npy", "done"],
     ]
-    assert said.err.endswith("out: 1 of 4 films could not be made\n")
+    assert said.err.endswith(
+        "out: 1 of 4 films could not be made\n  hint: the same command makes only what is missing\n"
+    )
     records = report()
     assert [record["status"] for record in records] == ["failed", "done", "done", "done"]
     assert records[0]["exit_code"] == 2
@@ -175,6 +177,53 @@ def test_a_scene_that_was_edited_is_not_lost(capfd: pytest.CaptureFixture[str]) 
     assert Path("out/uint8.mp4").read_bytes() == film
     assert turntable("in/uint8.npy", "-o", "out", *SMALL, "--force") == 0
     assert scene.read_text(encoding="utf-8") != edited
+
+
+def test_other_options_of_its_own_scene(capfd: pytest.CaptureFixture[str]) -> None:
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    capfd.readouterr()
+    assert turntable("in/uint8.npy", "-o", "out", "--frames", "4", "--size", "32") == 0
+    said = capfd.readouterr().err
+    assert "out/uint8.mp4 is drawn anew, for what is there is another film" in said
+    assert "another scene" not in said
+    (record,) = report()
+    assert (record["status"], record["frames"]) == ("done", 4)
+    Path("out/turntable.json").unlink()
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 2
+    assert "--force writes over it" in capfd.readouterr().err
+
+
+def test_a_film_of_another_volume_is_not_lost(capfd: pytest.CaptureFixture[str]) -> None:
+    """Nor when the same volume is named in another way."""
+    Path("a").mkdir()
+    Path("a/uint8.npy").write_bytes(Path("in/signed.npy").read_bytes())
+    Path("other/films").mkdir(parents=True)
+    Path("out").symlink_to("other/films")
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    scene = Path("out/uint8.yaml").read_bytes()
+    assert turntable("a/uint8.npy", "-o", "out", *SMALL) == 2
+    assert Path("out/uint8.yaml").read_bytes() == scene
+    assert capfd.readouterr().err == (
+        "out/uint8.yaml: there is a film of another volume of this name\n  got: that of in/uint8.npy\n"
+        "  hint: give this one another --output, or both to one command, which names them apart; "
+        "--force writes over it\n"
+    )
+    assert turntable(str(Path("in/uint8.npy").resolve()), "-o", "other/films", *SMALL) == 0
+
+
+def test_batches_into_one_folder() -> None:
+    assert turntable("in/labels.npy", "in/signed.npy", "-o", "out", *SMALL) == 0
+    before = report()
+    Path("out/signed.yaml").unlink()
+    Path("in/broken.npy").write_bytes(b"nothing")
+    assert turntable("in/uint8.npy", "in/broken.npy", "-o", "out", *SMALL) == 1
+    assert report()[0] == before[0]
+    assert [(record["volume"], record["status"]) for record in report()[1:]] == [
+        ("in/uint8.npy", "done"),
+        ("in/broken.npy", "failed"),
+    ]
+    assert turntable("in/labels.npy", "-o", "out", *SMALL) == 0  # what failed before is not forgotten
+    assert [record["status"] for record in report()] == ["done", "failed", "done"]
 
 
 def test_odd_names() -> None:
@@ -255,5 +304,6 @@ def test_a_batch_that_is_killed_leaves_nothing_that_runs(is_group: bool) -> None
     process.wait()
     assert seconds_until_gone(mark) < GRACE_S
     assert not Path("out/labels.mp4").exists()
+    assert [record["status"] for record in report()] == ["begun"]
     assert turntable("in/labels.npy", "-o", "out", "--frames", "400", "--size", "64") == 0
     assert not Path("out/labels.mp4.unfinished").exists()

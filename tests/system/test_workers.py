@@ -8,12 +8,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, START_FAULTS
+from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, LONG_S, START_FAULTS
 from film_stages import PLAIN, stage_of
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
 from hsplat_cli.drawn import LocalDrawer
 from hsplat_cli.workers.pool import Pool, open_pool
+from hsplat_cli.workers.process import Patience
 from renderer.drawing import Stage
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.raster_gl import GLRasterizer
@@ -22,6 +23,9 @@ NUMBERS = [0, 1, 2, 3, 4, 5, 6, 7, 2, 1]  # some twice, and backwards
 
 # What a process that was killed may take to be gone.
 SOON_S = 1.0
+
+# With workers that hang.
+LITTLE, MUCH = Patience(look_s=0.05, num_looks=20), Patience()
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +77,26 @@ def test_what_can_be_done_again_is(stage: Stage, expected: list[bytes], tmp_path
         assert bool(pool.notes) == (fault != "talk")
 
 
+@pytest.mark.parametrize(
+    ("fault", "num_workers"),
+    [("stop_once", 2), ("dead_lock_once", 2), ("stop_half_way_once", 1), ("stop_at_first_start", 1)],
+)
+def test_who_hangs_is_replaced(
+    stage: Stage, expected: list[bytes], tmp_path: Path, fault: str, num_workers: int
+) -> None:
+    program = faulty(fault, tmp_path)
+    with open_pool(stage, num_workers, threads_each=1, program=program, patience=LITTLE) as pool:
+        assert draw_all(pool) == expected
+        assert pool.notes == ["1 process that drew hung (no processor time for 1 s), and what they had was drawn again"]
+
+
+def test_who_takes_long_is_waited_for(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
+    assert LITTLE.look_s * LITTLE.num_looks < LONG_S
+    with open_pool(stage, 2, threads_each=1, program=faulty("take_long_once", tmp_path), patience=LITTLE) as pool:
+        assert draw_all(pool) == expected
+        assert pool.notes == []
+
+
 def test_killed_from_outside(stage: Stage, expected: list[bytes], mark: str) -> None:
     """All workers at once, in the midst of a film, and once more while nobody draws."""
     with open_pool(stage, 2, threads_each=1) as pool:
@@ -92,8 +116,8 @@ def kill(processes: set[int]) -> None:
         os.kill(process, signal.SIGKILL)
 
 
-def error_of(stage: Stage, name: str, folder: Path) -> HsplatError:
-    with open_pool(stage, 2, threads_each=1, program=faulty(name, folder)) as pool:
+def error_of(stage: Stage, name: str, folder: Path, patience: Patience = MUCH) -> HsplatError:
+    with open_pool(stage, 2, threads_each=1, program=faulty(name, folder), patience=patience) as pool:
         with pytest.raises(HsplatError) as raised:
             draw_all(pool)
         return raised.value
@@ -151,6 +175,13 @@ def test_a_context_that_is_lost_again_and_again(stage: Stage, rasterizer: GLRast
     assert str(error) == (
         f"{rasterizer.renderer_name}, frame {FRAME}: OpenGL failed to draw, or its context was lost, "
         "3 times at the same frame\n  got: GL_INVALID_ENUM"
+    )
+
+
+def test_who_hangs_again_and_again(stage: Stage, tmp_path: Path) -> None:
+    assert str(error_of(stage, "stop_always", tmp_path, LITTLE)) == (
+        f"frame {FRAME}: a process that draws has hung, 3 times at the same frame\n"
+        "  got: no processor time for 1 s\n    the driver waits"
     )
 
 

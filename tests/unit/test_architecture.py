@@ -17,7 +17,7 @@ MAX_FUNCTION_LINES = 60
 
 # Rooms of renderer/: their modules, and the other rooms that they may import from.
 ROOMS: dict[str, tuple[str, str]] = {
-    "words": ("errors scene volume camera jit", ""),
+    "words": ("errors scene volume camera jit runs", ""),
     "checks": (
         "extents volume_files schema schema_camera schema_error schema_output schema_transfer schema_volume "
         "scene_schema colormaps",
@@ -30,10 +30,11 @@ ROOMS: dict[str, tuple[str, str]] = {
     "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "splats": ("splats projection cell_edges", "words pyramid cut"),
-    "raster": ("raster_gl raster_reference compositing shaders", "words splats"),
+    "raster": ("raster_gl raster_lasting raster_reference compositing shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
     "film": (
-        "film encode kept_frames output_files output_lock picture png quantize sidecar staging",
+        "film encode frame_record kept_frames output_files output_lock picture png quantize sidecar staging "
+        "stream_tail",
         "words",
     ),
     "frame": ("drawing costs pacing parcel", "words checks volumes classification pyramid cut path splats film"),
@@ -48,8 +49,8 @@ COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error", "schema_output", "want",  # quick
     "output_files", "volume_files",  # quick, too
     "readers", "volume", "statistics",  # info
-    "drawing", "pacing", "costs", "pipeline", "raster_gl", "film", "sidecar", "jit",  # render
-    "kept_frames", "output_lock", "picture", "parcel",  # render
+    "drawing", "pacing", "costs", "pipeline", "raster_gl", "raster_lasting", "film", "sidecar", "jit",  # render
+    "frame_record", "kept_frames", "output_lock", "picture", "parcel", "runs", "stream_tail",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "png", "staging",  # reports
     "camera", "thumbnails", "transfer",  # peers

@@ -15,7 +15,8 @@ import pytest
 
 from renderer import staging
 from renderer.errors import RenderError
-from renderer.kept_frames import KeptFrames, digest, file_digest, forget_frames, is_file, is_record
+from renderer.frame_record import is_record
+from renderer.kept_frames import KeptFrames, digest, file_digest, forget_frames, is_file, is_frame
 from renderer.output_files import frame_path
 from renderer.picture import Picture
 from renderer.png import encode_png
@@ -111,7 +112,8 @@ def test_a_record_of_garbage(folder: Path, output: OutputSpec, garbage: bytes) -
         {"frame": -1}, {"frame": True}, {"frame": "1"}, {"frame": 1.0}, {"frame": None}, {"cells": -1}, {"splats": 0.5},
         {"digest": 7}, {"digest": None}, {"tolerance": "0.1"}, {"tolerance": -1}, {"tolerance": None},
         {"tolerance": float("nan")}, {"tolerance": float("inf")}, {"seconds": []}, {"seconds": {"draw": "1"}},
-        {"seconds": {"draw": {"deep": [[[]]]}}}, {"predicted_seconds": "soon"}, {"more": 1},
+        {"seconds": {"draw": {"deep": [[[]]]}}}, {"predicted_seconds": "soon"}, {"more": 1}, {"tolerance": 10**400},
+        {"gl": 1},
     ],
 )  # fmt: skip
 def test_what_is_no_record(change: dict[str, Any]) -> None:
@@ -126,6 +128,8 @@ def test_a_record_without_a_part(key: str) -> None:
     whole = record(1) | {"digest": "00"}
     del whole[key]
     assert not is_record(whole)
+    assert is_record(whole, has_digest=False) == (key == "digest")
+    assert not is_record(whole | {"digest": None}, has_digest=False)
 
 
 def test_a_record_that_tells_of_another_frame(folder: Path, output: OutputSpec) -> None:
@@ -153,6 +157,27 @@ def test_a_picture_that_is_not_what_it_was(folder: Path, output: OutputSpec, dam
     elif damage == "pipe":
         os.mkfifo(path)
     assert set(reopened(folder, output).records) == {0}
+
+
+def test_a_picture_of_another_size(folder: Path, output: OutputSpec) -> None:
+    """Though somebody has made its record agree."""
+    keep(folder, output, 0, 1, 2, 3)
+    shapes = {0: (6, 4, 3), 1: (4, 6, 4), 2: (4, 5, 3)}
+    for number, shape in shapes.items():
+        picture, told = picture_of(folder, output, number), folder / f"00000{number}.json"
+        content = encode_png(np.zeros(shape, np.uint8))
+        picture.write_bytes(content)
+        data = json.loads(told.read_bytes())
+        data["record"]["digest"] = digest(content)
+        told.write_text(json.dumps(data))
+    assert set(reopened(folder, output).records) == {3}
+
+
+@pytest.mark.parametrize("content", [b"", b"GIF89a" * 9, png(1)[:25], png(1)[:8] + b"\0" * 50])
+def test_a_picture_that_is_none(folder: Path, output: OutputSpec, content: bytes) -> None:
+    (folder / "file").write_bytes(content)
+    assert is_file(folder / "file", digest(content))
+    assert not is_frame(folder / "file", digest(content), output)
 
 
 def test_another_cause(folder: Path, output: OutputSpec) -> None:

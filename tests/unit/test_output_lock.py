@@ -16,7 +16,7 @@ import pytest
 
 import renderer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.output_lock import locked
+from renderer.output_lock import alone, locked
 
 CODE = Path(renderer.__file__).parents[1]
 OUTPUT = Path("film.mp4")
@@ -49,6 +49,18 @@ while num_held < num_times:
     except InputError:
         num_refused += 1
         assert wanted == "same", "refused for another place"
+"""
+
+# As above, with a lock file.
+WAITER = """\
+import os, sys
+from pathlib import Path
+from renderer.output_lock import alone
+mine = Path(sys.argv[1]).with_name("only-one-has-it")
+for _ in range(int(sys.argv[2])):
+    with alone(Path(sys.argv[1])):
+        os.close(os.open(mine, os.O_CREAT | os.O_EXCL))
+        mine.unlink()
 """
 
 
@@ -179,6 +191,36 @@ def test_processes_that_take_turns(folder: Path, kind: str) -> None:
             assert said == ""
             assert process.returncode == 0
     assert list(folder.parent.iterdir()) == []
+
+
+def test_processes_that_wait_for_each_other(tmp_path: Path) -> None:
+    with ExitStack() as stack:
+        for process in [stack.enter_context(start(WAITER, tmp_path / "lock", 60)) for _ in range(4)]:
+            _, said = process.communicate()
+            assert said == ""
+            assert process.returncode == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lock_file_that_was_left_or_removed(tmp_path: Path) -> None:
+    (tmp_path / "lock").touch()
+    with alone(tmp_path / "lock"):
+        (tmp_path / "lock").unlink()
+        (tmp_path / "lock").touch()  # somebody else's now
+    assert (tmp_path / "lock").exists()
+    with pytest.raises(ValueError, match="of the block"), alone(tmp_path / "lock"):
+        raise ValueError("of the block")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_waiting_where_there_are_no_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "lockf", refuse)
+    with alone(tmp_path / "lock"), alone(tmp_path / "lock"):
+        pass
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_system_without_locks(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -74,6 +74,14 @@ def test_patterns_are_expanded_in_order() -> None:
     assert expand(["**/*.npy"])[0] == [Path("a.npy"), Path("b.npy"), Path("sub/c.npy")]
 
 
+@pytest.mark.parametrize("pattern", ["*.npy", "/nowhere/*.npy"])
+def test_a_pattern_that_matches_nothing(pattern: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        expand([pattern])
+    hint = f"\n  hint: it is relative to {tmp_path}" if pattern == "*.npy" else ""
+    assert str(caught.value) == f"{pattern}: no file matches this pattern{hint}"
+
+
 def test_a_name_that_looks_like_a_pattern() -> None:
     touch("scan[1].npy", "scan1.npy")
     assert expand(["scan[1].npy"])[0] == [Path("scan[1].npy")]

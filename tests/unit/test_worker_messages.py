@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from hsplat_cli.workers.messages import Message, error_from_plain, error_to_plain, receive, send
+from hsplat_cli.workers.messages import Message, error_from_plain, error_to_plain, incoming, receive, send
 from renderer.errors import ContextLostError, HsplatError, InputError, Problem, RenderError, SceneError
 
 Ends = tuple[socket.socket, socket.socket]
@@ -37,6 +37,23 @@ def test_one_after_the_other(ends: Ends) -> None:
     sender.start()
     assert [receive(ends[1]) for _ in MESSAGES] == MESSAGES
     sender.join()
+
+
+def test_nobody_waits_for_what_is_missing(ends: Ends) -> None:
+    messages, message = incoming(ends[1]), Message({"drawn": {}}, (b"x" * 100, b"", b"y"))
+    send(ends[0], message)
+    send(ends[0], message)
+    content = ends[1].recv(1000)
+    for number, byte in enumerate(content, 1):
+        assert next(messages) is None
+        ends[0].sendall(bytes([byte]))
+        if number in (len(content) // 2, len(content)):
+            assert next(messages) == message
+    ends[0].sendall(content)
+    assert [next(messages) for _ in range(3)] == [message, message, None]
+    ends[0].close()
+    with pytest.raises(EOFError):
+        next(messages)
 
 
 @pytest.mark.parametrize("num_bytes", [0, 2, 5, 30])

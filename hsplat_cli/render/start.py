@@ -1,0 +1,65 @@
+"""The start of a film: whether it is there already, and if not, what is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import click
+
+from hsplat_cli.cores import num_cores
+from hsplat_cli.job import Job
+from hsplat_cli.render.cause import Cause, Made, cause_of, differences, made_before
+from renderer.drawing import Stage
+from renderer.kept_frames import forget_frames
+from renderer.output_files import sidecar_path
+from renderer.pipeline import prepare
+from renderer.readers import read_volume
+from renderer.volume import Volume
+
+
+@dataclass(frozen=True)
+class Start:
+    """cause: of the film. before: what is told of the one that is there, if that is of any use."""
+
+    stage: Stage
+    cause: Cause
+    before: Made | None
+
+
+def start_film(job: Job, folder: Path, made_by: str, *, force: bool, quiet: bool) -> Start | None:
+    """Read the volume; None where its film is there, else what it takes to draw it. Either is said.
+
+    folder: of what is not finished. made_by: device and driver, as GL names them. force: what is there is of no use.
+    Raises what `read_volume` and `prepare` raise.
+    """
+    before_reading = time.perf_counter()
+    volume = read_volume(job.scene.volume)
+    read_seconds = time.perf_counter() - before_reading
+    cause, output = cause_of(job, volume.fingerprint, made_by), job.scene.output
+    before = None if force else made_before(sidecar_path(job.scene, job.frames), output)
+    if before is not None and before.is_up_to_date(cause, output, job.frames):
+        forget_frames(folder, output, job.frames)  # of a job that was killed when its film was whole
+        if not quiet:
+            click.echo(f"{output.file} is up to date; --force draws it again", err=True)
+        return None
+    stage = _prepare(job, volume, read_seconds)
+    if before is not None and not before.has_frames_of(cause) and not quiet:
+        why = f": {differences(before.cause.of, cause.of)}" if isinstance(before.cause.of, Mapping) else ""
+        click.echo(f"{output.file} is drawn anew, for what is there is another film{why}", err=True)
+    return Start(stage, cause, before)
+
+
+def _prepare(job: Job, volume: Volume, read_seconds: float) -> Stage:
+    """The job's stage, on all cores, of its volume, which took so long to read."""
+    stage = prepare(
+        job.scene,
+        clock=time.perf_counter,
+        num_threads=num_cores(),
+        volume=volume,
+        fingerprint=job.original.fingerprint if job.original else None,
+        recorded_in=f"{job.original.path}: volume.fingerprint" if job.original else "",
+    )
+    return replace(stage, seconds={**stage.seconds, "read": stage.seconds["read"] + read_seconds})

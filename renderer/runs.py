@@ -1,0 +1,16 @@
+"""Runs of following numbers, as of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def runs(numbers: Iterable[int]) -> list[tuple[int, int]]:
+    """Ascending numbers as half-open ranges without a gap: of each its first number, and one past its last."""
+    found: list[tuple[int, int]] = []
+    for number in numbers:
+        if found and found[-1][1] == number:
+            found[-1] = found[-1][0], number + 1
+        else:
+            found.append((number, number + 1))
+    return found

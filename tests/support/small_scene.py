@@ -1,0 +1,22 @@
+"""The scene of the tests that run whole commands: a made-up engine block, small enough to be drawn in no time."""
+
+from __future__ import annotations
+
+
+def small_scene(*, shape: str = "24, 24, 12", frames: int = 5, size: str = "32, 32", error: str | None = None) -> str:
+    """YAML of a turntable that goes to film.mp4. error: its section, such as `tolerance: 0.1`; none by default."""
+    section = "" if error is None else f"error: {{{error}}}\n"
+    return f"""\
+volume:
+  procedural: {{name: engine_block, shape: [{shape}]}}
+transfer_function:
+  points:
+    - {{value: 50, color: "#000000", opacity: 0.0}}
+    - {{value: 90, color: "#6680e6", opacity: 0.1}}
+    - {{value: 255, color: "#ffffff", opacity: 0.7}}
+camera:
+  path: {{type: turntable, frames: {frames}, elevation: 20}}
+{section}output:
+  file: film.mp4
+  size: [{size}]
+"""

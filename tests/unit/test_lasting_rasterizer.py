@@ -1,0 +1,154 @@
+"""A context that is lost while this process draws is made anew, and nothing of that is seen in the film."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from film_stages import PLAIN, SCENES, stage_of
+
+from hsplat_cli import main
+from hsplat_cli.drawn import LocalDrawer
+from hsplat_cli.render import crew
+from renderer.costs import CostLog
+from renderer.drawing import Stage
+from renderer.errors import ContextLostError, RenderError
+from renderer.pacing import Details, Pacer, try_drawings
+from renderer.raster_gl import GLRasterizer
+from renderer.raster_lasting import LastingRasterizer
+from renderer.schedule import at_tolerances
+
+NO_CAPABILITY = 0xFFFF
+LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]
+
+
+class _Failing(GLRasterizer):
+    """fails: whether GL has an error after the next picture."""
+
+    def __init__(self, fails: Iterator[bool]) -> None:
+        super().__init__()
+        self._fails = fails
+
+    def _require_no_failure(self) -> None:
+        if next(self._fails):
+            ctypes.CDLL("libGL.so.1").glEnable(NO_CAPABILITY)
+        super()._require_no_failure()
+
+
+def failing_at(pictures: Iterable[int]) -> Callable[[], GLRasterizer]:
+    """Makes rasterisers that fail at these pictures, counted over all of them."""
+    at = set(pictures)
+    fails = (number in at for number in itertools.count())
+    return lambda: _Failing(fails)
+
+
+def in_turn(*makes: Callable[[], GLRasterizer]) -> Callable[[], GLRasterizer]:
+    left = iter(makes)
+
+    def make() -> GLRasterizer:
+        return next(left)()
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    return stage_of(PLAIN)
+
+
+def pngs(stage: Stage, rasterizer: GLRasterizer | LastingRasterizer) -> list[bytes]:
+    return [drawn.picture.png for drawn in LocalDrawer(stage, rasterizer).draw(range(8))]
+
+
+@pytest.mark.parametrize("kind", ["plain", "overlay", "gouraud"])
+def test_the_film_is_the_same(rasterizer: GLRasterizer, kind: str) -> None:
+    stage = stage_of(SCENES[kind])
+    with LastingRasterizer(failing_at({0, 4})) as lasting:
+        assert pngs(stage, lasting) == pngs(stage, rasterizer)
+        assert lasting.notes == ["OpenGL's context was lost 2 times, and what it had was drawn again"]
+
+
+def test_nothing_is_said_where_nothing_is_lost(stage: Stage) -> None:
+    with LastingRasterizer() as lasting:
+        pngs(stage, lasting)
+        assert lasting.notes == []
+
+
+def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRasterizer) -> None:
+    with (
+        LastingRasterizer(failing_at({3, 4})) as lasting,
+        pytest.raises(ContextLostError, match="its context was lost\n  got: GL_INVALID_ENUM"),
+    ):
+        pngs(stage, lasting)
+
+
+def test_frames_on_a_budget_of_time(stage: Stage, rasterizer: GLRasterizer) -> None:
+    """Those of each tolerance are what they are without a loss; trial drawings may lose their context, too."""
+    with LastingRasterizer(failing_at({0, 6, 9})) as lasting:
+        details = Details(stage, CostLog())
+        try_drawings(details, 0, 0.0, lasting, clock=time.perf_counter)
+        pacer = Pacer(details, lambda frame: 0.01)
+        found = list(LocalDrawer(stage, lasting, pacer).draw(range(8)))
+        assert lasting.notes == ["OpenGL's context was lost 3 times, and what it had was drawn again"]
+    tolerances = {drawn.number: drawn.record["tolerance"] for drawn in found}
+    assert list(tolerances) == list(range(8))
+    assert [drawn.picture.png for drawn in found] == pngs(
+        replace(stage, scene=at_tolerances(stage.scene, tolerances)), rasterizer
+    )
+
+
+def test_another_device_is_none(stage: Stage) -> None:
+    """Its pictures would be other bytes."""
+
+    class _Other(GLRasterizer):
+        renderer_name = "another one"  # type: ignore[assignment]
+
+    with LastingRasterizer(in_turn(failing_at({2}), _Other)) as lasting:
+        with pytest.raises(ContextLostError, match="its context was lost"):
+            pngs(stage, lasting)
+        assert lasting.notes == []
+
+
+def test_no_other_context(stage: Stage) -> None:
+    def refuse() -> GLRasterizer:
+        raise RenderError("no OpenGL 3.3 context could be made")
+
+    with (
+        LastingRasterizer(in_turn(failing_at({2}), refuse)) as lasting,
+        pytest.raises(ContextLostError, match="its context was lost"),
+    ):
+        pngs(stage, lasting)
+
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [24, 24, 12]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 5, elevation: 20}
+output:
+  file: film.mp4
+  size: [32, 32]
+"""
+
+
+def test_the_command_goes_on_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text(SCENE, encoding="utf-8")
+    assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
+    assert "note: OpenGL" not in capsys.readouterr().out
+    make = failing_at({2})
+    monkeypatch.setattr(crew, "LastingRasterizer", lambda: LastingRasterizer(make))
+    assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "lost.mp4"]) == 0
+    assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
+    assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()

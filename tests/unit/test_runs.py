@@ -1,0 +1,16 @@
+"""Runs of following numbers."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from renderer.runs import runs
+
+
+@given(st.sets(st.integers(0, 40)))
+def test_they_hold_the_numbers_and_no_two_touch(numbers: set[int]) -> None:
+    found = runs(sorted(numbers))
+    assert [number for start, stop in found for number in range(start, stop)] == sorted(numbers)
+    ends = [end for run in found for end in run]
+    assert ends == sorted(set(ends))

@@ -1,0 +1,188 @@
+"""turntable.json: what several commands, one after the other or at once, tell of the films of a folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hsplat_cli.crew_options import CrewSpec
+from hsplat_cli.scene_text import FilmOptions
+from hsplat_cli.suggested_scene import SuggestedScene
+from hsplat_cli.turntable import report as report_module
+from hsplat_cli.turntable import single
+from hsplat_cli.turntable.report import FILE, held_report, write_report
+from hsplat_cli.turntable.single import Order, write_scene
+from renderer.errors import InputError, RenderError
+from renderer.scene import FileSource, VolumeSpec
+
+CODE = Path(report_module.__file__).parents[2]
+WRITTEN: dict[str, Any] = {"scene_of": "../scan.npy", "scene_digests": ["0" * 32]}
+
+
+def record(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
+    return {"volume": f"{name}.npy", "scene": f"out/{name}.yaml", "film": f"out/{name}.mp4", "status": status, **more}
+
+
+def films(folder: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((folder / FILE).read_bytes())["films"]
+    return found
+
+
+def test_records_of_other_films_stay_while_their_scenes_do(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").touch()
+    first = [record("a", **WRITTEN), record("b", **WRITTEN), record("c", "failed")]
+    write_report(tmp_path, first)
+    assert films(tmp_path) == first  # of the command's own, all, whatever there is
+    write_report(tmp_path, [record("d")])
+    assert films(tmp_path) == [first[0], first[2], record("d")]
+    write_report(tmp_path, [record("a", "failed", error="it did")])
+    assert films(tmp_path) == [first[2], record("d"), {**WRITTEN, **record("a", "failed", error="it did")}]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", FILE]
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from hsplat_cli.turntable.report import write_report
+for number in range(10):
+    name = f"{sys.argv[2]}-{number}"
+    scene = f"out/{name}.yaml"
+    write_report(Path(sys.argv[1]), [{"volume": name, "scene": scene, "film": name, "status": "done"}])
+"""
+
+
+def test_several_processes_lose_nothing(tmp_path: Path) -> None:
+    arguments = [sys.executable, "-c", WRITER, str(tmp_path / "new")]
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    processes = [subprocess.Popen([*arguments, str(number)], env=environment) for number in range(4)]
+    assert [process.wait() for process in processes] == [0] * 4
+    expected = {f"{process}-{number}" for process in range(4) for number in range(10)}
+    assert {film["volume"] for film in films(tmp_path / "new")} == expected
+    assert [path.name for path in (tmp_path / "new").iterdir()] == [FILE]
+
+
+GOOD = record("a", **WRITTEN)
+
+# What is there, none of which this program has written.
+FORGED = {
+    "nothing": b"",
+    "no JSON": b"\xff\xfe{",
+    "cut off": json.dumps({"films": [GOOD]}).encode()[:-3],
+    "no object": b"[1]",
+    "no films": b"{}",
+    "an object of films": b'{"films": {"a": 1}}',
+    "a number for a record": b'{"films": [1]}',
+    "deep": b'{"films":' + 100_000 * b"[",
+    "deep in a record": json.dumps({"films": [GOOD]}).replace('"done"', 500 * "[" + 500 * "]").encode(),
+    "long digits": b'{"films": [' + 5000 * b"9" + b"]}",
+    "no scene": json.dumps({"films": [{key: GOOD[key] for key in GOOD if key != "scene"}]}).encode(),
+    "a number for a scene": json.dumps({"films": [GOOD | {"scene": 1}]}).encode(),
+    "a list in a record": json.dumps({"films": [GOOD | {"kind": ["scan"]}]}).encode(),
+    "not a number": json.dumps({"films": [GOOD | {"seconds": float("nan")}]}).encode(),
+    "infinity": json.dumps({"films": [GOOD]}).replace('"done"', '"done", "seconds": 1e999').encode(),
+    "a text of digests": json.dumps({"films": [GOOD | {"scene_digests": "0"}]}).encode(),
+    "numbers for digests": json.dumps({"films": [GOOD | {"scene_digests": [0]}]}).encode(),
+    "half of what was written": json.dumps({"films": [record("a", scene_of="a")]}).encode(),
+}
+
+
+@pytest.mark.parametrize("case", FORGED)
+def test_what_is_damaged_counts_for_nothing(case: str, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").touch()
+    (tmp_path / FILE).write_bytes(FORGED[case])
+    with held_report(tmp_path) as report:
+        assert report.written(Path("a.yaml")) is None
+    write_report(tmp_path, [record("b")])
+    assert films(tmp_path) == [record("b")]
+
+
+def test_names_of_any_kind(tmp_path: Path) -> None:
+    forged = [GOOD | {"scene": scene} for scene in ("\ud800.yaml", "a\0.yaml", "..", "", "/", "a" * 300)]
+    (tmp_path / FILE).write_text(json.dumps({"films": forged}), encoding="utf-8")
+    write_report(tmp_path, [record("b")])
+    assert films(tmp_path)[-1] == record("b")
+
+
+def test_what_is_too_large_counts_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_report(tmp_path, [record("a")])
+    monkeypatch.setattr(report_module, "_MOST_BYTES", 50)
+    write_report(tmp_path, [record("b")])
+    assert films(tmp_path) == [record("b")]
+
+
+def test_something_else_of_that_name(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / FILE)
+    write_report(tmp_path, [record("b")])
+    assert films(tmp_path) == [record("b")]
+    (tmp_path / "folder" / FILE).mkdir(parents=True)
+    with pytest.raises(InputError, match="the output is a folder"):
+        write_report(tmp_path / "folder", [record("b")])
+
+
+def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> Order:
+    (folder / volume).touch()
+    spec, crew = VolumeSpec(FileSource(folder / volume)), CrewSpec(None, None)
+    return Order(spec, FilmOptions(), None, folder / "out" / "scan.yaml", folder / "out" / "scan.mp4", crew, force)
+
+
+def scene(text: str) -> SuggestedScene:
+    return SuggestedScene(text, "scan", "for a test")
+
+
+def test_a_scene_is_known_whenever_its_writer_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "out" / "scan.yaml"
+    write_scene(order(tmp_path), scene("one"))
+
+    def full(path: Path, content: bytes) -> None:
+        raise RenderError("the disk is full")
+
+    with monkeypatch.context() as patch:  # between the report and the scene
+        patch.setattr(single, "write_staged", full)
+        with pytest.raises(RenderError):
+            write_scene(order(tmp_path), scene("two"))
+    assert file.read_text() == "one"
+    write_scene(order(tmp_path), scene("three"))
+    assert file.read_text() == "three"
+
+
+def test_an_edited_scene_is_never_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not even when a forced writer has told that it will write over it, and was killed."""
+    file = tmp_path / "out" / "scan.yaml"
+    write_scene(order(tmp_path), scene("one"))
+    file.write_text("mine")
+
+    def full(path: Path, content: bytes) -> None:
+        raise RenderError("the disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(single, "write_staged", full)
+        with pytest.raises(RenderError):
+            write_scene(order(tmp_path, force=True), scene("two"))
+    with pytest.raises(InputError, match="perhaps one that was changed by hand"):
+        write_scene(order(tmp_path), scene("two"))
+    assert file.read_text() == "mine"
+    write_scene(order(tmp_path, force=True), scene("two"))
+    write_scene(order(tmp_path), scene("three"))
+    assert file.read_text() == "three"
+
+
+def test_a_scene_that_would_be_written_the_same_is_known_again(tmp_path: Path) -> None:
+    write_scene(order(tmp_path), scene("one"))
+    (tmp_path / "out" / FILE).unlink()
+    write_scene(order(tmp_path), scene("one"))
+    write_scene(order(tmp_path), scene("two"))
+    assert (tmp_path / "out" / "scan.yaml").read_text() == "two"
+
+
+def test_another_volume_of_the_same_name(tmp_path: Path) -> None:
+    write_scene(order(tmp_path), scene("one"))
+    with pytest.raises(InputError, match="another volume"):
+        write_scene(order(tmp_path, "scan.nrrd"), scene("two"))
+    write_scene(order(tmp_path, "scan.nrrd", force=True), scene("two"))
+    assert (tmp_path / "out" / "scan.yaml").read_text() == "two"

@@ -1,0 +1,80 @@
+"""When a worker is taken for hung: looks are counted, and only where it has something to do and does nothing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import pytest
+
+from hsplat_cli.workers import process
+from hsplat_cli.workers.lifeline import Lifeline
+from hsplat_cli.workers.process import Patience, WorkerProcess
+
+PATIENCE = Patience(num_looks=3)
+
+
+@pytest.fixture
+def worker() -> Iterator[WorkerProcess[int]]:
+    """It is not ready, and will not be."""
+    with open(os.devnull, "rb") as nothing, Lifeline() as lifeline:
+        program, environment = ("children", "wait"), dict(os.environ)
+        found = WorkerProcess[int](lifeline, program, nothing.fileno(), environment, PATIENCE)
+        yield found
+        found.kill()
+        found.close()
+
+
+@pytest.fixture
+def times(monkeypatch: pytest.MonkeyPatch) -> list[int | None]:
+    """What the processor time will be at the next looks; the last one stays."""
+    found: list[int | None] = [5]
+    monkeypatch.setattr(process, "_processor_time", lambda _: found.pop(0) if len(found) > 1 else found[0])
+    return found
+
+
+def hangs_after(worker: WorkerProcess[int], num_looks: int) -> bool:
+    for _ in range(num_looks):
+        assert not worker.hangs
+        worker.look()
+    return worker.hangs
+
+
+def test_the_first_look_has_nothing_to_compare_with(worker: WorkerProcess[int], times: list[int | None]) -> None:
+    assert hangs_after(worker, 4)
+
+
+def test_processor_time_begins_it_anew(worker: WorkerProcess[int], times: list[int | None]) -> None:
+    times[:] = [5, 5, 5, 6]
+    assert not hangs_after(worker, 6)
+    assert hangs_after(worker, 1)
+
+
+def test_so_does_a_message(worker: WorkerProcess[int], times: list[int | None]) -> None:
+    assert not hangs_after(worker, 3)
+    worker.receive()
+    assert not hangs_after(worker, 2)
+    assert hangs_after(worker, 1)
+
+
+def test_who_has_nothing_to_do_is_idle(worker: WorkerProcess[int], times: list[int | None]) -> None:
+    worker.renderer_name = "ready"
+    assert not hangs_after(worker, 10)
+    worker.tasks.append(1)
+    assert not hangs_after(worker, 2)
+    assert hangs_after(worker, 1)
+
+
+def test_where_the_system_does_not_tell(worker: WorkerProcess[int], times: list[int | None]) -> None:
+    times[:] = [None]
+    assert not hangs_after(worker, 10)
+
+
+def test_what_linux_tells() -> None:
+    """Of this process, to a tick of `os.times`, which rounds user and system time each; of none, nothing."""
+    before, used, after = os.times(), process._processor_time(os.getpid()), os.times()
+    per_second = os.sysconf("SC_CLK_TCK")
+    assert used is not None
+    least, most = ((each.user + each.system) * per_second for each in (before, after))
+    assert least - 2 <= used <= most + 2
+    assert process._processor_time(2**22 + 1) is None  # a number that none can have
