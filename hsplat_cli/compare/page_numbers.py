@@ -37,7 +37,7 @@ def share_text(share: float) -> str:
 def curve_words(name: str, limits: Iterable[float]) -> str:
     """What a figure is, and its limit where all frames have the same."""
     figure, different = FIGURES[name], sorted(set(limits))
-    unit = f" {figure.unit}" if figure.unit else ""
     if len(different) > 1:
         return f"{figure.label}, each frame with a limit of its own"
-    return f"{figure.label}, {limit_text(name, different[0])}{unit}"
+    unit = figure.unit.removesuffix("s") if different[0] == 1 else figure.unit
+    return f"{figure.label}, {limit_text(name, different[0])} {unit}".rstrip()

@@ -17,7 +17,7 @@ from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from hsplat_cli.compare import gallery as gallery_module
 from hsplat_cli.compare import page as page_module
 from hsplat_cli.compare.curve import error_curve
-from hsplat_cli.compare.gallery import FEW, PICTURE_PX, Exhibit, Gallery
+from hsplat_cli.compare.gallery import DETAIL_PX, FEW, PICTURE_PX, Exhibit, Gallery
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status
 from hsplat_cli.compare.page import comparison_page, verdict
 from hsplat_cli.compare.page_numbers import curve_words, limit_text, share_text, signed_text, value_text
@@ -290,7 +290,7 @@ def exhibit_of(golden: Pixels, actual: Pixels) -> Exhibit:
 def test_the_difference_has_levels_and_signs() -> None:
     golden = picture()
     actual = spoiled(spoiled(golden, 40, 3, 5), -1, 4, 6)
-    difference = exhibit_of(golden, actual).difference
+    difference = exhibit_of(golden, actual).whole.difference
     assert difference is not None
     assert difference[3, 5].tolist() == [40, 0, 0] and difference[4, 6].tolist() == [0, 0, 1]
     assert np.count_nonzero(difference) == 2
@@ -300,18 +300,44 @@ def test_the_smallest_difference_is_a_level() -> None:
     """One level of colour at an opacity of 1 in 255."""
     golden = picture(channels=4)
     golden[..., 3] = 1
-    assert exhibit_of(golden, spoiled(golden, 1)).difference[3, 5].tolist() == [1, 0, 0]  # type: ignore[index]
+    assert exhibit_of(golden, spoiled(golden, 1)).whole.difference[3, 5].tolist() == [1, 0, 0]  # type: ignore[index]
 
 
 @pytest.mark.parametrize("levels", [-1, 1, 90])
 def test_a_single_wrong_pixel_survives_scaling_down(levels: int) -> None:
     golden = picture(2 * PICTURE_PX + 1, 700)
     exhibit = exhibit_of(golden, spoiled(golden, levels, 2 * PICTURE_PX, 699))
-    assert exhibit.pixels_per_side == 3 and exhibit.golden is not None and exhibit.difference is not None
-    assert exhibit.golden.shape == exhibit.difference.shape == (342, 234, 3)
-    assert (exhibit.golden == 100).all()
+    assert exhibit.pixels_per_side == 3 and exhibit.worst == (699, 2 * PICTURE_PX)
+    whole, difference = exhibit.whole, exhibit.whole.difference
+    assert whole.golden is not None and difference is not None
+    assert whole.golden.shape == difference.shape == (342, 234, 3) and (whole.golden == 100).all()
     where = [2 if levels < 0 else 0]
-    assert exhibit.difference[341, 233, where].tolist() == [abs(levels)] and np.count_nonzero(exhibit.difference) == 1
+    assert difference[341, 233, where].tolist() == [abs(levels)] and np.count_nonzero(difference) == 1
+
+
+@pytest.mark.parametrize(
+    ("y", "x", "corner", "place"),
+    [(0, 0, (0, 0), (0, 0)), (99, 59, (12, 52), (47, 47)), (50, 30, (6, 26), (24, 24)), (10, 59, (12, 0), (10, 47))],
+)
+def test_what_is_most_off_is_shown_pixel_by_pixel(
+    y: int, x: int, corner: tuple[int, int], place: tuple[int, int]
+) -> None:
+    golden = picture(100, 60)
+    exhibit = exhibit_of(golden, spoiled(golden, 7, y, x))
+    assert (exhibit.worst, exhibit.corner) == ((x, y), corner)
+    assert exhibit.detail is not None and exhibit.detail.difference is not None and exhibit.detail.actual is not None
+    assert exhibit.detail.difference.shape == (DETAIL_PX, DETAIL_PX, 3)
+    assert exhibit.detail.difference[place].tolist() == [7, 0, 0] and exhibit.detail.actual[place].tolist() == [
+        100,
+        107,
+        100,
+    ]
+
+
+def test_small_frames_need_no_enlargement() -> None:
+    assert exhibit_of(picture(2 * DETAIL_PX, 4), spoiled(picture(2 * DETAIL_PX, 4), 7, 3, 1)).detail is None
+    detail = exhibit_of(picture(2 * DETAIL_PX + 1, 4), spoiled(picture(2 * DETAIL_PX + 1, 4), 7, 3, 1)).detail
+    assert detail is not None and detail.golden is not None and detail.golden.shape == (DETAIL_PX, 4, 3)
 
 
 def test_colours_are_averaged_as_far_as_they_are_opaque() -> None:
@@ -319,8 +345,8 @@ def test_colours_are_averaged_as_far_as_they_are_opaque() -> None:
     golden[::2, 0] = (200, 100, 50, 255)
     golden[::2, 1] = (255, 255, 255, 0)
     exhibit = exhibit_of(golden, golden)
-    assert exhibit.golden is not None and exhibit.golden.shape == (PICTURE_PX, 1, 4)
-    assert (exhibit.golden == (200, 100, 50, 64)).all()
+    assert exhibit.whole.golden is not None and exhibit.whole.golden.shape == (PICTURE_PX, 1, 4)
+    assert (exhibit.whole.golden == (200, 100, 50, 64)).all()
 
 
 def pixels_in(text: str) -> list[npt.NDArray[Any]]:
@@ -344,7 +370,7 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page_module, "MOST_BYTES", 4 * one)
     page = Page(comparison_page(*shown(*cases)))
     assert page.tags["article"] == 4
-    assert "4 of 9 that differ, worst first." in page.prose and "of this file" in page.prose
+    assert "4 of the 9 that differ, worst first." in page.prose and "of this file" in page.prose
 
 
 # ------------------------------------------------------------------------------------------------------------ numbers
@@ -367,6 +393,7 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         (share_text(12.34), "12.3"),
         (share_text(math.inf), "∞"),
         (curve_words("largest", [4, 4]), "largest error of a channel, at most 4 levels"),
+        (curve_words("largest", [1]), "largest error of a channel, at most 1 level"),
         (curve_words("flip", [0.1]), "mean FLIP, at most 0.1"),
         (curve_words("flip", [0.1, 0.2]), "mean FLIP, each frame with a limit of its own"),
     ],
