@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -132,7 +131,10 @@ def test_a_folder_without_pictures(tmp_path: Path, side: str) -> None:
 
 
 def test_nothing_in_common(tmp_path: Path) -> None:
-    golden, actual = write_frames(tmp_path / "a", PICTURES, "a-{}.png"), write_frames(tmp_path / "b", PICTURES, "b-{}.png")
+    golden, actual = (
+        write_frames(tmp_path / "a", PICTURES, "a-{}.png"),
+        write_frames(tmp_path / "b", PICTURES, "b-{}.png"),
+    )
     assert refused(golden, actual) == "no frame of ACTUAL has the name of a golden"
     assert refused(golden, actual / "b-{frame}.png") == "no frame of ACTUAL has the name of a golden"
 
@@ -169,13 +171,13 @@ def test_kinds_that_do_not_go_together(tmp_path: Path) -> None:
 def test_natural_order() -> None:
     names = ["b.png", "frame-10.png", "frame-2.png", "2.png", "10.png", "frame-02.png", "frame-.png", "frame-2b.png"]
     assert sorted(names, key=natural_order) == [
-        "2.png", "10.png", "b.png", "frame-.png", "frame-02.png", "frame-2.png", "frame-2b.png", "frame-10.png",
+        "2.png", "10.png", "b.png", "frame-02.png", "frame-2.png", "frame-2b.png", "frame-10.png", "frame-.png",
     ]  # fmt: skip
 
 
-@given(st.lists(st.text("a1290.-é", max_size=8), unique=True))
+@given(st.permutations(["", "1", "01", "a1", "a01", "a2", "a10", "a10b", "a10-é", "-", "a"]))
 def test_natural_order_is_an_order(names: list[str]) -> None:
-    assert sorted(names, key=natural_order) == sorted(reversed(names), key=natural_order)
+    assert sorted(names, key=natural_order) == ["", "-", "01", "1", "a", "a01", "a1", "a2", "a10", "a10-é", "a10b"]
 
 
 @pytest.mark.parametrize(
@@ -224,13 +226,16 @@ def test_films_by_index(films: Path, suffix: str) -> None:
     assert max(errors) > 5 * sorted(errors)[-2]
 
 
-def test_what_is_decoded_is_what_was_drawn(films: Path) -> None:
-    """H.264 with halved colours keeps so smooth a picture to a few levels, a palette on the mean."""
-    for suffix, largest in (("mp4", 8), ("gif", 40)):
-        with decoded_film(films / f"film.{suffix}") as frames:
-            for number, frame in enumerate(frames):
-                errors: npt.NDArray[np.int64] = np.abs(frame[..., :3].astype(int) - smooth(0.3 * number))
-                assert errors.max() <= largest
+@pytest.mark.parametrize(("suffix", "largest"), [("mp4", 3), ("gif", 0)])
+def test_colours_are_those_that_were_drawn(tmp_path: Path, suffix: str, largest: int) -> None:
+    """Of even frames. A step of 8-bit YCbCr in limited range is up to 2.1 levels of a channel (BT.709), rounded twice;
+    the matrix of BT.601 instead is more than ten levels off."""
+    colors = [(255, 0, 0), (0, 255, 0), (0, 0, 255), (200, 30, 90), (255, 255, 255), (128, 128, 128)]
+    film = write_film(tmp_path / f"film.{suffix}", [np.full((32, 32, 3), color, np.uint8) for color in colors])
+    with decoded_film(film) as frames:
+        for color, frame in zip(colors, frames, strict=True):
+            assert np.abs(frame[..., :3].astype(int) - color).max() <= largest
+            assert frame.shape[2] == 3 or (frame[..., 3] == 255).all()
 
 
 @pytest.mark.parametrize("suffix", ["mp4", "gif"])
@@ -261,7 +266,7 @@ def test_a_film_that_is_damaged(films: Path, tmp_path: Path) -> None:
 def test_a_film_that_is_something_else(films: Path, tmp_path: Path) -> None:
     for name, content in (("a.mp4", b"#EXTM3U\nfile:///etc/passwd\n"), ("a.gif", (films / "film.mp4").read_bytes())):
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(InputError, match="^.*: not an? (MP4|GIF) file"):
+        with pytest.raises(InputError, match=r": not an? (MP4|GIF) file$"):
             num_frames(tmp_path / name)
 
 
@@ -272,7 +277,6 @@ def test_no_child_is_left(films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         next(iter(pairs))
         assert len(marked(mark)) <= 2
     assert marked(mark) == set()
-    with pytest.raises(KeyboardInterrupt), open_pairs(films / "film.gif", films / "other.gif") as pairs:
-        next(iter(pairs))
-        raise KeyboardInterrupt
+    with pytest.raises(ZeroDivisionError), open_pairs(films / "film.gif", films / "other.gif") as pairs:
+        [1 / 0 for _ in pairs]
     assert marked(mark) == set()
