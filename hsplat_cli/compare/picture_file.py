@@ -1,0 +1,131 @@
+"""PNG files to arrays, strictly: what a decoder repairs or leaves out would not be compared.
+
+Stored values are compared. Gamma, colour spaces and profiles (gAMA, sRGB, cHRM, iCCP) are not looked at, and no picture
+is converted into another kind; interlaced ones are read as any other.
+"""
+
+from __future__ import annotations
+
+import stat
+import struct
+from pathlib import Path
+
+import imageio.v3
+import numpy as np
+
+from hsplat_cli.compare.pair import Pixels
+from hsplat_cli.input_file import nearest_file
+from renderer.errors import InputError
+from renderer.png import png_chunks
+
+# A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 8192.
+MAX_PIXELS = 2**26
+# Such a picture with alpha, not compressed at all, and as much again.
+MAX_FILE_BYTES = 2**29
+
+_SUFFIX = ".png"
+_EXPECTED = "a PNG file, 8-bit RGB or RGBA"
+_COLOR_TYPES = {0: "grey", 2: "RGB", 3: "palette", 4: "grey with alpha", 6: "RGBA"}
+_CHANNELS = {2: 3, 6: 4}
+# What makes of three channels another picture than they hold, or of a file more pictures than one.
+_REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animation (APNG)"}
+
+_OTHER_FILES = (
+    (b"\xff\xd8\xff", "a JPEG file"),
+    (b"GIF8", "a GIF file"),
+    (b"BM", "a BMP file"),
+    (b"II*\0", "a TIFF file"),
+    (b"MM\0*", "a TIFF file"),
+    (b"RIFF", "a WebP file"),
+)
+_LFS_POINTER = b"version https://git-lfs.github.com/"
+
+
+def is_picture(name: str) -> bool:
+    """Whether a file of this name is taken for a PNG; not if it is hidden, as a shell's `*.png` has it."""
+    return name.lower().endswith(_SUFFIX) and not name.startswith(".")
+
+
+def read_picture(path: Path) -> Pixels:
+    """The picture in a PNG file: uint8 [h, w, 3] or, with straight alpha, [h, w, 4].
+
+    Raises InputError for anything else: another format under this name, 16 bits, a palette, grey, a file that is cut
+    off or damaged, more than MAX_PIXELS.
+    """
+    return picture_in(file_content(path), path)
+
+
+def file_content(path: Path) -> bytes:
+    """What is in a file of at most MAX_FILE_BYTES. Raises InputError."""
+    try:
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode):  # opening a pipe would wait for somebody to write
+            got = "a folder" if stat.S_ISDIR(mode) else "something that is no file"
+            raise InputError("not a file", where=str(path), got=got, expected=_EXPECTED)
+        with path.open("rb") as file:
+            content = file.read(MAX_FILE_BYTES + 1)
+    except FileNotFoundError as error:
+        if path.is_symlink():
+            raise InputError("a link that leads nowhere", where=str(path), got=str(path.readlink())) from error
+        raise InputError("no such file", where=str(path), hint=nearest_file(path)) from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
+    if len(content) > MAX_FILE_BYTES:
+        raise InputError("too large a file", where=str(path), expected=f"at most {MAX_FILE_BYTES} bytes")
+    return content
+
+
+def picture_in(content: bytes, path: Path) -> Pixels:
+    """The picture in the content of the file `path`; as `read_picture`."""
+    try:
+        chunks = png_chunks(content)
+    except ValueError as error:
+        raise _unreadable(str(error), content, path) from error
+    shape = _shape_of(chunks[0][1], {name for name, _ in chunks}, path)
+    try:
+        pixels = np.asarray(imageio.v3.imread(content, extension=_SUFFIX, plugin="pillow"))
+    except (OSError, SyntaxError, ValueError) as error:  # SyntaxError is how Pillow says that a PNG is broken
+        raise _damaged(path) from error
+    if pixels.shape != shape or pixels.dtype != np.uint8:
+        raise _damaged(path)
+    return pixels
+
+
+def _shape_of(header: bytes, chunks: set[bytes], path: Path) -> tuple[int, int, int]:
+    """That the header tells of, if such a picture may be read. Raises InputError."""
+    if len(header) != 13:
+        raise _damaged(path)
+    width, height, depth, color_type, compression, filtering, interlace = struct.unpack(">IIBBBBB", header)
+    if not (width and height) or compression or filtering or interlace > 1 or color_type not in _COLOR_TYPES:
+        raise _damaged(path)
+    if width * height > MAX_PIXELS:
+        got, expected = f"{width} x {height} pixels", f"at most {MAX_PIXELS} pixels, as 8192 x 8192"
+        raise InputError("too large a picture", where=str(path), got=got, expected=expected)
+    got = f"{depth}-bit {_COLOR_TYPES[color_type]}"
+    extras = [words for name, words in _REFUSED_CHUNKS.items() if name in chunks]
+    if depth != 8 or color_type not in _CHANNELS or extras:
+        raise InputError(
+            "not a picture in 8-bit RGB or RGBA",
+            where=str(path),
+            got=" with ".join([got, *extras]),
+            expected="8-bit RGB or RGBA",
+            hint="stored values are compared and nothing is converted: save it as 8-bit RGB or RGBA",
+        )
+    return height, width, _CHANNELS[color_type]
+
+
+def _unreadable(reason: str, content: bytes, path: Path) -> InputError:
+    if not content:
+        return InputError("an empty file", where=str(path), expected=_EXPECTED)
+    if content.startswith(_LFS_POINTER):
+        hint = "git lfs pull"
+        return InputError("not a PNG file", where=str(path), got="a Git LFS pointer", expected=_EXPECTED, hint=hint)
+    if reason == "not a PNG file":
+        got = next((words for beginning, words in _OTHER_FILES if content.startswith(beginning)), None)
+        return InputError(reason, where=str(path), got=got, expected=_EXPECTED)
+    return InputError(f"the PNG file is {reason}", where=str(path), got=f"{len(content)} bytes", expected=_EXPECTED)
+
+
+def _damaged(path: Path) -> InputError:
+    return InputError("the PNG file is damaged", where=str(path), got="what cannot be decoded", expected=_EXPECTED)
