@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from png_files import SIGNATURE, chunk, interlaced, noise, png_file, unfiltered
 
-from hsplat_cli.compare.picture_file import MAX_PIXELS, read_picture
+from hsplat_cli.picture_file import MAX_PIXELS, read_picture
 from renderer.errors import InputError
 from renderer.png import encode_png
 
