@@ -35,7 +35,7 @@ def table_of(comparison: Comparison) -> str:
     lines = list(_table(failing[:MAX_ROWS]))
     if len(failing) > MAX_ROWS:
         lines.append(
-            f"... and {count_text(len(failing) - MAX_ROWS, 'frame')} more that fail; --json FILE has all of them"
+            f"... and {count_text(len(failing) - MAX_ROWS, 'more frame')} that fail; --json FILE has all of them"
         )
     return "\n".join([*lines, *([""] if lines else []), *_summary(comparison), *_remarks(comparison)])
 
