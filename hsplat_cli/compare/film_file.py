@@ -19,7 +19,7 @@ import imageio_ffmpeg
 import numpy as np
 
 from hsplat_cli.compare.pair import Pixels
-from hsplat_cli.compare.picture_file import MAX_PIXELS
+from hsplat_cli.picture_file import MAX_PIXELS
 from renderer.encode import find_ffmpeg
 from renderer.errors import InputError
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pair import Pair, Pixels
-from hsplat_cli.compare.picture_file import file_content, is_picture, picture_in
 from hsplat_cli.input_file import nearest_file
+from hsplat_cli.picture_file import file_content, is_picture, picture_in
 from renderer.errors import InputError
 from renderer.output_files import FRAME_FIELD as ANY_FRAME_FIELD
 from renderer.output_files import frame_path

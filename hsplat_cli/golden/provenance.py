@@ -54,7 +54,7 @@ class Provenance:
     """
 
     origin: Mapping[str, Any]
-    goldens: Sequence[Golden]
+    goldens: tuple[Golden, ...]
     date: str | None = None
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import imageio.v3
 import numpy as np
 
-from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.input_file import nearest_file
 from renderer.errors import InputError
+from renderer.picture import Pixels
 from renderer.png import png_chunks
 
 # A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 8192.
