@@ -30,7 +30,7 @@ COMMANDS = {
     "turntable": ("hsplat_cli.turntable.command", "Render turntables of volumes without a scene file."),
     "measure": ("hsplat_cli.measure.command", "Measure what a scene costs and how near to the truth it comes."),
     "paper": ("hsplat_cli.paper.command", "Reproduce the figures of Laur and Hanrahan 1991 on one page."),
-    "compare": ("hsplat_cli.golden.compare", "Compare frames with golden ones, for CI."),
+    "compare": ("hsplat_cli.compare.command", "Compare frames with golden ones, for CI."),
     "info": ("hsplat_cli.info", "Describe a volume: shape, place, values and histogram."),
 }
 

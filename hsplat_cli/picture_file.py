@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import stat
 import struct
+import zlib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import imageio.v3
 import numpy as np
@@ -29,6 +32,9 @@ _COLOR_TYPES = {0: "grey", 2: "RGB", 3: "palette", 4: "grey with alpha", 6: "RGB
 _CHANNELS = {2: 3, 6: 4}
 # What makes of three channels another picture than they hold, or of a file more pictures than one.
 _REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animation (APNG)"}
+# First column and row, and steps, of the parts of an interlaced picture (ISO/IEC 15948, 8.2).
+_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
+_BLOCK = 2**20
 
 _OTHER_FILES = (
     (b"\xff\xd8\xff", "a JPEG file"),
@@ -82,37 +88,64 @@ def picture_in(content: bytes, path: Path) -> Pixels:
         chunks = png_chunks(content)
     except ValueError as error:
         raise _unreadable(str(error), content, path) from error
-    shape = _shape_of(chunks[0][1], {name for name, _ in chunks}, path)
+    header = _header_in(chunks, path)
+    if not _is_complete(b"".join(content for name, content in chunks if name == b"IDAT"), header):
+        raise _damaged(path)
     try:
         pixels = np.asarray(imageio.v3.imread(content, extension=_SUFFIX, plugin="pillow"))
     except (OSError, SyntaxError, ValueError) as error:  # SyntaxError is how Pillow says that a PNG is broken
         raise _damaged(path) from error
-    if pixels.shape != shape or pixels.dtype != np.uint8:
+    if pixels.shape != (header.height, header.width, header.channels) or pixels.dtype != np.uint8:
         raise _damaged(path)
     return pixels
 
 
-def _shape_of(header: bytes, chunks: set[bytes], path: Path) -> tuple[int, int, int]:
-    """That the header tells of, if such a picture may be read. Raises InputError."""
-    if len(header) != 13:
+class _Header(NamedTuple):
+    width: int
+    height: int
+    channels: int
+    is_interlaced: bool
+
+
+def _header_in(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
+    """What a file says of its picture, if such a one may be read. Raises InputError."""
+    content = chunks[0][1]
+    if len(content) != 13:
         raise _damaged(path)
-    width, height, depth, color_type, compression, filtering, interlace = struct.unpack(">IIBBBBB", header)
+    width, height, depth, color_type, compression, filtering, interlace = struct.unpack(">IIBBBBB", content)
     if not (width and height) or compression or filtering or interlace > 1 or color_type not in _COLOR_TYPES:
         raise _damaged(path)
     if width * height > MAX_PIXELS:
         got, expected = f"{width} x {height} pixels", f"at most {MAX_PIXELS} pixels, as 8192 x 8192"
         raise InputError("too large a picture", where=str(path), got=got, expected=expected)
-    got = f"{depth}-bit {_COLOR_TYPES[color_type]}"
-    extras = [words for name, words in _REFUSED_CHUNKS.items() if name in chunks]
+    extras = [words for name, words in _REFUSED_CHUNKS.items() if name in {name for name, _ in chunks}]
     if depth != 8 or color_type not in _CHANNELS or extras:
         raise InputError(
             "not a picture in 8-bit RGB or RGBA",
             where=str(path),
-            got=" with ".join([got, *extras]),
+            got=" with ".join([f"{depth}-bit {_COLOR_TYPES[color_type]}", *extras]),
             expected="8-bit RGB or RGBA",
             hint="stored values are compared and nothing is converted: save it as 8-bit RGB or RGBA",
         )
-    return height, width, _CHANNELS[color_type]
+    return _Header(width, height, _CHANNELS[color_type], interlace == 1)
+
+
+def _is_complete(data: bytes, header: _Header) -> bool:
+    """Whether compressed rows are as many bytes as the picture takes, which decoders do not insist on."""
+    expected = 0
+    for x, y, dx, dy in _PASSES if header.is_interlaced else ((0, 0, 1, 1),):
+        columns, rows = -(-(header.width - x) // dx), -(-(header.height - y) // dy)
+        expected += rows * (1 + columns * header.channels) if columns > 0 else 0
+    unpacker, found = zlib.decompressobj(), 0
+    try:
+        while not unpacker.eof and found <= expected:
+            piece = unpacker.decompress(data, _BLOCK)
+            if not piece and not unpacker.eof:
+                return False
+            data, found = unpacker.unconsumed_tail, found + len(piece)
+    except zlib.error:
+        return False
+    return unpacker.eof and found == expected
 
 
 def _unreadable(reason: str, content: bytes, path: Path) -> InputError:

@@ -65,7 +65,8 @@ def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
         got = f"{golden}, {kinds[0]}; {actual}, {kinds[1]}"
         raise InputError("GOLDEN and ACTUAL are of different kinds", got=got, expected=_EXPECTED)
     if in_folders:
-        yield _file_pairs(*_listings(golden, actual, kinds), golden, actual)
+        goldens, actuals = _listings(golden, actual, kinds)
+        yield _file_pairs(goldens, actuals, golden, actual)
     elif kinds[0] == _PICTURE:
         yield _file_pairs({golden.name: golden}, {golden.name: actual}, golden, actual)
     else:
@@ -98,7 +99,7 @@ def _kind(path: Path) -> str:
 # Files
 
 
-def _listings(golden: Path, actual: Path, kinds: tuple[str, str]) -> list[dict[str, Path]]:
+def _listings(golden: Path, actual: Path, kinds: tuple[str, str]) -> Sequence[dict[str, Path]]:
     """Files of both sides, by the name of the pair that they are of."""
     if kinds == (_TEMPLATE, _TEMPLATE):
         return [
@@ -235,7 +236,7 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
     with decoded_film(golden) as goldens, decoded_film(actual) as actuals:
 
         def read() -> Iterator[Pair]:
-            for number, (name, *pixels) in enumerate(zip(names, goldens, actuals, strict=True)):
-                yield Pair(name, *pixels, number)
+            for number, (name, picture, other) in enumerate(zip(names, goldens, actuals, strict=True)):
+                yield Pair(name, picture, other, number)
 
         yield Pairs(names, (note,), read)

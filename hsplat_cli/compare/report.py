@@ -51,7 +51,11 @@ def _table(failing: list[Outcome]) -> Iterator[str]:
 
 def _reason(outcome: Outcome) -> str:
     more = len(outcome.exceeded) - 1
-    return outcome.why if more < 1 else f"{outcome.why}; {count_text(more, 'figure')} more over the limit"
+    return (
+        outcome.why
+        if more < 1
+        else f"{outcome.why}; {count_text(more, 'more figure')} over {'its limit' if more == 1 else 'their limits'}"
+    )
 
 
 def _summary(comparison: Comparison) -> Iterator[str]:

@@ -39,7 +39,8 @@ ROOMS: dict[str, tuple[str, str]] = {
     "frame": ("drawing costs pacing parcel", "words checks volumes classification pyramid cut path splats film"),
     "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film frame"),
     "study": (
-        "frame_difference metrics pareto search strictness study sweep sweep_plan thumbnails tolerances trials truths want",
+        "frame_difference metrics pareto search strictness study sweep sweep_plan thumbnails tolerances trials truths "
+        "want",
         "words checks classification pyramid cut path splats truth film frame contents",
     ),
 }
