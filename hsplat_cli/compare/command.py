@@ -12,6 +12,7 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.crew_options import workers_option
 from hsplat_cli.interrupts import terminated_as_interrupted
 from renderer.errors import InputError, RenderError
 
@@ -26,6 +27,10 @@ _file = click.Path(path_type=Path)
 @click.option("--json", "json_file", type=_file, metavar="FILE", help="Write what came of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_file, metavar="FILE", help="Write a JUnit report, as CI systems read it.")
 @click.option("--html", "html_file", type=_file, metavar="FILE", help="Write a page that shows the worst frames.")
+@click.option("--frames", metavar="A:B:STEP", help="Of a scene: compare only those of its goldens in this range.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Of a scene: change a value.")
+@click.option("--volume", type=_file, metavar="FILE", help="Of a scene: take the volume from this file.")
+@workers_option
 @click.option("--quiet", is_flag=True, help="Say nothing unless a frame fails.")
 @click.pass_context
 def compare(
@@ -37,29 +42,29 @@ def compare(
     json_file: Path | None,
     junit_file: Path | None,
     html_file: Path | None,
+    frames: str | None,
+    overrides: tuple[str, ...],
+    volume: Path | None,
+    workers: int | None,
     quiet: bool,
 ) -> None:
     """Compare frames with golden ones, and exit with 1 where they differ.
 
     GOLDEN and ACTUAL are two PNG pictures, two folders of them or templates such as frames/{frame:04}.png, or two
     films. A file compare.yaml beside the goldens may have limits of its own.
+
+    Or they are a scene and a folder of goldens that `hsplat golden` made: the frames are drawn again and compared.
     """
     with _could_not_compare(), terminated_as_interrupted():
         # Imported here: numpy takes longer to load than --help may take to answer.
-        from hsplat_cli.compare.judge import require_packages  # noqa: PLC0415
-        from hsplat_cli.compare.pairs import open_pairs  # noqa: PLC0415
+        from hsplat_cli.compare.matching import Strictness, compare_frames  # noqa: PLC0415
         from hsplat_cli.compare.report import table_of  # noqa: PLC0415
-        from hsplat_cli.compare.rules import load_rules  # noqa: PLC0415
-        from hsplat_cli.compare.run import ReportFiles, run_comparison  # noqa: PLC0415
+        from hsplat_cli.compare.run import ReportFiles  # noqa: PLC0415
+        from hsplat_cli.compare.scene import SceneOptions  # noqa: PLC0415
 
         reports = ReportFiles(json_file, junit_file, html_file)
-        reports.require_writable()
-        rules = load_rules(golden, level, limits)
-        require_packages(rules)
-        with open_pairs(golden, actual) as pairs:
-            comparison = run_comparison(
-                pairs, rules, golden=str(golden), actual=str(actual), reports=reports, quiet=quiet
-            )
+        drawing = SceneOptions(frames, overrides, volume, workers)
+        comparison = compare_frames(golden, actual, Strictness(level, limits), reports, drawing, quiet=quiet)
     if not (quiet and comparison.passes):
         click.echo(table_of(comparison))
     if not comparison.passes:
