@@ -48,7 +48,7 @@ def compare(
     workers: int | None,
     quiet: bool,
 ) -> None:
-    """Compare frames with golden ones, and exit with 1 where they differ.
+    """Compare frames with golden ones; exit with 1 where they differ.
 
     GOLDEN and ACTUAL are two PNG pictures, two folders of them or templates such as frames/{frame:04}.png, or two
     films. A file compare.yaml beside the goldens may have limits of its own.
@@ -57,14 +57,14 @@ def compare(
     """
     with _could_not_compare(), terminated_as_interrupted():
         # Imported here: numpy takes longer to load than --help may take to answer.
-        from hsplat_cli.compare.matching import Strictness, compare_frames  # noqa: PLC0415
+        from hsplat_cli.compare.matching import compare_frames  # noqa: PLC0415
         from hsplat_cli.compare.report import table_of  # noqa: PLC0415
         from hsplat_cli.compare.run import ReportFiles  # noqa: PLC0415
         from hsplat_cli.compare.scene import SceneOptions  # noqa: PLC0415
 
         reports = ReportFiles(json_file, junit_file, html_file)
         drawing = SceneOptions(frames, overrides, volume, workers)
-        comparison = compare_frames(golden, actual, Strictness(level, limits), reports, drawing, quiet=quiet)
+        comparison = compare_frames(golden, actual, reports, drawing, level=level, limits=limits, quiet=quiet)
     if not (quiet and comparison.passes):
         click.echo(table_of(comparison))
     if not comparison.passes:

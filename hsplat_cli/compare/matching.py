@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from hsplat_cli.compare.judge import require_packages
@@ -21,34 +20,28 @@ from renderer.errors import InputError
 _SCENE_SUFFIXES = (".yaml", ".yml", ".json")
 
 
-@dataclass(frozen=True)
-class Strictness:
-    """level, limits: as `--level` and `--limit` give them."""
-
-    level: str | None = None
-    limits: Sequence[str] = ()
-
-
 def compare_frames(
     golden: Path,
     actual: Path,
-    strictness: Strictness,
     reports: ReportFiles,
     drawing: SceneOptions,
     *,
+    level: str | None,
+    limits: Sequence[str],
     quiet: bool,
 ) -> Comparison:
     """What came of a comparison, with its reports written.
 
     golden, actual: as `open_pairs` takes them; or a scene, or the sidecar of a film, and the folder of its goldens.
-    drawing: how the scene is drawn. quiet: do not show how far the work is.
+    drawing: how the scene is drawn. level, limits: as `--level` and `--limit` give them. quiet: do not show how far the
+    work is.
 
     Raises HsplatError where they cannot be compared.
     """
     folder = _goldens_of(golden, actual)
     _require_spared(reports, (golden, actual, actual / NAME, golden / NAME))
     reports.require_writable()
-    rules = load_rules(folder or golden, strictness.level, strictness.limits)
+    rules = load_rules(folder or golden, level, limits)
     require_packages(rules)
     if folder is None and drawing.given:
         raise InputError("of no use where no scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
@@ -97,7 +90,7 @@ def require_match(
     ]
     reports = ReportFiles(html=None if html is None else Path(html))
     comparison = compare_frames(
-        Path(golden), Path(actual), Strictness(level, overrides), reports, SceneOptions(), quiet=True
+        Path(golden), Path(actual), reports, SceneOptions(), level=level, limits=overrides, quiet=True
     )
     if not comparison.passes:
         page = "" if html is None else f"\nthe frames: {html}"
