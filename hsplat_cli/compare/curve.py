@@ -37,11 +37,15 @@ class Legend:
 
 @dataclass(frozen=True)
 class Curve:
-    """The plot, its legend, and whether frames stand there by their numbers, not only in their order."""
+    """The plot and its legend.
+
+    are_numbers: frames stand there by their numbers, not only in their order. is_open: some errors have no bound.
+    """
 
     svg: Markup
     legend: Sequence[Legend]
     are_numbers: bool
+    is_open: bool
 
 
 def error_curve(comparison: Comparison) -> Curve | None:
@@ -61,7 +65,7 @@ def error_curve(comparison: Comparison) -> Curve | None:
     ]
     lines = [_line(axes, outcomes, name, style) for name, style in zip(names, legend, strict=True)]
     parts = [_grid(axes), *_failures(axes, outcomes), *lines]
-    return Curve(_svg(alt, parts), legend, axes.are_numbers)
+    return Curve(_svg(alt, parts), legend, axes.are_numbers, axes.is_open)
 
 
 # --------------------------------------------------------------------------------------------------------------- axes

@@ -96,10 +96,10 @@ def _frames(exhibits: Sequence[Exhibit]) -> tuple[list[dict[str, Any]], int]:
                 "place": f"worst-{len(frames) + 1}",
                 "name": outcome.name,
                 "status": outcome.status,
-                "passes": outcome.passes,
                 "why": outcome.why,
+                "worst": exhibit.worst,
                 "pictures": pictures,
-                "flips": all(picture["uri"] for picture in pictures[:2]),
+                "flips": exhibit.whole.golden is not None and exhibit.whole.actual is not None,
                 "pixels_per_side": exhibit.pixels_per_side,
                 "figures": [_figure(outcome, name) for name in FIGURES if name in outcome.figures],
                 "bias": list(zip(_CHANNELS, map(signed_text, outcome.bias), strict=False)),
@@ -110,30 +110,38 @@ def _frames(exhibits: Sequence[Exhibit]) -> tuple[list[dict[str, Any]], int]:
 
 def _default_gain(exhibits: Sequence[Exhibit]) -> int:
     """The largest, if it tells the errors of all frames apart, else the one before it."""
-    largest = max((exhibit.difference.max() for exhibit in exhibits if exhibit.difference is not None), default=0)
-    return GAINS[-1] if int(largest) * GAINS[-1] <= 255 else GAINS[-2]
+    differences = [exhibit.whole.difference for exhibit in exhibits if exhibit.whole.difference is not None]
+    largest = max((int(difference.max()) for difference in differences), default=0)
+    return GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2]
 
 
 def _pictures(exhibit: Exhibit) -> list[dict[str, Any]]:
-    """Golden, actual and difference, also those that there are not."""
+    """Golden, actual and difference, also those that there are not, and the same three enlarged."""
     outcome = exhibit.outcome
-    why_none = "nothing to compare" if outcome.status in ("missing", "extra") else f"none: {outcome.status}"
-    return [
-        _picture("golden", exhibit.golden, outcome, "there is no such golden frame"),
-        _picture("actual", exhibit.actual, outcome, "there is no such frame"),
-        _picture("difference", exhibit.difference, outcome, why_none),
-    ]
+    alone = outcome.status in ("missing", "extra")
+    absent = {
+        "golden": "there is no such golden frame",
+        "actual": "there is no such frame",
+        "difference": "nothing to compare" if alone else f"none: {outcome.status}",
+    }
+    pictures = [_picture(kind, pixels, outcome.name, absent[kind]) for kind, pixels in vars(exhibit.whole).items()]
+    if exhibit.detail is None or exhibit.detail.golden is None:
+        return pictures
+    (x, y), (height, width, _) = exhibit.corner, exhibit.detail.golden.shape
+    place = f", enlarged: x {x} to {x + width - 1}, y {y} to {y + height - 1}"
+    return pictures + [_picture(kind, pixels, outcome.name, "", place) for kind, pixels in vars(exhibit.detail).items()]
 
 
-def _picture(kind: str, pixels: Pixels | None, outcome: Outcome, absent: str) -> dict[str, Any]:
+def _picture(kind: str, pixels: Pixels | None, name: str, absent: str, place: str = "") -> dict[str, Any]:
     if pixels is None:
-        return {"kind": kind, "uri": "", "absent": absent}
+        return {"kind": kind, "uri": "", "caption": kind, "absent": absent}
     height, width, channels = pixels.shape
     times = max(1, _LEAST_SHOWN_PX // max(height, width))
     return {
         "kind": kind,
         "uri": png_data_uri(pixels),
-        "alt": f"{kind} of {outcome.name}",
+        "caption": f"{kind}{place}",
+        "alt": f"{kind} of {name}{place}",
         "width": times * width,
         "height": times * height,
         "classes": " ".join([*["enlarged"] * (times > 1), *["transparent"] * (channels == 4)]),

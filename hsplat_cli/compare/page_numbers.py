@@ -25,8 +25,9 @@ def limit_text(name: str, limit: float) -> str:
 
 
 def signed_text(value: float) -> str:
-    """`+0.12`, `-3`, `0`, with a true minus sign."""
-    return f"{value:+.3g}".replace("-", "−") if value else "0"
+    """`+0.12`, `-3`, with a true minus sign; `0` below a twenty-thousandth, where sums round."""
+    rounded = round(value, 4)
+    return f"{rounded:+.3g}".replace("-", "−") if rounded else "0"
 
 
 def share_text(share: float) -> str:
@@ -37,7 +38,7 @@ def share_text(share: float) -> str:
 def curve_words(name: str, limits: Iterable[float]) -> str:
     """What a figure is, and its limit where all frames have the same."""
     figure, different = FIGURES[name], sorted(set(limits))
-    unit = f" {figure.unit}" if figure.unit else ""
     if len(different) > 1:
         return f"{figure.label}, each frame with a limit of its own"
-    return f"{figure.label}, {limit_text(name, different[0])}{unit}"
+    unit = figure.unit.removesuffix("s") if different[0] == 1 else figure.unit
+    return f"{figure.label}, {limit_text(name, different[0])} {unit}".rstrip()
