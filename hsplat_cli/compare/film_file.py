@@ -12,6 +12,7 @@ import struct
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import IO
 
@@ -69,11 +70,12 @@ def _command(path: Path) -> list[str]:
     return [find_ffmpeg(path), *general, *source, *_every_frame(), *sink]
 
 
-def _every_frame() -> list[str]:
+@cache
+def _every_frame() -> tuple[str, str]:
     """The option that keeps ffmpeg from leaving out or repeating frames; its name changed with version 5.1."""
     version = re.match(r"n?(\d+)\.(\d+)", imageio_ffmpeg.get_ffmpeg_version())
     is_old = version is not None and (int(version[1]), int(version[2])) < (5, 1)
-    return ["-vsync", "0"] if is_old else ["-fps_mode", "passthrough"]
+    return ("-vsync", "0") if is_old else ("-fps_mode", "passthrough")
 
 
 def _frames(process: subprocess.Popen[bytes], stream: IO[bytes], words: IO[bytes], path: Path) -> Iterator[Pixels]:

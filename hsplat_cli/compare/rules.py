@@ -100,9 +100,20 @@ def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] 
 
 
 def _limit(figure: Figure) -> Kind[Any]:
-    kind = number(least=0, most=255 if figure.unit == "levels" else 1)
-    words = f"{kind.expected}{f' {figure.unit}' if figure.unit else ''}, or none"
-    return Kind(words, lambda node: None if node.value == "none" else kind.read(node), "none takes a limit away")
+    """A number within what the figure can be, or `none`, which is read as None."""
+    plain = number(least=0, most=255 if figure.unit == "levels" else 1)
+
+    def parse(node: Node) -> float | None:
+        if node.value == "none":
+            return None
+        found: list[Problem] = []
+        value = plain.read(replace(node, problems=found))
+        node.problems.extend(replace(problem, expected=kind.expected) for problem in found)
+        return value
+
+    words = " ".join(filter(None, (plain.expected, figure.unit)))
+    kind: Kind[Any] = Kind(f"{words}, or none", parse, if_empty="none takes a limit away")
+    return kind
 
 
 _LEVEL: Kind[Any] = choice(*LEVELS)

@@ -87,7 +87,8 @@ def make_plan(
     others = [golden for frame, golden in listed.items() if frame not in names]
     unasked = [] if prune else [golden for golden in others if os.path.lexists(folder / golden.file)]
     removed = [golden for golden in others if golden not in unasked]
-    after = Provenance(drawing.origin, sorted([*goldens, *unasked], key=lambda golden: golden.frame), date)
+    listed_after = tuple(sorted([*goldens, *unasked], key=lambda golden: golden.frame))
+    after = Provenance(drawing.origin, listed_after, date)
     worst_first = sorted((change for change in found.values() if change is not None), key=_badness, reverse=True)
     return Plan(before, after, sources, worst_first, removed, unasked, len(names))
 

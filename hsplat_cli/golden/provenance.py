@@ -54,7 +54,7 @@ class Provenance:
     """
 
     origin: Mapping[str, Any]
-    goldens: Sequence[Golden]
+    goldens: tuple[Golden, ...]
     date: str | None = None
 
 
@@ -74,7 +74,7 @@ def origin_of(told: Mapping[str, Any]) -> dict[str, Any]:
         section["raw"] = {key: value for key, value in section["raw"].items() if key != "file"}
     return {
         "volume": {
-            "name": as_line(volume["name"]),
+            "name": as_line(Path(volume["name"]).name),
             "fingerprint": volume["fingerprint"],
             "shape": volume["shape"],
             "dtype": volume["dtype"],

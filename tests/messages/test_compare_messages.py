@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from png_files import noise, png_file, smooth, write_film, write_frames
 from hsplat_cli import main
 
 KINDS = "two folders or templates of PNG files, two PNG pictures, or two films in one format, MP4 or GIF"
+Refused = Callable[..., str]
+
 PNG = "a PNG file, 8-bit RGB or RGBA"
 FIRST = "actual/frame-0000.png"
 
@@ -26,7 +29,7 @@ def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def refused(capsys: pytest.CaptureFixture[str]) -> object:
+def refused(capsys: pytest.CaptureFixture[str]) -> Refused:
     """What a command says that changes no file."""
 
     def message(*arguments: str) -> str:
@@ -49,10 +52,12 @@ def empty(folder: str) -> None:
 # What there is to compare
 
 
-def test_kinds(refused) -> None:
+def test_kinds(refused: Refused) -> None:
     Path("film.mp4").touch()
     assert refused("golden", "film.mp4") == (
-        f"GOLDEN and ACTUAL are of different kinds\n  got: golden, a folder; film.mp4, a film in .mp4\n  expected: {KINDS}\n"
+        "GOLDEN and ACTUAL are of different kinds\n"
+        "  got: golden, a folder; film.mp4, a film in .mp4\n"
+        f"  expected: {KINDS}\n"
     )
     assert refused("golden/frame-{frame:04}.png", FIRST) == (
         "GOLDEN and ACTUAL are of different kinds\n"
@@ -65,17 +70,17 @@ def test_kinds(refused) -> None:
     )
 
 
-def test_names(refused) -> None:
+def test_names(refused: Refused) -> None:
     assert refused("golden", "actul") == "actul: no such file or folder\n  hint: did you mean actual?\n"
-    assert refused("golden/frame-0000.png", "actual/frame-000.png") == (
-        "actual/frame-000.png: no such file or folder\n  hint: did you mean actual/frame-0000.png?\n"
+    assert refused("golden/frame-0000.png", "actual/fame-0000.png") == (
+        "actual/fame-0000.png: no such file or folder\n  hint: did you mean actual/frame-0000.png?\n"
     )
     assert refused("golden", "golden/") == (
         "golden: GOLDEN and ACTUAL are the same files\n  hint: nothing is compared with itself\n"
     )
 
 
-def test_templates(refused) -> None:
+def test_templates(refused: Refused) -> None:
     assert refused("golden/frame-{frame:4x}.png", "actual") == (
         "golden/frame-{frame:4x}.png: not a legal template\n"
         "  expected: one {frame} or {frame:04}, in the name of the files, and no other braces\n"
@@ -85,7 +90,7 @@ def test_templates(refused) -> None:
     )
 
 
-def test_empty_folders(refused) -> None:
+def test_empty_folders(refused: Refused) -> None:
     Path("actual/below").mkdir()
     for path in Path("actual").glob("*.png"):
         path.rename(path.parent / "below" / path.name)
@@ -96,7 +101,7 @@ def test_empty_folders(refused) -> None:
     assert refused() == "golden: no PNG files in this folder\n  got: nothing at all\n"
 
 
-def test_nothing_in_common(refused) -> None:
+def test_nothing_in_common(refused: Refused) -> None:
     for path in Path("actual").iterdir():
         path.rename(path.with_name(path.name.replace("frame-", "f'")))
     Path("golden/frame-0003.png").write_bytes(b"")
@@ -110,7 +115,7 @@ def test_nothing_in_common(refused) -> None:
 # Pictures
 
 
-def test_other_formats(refused) -> None:
+def test_other_formats(refused: Refused) -> None:
     Path(FIRST).write_bytes(b"\xff\xd8\xff\xe0")
     assert refused() == f"{FIRST}: not a PNG file\n  got: a JPEG file\n  expected: {PNG}\n"
     Path(FIRST).write_bytes(b"version https://git-lfs.github.com/spec/v1\n")
@@ -127,7 +132,7 @@ def test_other_formats(refused) -> None:
     assert refused() == f"{FIRST}: a link that leads nowhere\n  got: gone.png\n"
 
 
-def test_damaged_pictures(refused) -> None:
+def test_damaged_pictures(refused: Refused) -> None:
     content = Path(FIRST).read_bytes()
     Path(FIRST).write_bytes(content[:-30])
     assert refused() == f"{FIRST}: the PNG file is cut off\n  got: {len(content) - 30} bytes\n  expected: {PNG}\n"
@@ -154,7 +159,7 @@ def test_damaged_pictures(refused) -> None:
     ],
     ids=["16 bits", "palette", "grey", "tRNS", "APNG"],
 )
-def test_other_kinds_of_pictures(refused, content: bytes, got: str) -> None:
+def test_other_kinds_of_pictures(refused: Refused, content: bytes, got: str) -> None:
     Path(FIRST).write_bytes(content)
     assert refused() == (
         f"{FIRST}: not a picture in 8-bit RGB or RGBA\n"
@@ -167,7 +172,7 @@ def test_other_kinds_of_pictures(refused, content: bytes, got: str) -> None:
 # Films
 
 
-def test_films(refused) -> None:
+def test_films(refused: Refused) -> None:
     pictures = [smooth(number) for number in range(6)]
     write_film(Path("golden.mp4"), pictures)
     write_film(Path("short.mp4"), pictures[:4])
@@ -190,7 +195,7 @@ def test_films(refused) -> None:
 # Limits
 
 
-def test_the_file_of_limits(refused) -> None:
+def test_the_file_of_limits(refused: Refused) -> None:
     Path("golden/compare.yaml").write_text(
         "level: same_machine\n"
         "limit: {largest: 3}\n"
@@ -224,17 +229,17 @@ golden/compare.yaml:3:28: limits.flip: out of range
     | limits: {largets: 5, flip: 2, ssim: almost, p99: none}
     |                            ^
   got: 2
-  expected: a number from 0 to 1
+  expected: a number from 0 to 1, or none
 golden/compare.yaml:3:37: limits.ssim: not a number
     | limits: {largets: 5, flip: 2, ssim: almost, p99: none}
     |                                     ^
   got: 'almost'
-  expected: a number from 0 to 1
+  expected: a number from 0 to 1, or none
 golden/compare.yaml:5:29: frames.frame-0001.png.largest: out of range
     | frame-0001.png: {largest: -1}
     |                           ^
   got: -1
-  expected: a number from 0 to 255
+  expected: a number from 0 to 255 levels, or none
 golden/compare.yaml:6:19: frames.frame-0002.png: not a mapping
     | frame-0002.png: 5
     |                 ^
@@ -250,7 +255,7 @@ golden/compare.yaml:7:3: frames.7: not a frame's name
     )
 
 
-def test_a_file_of_limits_that_is_no_yaml(refused) -> None:
+def test_a_file_of_limits_that_is_no_yaml(refused: Refused) -> None:
     Path("golden/compare.yaml").write_text("limits: {largest: 3", encoding="utf-8")
     assert refused().startswith("golden/compare.yaml:1:20: not valid YAML: ")
     Path("golden/compare.yaml").unlink()
@@ -258,14 +263,14 @@ def test_a_file_of_limits_that_is_no_yaml(refused) -> None:
     assert refused() == "golden/compare.yml: not read under this name\n  hint: call it compare.yaml\n"
 
 
-def test_frames_that_are_not_there(refused) -> None:
+def test_frames_that_are_not_there(refused: Refused) -> None:
     Path("golden/compare.yaml").write_text("frames:\n  frame-001.png: {largest: 3}\n", encoding="utf-8")
     assert refused() == (
         "golden/compare.yaml:2:3: no such frame\n  got: 'frame-001.png'\n  hint: did you mean frame-0001.png?\n"
     )
 
 
-def test_limits_of_the_command_line(refused) -> None:
+def test_limits_of_the_command_line(refused: Refused) -> None:
     assert refused(
         "golden", "actual", "--level", "cross", "--limit", "fip=0.1", "--limit", "largest", "--limit", "p99="
     ) == (
@@ -286,7 +291,7 @@ def test_limits_of_the_command_line(refused) -> None:
     )
 
 
-def test_a_figure_that_cannot_be_taken(refused) -> None:
+def test_a_figure_that_cannot_be_taken(refused: Refused) -> None:
     for side, seed in (("golden", 1), ("actual", 2)):
         write_frames(Path(side), [noise(seed, 8, 8)])
     assert refused("golden", "actual", "--limit", "ssim=0.9") == (
@@ -294,7 +299,7 @@ def test_a_figure_that_cannot_be_taken(refused) -> None:
     )
 
 
-def test_a_package_that_is_missing(refused, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_package_that_is_missing(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert refused() == "the package flip_evaluator is not installed\n  hint: pip install 'hsplat[compare]'\n"
     assert refused("golden", "actual", "--html", "page.html") == (
@@ -305,9 +310,13 @@ def test_a_package_that_is_missing(refused, monkeypatch: pytest.MonkeyPatch) -> 
 # Options
 
 
-def test_reports(refused) -> None:
+def test_reports(refused: Refused) -> None:
     assert refused("golden", "actual", "--json", "golden") == (
-        "golden: the output is a folder\n  expected: the name of a file\n"
+        "--json golden: a report would be written over what is compared\n"
+    )
+    Path("reports").mkdir()
+    assert refused("golden", "actual", "--json", "reports") == (
+        "reports: the output is a folder\n  expected: the name of a file\n"
     )
     assert refused("golden", "actual", "--junit", f"{FIRST}/report.xml") == (
         f"{FIRST}/report.xml: the folder of the output is a file\n  got: {FIRST}\n"
@@ -320,10 +329,9 @@ def test_reports(refused) -> None:
     )
 
 
-def test_options_of_scenes(refused) -> None:
+def test_options_of_scenes(refused: Refused) -> None:
     assert refused("golden", "actual", "--frames", "0:3") == (
-        "golden: --frames, --set, --volume and --workers are for a scene, which is drawn\n"
-        "  hint: hsplat compare SCENE FOLDER\n"
+        "--frames: of no use where no scene is drawn\n  got: golden and actual\n"
     )
 
 

@@ -29,7 +29,7 @@ DIGEST = "0123456789abcdef" * 2
 
 TOLD: dict[str, Any] = {  # of what lies beside frames, as much as matters here
     "scene": {"volume": {"file": "/scans/engine.nhdr", "crop": None, "nonfinite": "error"}, "output": {"file": "x"}},
-    "volume": {"name": "engine.nhdr", "fingerprint": DIGEST, "dtype": "uint8", "shape": [8, 8, 4], "world": []},
+    "volume": {"name": "/scans/engine.nhdr", "fingerprint": DIGEST, "dtype": "uint8", "shape": [8, 8, 4], "world": []},
     "gl": "llvmpipe (LLVM 15.0.6, 256 bits)",
     "cause": {
         "of": {
@@ -66,9 +66,10 @@ def test_each_golden_has_a_line_of_its_own() -> None:
 def test_where_files_lie_is_not_told() -> None:
     raw = copy.deepcopy(TOLD)
     raw["scene"]["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nonfinite": "error"}
+    assert ORIGIN["volume"]["name"] == "engine.nhdr"
     assert ORIGIN["scene"]["volume"] == {"crop": None, "nonfinite": "error"}
     assert origin_of(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nonfinite": "error"}
-    assert b"/scans" not in provenance_bytes(replace(WRITTEN, origin=origin_of(raw)))
+    assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_of(raw)))
 
 
 @pytest.mark.parametrize("name", ["a\nb.npy", "\x1b[31m.npy", "\udcff.npy", "x" * 300])
