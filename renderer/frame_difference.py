@@ -70,8 +70,8 @@ class FrameDifference:
     @property
     def signed_levels(self) -> _Levels:
         """The same with its sign, actual minus golden."""
-        worst = np.abs(self._signed).argmax(axis=2)
-        return np.asarray(np.take_along_axis(self._signed, worst[..., None], axis=2)[..., 0], np.float32)
+        largest = np.abs(self._signed).argmax(axis=2)[..., None]
+        return np.take_along_axis(self._signed, largest, axis=2)[..., 0]
 
     @property
     def bias(self) -> tuple[float, ...]:
