@@ -77,6 +77,12 @@ class FrameDifference:
         return (np.abs(self._parts).max(axis=2) / _PARTS).astype(np.float32)
 
     @property
+    def signed_levels(self) -> _Levels:
+        """The same with its sign, actual minus golden."""
+        largest = np.abs(self._signed).argmax(axis=2)[..., None]
+        return np.take_along_axis(self._signed, largest, axis=2)[..., 0]
+
+    @property
     def bias(self) -> tuple[float, ...]:
         """Mean signed error of each channel, actual minus golden, in levels."""
         return tuple(float(mean) / _PARTS for mean in self._parts.mean(axis=(0, 1)))

@@ -35,8 +35,8 @@ def _chunk(name: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
 
 
-def png_shape(content: bytes) -> tuple[int, int, int]:
-    """(height, width, channels) of the picture in a file such as `encode_png` makes, once all of it was looked through.
+def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
+    """Name and content of every chunk of a file, from IHDR to IEND, whose checksums all are right.
 
     Raises ValueError with what is wrong.
     """
@@ -54,7 +54,15 @@ def png_shape(content: bytes) -> tuple[int, int, int]:
         position = end + 4
     if not chunks or chunks[0][0] != b"IHDR" or chunks[-1][0] != b"IEND":
         raise ValueError("cut off")
-    width, height, depth, color_type = struct.unpack(">IIBB", chunks[0][1][:10])
+    return chunks
+
+
+def png_shape(content: bytes) -> tuple[int, int, int]:
+    """(height, width, channels) of the picture in a file such as `encode_png` makes, once all of it was looked through.
+
+    Raises ValueError with what is wrong.
+    """
+    width, height, depth, color_type = struct.unpack(">IIBB", png_chunks(content)[0][1][:10])
     channels = {color: number for number, color in _COLOR_TYPES.items()}.get(color_type)
     if depth != 8 or channels is None:
         raise ValueError("not of 8 bits in RGB or RGBA")
