@@ -72,15 +72,15 @@ class FrameDifference:
         return (self._parts / _PARTS).astype(np.float32)
 
     @property
-    def levels(self) -> Levels:
-        """float32 [h, w]: the largest error of each pixel's channels, without its sign, in levels."""
-        return (np.abs(self._parts).max(axis=2) / _PARTS).astype(np.float32)
+    def signed_levels(self) -> Levels:
+        """float32 [h, w]: of each pixel's channels the one that is off most, with its sign."""
+        largest = np.abs(self._parts).argmax(axis=2)[..., None]
+        return (np.take_along_axis(self._parts, largest, axis=2)[..., 0] / _PARTS).astype(np.float32)
 
     @property
-    def signed_levels(self) -> _Levels:
-        """The same with its sign, actual minus golden."""
-        largest = np.abs(self._signed).argmax(axis=2)[..., None]
-        return np.take_along_axis(self._signed, largest, axis=2)[..., 0]
+    def levels(self) -> Levels:
+        """float32 [h, w]: the same without its sign."""
+        return np.abs(self.signed_levels)
 
     @property
     def bias(self) -> tuple[float, ...]:

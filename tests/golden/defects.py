@@ -15,7 +15,7 @@ from subjects import Orders, Pixels, Shot
 from renderer.frame_difference import FrameDifference
 from renderer.quantize import quantize
 from renderer.scene import ControlPoint
-from renderer.splats import SplatBatch
+from renderer.splats import GaussianFootprint, SplatBatch
 
 # A pixel that is off by one level may have been rounded; what is off by more is a fault that can be seen.
 SEEN_LEVELS = 2.0
@@ -140,6 +140,14 @@ def _too_dense(shot: Shot) -> Pixels:
 
 def _wider(shot: Shot) -> Pixels:
     return _drawn_of(shot, replace(shot.splats, axes=shot.splats.axes * 1.01))
+
+
+def _ending_in_a_step(shot: Shot) -> Pixels | None:
+    """Of 0.2 % of the footprint's middle, at its rim."""
+    footprint = shot.splats.footprint
+    if not isinstance(footprint, GaussianFootprint):
+        return None
+    return _drawn_of(shot, replace(shot.splats, footprint=replace(footprint, rim=0.0)))
 
 
 def _mirrored(shot: Shot) -> Pixels:
@@ -333,6 +341,7 @@ DEFECTS = (
     Defect("red 1 % too strong", _red_too_strong),
     Defect("optical depths 1 % too large", _too_dense),
     Defect("footprints 1 % wider", _wider),
+    Defect("footprints that end in a step", _ending_in_a_step),
     Defect("volume mirrored", _mirrored),
     Defect("volume half a voxel off", _half_a_voxel_off),
     Defect("camera off by 0.1 degree", _camera_off),

@@ -20,8 +20,8 @@ from renderer.raster_gl import GLRasterizer
 from renderer.raster_reference import rasterize_reference
 from renderer.splats import SplatBatch
 
-# The reference draws one splat after the other: some ten thousand take seconds.
-MOST_SPLATS_OF_REFERENCE = 25_000
+# The reference draws one splat after the other: some ten thousand take half a minute.
+MOST_SPLATS_OF_REFERENCE = 12_000
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from defects import DEFECTS, SEEN_LEVELS
 from harmless import HARMLESS, Machine, drawn_by
 from subjects import Pixels, Shot
@@ -68,6 +69,9 @@ def on_machine(shots: Sequence[Shot], machine: Machine) -> tuple[str, list[Measu
 
 def _measured(shot: Shot, change: str, picture: Pixels, passes_at: str | None) -> Measured:
     difference = FrameDifference(shot.golden, picture)
-    signed = difference.signed.astype("f8")
+    signed = difference.signed.astype(np.float64)
+    if not signed.any():  # nearly all machines draw the same picture; the metrics of the eye take their time
+        figures = {name: float(figure.higher_is_better) for name, figure in FIGURES.items()}
+        return Measured(str(shot), change, passes_at, figures, difference.bias, dict.fromkeys(WINDOWS, 0.0))
     windows = {name: window(signed) for name, window in WINDOWS.items()}
     return Measured(str(shot), change, passes_at, difference.figures(FIGURES), difference.bias, windows)

@@ -9,9 +9,11 @@ Drivers that a machine has beside its own are named with what makes a program lo
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
@@ -35,22 +37,35 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "goldens.md")
     parser.add_argument("--driver", action="append", default=[], type=_driver, metavar="NAME: KEY=VALUE ...")
+    parser.add_argument("--measured", type=Path, help="keep what is measured here; where it is kept, measure nothing")
     arguments = parser.parse_args()
+    if arguments.measured is not None and arguments.measured.exists():
+        kept = json.loads(arguments.measured.read_text(encoding="utf-8"))
+        rows, drawn_by = [Measured(**row) for row in kept["rows"]], kept["drawn_by"]
+    else:
+        rows, drawn_by = _measure([*MACHINES, *arguments.driver])
+        if arguments.measured is not None:
+            kept = {"rows": [asdict(row) for row in rows], "drawn_by": drawn_by}
+            arguments.measured.write_text(json.dumps(kept), encoding="utf-8")
+    arguments.file.write_text(page(rows, drawn_by), encoding="utf-8")
+
+
+def _measure(others: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
+    """All changes of all subjects, and the drivers by machine."""
     rows: list[Measured] = []
-    drawn_by = {}
     with GLRasterizer() as rasterizer:
-        drawn_by["this machine"] = rasterizer.renderer_name
+        drawn_by = {"this machine": rasterizer.renderer_name}
         shots = [Shot(subject, rasterizer) for subject in SUBJECTS]
         for shot in shots:
             for row in (*harmless_changes(shot), *defects(shot)):
                 _say(row)
                 rows.append(row)
-        for machine in (*MACHINES, *arguments.driver):
+        for machine in others:
             drawn_by[machine.name], on_it = on_machine(shots, machine)
             for row in on_it:
                 _say(row)
             rows += on_it
-    arguments.file.write_text(page(rows, drawn_by), encoding="utf-8")
+    return rows, drawn_by
 
 
 def _driver(text: str) -> Machine:

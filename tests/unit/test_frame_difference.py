@@ -41,6 +41,7 @@ def test_a_constant_shift_is_every_figure_in_levels() -> None:
     assert difference.figures(LEVELS) == {"largest": 3.0, "p99": 3.0, "densest": 1.0, "bias": 3.0}
     assert difference.bias == (0.0, -3.0, 0.0)
     assert (difference.levels == 3).all()
+    assert (difference.signed_levels == -3).all()
     assert (difference.signed == (0, -3, 0)).all()
 
 
