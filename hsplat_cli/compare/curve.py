@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hsplat_cli.compare.outcome import Comparison, Outcome
-from hsplat_cli.compare.page_numbers import curve_words
+from hsplat_cli.compare.words import limits_text
 from renderer.frame_difference import FIGURES
 from renderer.strictness import severity
 
@@ -60,7 +60,7 @@ def error_curve(comparison: Comparison) -> Curve | None:
         FIGURES[name].label for name in names
     )
     legend = [
-        Legend(color, dash, curve_words(name, [o.limits[name] for o in outcomes if name in o.limits]))
+        Legend(color, dash, limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]))
         for name, color, dash in zip(names, _COLORS, _DASHES, strict=False)
     ]
     lines = [_line(axes, outcomes, name, style) for name, style in zip(names, legend, strict=True)]

@@ -94,7 +94,9 @@ def _exhibit(outcome: Outcome, pair: Pair) -> Exhibit:
     if max(levels.shape) <= 2 * DETAIL_PX:
         return Exhibit(outcome, whole, side, (x, y))
     rows, columns = (_around(place, length) for place, length in zip((y, x), levels.shape, strict=True))
-    detail = Plate(golden[rows, columns], actual[rows, columns], _difference_picture(levels[rows, columns]))
+    # Copies: a view would keep all of a large frame in memory.
+    around = golden[rows, columns].copy(), actual[rows, columns].copy()
+    detail = Plate(*around, _difference_picture(levels[rows, columns]))
     return Exhibit(outcome, whole, side, (x, y), detail, (columns.start, rows.start))
 
 

@@ -21,8 +21,8 @@ from hsplat_cli.compare.curve import error_curve
 from hsplat_cli.compare.gallery import DETAIL_PX, FEW, PICTURE_PX, Exhibit, Gallery
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status
 from hsplat_cli.compare.page import comparison_page, verdict
-from hsplat_cli.compare.page_numbers import curve_words, limit_text, share_text, signed_text, value_text
 from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.compare.words import limit_text, limits_text, share_text, signed_text, value_text
 
 EVIL = "</script><b onclick='x'>\"&{{ 7 * 7 }}"
 LIMITS = {"largest": 1.0, "p99": 0.0}
@@ -38,14 +38,13 @@ def spoiled(golden: Pixels, levels: int, y: int = 3, x: int = 5) -> Pixels:
     return actual.astype(np.uint8)
 
 
-def judged(name: str, largest: float, number: int | None = None, limits: dict[str, float] | None = None) -> Outcome:
+def judged(name: str, largest: float, number: int | None = None) -> Outcome:
     """As a judge would see one pixel that is off by so many levels."""
-    limits = LIMITS if limits is None else limits
     figures = {"largest": float(largest), "p99": 0.0}
-    over = [figure for figure in figures if figures[figure] > limits.get(figure, math.inf)]
+    over = [figure for figure in figures if figures[figure] > LIMITS[figure]]
     status: Status = "different" if over else "close" if largest else "same"
     why = f"{name} is off by {largest} levels"
-    return Outcome(name, status, why, figures, limits, over, (0.0, 0.25, -0.5), number)
+    return Outcome(name, status, why, figures, LIMITS, over, (0.0, 0.25, -0.5), number)
 
 
 def shown(*cases: tuple[Outcome, Pair], most: int = 24, **facts: Any) -> tuple[Comparison, Gallery]:
@@ -86,7 +85,7 @@ CASES: dict[str, Callable[[], tuple[Comparison, Gallery]]] = {
     "close": lambda: shown(off_by(1, "a", 1), off_by(0, "b", 2)),
     "one frame": lambda: shown(off_by(9, "a")),
     "only missing": lambda: shown(absent("missing", "a", 3)),
-    "no limits": lambda: shown((judged("a", 3, limits={}), Pair("a", picture(), spoiled(picture(), 3)))),
+    "no limits": lambda: shown((Outcome("a", "close", "no limits"), Pair("a", picture(), spoiled(picture(), 3)))),
     "evil": lambda: shown(
         (judged(EVIL, 9), Pair(EVIL, picture(), spoiled(picture(), 9))),
         notes=[EVIL],
@@ -127,6 +126,13 @@ def test_names_are_escaped() -> None:
     page = Page(text)
     assert page.tags["b"] == 0 and page.tags["script"] == 1 and page.words.count(EVIL) >= 4
     assert f"golden of {EVIL}" in page.values("alt")
+
+
+def test_names_that_are_no_text_have_a_form() -> None:
+    """A byte that is no UTF-8, a character that turns the direction of writing, a bell."""
+    text = comparison_page(*shown(off_by(9, "a\udcff\u202e\a.png")))
+    assert r"a\xff\u202e\x07.png" in Page(text).words
+    text.encode()
 
 
 # ---------------------------------------------------------------------------------------------------------- content
@@ -382,12 +388,11 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (value_text(7.0, 1.0), "7"),
-        (value_text(255.0), "255"),
-        (value_text(0.123456, 0.1), "0.123"),
-        (value_text(0.100004, 0.1), "0.100004"),
-        (value_text(0.1, 0.1), "0.1"),
-        (value_text(0.99951, 0.9995), "0.99951"),
+        (value_text("largest", 7.0, 1.0), "7"),
+        (value_text("flip", 0.123456, 0.1), "0.123"),
+        (value_text("flip", 0.100004, 0.1), "0.100004"),
+        (value_text("flip", 0.1, 0.1), "0.1"),
+        (value_text("ssim", 0.99949, 0.9995), "0.999"),
         (limit_text("largest", 4), "at most 4"),
         (limit_text("ssim", 0.99), "at least 0.99"),
         (signed_text(0.1234), "+0.123"),
@@ -396,10 +401,10 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         (signed_text(-3.31e-9), "0"),
         (share_text(12.34), "12.3"),
         (share_text(math.inf), "∞"),
-        (curve_words("largest", [4, 4]), "largest error of a channel, at most 4 levels"),
-        (curve_words("largest", [1]), "largest error of a channel, at most 1 level"),
-        (curve_words("flip", [0.1]), "mean FLIP, at most 0.1"),
-        (curve_words("flip", [0.1, 0.2]), "mean FLIP, each frame with a limit of its own"),
+        (limits_text("largest", [4, 4]), "largest error of a channel, at most 4 levels"),
+        (limits_text("largest", [1]), "largest error of a channel, at most 1 level"),
+        (limits_text("flip", [0.1]), "mean FLIP, at most 0.1"),
+        (limits_text("flip", [0.1, 0.2]), "mean FLIP, each frame with a limit of its own"),
     ],
 )
 def test_texts(text: str, expected: str) -> None:
