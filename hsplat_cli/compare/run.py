@@ -76,8 +76,7 @@ class ReportFiles:
             texts[self.html] = comparison_page(comparison, gallery)
         with staged_together() as write:
             for path, text in texts.items():
-                # Names that are no UTF-8 have no other form in a page.
-                write(path, text.encode(errors="backslashreplace"))
+                write(path, text.encode())
 
 
 def run_comparison(
