@@ -48,9 +48,13 @@ def decoded_film(path: Path) -> Iterator[Iterator[Pixels]]:
     """
     _require_whole(path)
     with tempfile.TemporaryFile() as words:
-        process = subprocess.Popen(
-            _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
-        )
+        try:
+            # A session of its own: Ctrl-C in the terminal is for us, and we end ffmpeg when we are done with it.
+            process = subprocess.Popen(
+                _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
+            )
+        except (OSError, subprocess.SubprocessError) as error:
+            raise InputError("ffmpeg cannot be started", where=str(path), got=str(error)) from error
         assert process.stdout is not None
         try:
             yield _frames(process, process.stdout, words, path)
