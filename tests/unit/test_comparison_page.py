@@ -412,7 +412,7 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         (signed_text(0.1234), "+0.123"),
         (signed_text(-3), "−3"),
         (signed_text(0), "0"),
-        (signed_text(-3.31e-9), "0"),
+        (signed_text(-6.1e-5), "−6.1e−05"),
         (share_text(12.34), "12.3"),
         (share_text(math.inf), "∞"),
         (limits_text("largest", [4, 4]), "largest error of a channel, at most 4 levels"),
