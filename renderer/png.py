@@ -37,14 +37,14 @@ def _chunk(name: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
 
 
-def png_shape(content: bytes) -> tuple[int, int, int]:
-    """(height, width, channels) of the picture in a file such as `encode_png` makes, once all of it was looked through.
+def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
+    """Name and content of every chunk of a file, from IHDR to IEND, whose checksums all are right.
 
     Raises ValueError with what is wrong.
     """
     if not content.startswith(_SIGNATURE):
         raise ValueError("not a PNG file")
-    name, position = b"", len(_SIGNATURE)
+    chunks, position = [], len(_SIGNATURE)
     while position < len(content):
         length = int.from_bytes(content[position : position + 4], "big")
         name, end = content[position + 4 : position + 8], position + 8 + length
@@ -52,9 +52,19 @@ def png_shape(content: bytes) -> tuple[int, int, int]:
             raise ValueError("cut off")
         if zlib.crc32(content[position + 4 : end]) != int.from_bytes(content[end : end + 4], "big"):
             raise ValueError("damaged")
+        chunks.append((name, content[position + 8 : end]))
         position = end + 4
-    if name != b"IEND":
+    if not chunks or chunks[0][0] != b"IHDR" or chunks[-1][0] != b"IEND":
         raise ValueError("cut off")
+    return chunks
+
+
+def png_shape(content: bytes) -> tuple[int, int, int]:
+    """(height, width, channels) of the picture in a file such as `encode_png` makes, once all of it was looked through.
+
+    Raises ValueError with what is wrong.
+    """
+    png_chunks(content)
     return header_shape(content)
 
 

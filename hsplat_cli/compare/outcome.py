@@ -47,6 +47,12 @@ class Outcome:
             return severity(self.figures, self.limits)
         return math.inf
 
+    @property
+    def rank(self) -> tuple[bool, float, float]:
+        """To sort by, worst first: what fails before what passes, then by severity and, where that is infinite because
+        nothing is allowed, by the largest error."""
+        return (self.passes, -self.severity, -self.figures.get("largest", math.inf))
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -70,5 +76,5 @@ class Comparison:
 
     @property
     def worst_first(self) -> list[Outcome]:
-        """What fails before what passes, and by severity."""
-        return sorted(self.outcomes, key=lambda outcome: (outcome.passes, -outcome.severity))
+        """By `Outcome.rank`, equals in the order of their names."""
+        return sorted(self.outcomes, key=lambda outcome: outcome.rank)

@@ -97,7 +97,8 @@ def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == (
         "",
         "hsplat has no command 'chekc'\n"
-        "  expected: render, assemble, check, init, turntable, measure, paper, info\n  hint: did you mean check?\n",
+        "  expected: render, assemble, check, init, turntable, measure, paper, golden, compare, info\n"
+        "  hint: did you mean check?\n",
     )
 
 

@@ -1,0 +1,121 @@
+"""Goldens are written: the first ones, or others in their place once the user has seen what changes.
+
+Files change together at the end, in an order in which a kill at any moment leaves what the next update repairs:
+goldens that go are removed first, then golden.json tells of the new ones, then these get their names. So golden.json
+may tell of a golden that is not there or not what it should be, but there is never one that it does not tell of, which
+no update would touch.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from hsplat_cli.crew_options import CrewSpec
+from hsplat_cli.golden.draw import drawn
+from hsplat_cli.golden.plan import Plan, described, make_plan, unasked_lines
+from hsplat_cli.golden.provenance import NAME, Provenance, golden_file, provenance_bytes, read_provenance
+from hsplat_cli.interrupts import deferrable_interrupts
+from hsplat_cli.job import Job
+from renderer.errors import InputError
+from renderer.output_lock import locked
+from renderer.staging import explained, staged_together
+
+_UNFINISHED = "golden.unfinished"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What the user asks for: goldens of these frames in this folder. The rest is as on the command line."""
+
+    folder: Path
+    frames: Sequence[int]
+    date: str | None = None
+    update: bool = False
+    prune: bool = False
+    yes: bool = False
+    quiet: bool = False
+
+
+def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) -> None:
+    """Draw the frames and keep them; where there are goldens already, only once `ask` says so.
+
+    Raises InputError where there are goldens and nobody wants an update, or other files of their names; what drawing
+    and writing raise; and click's Exit with 1 where the user does not want what changes.
+    """
+    folder = wish.folder
+    with locked(folder / _UNFINISHED, [0], folder / NAME):
+        before = read_provenance(folder) if os.path.lexists(folder / NAME) else None
+        if before is not None and not wish.update:
+            raise InputError(
+                "there are goldens already",
+                where=str(folder),
+                got=f"{len(before.goldens)} frame{'s' * (len(before.goldens) > 1)}",
+                hint="--update says what has changed, and writes it over them; `hsplat compare SCENE FOLDER` compares",
+            )
+        names = _names(wish.frames, before, job.scene.camera.path.frames)
+        _require_free(folder, names.values(), before)
+        with drawn(job, wish.frames, crew, quiet=wish.quiet) as drawing:
+            plan = make_plan(folder, before, names, drawing, date=wish.date, prune=wish.prune)
+            if not (wish.quiet and wish.yes):
+                _tell(f"note: {note}" for note in drawing.notes)
+            if not plan.changes_anything:
+                if not wish.quiet:
+                    _tell([f"{folder}: nothing changes", *unasked_lines(plan)])
+                return
+            if before is not None:
+                _require_consent(plan, wish, ask)
+            _apply(plan, folder)
+    if not wish.quiet:
+        num_written, num_all = len(plan.sources), len(plan.after.goldens)
+        num = f"{num_all} goldens" if num_written == num_all else f"{num_written} of {num_all} goldens written"
+        _tell([f"{folder}: {num}", f"what they were drawn from: {folder / NAME}"])
+
+
+def _require_consent(plan: Plan, wish: Wish, ask: Callable[[], bool]) -> None:
+    if not (wish.quiet and wish.yes):
+        _tell(described(plan))
+    if not (wish.yes or ask()):
+        _tell(["nothing was written"])
+        raise click.exceptions.Exit(1)
+
+
+def _apply(plan: Plan, folder: Path) -> None:
+    with staged_together(folder / _UNFINISHED) as write, deferrable_interrupts() as defer_interrupts:
+        write(folder / NAME, provenance_bytes(plan.after))
+        for name, source in plan.sources.items():
+            with explained(source):
+                content = source.read_bytes()
+            write(folder / name, content)
+        defer_interrupts()
+        for golden in plan.removed:
+            with explained(folder / golden.file):
+                (folder / golden.file).unlink(missing_ok=True)
+
+
+def _tell(lines: Iterable[str]) -> None:
+    for line in lines:
+        click.echo(line)
+
+
+def _names(frames: Sequence[int], before: Provenance | None, num_frames: int) -> dict[int, str]:
+    """Of the files of these frames; a golden that is there keeps the name that it has."""
+    listed = {} if before is None else {golden.frame: golden.file for golden in before.goldens}
+    return {frame: listed.get(frame) or golden_file(frame, num_frames) for frame in frames}
+
+
+def _require_free(folder: Path, names: Iterable[str], before: Provenance | None) -> None:
+    """Raise InputError where a golden would take the place of a file of somebody else."""
+    own = set() if before is None else {golden.file for golden in before.goldens}
+    foreign = [name for name in names if name not in own and os.path.lexists(folder / name)]
+    if foreign:
+        raise InputError(
+            f"a golden would take the place of a file of which no {NAME} tells",
+            where=str(folder / foreign[0]),
+            got=f"{len(foreign)} such files" if len(foreign) > 1 else None,
+            hint="move it away, or choose another folder",
+        )
