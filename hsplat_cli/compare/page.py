@@ -69,9 +69,9 @@ def verdict(comparison: Comparison) -> str:
         return f"{everything} within the limits of {level}" + (f", {num_same} of them the same" if num_same else "")
     if num == 1:
         return f"The frame differs at {level}: {outcomes[0].status}"
-    kinds = [f"{counts[status]} {status}" for status in sorted(counts) if status not in PASSES]
-    num_failing = sum(not outcome.passes for outcome in outcomes)
-    return f"{num_failing} of {num} frames differ at {level}: {', '.join(kinds)}"
+    failing = {status: counts[status] for status in sorted(counts) if status not in PASSES}
+    kinds = ", ".join(f"{count} {status}" for status, count in failing.items())
+    return f"{sum(failing.values())} of {num} frames differ at {level}" + (f": {kinds}" if len(failing) > 1 else "")
 
 
 def _sides(comparison: Comparison) -> list[tuple[str, str, str, bool]]:
