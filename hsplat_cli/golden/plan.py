@@ -139,7 +139,7 @@ def described(plan: Plan) -> Iterator[str]:
     if cause:
         yield f"what has changed since they were drawn: {cause}"
     elif not (num_changes or plan.removed):
-        yield f"{NAME} changes: it tells of other files"
+        yield f"{NAME} changes: the files are others than it tells of"
 
 
 def unasked_lines(plan: Plan) -> Iterator[str]:
