@@ -55,10 +55,14 @@ class Plan:
 
     @property
     def changes_anything(self) -> bool:
-        """Whether there is something to write; another date alone is not."""
+        """Whether there is something to write.
+
+        Where no picture changes, another date, version or driver is nothing: goldens were drawn when golden.json says,
+        and by what.
+        """
         if self.before is None or self.changes or self.before.goldens != self.after.goldens:
             return True
-        return bool(changes(self.before.origin, self.after.origin))
+        return bool(changes(self.before.origin, self.after.origin, "volume", "scene"))
 
 
 def make_plan(
@@ -135,11 +139,11 @@ def described(plan: Plan) -> Iterator[str]:
     yield from unasked_lines(plan)
     if plan.before is None:
         return
+    if not (num_changes or plan.removed) and plan.before.goldens != plan.after.goldens:
+        yield f"{NAME} changes: the files are others than it tells of"
     cause = changes(plan.before.origin, plan.after.origin)
     if cause:
         yield f"what has changed since they were drawn: {cause}"
-    elif not (num_changes or plan.removed):
-        yield f"{NAME} changes: the files are others than it tells of"
 
 
 def unasked_lines(plan: Plan) -> Iterator[str]:
