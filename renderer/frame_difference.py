@@ -1,7 +1,9 @@
 """How far one picture of 8 bits is from another, in the figures by which a golden frame passes or fails.
 
-Most of them are in levels, of which a channel has 255. Colours count as much as they are opaque: where a picture has
-alpha they are premultiplied, and alpha is a channel beside them.
+Most of them are in levels, of which a channel has 255. Where a picture has alpha, a colour counts as much as it is
+opaque, in the one of both pictures in which it is more so, and alpha is a channel beside the colours. Premultiplied
+colours would count a change of alpha twice: where rounding moves a colour and its alpha by one level each, they move by
+up to two.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ import numpy.typing as npt
 from renderer.metrics import single
 
 Pixels = npt.NDArray[np.uint8]
-_Levels = npt.NDArray[np.float32]
+Levels = npt.NDArray[np.float32]
 
 WINDOW_PX = 8
+
+_PARTS = 255  # of a level: a difference of one level at an opacity of one
 
 
 @dataclass(frozen=True)
@@ -60,23 +64,28 @@ class FrameDifference:
     def __init__(self, golden: Pixels, actual: Pixels) -> None:
         assert golden.shape == actual.shape and golden.dtype == actual.dtype == np.uint8, (golden.shape, actual.shape)
         self._golden, self._actual = golden, actual
-        self._signed = _premultiplied(actual) - _premultiplied(golden)
+        self._parts = _signed_parts(golden, actual)
 
     @property
-    def levels(self) -> _Levels:
-        """float32 [h, w]: the largest error of each pixel's channels, without its sign, in levels."""
-        return np.abs(self._signed).max(axis=2)
+    def signed(self) -> Levels:
+        """float32 [h, w, 3 or 4]: actual minus golden, in levels."""
+        return (self._parts / _PARTS).astype(np.float32)
 
     @property
-    def signed_levels(self) -> _Levels:
-        """The same with its sign, actual minus golden."""
-        largest = np.abs(self._signed).argmax(axis=2)[..., None]
-        return np.take_along_axis(self._signed, largest, axis=2)[..., 0]
+    def signed_levels(self) -> Levels:
+        """float32 [h, w]: of each pixel's channels the one that is off most, with its sign."""
+        largest = np.abs(self._parts).argmax(axis=2)[..., None]
+        return (np.take_along_axis(self._parts, largest, axis=2)[..., 0] / _PARTS).astype(np.float32)
+
+    @property
+    def levels(self) -> Levels:
+        """float32 [h, w]: the same without its sign."""
+        return np.abs(self.signed_levels)
 
     @property
     def bias(self) -> tuple[float, ...]:
         """Mean signed error of each channel, actual minus golden, in levels."""
-        return tuple(float(mean) for mean in self._signed.mean(axis=(0, 1), dtype=np.float64))
+        return tuple(float(mean) / _PARTS for mean in self._parts.mean(axis=(0, 1)))
 
     def figures(self, names: Iterable[str]) -> dict[str, float]:
         """These of FIGURES, in their order, each at its own price; without SSIM for a picture smaller than its window.
@@ -84,12 +93,12 @@ class FrameDifference:
         FLIP needs the package flip-evaluator, SSIM scikit-image.
         """
         wanted = set(names)
-        found = {name: _FIGURE_OF[name](self) for name in FIGURES if name in wanted}
+        found = {name: figure(self) for name, figure in _FIGURE_OF.items() if name in wanted}
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def largest(self) -> float:
         """In levels, over all pixels and channels."""
-        return float(np.abs(self._signed).max())
+        return float(np.abs(self._parts).max()) / _PARTS
 
     def p99(self) -> float:
         """Of the pixels' `levels`."""
@@ -100,11 +109,12 @@ class FrameDifference:
 
         That is what many small errors add up to where they are close together.
         """
-        errors = np.abs(self._signed).mean(axis=2, dtype=np.float64)
-        height, width = (min(WINDOW_PX, length) for length in errors.shape)
+        height, width, num_channels = self._parts.shape
+        height, width = min(WINDOW_PX, height), min(WINDOW_PX, width)
+        errors = np.abs(self._parts).sum(axis=2, dtype=np.int64)
         sums = np.pad(errors.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
         windows = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
-        return max(0.0, float(windows.max()) / (height * width))  # a sum of nothing may end below 0
+        return float(windows.max()) / (_PARTS * num_channels * height * width)
 
     def over(self, name: str) -> float:
         """A metric of `renderer.metrics` on the pictures as they are seen; transparent ones over the worse of black
@@ -130,12 +140,15 @@ _FIGURE_OF: dict[str, Callable[[FrameDifference], float]] = {
 }
 
 
-def _premultiplied(image: Pixels) -> _Levels:
-    """float32, which holds products of two levels exactly, and a 255th of them to 1e-5 of a level."""
-    values = image.astype(np.float32)
-    if image.shape[2] == 4:
-        values[..., :3] *= values[..., 3:] / 255
-    return values
+def _signed_parts(golden: Pixels, actual: Pixels) -> npt.NDArray[np.int32]:
+    """[h, w, 3 or 4]: actual minus golden in 255ths of a level, which are exact."""
+    parts = actual.astype(np.int32) - golden
+    if golden.shape[2] == 4:
+        parts[..., :3] *= np.maximum(golden[..., 3:], actual[..., 3:])
+        parts[..., 3] *= _PARTS
+    else:
+        parts *= _PARTS
+    return parts
 
 
 def _over(image: Pixels, ground: float) -> npt.NDArray[Any]:

@@ -20,7 +20,7 @@ import imageio_ffmpeg
 import numpy as np
 
 from hsplat_cli.compare.pair import Pixels
-from hsplat_cli.picture_file import MAX_PIXELS
+from hsplat_cli.picture_file import MAX_PIXELS, require_file
 from renderer.encode import find_ffmpeg
 from renderer.errors import InputError
 
@@ -48,9 +48,13 @@ def decoded_film(path: Path) -> Iterator[Iterator[Pixels]]:
     """
     _require_whole(path)
     with tempfile.TemporaryFile() as words:
-        process = subprocess.Popen(
-            _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
-        )
+        try:
+            # A session of its own: Ctrl-C in the terminal is for us, and we end ffmpeg when we are done with it.
+            process = subprocess.Popen(
+                _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
+            )
+        except (OSError, subprocess.SubprocessError) as error:
+            raise InputError("ffmpeg cannot be started", where=str(path), got=str(error)) from error
         assert process.stdout is not None
         try:
             yield _frames(process, process.stdout, words, path)
@@ -110,14 +114,13 @@ def _shape_of_next(stream: IO[bytes]) -> tuple[int, int, int] | None:
 def _require_whole(path: Path) -> None:
     is_gif = path.suffix.lower() == ".gif"
     kind = "a GIF" if is_gif else "an MP4"
+    require_file(path, f"{kind} file")
     try:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             begins = content[:6] in (b"GIF87a", b"GIF89a") if is_gif else content[4:8] == b"ftyp"
             whole: Callable[[_Bytes], bool] = _is_whole_gif if is_gif else _is_whole_mp4
             is_whole = begins and whole(content)
             num_bytes = len(content)
-    except FileNotFoundError as error:
-        raise InputError("no such file", where=str(path)) from error
     except ValueError as error:  # nothing to be mapped
         raise InputError("an empty file", where=str(path), expected=f"{kind} file") from error
     except OSError as error:

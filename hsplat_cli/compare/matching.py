@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -56,9 +57,9 @@ def compare_frames(
 
 def _goldens_of(golden: Path, actual: Path) -> Path | None:
     """The folder of a scene's goldens, where there is a scene. Raises InputError where it is not in its place."""
-    if golden.suffix.lower() in _SCENE_SUFFIXES and not golden.is_dir():
+    if golden.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(golden):
         return actual
-    if actual.suffix.lower() in _SCENE_SUFFIXES and not actual.is_dir():
+    if actual.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(actual):
         hint = f"hsplat compare {actual} {golden}"
         raise InputError("the scene comes first, and then the folder of its goldens", where=str(actual), hint=hint)
     return None

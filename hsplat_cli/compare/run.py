@@ -15,7 +15,7 @@ from hsplat_cli.compare.report import json_of, junit_of
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.progress import progress
 from renderer.errors import InputError, require_package
-from renderer.staging import require_writable, write_staged
+from renderer.staging import require_writable, staged_together
 
 # A report under such a name would be written over what is compared, or what it is compared by.
 _NOT_REPORTS = (".png", ".mp4", ".gif", ".yaml", ".yml")
@@ -63,7 +63,7 @@ class ReportFiles:
             require_package("jinja2", extra="compare")
 
     def write(self, comparison: Comparison, gallery: Gallery) -> None:
-        """Write each, whole or not at all, when all are made."""
+        """Write all of them, whole, or none."""
         texts: dict[Path, str] = {}
         if self.json is not None:
             texts[self.json] = json_of(comparison)
@@ -74,9 +74,9 @@ class ReportFiles:
             from hsplat_cli.compare.page import comparison_page  # noqa: PLC0415
 
             texts[self.html] = comparison_page(comparison, gallery)
-        for path, text in texts.items():
-            # Names that are no UTF-8 have no other form in a page.
-            write_staged(path, text.encode(errors="backslashreplace"))
+        with staged_together() as write:
+            for path, text in texts.items():
+                write(path, text.encode())
 
 
 def run_comparison(

@@ -312,7 +312,11 @@ def test_a_package_that_is_missing(refused: Refused, monkeypatch: pytest.MonkeyP
 
 def test_reports(refused: Refused) -> None:
     assert refused("golden", "actual", "--json", "golden") == (
-        "golden: the output is a folder\n  expected: the name of a file\n"
+        "--json golden: a report would be written over what is compared\n"
+    )
+    Path("reports").mkdir()
+    assert refused("golden", "actual", "--json", "reports") == (
+        "reports: the output is a folder\n  expected: the name of a file\n"
     )
     assert refused("golden", "actual", "--junit", f"{FIRST}/report.xml") == (
         f"{FIRST}/report.xml: the folder of the output is a file\n  got: {FIRST}\n"

@@ -50,7 +50,7 @@ def test_recipes_compare_in_the_container_in_which_goldens_are_made(recipe: str)
     text = (ROOT / "README.md").read_text("utf-8")
     (job,) = [job for job in _mappings_in(yaml.safe_load(recipe)) if {"container", "image"} & set(job)]
     assert f"-w /work {job.get('container') or job.get('image')} sh -c" in text
-    commands = [line for line in re.findall(r"(?m)- (?:run: )?((?:apt-get|pip|hsplat) .*)$", recipe)]
+    commands = re.findall(r"(?m)- (?:run: )?((?:apt-get|pip|hsplat) .*)$", recipe)
     for command in commands[:-1]:
         assert f"{command} &&" in " ".join(text.split())
     assert commands[-1].startswith("hsplat compare scene.yaml goldens ")

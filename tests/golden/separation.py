@@ -1,0 +1,231 @@
+"""How far what a comparison must let pass is from what it must not: `python tests/golden/separation.py [FILE]` measures
+every figure on both, for several scenes, and writes docs/goldens.md. The limits of renderer/strictness.py come from it.
+
+Drivers that a machine has beside its own are named with what makes a program load them:
+
+    --driver "another Mesa: LD_LIBRARY_PATH=... LIBGL_DRIVERS_PATH=... __EGL_VENDOR_LIBRARY_FILENAMES=..."
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+FOLDER = Path(__file__).resolve().parent
+ROOT = FOLDER.parents[1]
+sys.path[:0] = [str(ROOT), str(FOLDER)]
+
+from harmless import MACHINES, Machine  # noqa: E402
+from measured import Measured, defects, harmless_changes, on_machine  # noqa: E402
+from subjects import SUBJECTS, Shot  # noqa: E402
+from windows import WINDOWS  # noqa: E402
+
+from hsplat_cli.versions import commit  # noqa: E402
+from renderer.frame_difference import FIGURES  # noqa: E402
+from renderer.raster_gl import GLRasterizer  # noqa: E402
+from renderer.strictness import LEVELS  # noqa: E402
+
+SAME, CROSS = "same-machine", "cross-driver"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "goldens.md")
+    parser.add_argument("--driver", action="append", default=[], type=_driver, metavar="NAME: KEY=VALUE ...")
+    parser.add_argument("--measured", type=Path, help="keep what is measured here; where it is kept, measure nothing")
+    arguments = parser.parse_args()
+    if arguments.measured is not None and arguments.measured.exists():
+        kept = json.loads(arguments.measured.read_text(encoding="utf-8"))
+        rows, drawn_by = [Measured(**row) for row in kept["rows"]], kept["drawn_by"]
+    else:
+        rows, drawn_by = _measure([*MACHINES, *arguments.driver])
+        if arguments.measured is not None:
+            kept = {"rows": [asdict(row) for row in rows], "drawn_by": drawn_by}
+            arguments.measured.write_text(json.dumps(kept), encoding="utf-8")
+    arguments.file.write_text(page(rows, drawn_by), encoding="utf-8")
+
+
+def _measure(others: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
+    """All changes of all subjects, and the drivers by machine."""
+    rows: list[Measured] = []
+    with GLRasterizer() as rasterizer:
+        drawn_by = {"this machine": rasterizer.renderer_name}
+        shots = [Shot(subject, rasterizer) for subject in SUBJECTS]
+        for shot in shots:
+            for row in (*harmless_changes(shot), *defects(shot)):
+                _say(row)
+                rows.append(row)
+        for machine in others:
+            drawn_by[machine.name], on_it = on_machine(shots, machine)
+            for row in on_it:
+                _say(row)
+            rows += on_it
+    return rows, drawn_by
+
+
+def _driver(text: str) -> Machine:
+    name, _, settings = text.partition(": ")
+    pairs = [entry.partition("=") for entry in shlex.split(settings)]
+    return Machine(name, CROSS, {key: value for key, _, value in pairs})
+
+
+def _say(row: Measured) -> None:
+    figures = " ".join(f"{name} {value:.4g}" for name, value in row.figures.items())
+    print(f"{row.subject}, {row.change}: {figures}", flush=True)
+
+
+def page(rows: Sequence[Measured], drawn_by: dict[str, str]) -> str:
+    """docs/goldens.md."""
+    return "\n".join(
+        [
+            INTRODUCTION,
+            *_limits(rows),
+            *_harmless(rows, drawn_by),
+            *_defects(rows),
+            *_unseen(rows),
+            *_windows(rows),
+            *_everything(rows),
+            f"Written by `python tests/golden/separation.py` at commit {commit()} on {drawn_by['this machine']}.",
+            "",
+        ]
+    )
+
+
+INTRODUCTION = """# Golden frames: what the levels of strictness let pass, and what they find
+
+`hsplat compare` looks at a few figures of each pair of frames, and a level of strictness is a set of limits for them.
+Here every figure is measured on what must pass and on what must not, in frames of several kinds; the limits in
+`renderer/strictness.py` are chosen from these tables. Levels are of 255. `densest` is the largest mean error in any
+window of 8 x 8 pixels, `bias` the mean signed error of the most shifted channel. Defects are injected where they would
+arise: into the scene, the cut, the splats, their order or the view, and into the pixels where the picture is what is
+wrong. Of defects that have a place, such as one splat missing, the first of a random sequence is taken that can be
+seen: that moves some pixel by 2 levels.
+"""
+
+
+def _limits(rows: Sequence[Measured]) -> list[str]:
+    """Of each figure: the worst of what must pass, the limit, and what lies over it."""
+    seen = [row for row in rows if row.is_defect and row.is_seen]
+    lines = []
+    for name, figure in FIGURES.items():
+        cells = [f"`{name}`"]
+        for level, strictest in ((SAME, ("exact", SAME)), (CROSS, ("exact", SAME, CROSS))):
+            worst = _worst(name, [row for row in rows if row.passes_at in strictest])
+            limit = LEVELS[level].limits.get(name)
+            cells += [f"{_number(worst.figures[name])} ({worst.change}, {worst.subject})"]
+            if limit is None:
+                cells += ["none", ""]
+            else:
+                num = sum(not figure.passes(row.figures[name], limit) for row in seen if name in row.figures)
+                cells += [f"{limit:g}", f"{num} of {len(seen)}"]
+        lines.append(cells)
+    header = ["figure"]
+    for level in (SAME, CROSS):
+        header += [f"worst that must pass at `{level}`", "limit", "defects over it"]
+    return ["## The limits", "", *_table(header, lines)]
+
+
+def _worst(name: str, rows: Sequence[Measured]) -> Measured:
+    rows = [row for row in rows if name in row.figures]
+    return (min if FIGURES[name].higher_is_better else max)(rows, key=lambda row: row.figures[name])
+
+
+def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str]) -> list[str]:
+    lines = []
+    for change, group in _by_change(row for row in rows if not row.is_defect):
+        worst = [_number(_worst(name, group).figures[name]) for name in FIGURES]
+        passes = [f"{sum(not row.over(level) for row in group)}" for level in LEVELS]
+        lines.append([change, drawn_by.get(change, ""), str(len(group)), *worst, *passes])
+    header = [
+        "change",
+        "drawn by",
+        "frames",
+        *(f"worst `{name}`" for name in FIGURES),
+        *(f"pass `{x}`" for x in LEVELS),
+    ]
+    return ["## What must pass", "", *_table(header, lines)]
+
+
+def _defects(rows: Sequence[Measured]) -> list[str]:
+    lines = []
+    for change, group in _by_change(row for row in rows if row.is_defect):
+        seen = [row for row in group if row.is_seen]
+        moved = sorted(row.figures["largest"] for row in group)
+        found = [f"{sum(bool(row.over(level)) for row in seen)} of {len(seen)}" for level in (SAME, CROSS)]
+        other = f"{sum(bool(row.over(SAME)) for row in group if not row.is_seen)} of {len(group) - len(seen)}"
+        least = [_number(_least(name, seen)) if seen else "" for name in FIGURES]
+        lines.append([change, f"{moved[0]:.3g} to {moved[-1]:.3g}", *found, other, *least])
+    header = ["defect", "moves some pixel by, levels", f"found at `{SAME}`", f"found at `{CROSS}`"]
+    header += [f"found at `{SAME}` where less than 2 levels", *(f"least `{name}`" for name in FIGURES)]
+    return ["## What must not pass", "", *_table(header, lines)]
+
+
+def _least(name: str, rows: Sequence[Measured]) -> float:
+    values = [row.figures[name] for row in rows if name in row.figures]
+    return max(values) if FIGURES[name].higher_is_better else min(values)
+
+
+def _unseen(rows: Sequence[Measured]) -> list[str]:
+    lines = [_all_figures(row) for row in rows if row.is_defect and row.is_seen and not row.over(CROSS)]
+    title = f"## What `{CROSS}` cannot see"
+    return [title, "", *_table(["defect", "frame", *_FIGURE_HEADERS], [[row[1], row[0], *row[2:]] for row in lines])]
+
+
+_FIGURE_HEADERS = [*(f"`{name}`" for name in FIGURES), "signed mean of each channel"]
+
+
+def _all_figures(row: Measured) -> list[str]:
+    figures = [_number(row.figures[name]) if name in row.figures else "" for name in FIGURES]
+    return [row.subject, row.change, *figures, " ".join(f"{mean:+.2g}" for mean in row.bias)]
+
+
+def _windows(rows: Sequence[Measured]) -> list[str]:
+    """How many defects each candidate for `densest` finds without failing what must pass."""
+    harmless, seen = [row for row in rows if not row.is_defect], [row for row in rows if row.is_defect and row.is_seen]
+    quiet = [row for row in seen if row.figures["largest"] <= LEVELS[CROSS].limits["largest"]]
+    lines = []
+    for name in WINDOWS:
+        same = max(row.windows[name] for row in harmless if row.passes_at != CROSS)
+        cross = max(row.windows[name] for row in harmless)
+        found = [sum(row.windows[name] > ROOM * cross for row in group) for group in (seen, quiet)]
+        small = sum(row.windows[name] > ROOM * same for row in rows if row.is_defect and not row.is_seen)
+        lines.append([name, _number(same), str(small), _number(cross), *map(str, found)])
+    header = ["window", f"worst that must pass at `{SAME}`", "defects below 2 levels over 1.5 times that"]
+    header += [f"worst that must pass at `{CROSS}`", f"of {len(seen)} defects over 1.5 times that"]
+    header += [f"of the {len(quiet)} that `largest` does not find"]
+    return ["## Which window", "", *_table(header, lines)]
+
+
+ROOM = 1.5
+
+
+def _everything(rows: Sequence[Measured]) -> list[str]:
+    lines = ["## Everything", ""]
+    for subject in SUBJECTS:
+        own = [_all_figures(row)[1:] for row in rows if row.subject == subject.name]
+        lines += [f"### {subject.name}: {subject.what}", "", *_table(["change", *_FIGURE_HEADERS], own)]
+    return lines
+
+
+def _by_change(rows: Iterable[Measured]) -> list[tuple[str, list[Measured]]]:
+    groups: dict[str, list[Measured]] = {}
+    for row in rows:
+        groups.setdefault(row.change, []).append(row)
+    return list(groups.items())
+
+
+def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> list[str]:
+    return [*(f"| {' | '.join(cells)} |" for cells in (header, ["---"] * len(header), *lines)), ""]
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}"
+
+
+if __name__ == "__main__":
+    main()
