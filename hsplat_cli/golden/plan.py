@@ -127,6 +127,7 @@ def _badness(change: Change) -> tuple[bool, list[float]]:
 
 def described(plan: Plan) -> Iterator[str]:
     """Lines for the terminal: what changes and how much, what goes, what stays, and what may be the cause."""
+    assert plan.before is not None, "first goldens are no change"
     num_changes, num_asked = len(plan.changes), plan.num_asked
     frames = f"{num_asked} frame{'s' * (num_asked > 1)}"
     if num_changes:
@@ -135,10 +136,8 @@ def described(plan: Plan) -> Iterator[str]:
     else:
         yield f"no pixel of {frames} changes"
     if plan.removed:
-        yield f"removed, for nobody asks for {_them(plan.removed)}: {_names(plan.removed)}"
+        yield f"to be removed, for nobody asks for {_them(plan.removed)}: {_names(plan.removed)}"
     yield from unasked_lines(plan)
-    if plan.before is None:
-        return
     if not (num_changes or plan.removed) and plan.before.goldens != plan.after.goldens:
         yield f"{NAME} changes: the files are others than it tells of"
     cause = changes(plan.before.origin, plan.after.origin)

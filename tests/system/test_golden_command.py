@@ -211,7 +211,7 @@ def test_goldens_that_nobody_asks_for(capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr().out == f"goldens: nothing changes\n{told_of}"
     assert files() == before
     assert golden("--update", "--prune", "--yes", "--frames", ":2") == 0
-    assert "removed, for nobody asks for them: frame-0002.png, frame-0003.png\n" in capsys.readouterr().out
+    assert "to be removed, for nobody asks for them: frame-0002.png, frame-0003.png\n" in capsys.readouterr().out
     assert sorted(files()) == ["compare.yaml", "frame-0000.png", "frame-0001.png", "frame-0009.png", "golden.json"]
     assert files()["frame-0009.png"] == before["frame-0009.png"]
 
