@@ -97,19 +97,24 @@ def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bo
 
 
 def _provenance_in(folder: Path) -> Provenance:
-    if (folder / NAME).exists():
-        return read_provenance(folder)
-    hint = f"`hsplat golden SCENE {folder}` draws goldens, and writes down what from"
-    if not folder.is_dir():
+    try:
+        if (folder / NAME).exists():
+            return read_provenance(folder)
+        num = sum(is_picture(path.name) for path in folder.iterdir())
+    except (FileNotFoundError, NotADirectoryError) as error:
         what = "not a folder of goldens" if folder.exists() else "no such folder"
-        raise InputError(what, where=str(folder), hint=hint)
-    num = sum(is_picture(path.name) for path in folder.iterdir())
+        raise InputError(what, where=str(folder), hint=_MAKE.format(folder)) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
     raise InputError(
         f"no {NAME} in this folder says which frames of a scene are golden",
         where=str(folder),
         got=f"{num} PNG file{'s' * (num != 1)}",
-        hint=f"{hint}; a folder of frames is compared with another folder",
+        hint=f"{_MAKE.format(folder)}; a folder of frames is compared with another folder",
     )
+
+
+_MAKE = "`hsplat golden SCENE {}` draws goldens, and writes down what from"
 
 
 def _picked(goldens: Sequence[Golden], frames: str | None, job: Job, folder: Path) -> Sequence[Golden]:

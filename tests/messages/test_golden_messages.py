@@ -102,7 +102,7 @@ def test_what_an_update_changes() -> None:
   densest: mean error in the densest window of 8 x 8 pixels
   p99: 99th percentile of the pixels' largest errors
   bias: mean signed error of the most shifted channel
-removed, for nobody asks for it: frame-0007.png
+to be removed, for nobody asks for it: frame-0007.png
 not asked for, and left as they are (--prune removes them): frame-0008.png
 what has changed since they were drawn: gl was 'llvmpipe'; scene.error.tolerance was 0.1"""
     )
@@ -113,9 +113,10 @@ what has changed since they were drawn: gl was 'llvmpipe'; scene.error.tolerance
     [
         (provenance(0, versions={}), (), "no pixel of 1 frame changes\nwhat has changed since they were drawn: "
          "versions.numpy was '2.1.0'"),
-        (provenance(0, 1), (), "no pixel of 1 frame changes\ngolden.json changes: it tells of other files"),
+        (provenance(0, 1), (), "no pixel of 1 frame changes\n"
+         "golden.json changes: the files are others than it tells of"),
         (provenance(0), provenance(*range(1, 8)).goldens, "no pixel of 1 frame changes\n"
-         "removed, for nobody asks for them: frame-0001.png, frame-0002.png, frame-0003.png, frame-0004.png, "
+         "to be removed, for nobody asks for them: frame-0001.png, frame-0002.png, frame-0003.png, frame-0004.png, "
          "frame-0005.png and 2 more"),
     ],
 )  # fmt: skip

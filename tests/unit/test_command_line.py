@@ -38,6 +38,8 @@ def python(*arguments: str, **environment: str) -> subprocess.CompletedProcess[s
         ["--help"],
         ["--version"],
         ["check", "--help"],
+        ["golden", "--help"],
+        ["compare", "--help"],
         ["check", str(DEMO)],
         ["check", str(DEMO), "--frames", "::9", "--output", "new/{frame}.png", "--volume", "scan.nrrd"],
         ["check", str(DEMO), "--set", "transfer_function={colormap: viridis, range: [0, 9], opacity: [[0, 1]]}"],

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+import click
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hsplat_cli.compare.command import compare
 from hsplat_cli.compare.rules import Rules, load_rules
 from renderer.errors import InputError, SceneError
 from renderer.frame_difference import FIGURES
@@ -60,6 +63,12 @@ def test_limits_are_in_the_order_in_which_they_are_looked_at(changes: dict[str, 
     assert names == [name for name in FIGURES if name in names]
 
 
+def test_the_help_names_all_levels() -> None:
+    (option,) = [option for option in compare.params if option.name == "level"]
+    assert isinstance(option, click.Option)
+    assert [level for level in LEVELS if level not in str(option.help)] == []
+
+
 def test_the_file_is_beside_a_file(tmp_path: Path) -> None:
     write(tmp_path, "level: exact")
     for name in ("frame-0000.png", "frame-{frame:04}.png", "film.mp4"):
@@ -98,13 +107,15 @@ def test_something_stays_limited(tmp_path: Path, where: str) -> None:
     assert rules.limits_for("a.png") == {"ssim": 0.9}
 
 
-@pytest.mark.parametrize("kind", ["folder", "link", "pipe"])
+@pytest.mark.parametrize("kind", ["folder", "link", "pipe", "other"])
 def test_a_file_that_cannot_be_read_is_not_passed_over(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "compare.yaml"
     if kind == "folder":
         path.mkdir()
     elif kind == "link":
         path.symlink_to("nowhere")
+    elif kind == "pipe":
+        os.mkfifo(path)
     else:
         path.write_bytes(b"limits: {largest: \xff}")
     with pytest.raises(InputError):

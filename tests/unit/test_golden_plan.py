@@ -103,7 +103,16 @@ def test_other_bytes_of_the_same_pixels_are_kept_and_told_of(desk: Desk) -> None
     assert plan.after.goldens == (Golden(0, "frame-0000.png", file_digest(desk.folder / "frame-0000.png")),)
 
 
-def test_another_origin_alone(desk: Desk) -> None:
+def test_other_makers_of_the_same_pixels_are_no_change(desk: Desk) -> None:
+    desk.keep(0)
+    desk.before = replace(desk.before, origin={**ORIGIN, "gl": "y", "versions": {"numpy": "1"}})
+    assert not desk.plan(GREY).changes_anything
+    plan = desk.plan(lighter(1))
+    assert plan.changes_anything
+    assert plan.after.origin == ORIGIN
+
+
+def test_another_scene_of_the_same_pixels(desk: Desk) -> None:
     desk.keep(0)
     plan = desk.plan(GREY, tolerance=0.2)
     assert plan.changes_anything and plan.sources == {}
