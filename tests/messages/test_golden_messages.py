@@ -103,7 +103,7 @@ def test_what_an_update_changes() -> None:
   p99: 99th percentile of the pixels' largest errors
   bias: mean signed error of the most shifted channel
 to be removed, for nobody asks for it: frame-0007.png
-not asked for, and left as they are (--prune removes them): frame-0008.png
+not asked for, and left as they are, of what the scene was (--prune removes them): frame-0008.png
 what has changed since they were drawn: gl was 'llvmpipe'; scene.error.tolerance was 0.1"""
     )
 
