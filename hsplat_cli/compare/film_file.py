@@ -6,6 +6,7 @@ ffmpeg takes a file that ends between two frames for a shorter film: whether it 
 from __future__ import annotations
 
 import contextlib
+import math
 import mmap
 import re
 import struct
@@ -47,9 +48,10 @@ def decoded_film(path: Path) -> Iterator[Iterator[Pixels]]:
     cannot be decoded to its end, or has frames of more than MAX_PIXELS; RenderError where there is no ffmpeg.
     """
     _require_whole(path)
-    with tempfile.TemporaryFile() as words:
+    with contextlib.ExitStack() as stack:
         try:
-            # A session of its own: Ctrl-C in the terminal is for us, and we end ffmpeg when we are done with it.
+            words = stack.enter_context(tempfile.TemporaryFile())
+            # Out of reach of the terminal: Ctrl-C there is for us, and we end ffmpeg when we are done with it.
             process = subprocess.Popen(
                 _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
             )
@@ -71,28 +73,30 @@ def _command(path: Path) -> list[str]:
     # PAM says how large each picture is.
     sink = ["-map", "0:v:0", "-vf", _TO_RGBA if is_gif else _TO_RGB, "-f", "image2pipe", "-c:v", "pam", "pipe:1"]
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-xerror", "-err_detect", "explode"]
-    return [find_ffmpeg(path), *general, *source, *_every_frame(), *sink]
+    return [find_ffmpeg(path), *general, *source, *every_frame(_version()), *sink]
 
 
-@cache
-def _every_frame() -> tuple[str, str]:
+_version = cache(imageio_ffmpeg.get_ffmpeg_version)  # asks the program, which takes as long as a short film
+
+
+def every_frame(version: str) -> list[str]:
     """The option that keeps ffmpeg from leaving out or repeating frames; its name changed with version 5.1."""
-    version = re.match(r"n?(\d+)\.(\d+)", imageio_ffmpeg.get_ffmpeg_version())
-    is_old = version is not None and (int(version[1]), int(version[2])) < (5, 1)
-    return ("-vsync", "0") if is_old else ("-fps_mode", "passthrough")
+    number = re.match(r"n?(\d+)\.(\d+)", version)
+    is_old = number is not None and (int(number[1]), int(number[2])) < (5, 1)
+    return ["-vsync", "0"] if is_old else ["-fps_mode", "passthrough"]
 
 
 def _frames(process: subprocess.Popen[bytes], stream: IO[bytes], words: IO[bytes], path: Path) -> Iterator[Pixels]:
-    while (shape := _shape_of_next(stream)) is not None:
-        height, width, channels = shape
-        content = stream.read(height * width * channels)
-        if len(content) < height * width * channels:
-            break
-        yield np.frombuffer(content, np.uint8).reshape(shape)
+    is_whole = True
+    while is_whole and (shape := _shape_of_next(stream)) is not None:
+        content = stream.read(math.prod(shape))
+        is_whole = len(content) == math.prod(shape)
+        if is_whole:
+            yield np.frombuffer(content, np.uint8).reshape(shape)
     status = process.wait()
     words.seek(0)
     said = words.read(_MAX_WORDS_BYTES).decode("utf-8", "replace").strip()
-    if status != 0 or said:  # not every error lets ffmpeg fail
+    if status != 0 or said or not is_whole:  # not every error lets ffmpeg fail
         got = "\n    ".join(said.splitlines()) or f"exit status {status} of ffmpeg and no message"
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 

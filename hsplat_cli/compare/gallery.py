@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import bisect
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +20,6 @@ DETAIL_PX = 48
 # How many of the frames that pass, but are not the same, are shown where none fails.
 FEW = 6
 
-_Float = TypeVar("_Float", np.float32, np.float64)
 _Levels = npt.NDArray[np.float32]
 
 
@@ -124,16 +122,16 @@ def _means(picture: Pixels, side: int) -> Pixels:
     """Over blocks of `side` x `side` pixels; colours count as much as they are opaque."""
     if side == 1:
         return picture
-    values = picture / 255
+    values = picture.astype(np.float32)
     if picture.shape[2] == 4:
         values[..., :3] *= values[..., 3:]
     means = _blocks(values, side).mean(axis=(1, 3))
     if picture.shape[2] == 4:
         means[..., :3] /= np.where(means[..., 3:] > 0, means[..., 3:], 1)
-    return np.asarray(np.floor(means.clip(0, 1) * 255 + 0.5), np.uint8)
+    return np.asarray(np.floor(means.clip(0, 255) + 0.5), np.uint8)
 
 
-def _blocks(values: npt.NDArray[_Float], side: int) -> npt.NDArray[_Float]:
+def _blocks(values: _Levels, side: int) -> _Levels:
     """[h, side, w, side, c] of [height, width, c]; what is missing of the last ones is as at the border."""
     height, width, channels = values.shape
     padded = np.pad(values, ((0, -height % side), (0, -width % side), (0, 0)), mode="edge")

@@ -34,9 +34,8 @@ def limits_text(name: str, limits: Iterable[float]) -> str:
 
 
 def signed_text(value: float) -> str:
-    """`+0.12`, `-3`, with a true minus sign; `0` below a twenty-thousandth, where sums round."""
-    rounded = round(value, 4)
-    return f"{rounded:+.3g}".replace("-", "−") if rounded else "0"
+    """`+0.12`, `−3`, with a true minus sign, and `0`."""
+    return f"{value:+.3g}".replace("-", "−") if value else "0"
 
 
 def share_text(share: float) -> str:

@@ -137,6 +137,14 @@ def test_every_level_judges(level: str) -> None:
     assert set(outcomes[1].figures) == set(LEVELS[level].limits)
 
 
+@pytest.mark.parametrize("shape", [(1, 1, 3), (1, 9, 4), (7, 1, 3), (2, 3, 4)])
+def test_tiny_pictures(shape: tuple[int, int, int]) -> None:
+    golden = np.full(shape, 100, np.uint8)
+    for level, by, status in (("exact", 1, "different"), ("cross-driver", 40, "different"), ("exact", 0, "same")):
+        outcome = verdict((golden + np.uint8(by)).astype(np.uint8), golden, LEVELS[level].limits)
+        assert (outcome.status, set(outcome.figures)) == (status, set(LEVELS[level].limits))
+
+
 def test_a_limit_that_a_picture_is_too_small_for() -> None:
     small = noise(1, 8, 8)
     with pytest.raises(InputError, match="too small a picture for mean SSIM"):

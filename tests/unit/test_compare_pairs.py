@@ -277,6 +277,22 @@ def test_a_film_of_huge_frames(films: Path, monkeypatch: pytest.MonkeyPatch, suf
         num_frames(films / f"film.{suffix}")
 
 
+@pytest.mark.parametrize(
+    ("version", "option"),
+    [
+        ("4.2.2-static", "-vsync"),
+        ("n4.4-3-g123", "-vsync"),
+        ("5.0.1", "-vsync"),
+        ("5.1.6-0+deb12u1", "-fps_mode"),
+        ("7.0.2-static", "-fps_mode"),
+        ("n9.0.2-17-g2a571b6068-20260930", "-fps_mode"),
+        ("N-112233-gabcdef", "-fps_mode"),
+    ],
+)
+def test_how_ffmpeg_is_told_to_keep_all_frames(version: str, option: str) -> None:
+    assert film_file.every_frame(version)[0] == option
+
+
 def test_what_is_no_film_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.mp4")
     (tmp_path / "folder.mp4").mkdir()

@@ -283,6 +283,20 @@ def test_equals_go_by_the_order_of_their_names() -> None:
     assert names(gallery) == ["0", "1", "2"]
 
 
+def test_where_nothing_is_allowed_the_largest_errors_are_the_worst() -> None:
+    golden = picture()
+    cases = [
+        (
+            Outcome(f"{k}", "different", "", {"largest": float(k)}, {"largest": 0.0}, ["largest"]),
+            Pair("", golden, golden),
+        )
+        for k in (3, 9, 1, 7)
+    ]
+    comparison, gallery = shown(*cases, most=3)
+    assert [outcome.name for outcome in comparison.worst_first] == ["9", "7", "3", "1"]
+    assert names(gallery) == ["9", "7", "3"]
+
+
 def test_where_something_fails_nothing_else_is_shown() -> None:
     assert names(mixed()[1]) == ["a3.png", "a4.png", "a5.png", "a2.png", "a6.png"]
     _, gallery = shown(*(off_by(number % 2, f"{number:02}") for number in range(40)))
@@ -398,7 +412,7 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         (signed_text(0.1234), "+0.123"),
         (signed_text(-3), "−3"),
         (signed_text(0), "0"),
-        (signed_text(-3.31e-9), "0"),
+        (signed_text(-6.1e-5), "−6.1e−05"),
         (share_text(12.34), "12.3"),
         (share_text(math.inf), "∞"),
         (limits_text("largest", [4, 4]), "largest error of a channel, at most 4 levels"),
