@@ -117,7 +117,7 @@ def _limits(rows: Sequence[Measured]) -> list[str]:
         for level, strictest in ((SAME, ("exact", SAME)), (CROSS, ("exact", SAME, CROSS))):
             worst = _worst(name, [row for row in rows if row.passes_at in strictest])
             limit = LEVELS[level].limits.get(name)
-            cells += [f"{_number(worst.figures[name])} ({worst.change}, {worst.subject})"]
+            cells += [f"{_figure(worst, name)} ({worst.change}, {worst.subject})"]
             if limit is None:
                 cells += ["none", ""]
             else:
@@ -138,7 +138,7 @@ def _worst(name: str, rows: Sequence[Measured]) -> Measured:
 def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str]) -> list[str]:
     lines = []
     for change, group in _by_change(row for row in rows if not row.is_defect):
-        worst = [_number(_worst(name, group).figures[name]) for name in FIGURES]
+        worst = [_figure(_worst(name, group), name) for name in FIGURES]
         passes = [f"{sum(not row.over(level) for row in group)}" for level in LEVELS]
         lines.append([change, drawn_by.get(change, ""), str(len(group)), *worst, *passes])
     header = [
@@ -158,16 +158,16 @@ def _defects(rows: Sequence[Measured]) -> list[str]:
         moved = sorted(row.figures["largest"] for row in group)
         found = [f"{sum(bool(row.over(level)) for row in seen)} of {len(seen)}" for level in (SAME, CROSS)]
         other = f"{sum(bool(row.over(SAME)) for row in group if not row.is_seen)} of {len(group) - len(seen)}"
-        least = [_number(_least(name, seen)) if seen else "" for name in FIGURES]
+        least = [_figure(_least(name, seen), name) if seen else "" for name in FIGURES]
         lines.append([change, f"{moved[0]:.3g} to {moved[-1]:.3g}", *found, other, *least])
     header = ["defect", "moves some pixel by, levels", f"found at `{SAME}`", f"found at `{CROSS}`"]
     header += [f"found at `{SAME}` where less than 2 levels", *(f"least `{name}`" for name in FIGURES)]
     return ["## What must not pass", "", *_table(header, lines)]
 
 
-def _least(name: str, rows: Sequence[Measured]) -> float:
-    values = [row.figures[name] for row in rows if name in row.figures]
-    return max(values) if FIGURES[name].higher_is_better else min(values)
+def _least(name: str, rows: Sequence[Measured]) -> Measured:
+    rows = [row for row in rows if name in row.figures]
+    return (max if FIGURES[name].higher_is_better else min)(rows, key=lambda row: row.figures[name])
 
 
 def _unseen(rows: Sequence[Measured]) -> list[str]:
@@ -180,7 +180,7 @@ _FIGURE_HEADERS = [*(f"`{name}`" for name in FIGURES), "signed mean of each chan
 
 
 def _all_figures(row: Measured) -> list[str]:
-    figures = [_number(row.figures[name]) if name in row.figures else "" for name in FIGURES]
+    figures = [_figure(row, name) for name in FIGURES]
     return [row.subject, row.change, *figures, " ".join(f"{mean:+.2g}" for mean in row.bias)]
 
 
@@ -221,6 +221,14 @@ def _by_change(rows: Iterable[Measured]) -> list[tuple[str, list[Measured]]]:
 
 def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> list[str]:
     return [*(f"| {' | '.join(cells)} |" for cells in (header, ["---"] * len(header), *lines)), ""]
+
+
+def _figure(row: Measured, name: str) -> str:
+    """Empty where the picture is too small for it."""
+    if name not in row.figures:
+        return ""
+    value = row.figures[name]
+    return f"{value:.5f}" if FIGURES[name].higher_is_better and value < 1 else _number(value)
 
 
 def _number(value: float) -> str:
