@@ -24,13 +24,13 @@ from renderer.errors import HsplatError, InputError, nearest
 COMMANDS = {
     "render": ("hsplat_cli.render.command", "Render a scene to a film or to numbered frames."),
     "assemble": ("hsplat_cli.assemble.command", "Make one film of frames that were drawn in parts."),
-    "golden": ("hsplat_cli.golden.command", "Keep frames of a scene to compare later ones with."),
     "check": ("hsplat_cli.check", "Check a scene file and list everything that is wrong with it."),
     "init": ("hsplat_cli.init", "Write a scene file for a volume, to start from."),
     "turntable": ("hsplat_cli.turntable.command", "Render turntables of volumes without a scene file."),
     "measure": ("hsplat_cli.measure.command", "Measure what a scene costs and how near to the truth it comes."),
     "paper": ("hsplat_cli.paper.command", "Reproduce the figures of Laur and Hanrahan 1991 on one page."),
-    "compare": ("hsplat_cli.compare.command", "Compare frames with golden ones, for CI."),
+    "golden": ("hsplat_cli.golden.command", "Keep frames of a scene to compare later ones with."),
+    "compare": ("hsplat_cli.compare.command", "Compare frames with golden ones; exit with 1 where they differ."),
     "info": ("hsplat_cli.info", "Describe a volume: shape, place, values and histogram."),
 }
 

@@ -19,7 +19,7 @@ import numpy as np
 from hsplat_cli.input_file import nearest_file
 from renderer.errors import InputError
 from renderer.picture import Pixels
-from renderer.png import png_chunks
+from renderer.png import png_chunks, png_of
 
 # A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 8192.
 MAX_PIXELS = 2**26
@@ -32,6 +32,8 @@ _COLOR_TYPES = {0: "grey", 2: "RGB", 3: "palette", 4: "grey with alpha", 6: "RGB
 _CHANNELS = {2: 3, 6: 4}
 # What makes of three channels another picture than they hold, or of a file more pictures than one.
 _REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animation (APNG)"}
+# Other ones may be skipped if their names begin with a small letter (ISO/IEC 15948, 5.4).
+_KNOWN_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
 # First column and row, and steps, of the parts of an interlaced picture (ISO/IEC 15948, 8.2).
 _PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 _BLOCK = 2**20
@@ -63,13 +65,21 @@ def read_picture(path: Path) -> Pixels:
 
 def file_content(path: Path) -> bytes:
     """What is in a file of at most MAX_FILE_BYTES. Raises InputError."""
+    require_file(path, _EXPECTED)
     try:
-        mode = path.stat().st_mode
-        if not stat.S_ISREG(mode):  # opening a pipe would wait for somebody to write
-            got = "a folder" if stat.S_ISDIR(mode) else "something that is no file"
-            raise InputError("not a file", where=str(path), got=got, expected=_EXPECTED)
         with path.open("rb") as file:
             content = file.read(MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
+    if len(content) > MAX_FILE_BYTES:
+        raise InputError("too large a file", where=str(path), expected=f"at most {MAX_FILE_BYTES} bytes")
+    return content
+
+
+def require_file(path: Path, expected: str) -> None:
+    """Raise InputError unless it is a file: opening a pipe would wait for somebody to write."""
+    try:
+        mode = path.stat().st_mode
     except FileNotFoundError as error:
         if path.is_symlink():
             raise InputError("a link that leads nowhere", where=str(path), got=str(path.readlink())) from error
@@ -77,9 +87,9 @@ def file_content(path: Path) -> bytes:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else None
         raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
-    if len(content) > MAX_FILE_BYTES:
-        raise InputError("too large a file", where=str(path), expected=f"at most {MAX_FILE_BYTES} bytes")
-    return content
+    if not stat.S_ISREG(mode):
+        got = "a folder" if stat.S_ISDIR(mode) else "something that is no file"
+        raise InputError("not a file", where=str(path), got=got, expected=expected)
 
 
 def picture_in(content: bytes, path: Path) -> Pixels:
@@ -89,10 +99,13 @@ def picture_in(content: bytes, path: Path) -> Pixels:
     except ValueError as error:
         raise _unreadable(str(error), content, path) from error
     header = _header_in(chunks, path)
-    if not _is_complete(b"".join(content for name, content in chunks if name == b"IDAT"), header):
+    data = b"".join(content for name, content in chunks if name == b"IDAT")
+    if not _is_complete(data, header):
         raise _damaged(path)
+    # Nothing else in the file is looked at: what a decoder made of it would be another picture, or cost more.
+    plain = png_of([chunks[0], (b"IDAT", data), chunks[-1]])
     try:
-        pixels = np.asarray(imageio.v3.imread(content, extension=_SUFFIX, plugin="pillow"))
+        pixels = np.asarray(imageio.v3.imread(plain, extension=_SUFFIX, plugin="pillow"))
     except (OSError, SyntaxError, ValueError) as error:  # SyntaxError is how Pillow says that a PNG is broken
         raise _damaged(path) from error
     if pixels.shape != (header.height, header.width, header.channels) or pixels.dtype != np.uint8:
@@ -109,8 +122,9 @@ class _Header(NamedTuple):
 
 def _header_in(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
     """What a file says of its picture, if such a one may be read. Raises InputError."""
-    content = chunks[0][1]
-    if len(content) != 13:
+    content, names = chunks[0][1], [name for name, _ in chunks]
+    strange = [name for name in names if name[:1].isupper() and name not in _KNOWN_CHUNKS]
+    if len(content) != 13 or names.count(b"IHDR") > 1 or strange:
         raise _damaged(path)
     width, height, depth, color_type, compression, filtering, interlace = struct.unpack(">IIBBBBB", content)
     if not (width and height) or compression or filtering or interlace > 1 or color_type not in _COLOR_TYPES:
@@ -118,7 +132,7 @@ def _header_in(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
     if width * height > MAX_PIXELS:
         got, expected = f"{width} x {height} pixels", f"at most {MAX_PIXELS} pixels, as 8192 x 8192"
         raise InputError("too large a picture", where=str(path), got=got, expected=expected)
-    extras = [words for name, words in _REFUSED_CHUNKS.items() if name in {name for name, _ in chunks}]
+    extras = [words for name, words in _REFUSED_CHUNKS.items() if name in names]
     if depth != 8 or color_type not in _CHANNELS or extras:
         raise InputError(
             "not a picture in 8-bit RGB or RGBA",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,12 @@ def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # modulo 256, as the standard has it
     header = struct.pack(">IIBBBBB", width, height, 8, _COLOR_TYPES[channels], 0, 0, 0)
     data = zlib.compress(filtered.tobytes(), _LEVEL)
-    return _SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
+    return png_of([(b"IHDR", header), (b"IDAT", data), (b"IEND", b"")])
+
+
+def png_of(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
+    """A file of these chunks, each a name and its content."""
+    return _SIGNATURE + b"".join(_chunk(name, content) for name, content in chunks)
 
 
 def _chunk(name: bytes, content: bytes) -> bytes:
@@ -36,7 +42,7 @@ def _chunk(name: bytes, content: bytes) -> bytes:
 
 
 def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
-    """Name and content of every chunk of a file, from IHDR to IEND, whose checksums all are right.
+    """Name and content of every chunk of a file, from IHDR to IEND; all checksums are right.
 
     Raises ValueError with what is wrong.
     """

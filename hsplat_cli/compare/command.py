@@ -1,6 +1,7 @@
 """`hsplat compare GOLDEN ACTUAL`: whether frames are as they should be, for people and for CI.
 
-Exit codes: 0 all pass, 1 something differs, 2 it could not be compared.
+Exit codes: 0 all pass, 1 something differs, 2 it could not be compared. The command is in this package, and not with
+what compares, because it also draws goldens anew.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ _file = click.Path(path_type=Path)
 @click.option("--json", "json_file", type=_file, metavar="FILE", help="Write what came of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_file, metavar="FILE", help="Write a JUnit report, as CI systems read it.")
 @click.option("--html", "html_file", type=_file, metavar="FILE", help="Write a page that shows the worst frames.")
-@click.option("--frames", metavar="A:B:STEP", help="Of a scene: compare only these frames: 0:30, ::10, 7.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Of a scene: change a value of it.")
+@click.option("--frames", metavar="A:B:STEP", help="Of a scene: compare only those of its goldens in this range.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Of a scene: change a value.")
 @click.option("--volume", type=_file, metavar="FILE", help="Of a scene: take the volume from this file.")
 @workers_option
 @click.option("--quiet", is_flag=True, help="Say nothing unless a frame fails.")
+@click.pass_context
 def compare(
+    context: click.Context,
     golden: Path,
     actual: Path,
     level: str | None,
@@ -45,30 +48,27 @@ def compare(
     workers: int | None,
     quiet: bool,
 ) -> None:
-    """Compare frames with golden ones, and exit with 1 where they differ.
+    """Compare frames with golden ones; exit with 1 where they differ.
 
     GOLDEN and ACTUAL are two PNG pictures, two folders of them or templates such as frames/{frame:04}.png, or two
-    films. Or GOLDEN is a scene and ACTUAL the folder that `hsplat golden` made of it: the scene is drawn again and
-    compared with its goldens. A file compare.yaml beside the goldens may have limits of its own.
+    films. A file compare.yaml beside the goldens may have limits of its own.
+
+    Or they are a scene and a folder of goldens that `hsplat golden` made: the frames are drawn again and compared.
     """
     with _could_not_compare(), terminated_as_interrupted():
         # Imported here: numpy takes longer to load than --help may take to answer.
+        from hsplat_cli.compare.matching import compare_frames  # noqa: PLC0415
         from hsplat_cli.compare.report import table_of  # noqa: PLC0415
-        from hsplat_cli.compare.run import ReportFiles, SceneOptions, run_comparison  # noqa: PLC0415
+        from hsplat_cli.compare.run import ReportFiles  # noqa: PLC0415
+        from hsplat_cli.compare.scene import SceneOptions  # noqa: PLC0415
 
-        comparison = run_comparison(
-            golden,
-            actual,
-            level=level,
-            limits=limits,
-            reports=ReportFiles(json_file, junit_file, html_file),
-            scene_options=SceneOptions(frames, overrides, volume, workers),
-            quiet=quiet,
-        )
+        reports = ReportFiles(json_file, junit_file, html_file)
+        drawing = SceneOptions(frames, overrides, volume, workers)
+        comparison = compare_frames(golden, actual, reports, drawing, level=level, limits=limits, quiet=quiet)
     if not (quiet and comparison.passes):
         click.echo(table_of(comparison))
     if not comparison.passes:
-        raise click.exceptions.Exit(1)
+        context.exit(1)
 
 
 @contextlib.contextmanager

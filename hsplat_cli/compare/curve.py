@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hsplat_cli.compare.outcome import Comparison, Outcome
-from hsplat_cli.compare.page_numbers import curve_words
+from hsplat_cli.compare.words import limits_text
 from renderer.frame_difference import FIGURES
 from renderer.strictness import severity
 
@@ -23,6 +23,7 @@ WIDTH, HEIGHT = 864, 344  # as wide as a figure of the page may be: its text is 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62, 850, 14, 278
 _COLORS = ("series-1", "series-3", "series-4", "series-5", "series-6", "series-8")  # series-2 is for what fails
 _DASHES = ("none", "7 3", "2 3", "10 3 2 3", "5 5", "1 5")
+_DENSE = 200  # so many frames are about as many as there is room for points
 _MOST_DECADES = 4  # what is further over its limit is drawn there
 
 
@@ -37,11 +38,15 @@ class Legend:
 
 @dataclass(frozen=True)
 class Curve:
-    """The plot, its legend, and whether frames stand there by their numbers, not only in their order."""
+    """The plot and its legend.
+
+    are_numbers: frames stand there by their numbers, not only in their order. is_open: some errors have no bound.
+    """
 
     svg: Markup
     legend: Sequence[Legend]
     are_numbers: bool
+    is_open: bool
 
 
 def error_curve(comparison: Comparison) -> Curve | None:
@@ -56,12 +61,12 @@ def error_curve(comparison: Comparison) -> Curve | None:
         FIGURES[name].label for name in names
     )
     legend = [
-        Legend(color, dash, curve_words(name, [o.limits[name] for o in outcomes if name in o.limits]))
+        Legend(color, dash, limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]))
         for name, color, dash in zip(names, _COLORS, _DASHES, strict=False)
     ]
     lines = [_line(axes, outcomes, name, style) for name, style in zip(names, legend, strict=True)]
     parts = [_grid(axes), *_failures(axes, outcomes), *lines]
-    return Curve(_svg(alt, parts), legend, axes.are_numbers)
+    return Curve(_svg(alt, parts), legend, axes.are_numbers, axes.is_open)
 
 
 # --------------------------------------------------------------------------------------------------------------- axes
@@ -69,18 +74,19 @@ def error_curve(comparison: Comparison) -> Curve | None:
 
 @dataclass(frozen=True)
 class _Axes:
-    """positions: of the frames, in their own unit. decades: above the limit. is_open: something has no bound."""
+    """positions: of the frames, from first to last. decades: above the limit. is_open: something has no bound."""
 
     positions: Sequence[int]
+    first: int
+    last: int
     are_numbers: bool
     decades: int
     is_open: bool
 
     def x(self, position: float) -> float:
-        first, last = min(self.positions), max(self.positions)
-        if first == last:
+        if self.first == self.last:
             return (_LEFT + _RIGHT) / 2
-        return _LEFT + 10 + (position - first) / (last - first) * (_RIGHT - _LEFT - 20)
+        return _LEFT + 10 + (position - self.first) / (self.last - self.first) * (_RIGHT - _LEFT - 20)
 
     def y(self, share: float) -> float:
         """As far as there are decades; what has no bound half of one above them."""
@@ -101,7 +107,7 @@ def _axes(outcomes: Sequence[Outcome]) -> _Axes:
     largest = max((share for share in shares if math.isfinite(share)), default=1.0)
     decades = min(max(math.ceil(math.log10(max(largest, 1.0))), 1), _MOST_DECADES)
     positions = numbers if are_numbers else range(1, len(outcomes) + 1)
-    return _Axes(positions, are_numbers, decades, any(map(math.isinf, shares)))
+    return _Axes(positions, min(positions), max(positions), are_numbers, decades, any(map(math.isinf, shares)))
 
 
 def _ticks(first: int, last: int) -> list[int]:
@@ -124,7 +130,7 @@ def _grid(axes: _Axes) -> Markup:
             _element("path", d=f"M{_LEFT} {y:.1f}H{_RIGHT}", class_="limit" if is_limit else "grid"),
             _text(text, _LEFT - 8, y + 4, anchor="end", class_="tick strong" if is_limit else "tick"),
         ]
-    for position in _ticks(min(axes.positions), max(axes.positions)):
+    for position in _ticks(axes.first, axes.last):
         x = axes.x(position)
         parts += [
             _element("path", d=f"M{x:.1f} {_BOTTOM}v5", class_="axis"),
@@ -165,10 +171,11 @@ def _line(axes: _Axes, outcomes: Sequence[Outcome], name: str, legend: Legend) -
             points.append(f"M{place}h0")
         is_drawing = there
     style = f"stroke: var(--{legend.color})"
+    dots = "points dense" if len(outcomes) > _DENSE else "points"
     return _joined(
         [
             _element("path", d="".join(line), class_="curve", style=f"{style}; stroke-dasharray: {legend.dash}"),
-            _element("path", d="".join(points), class_="points", style=style),
+            _element("path", d="".join(points), class_=dots, style=style),
         ]
     )
 

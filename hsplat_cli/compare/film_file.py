@@ -6,12 +6,14 @@ ffmpeg takes a file that ends between two frames for a shorter film: whether it 
 from __future__ import annotations
 
 import contextlib
+import math
 import mmap
 import re
 import struct
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import IO
 
@@ -19,7 +21,7 @@ import imageio_ffmpeg
 import numpy as np
 
 from hsplat_cli.compare.pair import Pixels
-from hsplat_cli.picture_file import MAX_PIXELS
+from hsplat_cli.picture_file import MAX_PIXELS, require_file
 from renderer.encode import find_ffmpeg
 from renderer.errors import InputError
 
@@ -46,10 +48,15 @@ def decoded_film(path: Path) -> Iterator[Iterator[Pixels]]:
     cannot be decoded to its end, or has frames of more than MAX_PIXELS; RenderError where there is no ffmpeg.
     """
     _require_whole(path)
-    with tempfile.TemporaryFile() as words:
-        process = subprocess.Popen(
-            _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
-        )
+    with contextlib.ExitStack() as stack:
+        try:
+            words = stack.enter_context(tempfile.TemporaryFile())
+            # A session of its own: Ctrl-C in the terminal is for us, and we end ffmpeg when we are done with it.
+            process = subprocess.Popen(
+                _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
+            )
+        except (OSError, subprocess.SubprocessError) as error:
+            raise InputError("ffmpeg cannot be started", where=str(path), got=str(error)) from error
         assert process.stdout is not None
         try:
             yield _frames(process, process.stdout, words, path)
@@ -66,27 +73,30 @@ def _command(path: Path) -> list[str]:
     # PAM says how large each picture is.
     sink = ["-map", "0:v:0", "-vf", _TO_RGBA if is_gif else _TO_RGB, "-f", "image2pipe", "-c:v", "pam", "pipe:1"]
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-xerror", "-err_detect", "explode"]
-    return [find_ffmpeg(path), *general, *source, *_every_frame(), *sink]
+    return [find_ffmpeg(path), *general, *source, *every_frame(_version()), *sink]
 
 
-def _every_frame() -> list[str]:
+_version = cache(imageio_ffmpeg.get_ffmpeg_version)  # asks the program, which takes as long as a short film
+
+
+def every_frame(version: str) -> list[str]:
     """The option that keeps ffmpeg from leaving out or repeating frames; its name changed with version 5.1."""
-    version = re.match(r"n?(\d+)\.(\d+)", imageio_ffmpeg.get_ffmpeg_version())
-    is_old = version is not None and (int(version[1]), int(version[2])) < (5, 1)
+    number = re.match(r"n?(\d+)\.(\d+)", version)
+    is_old = number is not None and (int(number[1]), int(number[2])) < (5, 1)
     return ["-vsync", "0"] if is_old else ["-fps_mode", "passthrough"]
 
 
 def _frames(process: subprocess.Popen[bytes], stream: IO[bytes], words: IO[bytes], path: Path) -> Iterator[Pixels]:
-    while (shape := _shape_of_next(stream)) is not None:
-        height, width, channels = shape
-        content = stream.read(height * width * channels)
-        if len(content) < height * width * channels:
-            break
-        yield np.frombuffer(content, np.uint8).reshape(shape)
+    is_whole = True
+    while is_whole and (shape := _shape_of_next(stream)) is not None:
+        content = stream.read(math.prod(shape))
+        is_whole = len(content) == math.prod(shape)
+        if is_whole:
+            yield np.frombuffer(content, np.uint8).reshape(shape)
     status = process.wait()
     words.seek(0)
     said = words.read(_MAX_WORDS_BYTES).decode("utf-8", "replace").strip()
-    if status != 0 or said:  # not every error lets ffmpeg fail
+    if status != 0 or said or not is_whole:  # not every error lets ffmpeg fail
         got = "\n    ".join(said.splitlines()) or f"exit status {status} of ffmpeg and no message"
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 
@@ -108,14 +118,13 @@ def _shape_of_next(stream: IO[bytes]) -> tuple[int, int, int] | None:
 def _require_whole(path: Path) -> None:
     is_gif = path.suffix.lower() == ".gif"
     kind = "a GIF" if is_gif else "an MP4"
+    require_file(path, f"{kind} file")
     try:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             begins = content[:6] in (b"GIF87a", b"GIF89a") if is_gif else content[4:8] == b"ftyp"
             whole: Callable[[_Bytes], bool] = _is_whole_gif if is_gif else _is_whole_mp4
             is_whole = begins and whole(content)
             num_bytes = len(content)
-    except FileNotFoundError as error:
-        raise InputError("no such file", where=str(path)) from error
     except ValueError as error:  # nothing to be mapped
         raise InputError("an empty file", where=str(path), expected=f"{kind} file") from error
     except OSError as error:

@@ -9,8 +9,8 @@ from typing import Any
 from hsplat_cli.compare.curve import error_curve
 from hsplat_cli.compare.gallery import PICTURE_PX, Exhibit, Gallery
 from hsplat_cli.compare.outcome import PASSES, Comparison, Outcome
-from hsplat_cli.compare.page_numbers import limit_text, share_text, signed_text, value_text
 from hsplat_cli.compare.pair import Pixels
+from hsplat_cli.compare.words import limit_text, printable, share_text, signed_text, value_text
 from hsplat_cli.report.html import page_of, png_data_uri
 from hsplat_cli.report.numbers import ABSENT, bytes_text
 from renderer.frame_difference import FIGURES
@@ -31,50 +31,53 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
     Needs the package jinja2.
     """
     frames, num_bytes = _frames(gallery.exhibits)
+    outcomes = comparison.outcomes
+    order = {outcome.name: number for number, outcome in enumerate(outcomes)}
     places = {frame["name"]: frame["place"] for frame in frames}
-    names = [name for name in FIGURES if any(name in outcome.figures for outcome in comparison.outcomes)]
-    numbers = {id(outcome): number for number, outcome in enumerate(comparison.outcomes)}
-    return page_of(
+    names = [name for name in FIGURES if any(name in outcome.figures for outcome in outcomes)]
+    text = page_of(
         "compare.html",
         title=verdict(comparison),
         passes=comparison.passes,
         level=comparison.level,
-        purpose=LEVELS[comparison.level].purpose if comparison.level in LEVELS else "",
-        sides=[("compared", comparison.golden, comparison.actual, False), *_facts(comparison)],
+        purpose=LEVELS[comparison.level].purpose,
+        sides=_sides(comparison),
         notes=comparison.notes,
         curve=error_curve(comparison),
         frames=frames,
-        num_failing=sum(not outcome.passes for outcome in comparison.outcomes),
+        num_failing=sum(not outcome.passes for outcome in outcomes),
         size=bytes_text(num_bytes),
         picture_px=PICTURE_PX,
         gains=GAINS,
         default_gain=_default_gain(gallery.exhibits),
         figures=[FIGURES[name] for name in names],
-        rows=[_row(o, names, numbers[id(o)], places.get(o.name)) for o in comparison.worst_first],
+        rows=[_row(o, names, order[o.name], places.get(o.name)) for o in comparison.worst_first],
     )
+    # Names of files may have anything in them, also what has no form in UTF-8.
+    return "\n".join(line if line.isprintable() else printable(line) for line in text.split("\n"))
 
 
 def verdict(comparison: Comparison) -> str:
-    """In one line, with the level: `3 of 48 frames differ at cross-driver: 1 missing, 2 different`."""
+    """In one line, with the level: `3 of 48 frames differ at cross-driver: 2 different, 1 missing`."""
     outcomes, level = comparison.outcomes, comparison.level
-    one = len(outcomes) == 1
-    everything = "The frame is" if one else f"All {len(outcomes)} frames are"
     counts = Counter(outcome.status for outcome in outcomes)
-    if counts["same"] == len(outcomes):
-        return f"{everything} the same, pixel by pixel"
+    num, num_same = len(outcomes), counts["same"]
     if comparison.passes:
-        same = f", {counts['same']} of them the same" if counts["same"] else ""
-        return f"{everything} within the limits of {level}{same}"
-    kinds = [f"{count} {status}" for status, count in sorted(counts.items()) if status not in PASSES]
-    if one:
+        everything = "The frame is" if num == 1 else f"All {num} frames are"
+        if num_same == num:
+            return f"{everything} the same, pixel by pixel"
+        return f"{everything} within the limits of {level}" + (f", {num_same} of them the same" if num_same else "")
+    if num == 1:
         return f"The frame differs at {level}: {outcomes[0].status}"
-    num_failing = sum(not outcome.passes for outcome in outcomes)
-    return f"{num_failing} of {len(outcomes)} frames differ at {level}: {', '.join(kinds)}"
+    failing = {status: counts[status] for status in sorted(counts) if status not in PASSES}
+    kinds = ", ".join(f"{count} {status}" for status, count in failing.items())
+    return f"{sum(failing.values())} of {num} frames differ at {level}" + (f": {kinds}" if len(failing) > 1 else "")
 
 
-def _facts(comparison: Comparison) -> list[tuple[str, str, str, bool]]:
-    """Name, what each side has, and whether that differs."""
-    return [(name, golden, actual, golden != actual) for name, (golden, actual) in comparison.facts.items()]
+def _sides(comparison: Comparison) -> list[tuple[str, str, str, bool]]:
+    """What it is about, what each side has there, and whether it should be the same and is not."""
+    facts = [(name, golden, actual, golden != actual) for name, (golden, actual) in comparison.facts.items()]
+    return [("compared", comparison.golden, comparison.actual, False), *facts]
 
 
 # ------------------------------------------------------------------------------------------------------- worst frames
@@ -96,10 +99,10 @@ def _frames(exhibits: Sequence[Exhibit]) -> tuple[list[dict[str, Any]], int]:
                 "place": f"worst-{len(frames) + 1}",
                 "name": outcome.name,
                 "status": outcome.status,
-                "passes": outcome.passes,
                 "why": outcome.why,
+                "worst": exhibit.worst,
                 "pictures": pictures,
-                "flips": all(picture["uri"] for picture in pictures[:2]),
+                "flips": exhibit.whole.golden is not None and exhibit.whole.actual is not None,
                 "pixels_per_side": exhibit.pixels_per_side,
                 "figures": [_figure(outcome, name) for name in FIGURES if name in outcome.figures],
                 "bias": list(zip(_CHANNELS, map(signed_text, outcome.bias), strict=False)),
@@ -110,30 +113,38 @@ def _frames(exhibits: Sequence[Exhibit]) -> tuple[list[dict[str, Any]], int]:
 
 def _default_gain(exhibits: Sequence[Exhibit]) -> int:
     """The largest, if it tells the errors of all frames apart, else the one before it."""
-    largest = max((exhibit.difference.max() for exhibit in exhibits if exhibit.difference is not None), default=0)
-    return GAINS[-1] if int(largest) * GAINS[-1] <= 255 else GAINS[-2]
+    differences = [exhibit.whole.difference for exhibit in exhibits if exhibit.whole.difference is not None]
+    largest = max((int(difference.max()) for difference in differences), default=0)
+    return GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2]
 
 
 def _pictures(exhibit: Exhibit) -> list[dict[str, Any]]:
-    """Golden, actual and difference, also those that there are not."""
+    """Golden, actual and difference, also those that there are not, and the same three enlarged."""
     outcome = exhibit.outcome
-    why_none = "nothing to compare" if outcome.status in ("missing", "extra") else f"none: {outcome.status}"
-    return [
-        _picture("golden", exhibit.golden, outcome, "there is no such golden frame"),
-        _picture("actual", exhibit.actual, outcome, "there is no such frame"),
-        _picture("difference", exhibit.difference, outcome, why_none),
-    ]
+    alone = outcome.status in ("missing", "extra")
+    absent = {
+        "golden": "there is no such golden frame",
+        "actual": "there is no such frame",
+        "difference": "nothing to compare" if alone else f"none: {outcome.status}",
+    }
+    pictures = [_picture(kind, pixels, outcome.name, absent[kind]) for kind, pixels in vars(exhibit.whole).items()]
+    if exhibit.detail is None or exhibit.detail.golden is None:
+        return pictures
+    (x, y), (height, width, _) = exhibit.corner, exhibit.detail.golden.shape
+    place = f", enlarged: x {x} to {x + width - 1}, y {y} to {y + height - 1}"
+    return pictures + [_picture(kind, pixels, outcome.name, "", place) for kind, pixels in vars(exhibit.detail).items()]
 
 
-def _picture(kind: str, pixels: Pixels | None, outcome: Outcome, absent: str) -> dict[str, Any]:
+def _picture(kind: str, pixels: Pixels | None, name: str, absent: str, place: str = "") -> dict[str, Any]:
     if pixels is None:
-        return {"kind": kind, "uri": "", "absent": absent}
+        return {"kind": kind, "uri": "", "caption": kind, "absent": absent}
     height, width, channels = pixels.shape
     times = max(1, _LEAST_SHOWN_PX // max(height, width))
     return {
         "kind": kind,
         "uri": png_data_uri(pixels),
-        "alt": f"{kind} of {outcome.name}",
+        "caption": f"{kind}{place}",
+        "alt": f"{kind} of {name}{place}",
         "width": times * width,
         "height": times * height,
         "classes": " ".join([*["enlarged"] * (times > 1), *["transparent"] * (channels == 4)]),
@@ -141,13 +152,13 @@ def _picture(kind: str, pixels: Pixels | None, outcome: Outcome, absent: str) ->
 
 
 def _figure(outcome: Outcome, name: str) -> dict[str, Any]:
-    figure, value, limit = FIGURES[name], outcome.figures[name], outcome.limits.get(name)
+    figure, value, limit = FIGURES[name], outcome.figures[name], outcome.limits[name]
     return {
         "label": figure.label,
-        "value": value_text(value, limit),
+        "value": value_text(name, value, limit),
         "unit": figure.unit,
-        "limit": ABSENT if limit is None else limit_text(name, limit),
-        "share": ABSENT if limit is None else share_text(severity({name: value}, {name: limit})),
+        "limit": limit_text(name, limit),
+        "share": share_text(severity({name: value}, {name: limit})),
         "is_over": name in outcome.exceeded,
     }
 
@@ -170,7 +181,7 @@ def _row(outcome: Outcome, names: Sequence[str], number: int, place: str | None)
 def _figure_cells(outcome: Outcome, names: Sequence[str]) -> Iterator[dict[str, Any]]:
     for name in names:
         value = outcome.figures.get(name)
-        text = ABSENT if value is None else value_text(value, outcome.limits.get(name))
+        text = ABSENT if value is None else value_text(name, value, outcome.limits[name])
         yield _cell(value, text, is_over=name in outcome.exceeded)
 
 

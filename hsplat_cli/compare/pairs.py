@@ -11,7 +11,7 @@ from pathlib import Path
 from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.input_file import nearest_file
-from hsplat_cli.picture_file import file_content, is_picture, picture_in
+from hsplat_cli.picture_file import file_content, is_picture, picture_in, read_picture
 from renderer.errors import InputError
 from renderer.output_files import FRAME_FIELD as ANY_FRAME_FIELD
 from renderer.output_files import frame_path
@@ -183,12 +183,13 @@ def _place(path: Path) -> Path:
 
 def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, Pixels | None]:
     """Files of the same bytes are decoded once, which also tells whether they can be."""
-    content = file_content(golden) if golden is not None else None
-    other = file_content(actual) if actual is not None else None
-    pixels = picture_in(content, golden) if golden is not None and content is not None else None
-    if other == content:
-        return pixels, pixels
-    return pixels, picture_in(other, actual) if actual is not None and other is not None else None
+    if golden is None or actual is None:
+        return read_picture(golden) if golden is not None else None, read_picture(
+            actual
+        ) if actual is not None else None
+    content, other = file_content(golden), file_content(actual)
+    picture = picture_in(content, golden)
+    return picture, picture if other == content else picture_in(other, actual)
 
 
 def natural_order(name: str) -> tuple[list[str | int], str]:

@@ -21,7 +21,7 @@ class AssertFramesMatch(Protocol):
         actual: str | Path,
         *,
         level: str | None = None,
-        limits: Mapping[str, float] | None = None,
+        limits: Mapping[str, float | None] | None = None,
         html: str | Path | None = None,
     ) -> None: ...
 

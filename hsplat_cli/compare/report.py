@@ -19,8 +19,12 @@ from renderer.frame_difference import FIGURES
 MAX_ROWS = 20
 
 _ORDER: tuple[Status, ...] = ("different", "missing", "extra", "other size", "other channels", "same", "close")
-_WORDS = {"same": "the same", "extra": "not among the goldens", "other size": "of another size"}
-_WORDS["other channels"] = "with other channels"
+_WORDS = {
+    "same": "the same",
+    "extra": "not among the goldens",
+    "other size": "of another size",
+    "other channels": "with other channels",
+}
 
 _DRIVER = "driver"
 _LOOSEST = "cross-driver"
@@ -35,7 +39,7 @@ def table_of(comparison: Comparison) -> str:
     lines = list(_table(failing[:MAX_ROWS]))
     if len(failing) > MAX_ROWS:
         lines.append(
-            f"... and {count_text(len(failing) - MAX_ROWS, 'frame')} more that fail; --json FILE has all of them"
+            f"... and {count_text(len(failing) - MAX_ROWS, 'more frame')} that fail; --json FILE has all of them"
         )
     return "\n".join([*lines, *([""] if lines else []), *_summary(comparison), *_remarks(comparison)])
 
@@ -51,11 +55,9 @@ def _table(failing: list[Outcome]) -> Iterator[str]:
 
 def _reason(outcome: Outcome) -> str:
     more = len(outcome.exceeded) - 1
-    return (
-        outcome.why
-        if more < 1
-        else f"{outcome.why}; {count_text(more, 'more figure')} over {'its limit' if more == 1 else 'their limits'}"
-    )
+    if more < 1:
+        return outcome.why
+    return f"{outcome.why}; {count_text(more, 'more figure')} over {'its limit' if more == 1 else 'their limits'}"
 
 
 def _summary(comparison: Comparison) -> Iterator[str]:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.input_file import MAX_SCENE_BYTES, decode, read_content
+from hsplat_cli.picture_file import is_picture, require_file
 from hsplat_cli.scene_editor import excerpt
 from hsplat_cli.yaml_tree import LINE_BREAK, Mark, NotYamlError, Tree, read_tree
 from renderer.errors import InputError, Problem, SceneError
@@ -55,13 +56,9 @@ class Rules:
         return {figure: limit for figure in FIGURES if (limit := changed.get(figure)) is not None}
 
     def require_frames(self, names: Iterable[str]) -> None:
-        """Raise SceneError for the frames with limits of their own that are neither among these nor files beside."""
+        """Raise SceneError for the frames with limits of their own that are neither among these nor pictures beside."""
         compared = set(names)
-        strange = [
-            name
-            for name in self.frames
-            if name not in compared and not (self.file and os.path.lexists(self.file.parent / name))
-        ]
+        strange = [name for name in self.frames if name not in compared and not self._is_beside(name)]
         if strange:
             hints = {name: did_you_mean(name, compared) for name in strange}
             raise SceneError(
@@ -70,6 +67,9 @@ class Rules:
                     for name in strange
                 ]
             )
+
+    def _is_beside(self, name: str) -> bool:
+        return self.file is not None and is_picture(name) and os.path.lexists(self.file.parent / name)
 
 
 def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] = ()) -> Rules:
@@ -100,9 +100,20 @@ def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] 
 
 
 def _limit(figure: Figure) -> Kind[Any]:
-    kind = number(least=0, most=255 if figure.unit == "levels" else 1)
-    words = f"{kind.expected}{f' {figure.unit}' if figure.unit else ''}, or none"
-    return Kind(words, lambda node: None if node.value == "none" else kind.read(node), "none takes a limit away")
+    """A number within what the figure can be, or `none`, which is read as None."""
+    plain = number(least=0, most=255 if figure.unit == "levels" else 1)
+
+    def parse(node: Node) -> float | None:
+        if node.value == "none":
+            return None
+        found: list[Problem] = []
+        value = plain.read(replace(node, problems=found))
+        node.problems.extend(replace(problem, expected=kind.expected) for problem in found)
+        return value
+
+    words = " ".join(filter(None, (plain.expected, figure.unit)))
+    kind: Kind[Any] = Kind(f"{words}, or none", parse, if_empty="none takes a limit away")
+    return kind
 
 
 _LEVEL: Kind[Any] = choice(*LEVELS)
@@ -140,6 +151,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
         raise InputError("not read under this name", where=str(mistaken), hint=f"call it {FILE}")
     if not os.path.lexists(path):
         return Rules()
+    require_file(path, "a file of limits")
     content = read_content(path)
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")

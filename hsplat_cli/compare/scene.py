@@ -10,6 +10,7 @@ from typing import Any
 
 from hsplat_cli.compare.pair import Pair
 from hsplat_cli.crew_options import CrewSpec
+from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.golden.draw import Drawing, drawn, load_steady_job
 from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes, read_provenance
@@ -53,25 +54,32 @@ class ScenePairs:
             )
 
 
+@dataclass(frozen=True)
+class SceneOptions:
+    """How a scene is drawn, as the options of the command line say it."""
+
+    frames: str | None = None
+    overrides: Sequence[str] = ()
+    volume: Path | None = None
+    workers: int | None = None
+
+    @property
+    def given(self) -> list[str]:
+        """The options that are there."""
+        values = {"--frames": self.frames, "--set": self.overrides, "--volume": self.volume, "--workers": self.workers}
+        return [option for option, value in values.items() if value]
+
+
 @contextlib.contextmanager
-def compare_scene(
-    scene: Path,
-    folder: Path,
-    *,
-    frames: str | None = None,
-    overrides: Sequence[str] = (),
-    volume: Path | None = None,
-    workers: int | None = None,
-    quiet: bool,
-) -> Iterator[ScenePairs]:
-    """Draw the frames of a scene, or of a film's sidecar, of which a folder has goldens, or those in `frames` of them.
+def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bool) -> Iterator[ScenePairs]:
+    """Draw the frames of a scene, or of a film's sidecar, of which a folder has goldens, or some of them.
 
     The pictures are gone after the block. Raises InputError where the folder has no goldens, or none of these frames,
     and what reading the scene and drawing raise.
     """
     before = _provenance_in(folder)
-    job = load_steady_job(scene, overrides=overrides, volume=volume)
-    goldens = _picked(before.goldens, frames, job, folder)
+    job = load_steady_job(scene, overrides=options.overrides, volume=options.volume)
+    goldens = _picked(before.goldens, options.frames, job, folder)
     drawable = frozenset(job.frames)
     numbers = [golden.frame for golden in goldens if golden.frame in drawable]
     if not numbers:
@@ -81,26 +89,32 @@ def compare_scene(
             got=f"{len(job.frames)} frames up to frame {job.frames[-1]}",
             expected=f"such as frame {goldens[0].frame}, which is in {folder / NAME}",
         )
-    with drawn(job, numbers, CrewSpec(workers), quiet=quiet) as drawing:
+    tell_first_run(quiet=quiet)
+    with drawn(job, numbers, CrewSpec(options.workers), quiet=quiet) as drawing:
         changed_by_hand = _other_files(folder, goldens)
         notes = [*_notes(before.origin, drawing.origin), *changed_by_hand, *drawing.notes]
         yield ScenePairs(folder, goldens, drawing, _facts(before, drawing.origin), notes)
 
 
 def _provenance_in(folder: Path) -> Provenance:
-    if (folder / NAME).exists():
-        return read_provenance(folder)
-    hint = f"`hsplat golden SCENE {folder}` draws goldens, and writes down what from"
-    if not folder.is_dir():
+    try:
+        if (folder / NAME).exists():
+            return read_provenance(folder)
+        num = sum(is_picture(path.name) for path in folder.iterdir())
+    except (FileNotFoundError, NotADirectoryError) as error:
         what = "not a folder of goldens" if folder.exists() else "no such folder"
-        raise InputError(what, where=str(folder), hint=hint)
-    num = sum(is_picture(path.name) for path in folder.iterdir())
+        raise InputError(what, where=str(folder), hint=_MAKE.format(folder)) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
     raise InputError(
         f"no {NAME} in this folder says which frames of a scene are golden",
         where=str(folder),
         got=f"{num} PNG file{'s' * (num != 1)}",
-        hint=f"{hint}; a folder of frames is compared with another folder",
+        hint=f"{_MAKE.format(folder)}; a folder of frames is compared with another folder",
     )
+
+
+_MAKE = "`hsplat golden SCENE {}` draws goldens, and writes down what from"
 
 
 def _picked(goldens: Sequence[Golden], frames: str | None, job: Job, folder: Path) -> Sequence[Golden]:

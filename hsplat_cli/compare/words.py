@@ -2,23 +2,50 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+
 from renderer.frame_difference import FIGURES
 
 
 def figure_text(name: str, value: float, limit: float) -> str:
-    """`largest error of a channel 7 levels, at most 1`.
+    """`largest error of a channel 7 levels, at most 1`."""
+    text = value_text(name, value, limit)
+    return f"{FIGURES[name].label} {' '.join(filter(None, (text, _unit(name, text))))}, {limit_text(name, limit)}"
 
-    With three digits, or with as many as it takes to see on which side of its limit the value is.
-    """
-    figure = FIGURES[name]
-    digits = next(
-        text
-        for text in (f"{value:.{k}g}" for k in range(3, 18))
-        if _side(name, float(text), limit) == _side(name, value, limit)
-    )
-    unit = figure.unit.removesuffix("s") if digits == "1" else figure.unit
-    bound = "at least" if figure.higher_is_better else "at most"
-    return f"{figure.label} {' '.join(filter(None, (digits, unit)))}, {bound} {limit:g}"
+
+def value_text(name: str, value: float, limit: float) -> str:
+    """With three digits, or with as many as it takes to see on which side of its limit the value is."""
+    texts = (f"{value:.{num_digits}g}" for num_digits in range(3, 18))
+    return next(text for text in texts if _side(name, float(text), limit) == _side(name, value, limit))
+
+
+def limit_text(name: str, limit: float) -> str:
+    """`at most 4`, `at least 0.99`."""
+    return f"{'at least' if FIGURES[name].higher_is_better else 'at most'} {limit:g}"
+
+
+def limits_text(name: str, limits: Iterable[float]) -> str:
+    """What a figure is, and its limit if all frames have the same: `largest error of a channel, at most 4 levels`."""
+    first, *others = sorted(set(limits))
+    if others:
+        return f"{FIGURES[name].label}, each frame with a limit of its own"
+    return " ".join(filter(None, (f"{FIGURES[name].label},", limit_text(name, first), _unit(name, f"{first:g}"))))
+
+
+def signed_text(value: float) -> str:
+    """`+0.12`, `−3`, with a true minus sign, and `0`."""
+    return f"{value:+.3g}".replace("-", "−") if value else "0"
+
+
+def share_text(share: float) -> str:
+    """How many times its limit an error is: `0.25`, `12.3`, `∞`."""
+    return "∞" if math.isinf(share) else f"{share:.3g}"
+
+
+def _unit(name: str, text: str) -> str:
+    """As it follows a number."""
+    return FIGURES[name].unit.removesuffix("s") if text == "1" else FIGURES[name].unit
 
 
 def _side(name: str, value: float, limit: float) -> bool:

@@ -11,8 +11,6 @@ import click
 from hsplat_cli.crew_options import CrewSpec, workers_option
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.frame_range import parse_frames
-from hsplat_cli.golden.draw import load_steady_job
-from hsplat_cli.golden.provenance import parse_date
 from hsplat_cli.interrupts import terminated_as_interrupted
 from renderer.errors import InputError
 
@@ -52,13 +50,15 @@ def golden(
     for option, is_given in (("--yes", yes), ("--prune", prune)):
         if is_given and not update:
             raise InputError("of no use without --update", where=option)
-    told_date = parse_date(date)
-    job = load_steady_job(scene, overrides=overrides, volume=volume)
-    numbers = parse_frames(frames, job.scene.camera.path.frames, job.frames)
     with terminated_as_interrupted():
-        # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
+        # Imported here: numpy takes longer to load than --help may take to answer.
+        from hsplat_cli.golden.draw import load_steady_job  # noqa: PLC0415
+        from hsplat_cli.golden.provenance import parse_date  # noqa: PLC0415
         from hsplat_cli.golden.update import Wish, keep_goldens  # noqa: PLC0415
 
+        told_date = parse_date(date)
+        job = load_steady_job(scene, overrides=overrides, volume=volume)
+        numbers = parse_frames(frames, job.scene.camera.path.frames, job.frames)
         tell_first_run(quiet=quiet)
         wish = Wish(folder, numbers, told_date, update=update, prune=prune, yes=yes, quiet=quiet)
         keep_goldens(job, wish, CrewSpec(workers), _may_overwrite)

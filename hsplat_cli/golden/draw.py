@@ -13,7 +13,8 @@ from typing import Any
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.golden.provenance import origin_of
 from hsplat_cli.job import Job, load_job
-from renderer.errors import InputError
+from hsplat_cli.picture_file import MAX_PIXELS
+from renderer.errors import InputError, RenderError
 from renderer.output_files import sidecar_path
 from renderer.scene import AccuracyGoal, Scene, TimeBudget
 
@@ -32,10 +33,15 @@ class Drawing:
 def load_steady_job(scene: Path, *, overrides: Sequence[str] = (), volume: Path | None = None) -> Job:
     """The job of a scene or of a film's sidecar, with all frames that it has, as `load_job`.
 
-    Raises InputError where a frame is not the same each time and whatever other frames are drawn.
+    Raises InputError where a frame is not the same each time and whatever other frames are drawn, or too large to be
+    read again.
     """
     job = load_job(scene, overrides=overrides, volume=volume, output=_TEMPLATE)
     _require_steady(job.scene, scene)
+    width, height = job.scene.output.size
+    if width * height > MAX_PIXELS:
+        got, expected = f"{width} x {height}", f"at most {MAX_PIXELS} pixels, as 8192 x 8192"
+        raise InputError("too large to be compared", where=f"{scene}: output.size", got=got, expected=expected)
     return job
 
 
@@ -60,14 +66,25 @@ def drawn(job: Job, frames: Sequence[int], crew: CrewSpec, *, quiet: bool) -> It
 
     Nothing is said but how far the work is, and not even that when `quiet`.
     """
-    # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
+    # Imported here: who compares files needs neither numba nor GL.
     from hsplat_cli.render.film import render_once  # noqa: PLC0415
 
-    with tempfile.TemporaryDirectory(prefix="hsplat-golden-") as name:
-        output = replace(job.scene.output, file=Path(name) / _TEMPLATE)
+    with _temporary_folder() as folder:
+        output = replace(job.scene.output, file=folder / _TEMPLATE)
         job = replace(job, scene=replace(job.scene, output=output), frames=frames)
         shortfall = render_once(job, crew, quiet=quiet, in_passing=True)
         assert shortfall is None, "there is no goal that could be missed"
         told = json.loads(sidecar_path(job.scene, frames).read_bytes())
-        files = {frame: Path(name) / _TEMPLATE.name.format(frame=frame) for frame in frames}
+        files = {frame: folder / _TEMPLATE.name.format(frame=frame) for frame in frames}
         yield Drawing(files, origin_of(told), told["notes"])
+
+
+@contextlib.contextmanager
+def _temporary_folder() -> Iterator[Path]:
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="hsplat-golden-")
+    except OSError as error:
+        hint = "the environment variable TMPDIR names another place"
+        raise RenderError("no folder for frames can be made", got=error.strerror or str(error), hint=hint) from error
+    with folder as name:
+        yield Path(name)

@@ -55,10 +55,14 @@ class Plan:
 
     @property
     def changes_anything(self) -> bool:
-        """Whether there is something to write; another date alone is not."""
+        """Whether there is something to write.
+
+        Where no picture changes, another date, version or driver is nothing: goldens were drawn when golden.json says,
+        and by what.
+        """
         if self.before is None or self.changes or self.before.goldens != self.after.goldens:
             return True
-        return bool(changes(self.before.origin, self.after.origin))
+        return bool(changes(self.before.origin, self.after.origin, "volume", "scene"))
 
 
 def make_plan(
@@ -87,7 +91,8 @@ def make_plan(
     others = [golden for frame, golden in listed.items() if frame not in names]
     unasked = [] if prune else [golden for golden in others if os.path.lexists(folder / golden.file)]
     removed = [golden for golden in others if golden not in unasked]
-    after = Provenance(drawing.origin, sorted([*goldens, *unasked], key=lambda golden: golden.frame), date)
+    listed_after = tuple(sorted([*goldens, *unasked], key=lambda golden: golden.frame))
+    after = Provenance(drawing.origin, listed_after, date)
     worst_first = sorted((change for change in found.values() if change is not None), key=_badness, reverse=True)
     return Plan(before, after, sources, worst_first, removed, unasked, len(names))
 
@@ -122,6 +127,7 @@ def _badness(change: Change) -> tuple[bool, list[float]]:
 
 def described(plan: Plan) -> Iterator[str]:
     """Lines for the terminal: what changes and how much, what goes, what stays, and what may be the cause."""
+    assert plan.before is not None, "first goldens are no change"
     num_changes, num_asked = len(plan.changes), plan.num_asked
     frames = f"{num_asked} frame{'s' * (num_asked > 1)}"
     if num_changes:
@@ -130,15 +136,13 @@ def described(plan: Plan) -> Iterator[str]:
     else:
         yield f"no pixel of {frames} changes"
     if plan.removed:
-        yield f"removed, for nobody asks for {_them(plan.removed)}: {_names(plan.removed)}"
+        yield f"to be removed, for nobody asks for {_them(plan.removed)}: {_names(plan.removed)}"
     yield from unasked_lines(plan)
-    if plan.before is None:
-        return
+    if not (num_changes or plan.removed) and plan.before.goldens != plan.after.goldens:
+        yield f"{NAME} changes: the files are others than it tells of"
     cause = changes(plan.before.origin, plan.after.origin)
     if cause:
         yield f"what has changed since they were drawn: {cause}"
-    elif not (num_changes or plan.removed):
-        yield f"{NAME} changes: it tells of other files"
 
 
 def unasked_lines(plan: Plan) -> Iterator[str]:

@@ -54,7 +54,7 @@ class Provenance:
     """
 
     origin: Mapping[str, Any]
-    goldens: Sequence[Golden]
+    goldens: tuple[Golden, ...]
     date: str | None = None
 
 
@@ -74,7 +74,7 @@ def origin_of(told: Mapping[str, Any]) -> dict[str, Any]:
         section["raw"] = {key: value for key, value in section["raw"].items() if key != "file"}
     return {
         "volume": {
-            "name": as_line(volume["name"]),
+            "name": as_line(Path(volume["name"]).name),
             "fingerprint": volume["fingerprint"],
             "shape": volume["shape"],
             "dtype": volume["dtype"],
@@ -148,7 +148,9 @@ def read_provenance(folder: Path) -> Provenance:
     given = fields(Node(data, "", problems), _TABLE, required=["format", *_PARTS, "frames"])
     if problems:
         raise SceneError([replace(problem, place=str(path)) for problem in problems])
-    return Provenance({part: data[part] for part in _PARTS}, given["frames"], given.get("date"))
+    volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
+    origin = {"volume": volume} | {part: given[part] for part in _PARTS if part != "volume"}
+    return Provenance(origin, given["frames"], given.get("date"))
 
 
 def _read(path: Path) -> bytes:

@@ -9,14 +9,14 @@ no update would touch.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
 from hsplat_cli.crew_options import CrewSpec
-from hsplat_cli.golden.draw import drawn
+from hsplat_cli.golden.draw import Drawing, drawn
 from hsplat_cli.golden.plan import Plan, described, make_plan, unasked_lines
 from hsplat_cli.golden.provenance import NAME, Provenance, golden_file, provenance_bytes, read_provenance
 from hsplat_cli.interrupts import deferrable_interrupts
@@ -61,30 +61,33 @@ def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) 
         _require_free(folder, names.values(), before)
         with drawn(job, wish.frames, crew, quiet=wish.quiet) as drawing:
             plan = make_plan(folder, before, names, drawing, date=wish.date, prune=wish.prune)
-            if not (wish.quiet and wish.yes):
-                _tell(f"note: {note}" for note in drawing.notes)
+            must_ask = before is not None and plan.changes_anything and not wish.yes
+            if must_ask or not wish.quiet:
+                _tell(_report(plan, drawing, folder))
             if not plan.changes_anything:
-                if not wish.quiet:
-                    _tell([f"{folder}: nothing changes", *unasked_lines(plan)])
                 return
-            if before is not None:
-                _require_consent(plan, wish, ask)
+            if must_ask and not ask():
+                _tell(["nothing was written"])
+                raise click.exceptions.Exit(1)
             _apply(plan, folder)
     if not wish.quiet:
         num_written, num_all = len(plan.sources), len(plan.after.goldens)
-        _tell([f"{folder}: {num_written} of {num_all} goldens written; what they were drawn from: {folder / NAME}"])
+        num = f"{num_all} goldens" if num_written == num_all else f"{num_written} of {num_all} goldens written"
+        _tell([f"{folder}: {num}", f"what they were drawn from: {folder / NAME}"])
 
 
-def _require_consent(plan: Plan, wish: Wish, ask: Callable[[], bool]) -> None:
-    if not (wish.quiet and wish.yes):
-        _tell(described(plan))
-    if not (wish.yes or ask()):
-        _tell(["nothing was written"])
-        raise click.exceptions.Exit(1)
+def _report(plan: Plan, drawing: Drawing, folder: Path) -> Iterator[str]:
+    """What there is to say before anything is written."""
+    yield from (f"note: {note}" for note in drawing.notes)
+    if not plan.changes_anything:
+        yield f"{folder}: nothing changes"
+        yield from unasked_lines(plan)
+    elif plan.before is not None:
+        yield from described(plan)
 
 
 def _apply(plan: Plan, folder: Path) -> None:
-    with staged_together(folder / _UNFINISHED) as write, deferrable_interrupts() as defer_interrupts:
+    with deferrable_interrupts() as defer_interrupts, staged_together(folder / _UNFINISHED) as write:
         write(folder / NAME, provenance_bytes(plan.after))
         for name, source in plan.sources.items():
             with explained(source):

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from png_files import noise, smooth, write_film, write_frames
 from processes import MARK, marked, new_mark
 
+from hsplat_cli.compare import film_file
 from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pairs import frame_numbers, natural_order, open_pairs
 from renderer.errors import InputError
@@ -267,6 +268,37 @@ def test_a_film_that_is_something_else(films: Path, tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=r": not an? (MP4|GIF) file$"):
             num_frames(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "gif"])
+def test_a_film_of_huge_frames(films: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
+    monkeypatch.setattr(film_file, "MAX_PIXELS", 32 * 32 - 1)
+    with pytest.raises(InputError, match="the film cannot be decoded"):
+        num_frames(films / f"film.{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("version", "option"),
+    [
+        ("4.2.2-static", "-vsync"),
+        ("n4.4-3-g123", "-vsync"),
+        ("5.0.1", "-vsync"),
+        ("5.1.6-0+deb12u1", "-fps_mode"),
+        ("7.0.2-static", "-fps_mode"),
+        ("n9.0.2-17-g2a571b6068-20260930", "-fps_mode"),
+        ("N-112233-gabcdef", "-fps_mode"),
+    ],
+)
+def test_how_ffmpeg_is_told_to_keep_all_frames(version: str, option: str) -> None:
+    assert film_file.every_frame(version)[0] == option
+
+
+def test_what_is_no_film_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mp4")
+    (tmp_path / "folder.mp4").mkdir()
+    for name in ("pipe", "folder"):
+        with pytest.raises(InputError, match="not a file"):
+            num_frames(tmp_path / f"{name}.mp4")
 
 
 def test_no_child_is_left(films: Path, monkeypatch: pytest.MonkeyPatch) -> None:

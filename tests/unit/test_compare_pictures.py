@@ -46,6 +46,9 @@ def test_values_are_those_that_were_written(tmp_path: Path, image: np.ndarray) -
         [(b"iCCP", b"profile\0\0" + zlib.compress(bytes(200)))],
         [(b"tEXt", b"Comment\0" + bytes(range(1, 200)))],
         [(b"pHYs", struct.pack(">IIB", 1, 9, 0))],
+        [(b"eXIf", b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0")],  # turned by 90 degrees
+        [(b"PLTE", bytes(9))],  # for displays of few colours
+        [(b"zTXt", b"Comment\0\0" + zlib.compress(bytes(2**21)))],
     ],
     ids=lambda more: more[0][0].decode(),
 )
@@ -116,6 +119,20 @@ def test_other_kinds_of_pictures(tmp_path: Path, fields: dict[str, object], word
 def test_a_picture_that_claims_to_be_huge(tmp_path: Path, size: tuple[int, int]) -> None:
     width, height = size
     assert refused(tmp_path, png_file(width, height, b"")) == f"too large a picture: {width} x {height} pixels"
+
+
+def test_chunks_that_must_not_be_there(tmp_path: Path) -> None:
+    second_header = struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)
+    for more in ([(b"IHDR", second_header)], [(b"ABCD", b"")]):
+        content = png_file(9, 13, unfiltered(RGB), more=more)
+        assert refused(tmp_path, content) == "the PNG file is damaged: what cannot be decoded"
+
+
+def test_data_in_many_chunks(tmp_path: Path) -> None:
+    header, data = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0), zlib.compress(unfiltered(RGB))
+    pieces = [chunk(b"IDAT", data[start : start + 7]) for start in range(0, len(data), 7)]
+    content = SIGNATURE + chunk(b"IHDR", header) + b"".join(pieces) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
+    np.testing.assert_array_equal(read(tmp_path, content), RGB)
 
 
 def test_no_pixels(tmp_path: Path) -> None:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import ast
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import yaml
 
+from hsplat_cli.compare.command import compare
 from hsplat_cli.scene_file import load_scene
 from renderer.scene_schema import scene_to_dict
+from renderer.strictness import LEVELS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -50,10 +53,12 @@ def test_recipes_compare_in_the_container_in_which_goldens_are_made(recipe: str)
     text = (ROOT / "README.md").read_text("utf-8")
     (job,) = [job for job in _mappings_in(yaml.safe_load(recipe)) if {"container", "image"} & set(job)]
     assert f"-w /work {job.get('container') or job.get('image')} sh -c" in text
-    commands = [line for line in re.findall(r"(?m)- (?:run: )?((?:apt-get|pip|hsplat) .*)$", recipe)]
+    commands = re.findall(r"(?m)- (?:run: )?((?:apt-get|pip|hsplat) .*)$", recipe)
     for command in commands[:-1]:
         assert f"{command} &&" in " ".join(text.split())
-    assert commands[-1].startswith("hsplat compare scene.yaml goldens ")
+    program, name, *arguments = shlex.split(commands[-1])
+    given = compare.make_context(name, arguments).params
+    assert (program, name) == ("hsplat", "compare") and given["level"] in LEVELS and given["html_file"]
 
 
 def _mappings_in(tree: object) -> Iterator[dict[str, object]]:
