@@ -99,7 +99,7 @@ def test_what_an_update_changes() -> None:
   frame-0001.png             41      9.31        12      1.25
   frame-0000.png              1    0.0052         0   0.00031
   largest: largest error of a channel
-  densest: mean error in the densest window of 8 x 8 pixels
+  densest: mean error of a channel in the densest window of 8 x 8 pixels
   p99: 99th percentile of the pixels' largest errors
   bias: mean signed error of the most shifted channel
 to be removed, for nobody asks for it: frame-0007.png
