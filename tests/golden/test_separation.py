@@ -27,8 +27,8 @@ FAINT = {
 UNSEEN_ACROSS_DRIVERS = {
     "one splat missing",
     "two overlapping splats swapped",
-    "one level of cells missing",
     "footprints 1 % wider",
+    "footprints that end in a step",
     "one pixel off by 3 levels",
 }
 
