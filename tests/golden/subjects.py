@@ -13,7 +13,18 @@ from golden_cases import SCENE
 
 from hsplat_cli.scene_file import load_scene
 from renderer.camera import View
-from renderer.drawing import Detail, Frame, Pose, Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
+from renderer.drawing import (
+    Detail,
+    Frame,
+    Pose,
+    Rasterizer,
+    Stage,
+    Stopwatch,
+    draw,
+    finest_level_at,
+    make_detail,
+    make_pose,
+)
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import prepare
 from renderer.projection import visible_orders
@@ -95,7 +106,7 @@ class Shot:
     @cached_property
     def cut(self) -> Cut:
         """What the splats were made of, cell by cell."""
-        finest_level = max(self.stage.scene.error.finest_level, self.stage.finest_level if self.tolerance > 0 else 0)
+        finest_level = finest_level_at(self.stage, self.tolerance)
         return cut_pyramid(self.stage.pyramid, self.tolerance, finest_level=finest_level)
 
     @property
