@@ -52,7 +52,9 @@ FIGURES = {
         Figure("p99", "99th percentile of the pixels' largest errors", "levels"),
         Figure("flip", "mean FLIP", ""),
         Figure("ssim", "mean SSIM", "", higher_is_better=True),
-        Figure("densest", f"mean error in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "levels"),
+        Figure(
+            "densest", f"mean error of a channel in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "levels"
+        ),
         Figure("bias", "mean signed error of the most shifted channel", "levels"),
     )
 }
@@ -85,7 +87,7 @@ class FrameDifference:
     @property
     def bias(self) -> tuple[float, ...]:
         """Mean signed error of each channel, actual minus golden, in levels."""
-        return tuple(float(mean) / _PARTS for mean in self._parts.mean(axis=(0, 1)))
+        return tuple((self._parts.mean(axis=(0, 1)) / _PARTS).tolist())
 
     def figures(self, names: Iterable[str]) -> dict[str, float]:
         """These of FIGURES, in their order, each at its own price; without SSIM for a picture smaller than its window.
@@ -93,6 +95,7 @@ class FrameDifference:
         FLIP needs the package flip-evaluator, SSIM scikit-image.
         """
         wanted = set(names)
+        assert wanted <= set(FIGURES), wanted
         found = {name: figure(self) for name, figure in _FIGURE_OF.items() if name in wanted}
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
@@ -105,16 +108,15 @@ class FrameDifference:
         return float(np.percentile(self.levels, 99))
 
     def densest(self) -> float:
-        """The largest mean, over all channels, of the errors in a square of WINDOW_PX pixels, or what fits of it.
+        """The largest mean error of a channel in a square of WINDOW_PX pixels, or what fits of it.
 
         That is what many small errors add up to where they are close together.
         """
-        height, width, num_channels = self._parts.shape
-        height, width = min(WINDOW_PX, height), min(WINDOW_PX, width)
-        errors = np.abs(self._parts).sum(axis=2, dtype=np.int64)
-        sums = np.pad(errors.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+        height, width = (min(WINDOW_PX, length) for length in self._parts.shape[:2])
+        errors = np.abs(self._parts).astype(np.int64)
+        sums = np.pad(errors.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0), (0, 0)))
         windows = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
-        return float(windows.max()) / (_PARTS * num_channels * height * width)
+        return float(windows.max()) / (_PARTS * height * width)
 
     def over(self, name: str) -> float:
         """A metric of `renderer.metrics` on the pictures as they are seen; transparent ones over the worse of black

@@ -91,8 +91,7 @@ def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bo
         )
     tell_first_run(quiet=quiet)
     with drawn(job, numbers, CrewSpec(options.workers), quiet=quiet) as drawing:
-        changed_by_hand = _other_files(folder, goldens)
-        notes = [*_notes(before.origin, drawing.origin), *changed_by_hand, *drawing.notes]
+        notes = [*_notes(before.origin, drawing.origin), *_file_notes(folder, goldens), *drawing.notes]
         yield ScenePairs(folder, goldens, drawing, _facts(before, drawing.origin), notes)
 
 
@@ -124,13 +123,12 @@ def _picked(goldens: Sequence[Golden], frames: str | None, job: Job, folder: Pat
     asked = frozenset(parse_frames(frames, job.scene.camera.path.frames))
     picked = [golden for golden in goldens if golden.frame in asked]
     if not picked:
-        numbers = ", ".join(str(golden.frame) for golden in goldens[:_MOST_NAMES])
-        more = f" and {len(goldens) - _MOST_NAMES} more" if len(goldens) > _MOST_NAMES else ""
+        numbers = _some([golden.frame for golden in goldens])
         raise InputError(
             "there are no goldens of these frames",
             where="--frames",
             got=frames,
-            expected=f"frames of which {folder / NAME} tells: {numbers}{more}",
+            expected=f"frames of which {folder / NAME} tells: {numbers}",
         )
     return picked
 
@@ -146,13 +144,23 @@ def _notes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
         yield f"the scene has changed since the goldens were drawn: {scene}"
 
 
-def _other_files(folder: Path, goldens: Sequence[Golden]) -> Iterator[str]:
-    """A note on goldens that are not the files that were written."""
-    others = [golden.file for golden in goldens if not is_file(folder / golden.file, golden.digest)]
+def _file_notes(folder: Path, goldens: Sequence[Golden]) -> Iterator[str]:
+    """On goldens that are not there, or are not the files that were written."""
+    gone = [golden.file for golden in goldens if not (folder / golden.file).exists()]
+    others = [
+        golden.file
+        for golden in goldens
+        if (folder / golden.file).exists() and not is_file(folder / golden.file, golden.digest)
+    ]
+    if gone:
+        yield f"{NAME} tells of goldens that are not there: {_some(gone)}"
     if others:
-        more = f" and {len(others) - _MOST_NAMES} more" if len(others) > _MOST_NAMES else ""
-        names = ", ".join(others[:_MOST_NAMES]) + more
-        yield f"not what {NAME} tells of, but changed by hand, or by an update that was cut short: {names}"
+        yield f"not what {NAME} tells of, but changed by hand, or by an update that was cut short: {_some(others)}"
+
+
+def _some(items: Sequence[object]) -> str:
+    more = f" and {len(items) - _MOST_NAMES} more" if len(items) > _MOST_NAMES else ""
+    return ", ".join(map(str, items[:_MOST_NAMES])) + more
 
 
 def _facts(before: Provenance, now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:

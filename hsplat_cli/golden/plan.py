@@ -60,9 +60,16 @@ class Plan:
         Where no picture changes, another date, version or driver is nothing: goldens were drawn when golden.json says,
         and by what.
         """
-        if self.before is None or self.changes or self.before.goldens != self.after.goldens:
-            return True
-        return bool(changes(self.before.origin, self.after.origin, "volume", "scene"))
+        return bool(self.changes) or self.is_of_another_scene or self._goldens_before != self.after.goldens
+
+    @property
+    def is_of_another_scene(self) -> bool:
+        """Whether the scene or the volume is not what it was."""
+        return self.before is not None and bool(changes(self.before.origin, self.after.origin, "volume", "scene"))
+
+    @property
+    def _goldens_before(self) -> tuple[Golden, ...]:
+        return () if self.before is None else self.before.goldens
 
 
 def make_plan(
@@ -89,8 +96,9 @@ def make_plan(
         with explained(source):
             goldens.append(Golden(frame, name, file_digest(source)))
     others = [golden for frame, golden in listed.items() if frame not in names]
-    unasked = [] if prune else [golden for golden in others if os.path.lexists(folder / golden.file)]
-    removed = [golden for golden in others if golden not in unasked]
+    stays = {golden: not prune and os.path.lexists(folder / golden.file) for golden in others}
+    unasked = [golden for golden in others if stays[golden]]
+    removed = [golden for golden in others if not stays[golden]]
     listed_after = tuple(sorted([*goldens, *unasked], key=lambda golden: golden.frame))
     after = Provenance(drawing.origin, listed_after, date)
     worst_first = sorted((change for change in found.values() if change is not None), key=_badness, reverse=True)
@@ -148,7 +156,8 @@ def described(plan: Plan) -> Iterator[str]:
 def unasked_lines(plan: Plan) -> Iterator[str]:
     """What is said about goldens that nobody asks for and that stay, if there are any."""
     if plan.unasked:
-        yield f"not asked for, and left as they are (--prune removes them): {_names(plan.unasked)}"
+        though = ", of what the scene was" if plan.is_of_another_scene else ""
+        yield f"not asked for, and left as they are{though} (--prune removes them): {_names(plan.unasked)}"
 
 
 def _lines_of(all_changes: Sequence[Change]) -> Iterator[str]:

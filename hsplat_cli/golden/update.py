@@ -72,7 +72,8 @@ def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) 
             _apply(plan, folder)
     if not wish.quiet:
         num_written, num_all = len(plan.sources), len(plan.after.goldens)
-        num = f"{num_all} goldens" if num_written == num_all else f"{num_written} of {num_all} goldens written"
+        goldens = f"{num_all} golden{'s' * (num_all > 1)}"
+        num = goldens if num_written == num_all else f"{num_written} of {goldens} written"
         _tell([f"{folder}: {num}", f"what they were drawn from: {folder / NAME}"])
 
 

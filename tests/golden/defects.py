@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from subjects import Orders, Pixels, Shot
+from subjects import Pixels, Shot
 
 from renderer.frame_difference import FrameDifference
 from renderer.quantize import quantize
 from renderer.scene import ControlPoint
 from renderer.splats import GaussianFootprint, SplatBatch
+
+Order = npt.NDArray[np.uint32]
 
 # A pixel that is off by one level may have been rounded; what is off by more is a fault that can be seen.
 SEEN_LEVELS = 2.0
@@ -56,14 +58,44 @@ def _first_seen(shot: Shot, pictures: Iterable[Pixels]) -> Pixels | None:
 
 
 def _one_splat_missing(shot: Shot) -> Pixels | None:
-    splats = _random(shot).permutation(shot.pose.orders[0][1])[:TRIES]
-    return _first_seen(shot, (_drawn_in(shot, lambda order, i=splat: order[order != i]) for splat in splats))
+    numbers = np.arange(len(shot.splats))
+    return _first_seen(shot, (_without(shot, numbers == splat) for splat in _some_splats(shot)))
+
+
+def _level_missing(shot: Shot) -> Pixels | None:
+    return _first_seen(shot, (_without(shot, shot.cut.levels == level) for level in _levels_by_number(shot)))
+
+
+def _brick_missing(shot: Shot) -> Pixels | None:
+    """Of 8 x 8 x 8 voxels."""
+    bricks = (shot.cut.cells << shot.cut.levels[:, None].astype(np.int32)) >> 3
+    inside = ((bricks == bricks[splat]).all(axis=1) for splat in _some_splats(shot))
+    return _first_seen(shot, (_without(shot, lost) for lost in inside))
 
 
 def _two_swapped(shot: Shot) -> Pixels | None:
-    return _first_seen(
-        shot, (_drawn_in(shot, lambda order, pair=pair: _swapped(order, *pair)) for pair in _overlapping_pairs(shot))
-    )
+    return _first_seen(shot, (_swapped(shot, *pair) for pair in _overlapping_pairs(shot)))
+
+
+def _front_to_back(shot: Shot) -> Pixels:
+    return _in_order(shot, lambda order: np.ascontiguousarray(order[::-1]))
+
+
+def _without(shot: Shot, lost: npt.NDArray[np.bool_]) -> Pixels:
+    return _in_order(shot, lambda order: order[~lost[order]])
+
+
+def _swapped(shot: Shot, first: int, second: int) -> Pixels:
+    def swapped(order: Order) -> Order:
+        result = order.copy()
+        result[order == first], result[order == second] = second, first
+        return result
+
+    return _in_order(shot, swapped)
+
+
+def _in_order(shot: Shot, change: Callable[[Order], Order]) -> Pixels:
+    return shot.drawn(replace(shot.pose, orders=[(share, change(order)) for share, order in shot.pose.orders])).image
 
 
 def _overlapping_pairs(shot: Shot) -> Iterator[tuple[int, int]]:
@@ -78,37 +110,9 @@ def _overlapping_pairs(shot: Shot) -> Iterator[tuple[int, int]]:
             yield int(first), int(later[near.argmax()])
 
 
-def _swapped(order: npt.NDArray[np.uint32], first: int, second: int) -> npt.NDArray[np.uint32]:
-    swapped = order.copy()
-    swapped[order == first], swapped[order == second] = second, first
-    return swapped
-
-
-def _front_to_back(shot: Shot) -> Pixels:
-    return _drawn_in(shot, lambda order: order[::-1])
-
-
-def _level_missing(shot: Shot) -> Pixels | None:
-    levels = shot.cut.levels
-    return _first_seen(
-        shot,
-        (_drawn_in(shot, lambda order, lost=level: order[levels[order] != lost]) for level in _levels_by_number(shot)),
-    )
-
-
-def _brick_missing(shot: Shot) -> Pixels | None:
-    """Of 8 x 8 x 8 voxels."""
-    bricks = (shot.cut.cells << shot.cut.levels[:, None].astype(np.int32)) >> 3
-    seen = _random(shot).permutation(shot.pose.orders[0][1])[:TRIES]
-    inside = ((bricks == bricks[splat]).all(axis=1) for splat in seen)
-    return _first_seen(shot, (_drawn_in(shot, lambda order, lost=lost: order[~lost[order]]) for lost in inside))
-
-
-def _drawn_in(
-    shot: Shot, change: Callable[[npt.NDArray[np.uint32]], npt.NDArray[np.uint32]], orders: Orders | None = None
-) -> Pixels:
-    orders = shot.pose.orders if orders is None else orders
-    return shot.drawn(shot.with_orders([(share, np.ascontiguousarray(change(order))) for share, order in orders])).image
+def _some_splats(shot: Shot) -> list[int]:
+    """Random ones that are drawn."""
+    return _random(shot).permutation(shot.pose.orders[0][1])[:TRIES].tolist()
 
 
 def _levels_by_number(shot: Shot) -> list[int]:
@@ -143,11 +147,12 @@ def _wider(shot: Shot) -> Pixels:
 
 
 def _ending_in_a_step(shot: Shot) -> Pixels | None:
-    """Of 0.2 % of the footprint's middle, at its rim."""
+    """Of 0.2 % of their middle, with the integral that they should have."""
     footprint = shot.splats.footprint
     if not isinstance(footprint, GaussianFootprint):
         return None
-    return _drawn_of(shot, replace(shot.splats, footprint=replace(footprint, rim=0.0)))
+    c0, c1, c2 = np.divide(footprint.coefficients, 1 + footprint.rim * math.pi * footprint.cutoff**2).tolist()
+    return _drawn_of(shot, replace(shot.splats, footprint=replace(footprint, coefficients=(c0, c1, c2), rim=0.0)))
 
 
 def _mirrored(shot: Shot) -> Pixels:

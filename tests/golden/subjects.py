@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +13,18 @@ from golden_cases import SCENE
 
 from hsplat_cli.scene_file import load_scene
 from renderer.camera import View
-from renderer.drawing import Detail, Frame, Pose, Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose, view_of
+from renderer.drawing import (
+    Detail,
+    Frame,
+    Pose,
+    Rasterizer,
+    Stage,
+    Stopwatch,
+    draw,
+    finest_level_at,
+    make_detail,
+    make_pose,
+)
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import prepare
 from renderer.projection import visible_orders
@@ -25,7 +35,6 @@ from renderer.splats import SplatBatch
 CONFIGS = SCENE.parents[2] / "configs"
 
 Pixels = npt.NDArray[np.uint8]
-Orders = Sequence[tuple[float, npt.NDArray[np.uint32]]]
 
 
 @dataclass(frozen=True)
@@ -97,7 +106,7 @@ class Shot:
     @cached_property
     def cut(self) -> Cut:
         """What the splats were made of, cell by cell."""
-        finest_level = max(self.stage.scene.error.finest_level, self.stage.finest_level if self.tolerance > 0 else 0)
+        finest_level = finest_level_at(self.stage, self.tolerance)
         return cut_pyramid(self.stage.pyramid, self.tolerance, finest_level=finest_level)
 
     @property
@@ -130,17 +139,9 @@ class Shot:
         orders = visible_orders(detail.splats, detail.lattice, view, scene.splat.order, self.stage.turning)
         return replace(self.pose, detail=detail, view=view, orders=orders)
 
-    def with_orders(self, orders: Orders) -> Pose:
-        """The same splats in another order."""
-        return replace(self.pose, orders=orders)
-
     def drawn(self, pose: Pose, rasterizer: Rasterizer | None = None) -> Frame:
         """By the product's own last step."""
         return draw(self.stage, pose, self.rasterizer if rasterizer is None else rasterizer, _watch())
-
-    def view_of(self, frame: int) -> View:
-        """Another frame's view."""
-        return view_of(self.stage, frame)
 
 
 def _watch() -> Stopwatch:

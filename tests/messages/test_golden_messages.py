@@ -16,6 +16,7 @@ import pytest
 from hsplat_cli import main
 from hsplat_cli.golden.plan import Change, Plan, described
 from hsplat_cli.golden.provenance import Golden, Provenance
+from renderer.frame_difference import FIGURES
 from renderer.png import encode_png
 
 FORMAT = "hsplat golden 1"
@@ -91,19 +92,19 @@ def test_what_an_update_changes() -> None:
         num_asked=5,
     )
     assert "\n".join(described(plan)) == (
-        """\
+        f"""\
 4 of 5 frames change:
   frame-0004.png is new
   frame-0003.png changes from 32 x 32 RGB to 36 x 32 RGBA
   levels, worst first   largest   densest       p99      bias
   frame-0001.png             41      9.31        12      1.25
   frame-0000.png              1    0.0052         0   0.00031
-  largest: largest error of a channel
-  densest: mean error in the densest window of 8 x 8 pixels
-  p99: 99th percentile of the pixels' largest errors
-  bias: mean signed error of the most shifted channel
+  largest: {FIGURES["largest"].label}
+  densest: {FIGURES["densest"].label}
+  p99: {FIGURES["p99"].label}
+  bias: {FIGURES["bias"].label}
 to be removed, for nobody asks for it: frame-0007.png
-not asked for, and left as they are (--prune removes them): frame-0008.png
+not asked for, and left as they are, of what the scene was (--prune removes them): frame-0008.png
 what has changed since they were drawn: gl was 'llvmpipe'; scene.error.tolerance was 0.1"""
     )
 

@@ -123,6 +123,7 @@ def test_goldens_that_are_gone_and_files_of_somebody_else() -> None:
     (FOLDER / "other.png").write_bytes(b"not even a picture")
     code, data = compare()
     assert (code, statuses(data)) == (1, {0: "same", 1: "extra", 2: "same", 3: "same"})
+    assert data["notes"] == ["golden.json tells of goldens that are not there: frame-0001.png"]
 
 
 def test_a_path_that_has_become_shorter() -> None:

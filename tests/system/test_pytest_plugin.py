@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -142,3 +143,13 @@ def test_the_installed_one_and_one_that_is_asked_for_are_one(folder: Path) -> No
             env=environment,
         )
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_pytest_finds_it_where_hsplat_is_installed() -> None:
+    """Under the name of its module, so that who names that, too, has it once."""
+    if os.environ.get("HSPLAT_TEST_INSTALLED") == "1":
+        assert PLUGIN in {found.name for found in metadata.entry_points(group="pytest11") if found.value == PLUGIN}
+    else:
+        assert f'[project.entry-points.pytest11]\n"{PLUGIN}" = "{PLUGIN}"\n' in (CODE / "pyproject.toml").read_text(
+            "utf-8"
+        )

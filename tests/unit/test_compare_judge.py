@@ -44,7 +44,7 @@ def test_within_all_limits() -> None:
     outcome = verdict(changed(2, slice(1), slice(1)))
     assert outcome.status == "close" and outcome.passes
     assert outcome.why == "within the limits, the nearest of which is largest error of a channel 2 levels, at most 2"
-    assert outcome.figures == {"largest": 2, "p99": 0, "densest": 2 / 192, "bias": 2 / 256}
+    assert outcome.figures == {"largest": 2, "p99": 0, "densest": 2 / 64, "bias": 2 / 256}
     assert outcome.exceeded == []
     assert outcome.severity == 1
 
@@ -80,7 +80,7 @@ def test_a_cluster_fails_where_noise_passes() -> None:
     limits = {"largest": 2.0, "densest": 1.0}
     assert verdict((GREY + noise_levels).astype(np.uint8), limits=limits).status == "close"
     outcome = verdict(cluster, limits=limits)
-    assert outcome.why == "mean error in the densest window of 8 x 8 pixels 2 levels, at most 1"
+    assert outcome.why == "mean error of a channel in the densest window of 8 x 8 pixels 2 levels, at most 1"
 
 
 def test_only_limited_figures_are_taken() -> None:
