@@ -18,7 +18,11 @@ from renderer.errors import InputError
 @click.command()
 @click.argument("scene", type=click.Path(path_type=Path))
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--frames", metavar="A:B:STEP", help="Keep only these frames, as Python slices them: 0:30, ::10, 7.")
+@click.option(
+    "--frames",
+    metavar="A:B:STEP",
+    help="Only these frames, as Python slices them: ::10, 7. [default: all; in an update those that are golden]",
+)
 @click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
 )
@@ -58,7 +62,7 @@ def golden(
 
         told_date = parse_date(date)
         job = load_steady_job(scene, overrides=overrides, volume=volume)
-        numbers = parse_frames(frames, job.scene.camera.path.frames, job.frames)
+        numbers = None if frames is None else parse_frames(frames, job.scene.camera.path.frames, job.frames)
         tell_first_run(quiet=quiet)
         wish = Wish(folder, numbers, told_date, update=update, prune=prune, yes=yes, quiet=quiet)
         keep_goldens(job, wish, CrewSpec(workers), _may_overwrite)

@@ -30,10 +30,13 @@ _UNFINISHED = "golden.unfinished"
 
 @dataclass(frozen=True)
 class Wish:
-    """What the user asks for: goldens of these frames in this folder. The rest is as on the command line."""
+    """What the user asks for: goldens of these frames in this folder. The rest is as on the command line.
+
+    frames: None for those that are golden already, or where there are none for all that the scene has.
+    """
 
     folder: Path
-    frames: Sequence[int]
+    frames: Sequence[int] | None = None
     date: str | None = None
     update: bool = False
     prune: bool = False
@@ -57,9 +60,10 @@ def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) 
                 got=f"{len(before.goldens)} frame{'s' * (len(before.goldens) > 1)}",
                 hint="--update says what has changed, and writes it over them; `hsplat compare SCENE FOLDER` compares",
             )
-        names = _names(wish.frames, before, job.scene.camera.path.frames)
+        frames = wish.frames or _same_frames(before, job.frames)
+        names = _names(frames, before, job.scene.camera.path.frames)
         _require_free(folder, names.values(), before)
-        with drawn(job, wish.frames, crew, quiet=wish.quiet) as drawing:
+        with drawn(job, frames, crew, quiet=wish.quiet) as drawing:
             plan = make_plan(folder, before, names, drawing, date=wish.date, prune=wish.prune)
             must_ask = before is not None and plan.changes_anything and not wish.yes
             if must_ask or not wish.quiet:
@@ -103,6 +107,12 @@ def _apply(plan: Plan, folder: Path) -> None:
 def _tell(lines: Iterable[str]) -> None:
     for line in lines:
         click.echo(line)
+
+
+def _same_frames(before: Provenance | None, drawable: Sequence[int]) -> Sequence[int]:
+    """Those that are golden and that the scene still has; all that it has where there are none."""
+    golden = frozenset() if before is None else frozenset(each.frame for each in before.goldens)
+    return [frame for frame in drawable if frame in golden] or drawable
 
 
 def _names(frames: Sequence[int], before: Provenance | None, num_frames: int) -> dict[int, str]:

@@ -227,7 +227,7 @@ def test_files_of_somebody_else_are_not_touched(capsys: pytest.CaptureFixture[st
         assert golden() == 2
         assert files() == before
     assert golden("--frames", ":2", "--quiet") == 0
-    assert golden("--update", "--yes", "--quiet") == 2
+    assert golden("--update", "--yes", "--quiet", "--frames", ":") == 2
     assert files()["frame-0002.png"] == before["frame-0002.png"]
 
 
@@ -413,3 +413,14 @@ def test_no_place_for_frames(capsys: pytest.CaptureFixture[str], monkeypatch: py
         "  got: No such file or directory\n"
         "  hint: the environment variable TMPDIR names another place\n"
     )
+
+
+def test_an_update_is_of_the_frames_that_are_golden() -> None:
+    """Whoever keeps some frames need not say again which; a golden that the scene has lost stays."""
+    assert golden("--frames", "1::2", "--quiet") == 0
+    before = files()
+    assert golden("--update", "--yes", "--quiet", *OTHER, "--set", "camera.path.frames=3") == 0
+    after = files()
+    assert after.keys() == before.keys()
+    assert after["frame-0001.png"] != before["frame-0001.png"]
+    assert after["frame-0003.png"] == before["frame-0003.png"]
