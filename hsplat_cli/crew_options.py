@@ -38,17 +38,22 @@ class CrewSpec:
     scheduler: str | None = None
 
 
-def crew_options(command: _Command) -> _Command:
-    """A decorator for --workers and --scheduler."""
-    command = click.option(
-        "--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler, tcp://node7:8786, or local."
-    )(command)
+def workers_option(command: _Command) -> _Command:
+    """A decorator for --workers."""
     return click.option(
         "--workers",
         type=click.IntRange(min=1),
         metavar="N",
         help="Draw with N processes; as many as is fastest by default.",
     )(command)
+
+
+def crew_options(command: _Command) -> _Command:
+    """A decorator for --workers and --scheduler."""
+    command = click.option(
+        "--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler, tcp://node7:8786, or local."
+    )(command)
+    return workers_option(command)
 
 
 def require_crew(spec: CrewSpec) -> None:

@@ -22,7 +22,7 @@ def read_content(path: Path) -> bytes:
                 content += file.read(MAX_SIDECAR_BYTES - MAX_SCENE_BYTES)
             return content
     except FileNotFoundError as error:
-        raise InputError("no such file", where=str(path), hint=_nearest_file(path)) from error
+        raise InputError("no such file", where=str(path), hint=nearest_file(path)) from error
     except IsADirectoryError as error:
         raise InputError("a folder", where=str(path), expected="a scene file") from error
     except (OSError, ValueError) as error:
@@ -49,7 +49,8 @@ def decode(content: bytes, path: Path) -> str:
         ) from error
 
 
-def _nearest_file(path: Path) -> str | None:
+def nearest_file(path: Path) -> str | None:
+    """A hint that names the file of nearly this name, or None."""
     try:
         names = sorted(entry.name for entry in path.parent.iterdir())
     except OSError:

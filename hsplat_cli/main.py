@@ -29,6 +29,8 @@ COMMANDS = {
     "turntable": ("hsplat_cli.turntable.command", "Render turntables of volumes without a scene file."),
     "measure": ("hsplat_cli.measure.command", "Measure what a scene costs and how near to the truth it comes."),
     "paper": ("hsplat_cli.paper.command", "Reproduce the figures of Laur and Hanrahan 1991 on one page."),
+    "golden": ("hsplat_cli.golden.command", "Keep frames of a scene to compare later ones with."),
+    "compare": ("hsplat_cli.compare.command", "Compare frames with golden ones; exit with 1 where they differ."),
     "info": ("hsplat_cli.info", "Describe a volume: shape, place, values and histogram."),
 }
 

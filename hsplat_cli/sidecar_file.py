@@ -69,7 +69,7 @@ def sidecar_in(content: bytes, path: Path) -> Sidecar | None:
     if len(content) > MAX_SIDECAR_BYTES:
         raise InputError("too large for a sidecar", where=str(path), expected=f"at most {MAX_SIDECAR_BYTES} bytes")
     try:
-        data = _load(decode(content, path), path)
+        data = load_object(decode(content, path), path)
     except InputError:
         if is_marked:
             raise
@@ -92,7 +92,11 @@ class _Refused:
     key: str | None = None
 
 
-def _load(text: str, path: Path) -> dict[str, Any]:
+def load_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[str, Any]:
+    """The object in a text that begins with a brace, without what JSON does not have and keys that are there twice.
+
+    kind: of the file, for messages. Raises InputError, or SceneError with all that is refused.
+    """
     refused: list[_Refused] = []
 
     def refuse(what: str, got: str | None = None, key: str | None = None) -> _Refused:
@@ -127,7 +131,7 @@ def _load(text: str, path: Path) -> dict[str, Any]:
         raise InputError(
             f"not valid JSON{excerpt([line], Mark(1, error.colno))}",
             where=f"{path}:{error.lineno}:{error.colno}",
-            hint="a sidecar is written as a whole: this one was cut off, or changed since",
+            hint=f"{kind} is written as a whole: this one was cut off, or changed since",
         ) from error
     except RecursionError as error:
         raise InputError("not valid JSON: too many levels", where=str(path)) from error

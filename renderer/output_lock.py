@@ -106,7 +106,7 @@ def _hold(descriptor: int, places: Sequence[int], output: Path) -> None:
                 "another job is writing this output",
                 where=str(output),
                 got=note if note.isprintable() and note else None,
-                hint="wait until it is done, or give this one another --output",
+                hint="wait until it is done, or give this one another output",
             )
     os.ftruncate(descriptor, 0)
     os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -30,21 +31,26 @@ def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # modulo 256, as the standard has it
     header = struct.pack(">IIBBBBB", width, height, 8, _COLOR_TYPES[channels], 0, 0, 0)
     data = zlib.compress(filtered.tobytes(), _LEVEL)
-    return _SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
+    return png_of([(b"IHDR", header), (b"IDAT", data), (b"IEND", b"")])
+
+
+def png_of(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
+    """A file of these chunks, each a name and its content."""
+    return _SIGNATURE + b"".join(_chunk(name, content) for name, content in chunks)
 
 
 def _chunk(name: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
 
 
-def png_shape(content: bytes) -> tuple[int, int, int]:
-    """(height, width, channels) of the picture in a file such as `encode_png` makes, once all of it was looked through.
+def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
+    """Name and content of every chunk of a file, from IHDR to IEND; all checksums are right.
 
     Raises ValueError with what is wrong.
     """
     if not content.startswith(_SIGNATURE):
         raise ValueError("not a PNG file")
-    name, position = b"", len(_SIGNATURE)
+    chunks, position = [], len(_SIGNATURE)
     while position < len(content):
         length = int.from_bytes(content[position : position + 4], "big")
         name, end = content[position + 4 : position + 8], position + 8 + length
@@ -52,9 +58,19 @@ def png_shape(content: bytes) -> tuple[int, int, int]:
             raise ValueError("cut off")
         if zlib.crc32(content[position + 4 : end]) != int.from_bytes(content[end : end + 4], "big"):
             raise ValueError("damaged")
+        chunks.append((name, content[position + 8 : end]))
         position = end + 4
-    if name != b"IEND":
+    if not chunks or chunks[0][0] != b"IHDR" or chunks[-1][0] != b"IEND":
         raise ValueError("cut off")
+    return chunks
+
+
+def png_shape(content: bytes) -> tuple[int, int, int]:
+    """(height, width, channels) of the picture in a file such as `encode_png` makes, once all of it was looked through.
+
+    Raises ValueError with what is wrong.
+    """
+    png_chunks(content)
     return header_shape(content)
 
 

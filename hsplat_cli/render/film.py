@@ -28,10 +28,13 @@ from renderer.output_files import has_frame_files, sidecar_path
 from renderer.pacing import Details
 
 
-def render_once(job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bool) -> RenderError | None:
+def render_once(
+    job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bool, in_passing: bool = False
+) -> RenderError | None:
     """The film that the scene asks for, in one pass; what was asked for and not had.
 
     Frames that an earlier job finished are kept; with `force` they are drawn again.
+    in_passing: the film is a means to another end, in a new folder: nothing is said of it but how far the work is.
     """
     start, output, frames = time.perf_counter(), job.scene.output, job.frames
     with contextlib.ExitStack() as stack:
@@ -59,11 +62,11 @@ def render_once(job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bo
             done = Done(job, plan, records, notes, made_by, seconds, num_kept)
             record(done, folder, cause)
         except BaseException:
-            if not quiet:
+            if not (quiet or in_passing):
                 tell_left(kept, job, folder, force=force)
             raise
         forget_frames(folder, output, frames)
-    tell(done, quiet=quiet)
+    tell(done, quiet=quiet or in_passing)
     return done.shortfall
 
 

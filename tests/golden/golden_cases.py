@@ -1,6 +1,8 @@
 """The table of golden frames: what each one changes in scene.yaml, and what it protects.
 
-The test draws them and compares, `regenerate.py` draws them and keeps; both do it through the command `hsplat render`.
+The test compares them with what the scene gives now, `regenerate.py` draws them anew; both do it by the program's own
+commands, `hsplat compare` and `hsplat golden`. Each case has a folder of its own in `frames`, in which golden.json says
+what its frames were drawn from.
 """
 
 from __future__ import annotations
@@ -48,9 +50,10 @@ def signed_floats(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Case:
-    """name: of its files; protects: what would break unnoticed without it; changes: values of `--set`.
+    """name: of its folder; protects: what would break unnoticed without it; changes: values of `--set`.
 
     frames: as in `--frames`; volume: writes a file for `--volume` into a folder.
+    golden_changes: in place of `changes` when the golden is drawn: such a comparison must fail.
     """
 
     name: str
@@ -58,18 +61,32 @@ class Case:
     changes: tuple[str, ...] = ()
     frames: str = "0"
     volume: Callable[[Path], Path] | None = None
+    golden_changes: tuple[str, ...] | None = None
 
-    def draw(self, folder: Path) -> list[Path]:
-        """Draw the case's frames into `folder`, which gets `NAME-FRAME.png` and a sidecar; returns their paths."""
-        arguments = ["render", str(SCENE), "--quiet", "--frames", self.frames]
-        arguments += ["--output", str(folder / f"{self.name}-{{frame}}.png")]
-        for change in self.changes:
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def folder(self) -> Path:
+        """Of its goldens."""
+        return FRAMES / self.name
+
+    def compare(self, scratch: Path, *options: str) -> int:
+        """`hsplat compare` of the scene with the case's goldens, and its exit code; `scratch` is a folder for files."""
+        return self._run("compare", self.changes, scratch, *options)
+
+    def keep(self, scratch: Path, *options: str) -> int:
+        """`hsplat golden`, and its exit code."""
+        changes = self.changes if self.golden_changes is None else self.golden_changes
+        return self._run("golden", changes, scratch, "--frames", self.frames, *options)
+
+    def _run(self, command: str, changes: tuple[str, ...], scratch: Path, *options: str) -> int:
+        arguments = [command, str(SCENE), str(self.folder), *options]
+        for change in changes:
             arguments += ["--set", change]
         if self.volume is not None:
-            arguments += ["--volume", str(self.volume(folder))]
-        code = main.run(arguments)
-        assert code == 0, f"hsplat {' '.join(arguments)}: exit code {code}"
-        return sorted(folder.glob(f"{self.name}-*.png"))
+            arguments += ["--volume", str(self.volume(scratch))]
+        return main.run(arguments)
 
 
 _GOURAUD = "splat={footprint: gouraud, angular: 6, radial: 2}"
@@ -178,5 +195,10 @@ CASES = (
             " opacity: 0.4}]}",
         ),
         volume=signed_floats,
+    ),
+    Case(
+        "must_fail",
+        "the comparison: its golden is of another scene, drawn 0.1 degree further round",
+        golden_changes=("camera.path.start=20.1",),
     ),
 )

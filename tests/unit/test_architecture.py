@@ -40,7 +40,8 @@ ROOMS: dict[str, tuple[str, str]] = {
     "frame": ("drawing costs pacing parcel", "words checks volumes classification pyramid cut path splats film"),
     "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film frame"),
     "study": (
-        "metrics pareto search study sweep sweep_plan thumbnails tolerances trials truths want",
+        "frame_difference metrics pareto search strictness study sweep sweep_plan thumbnails tolerances trials truths "
+        "want",
         "words checks classification pyramid cut path splats truth film frame contents",
     ),
 }
@@ -53,6 +54,7 @@ COMMANDS_MAY_IMPORT = {
     "frame_record", "kept_frames", "output_lock", "picture", "parcel", "runs", "stream_tail",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "png", "staging",  # reports
+    "encode", "frame_difference", "strictness",  # compare
     "camera", "thumbnails", "transfer",  # peers
     "colormaps", "suggestion",  # scenes without a scene file
     "integrator", "octree", "splats",  # paper

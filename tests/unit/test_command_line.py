@@ -38,6 +38,8 @@ def python(*arguments: str, **environment: str) -> subprocess.CompletedProcess[s
         ["--help"],
         ["--version"],
         ["check", "--help"],
+        ["golden", "--help"],
+        ["compare", "--help"],
         ["check", str(DEMO)],
         ["check", str(DEMO), "--frames", "::9", "--output", "new/{frame}.png", "--volume", "scan.nrrd"],
         ["check", str(DEMO), "--set", "transfer_function={colormap: viridis, range: [0, 9], opacity: [[0, 1]]}"],
@@ -97,7 +99,8 @@ def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == (
         "",
         "hsplat has no command 'chekc'\n"
-        "  expected: render, assemble, check, init, turntable, measure, paper, info\n  hint: did you mean check?\n",
+        "  expected: render, assemble, check, init, turntable, measure, paper, golden, compare, info\n"
+        "  hint: did you mean check?\n",
     )
 
 

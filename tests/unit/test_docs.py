@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import ast
 import re
+import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 
+from hsplat_cli.compare.command import compare
 from hsplat_cli.scene_file import load_scene
 from renderer.scene_schema import scene_to_dict
+from renderer.strictness import LEVELS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -17,8 +23,11 @@ def _scene_in(document: str) -> str:
     return _blocks_in(document)[0]
 
 
-def _blocks_in(document: str) -> list[str]:
-    return re.findall(r"```yaml\n(.*?)```", (ROOT / document).read_text("utf-8"), re.DOTALL)
+def _blocks_in(document: str, language: str = "yaml") -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / document).read_text("utf-8"), re.DOTALL)
+
+
+RECIPES = [block for block in _blocks_in("README.md") if block.startswith("# .")]  # they begin with the file's name
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/scene.md"])
@@ -33,10 +42,37 @@ def test_the_scene_in_the_text_is_legal(document: str, tmp_path: Path) -> None:
 def test_every_line_of_the_other_examples_may_stand_in_the_scene(tmp_path: Path) -> None:
     scene, *others = _blocks_in("README.md")
     (tmp_path / "scan.nii.gz").touch()
-    for line in "".join(others).splitlines():
+    for line in "".join(block for block in others if block not in RECIPES).splitlines():
         key = line.partition(":")[0]
         (tmp_path / "scene.yaml").write_text(re.sub(rf"(?m)^{key}:.*$", lambda _, new=line: new, scene), "utf-8")
         load_scene(tmp_path / "scene.yaml")
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.split()[1])
+def test_recipes_compare_in_the_container_in_which_goldens_are_made(recipe: str) -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    (job,) = [job for job in _mappings_in(yaml.safe_load(recipe)) if {"container", "image"} & set(job)]
+    assert f"-w /work {job.get('container') or job.get('image')} sh -c" in text
+    commands = re.findall(r"(?m)- (?:run: )?((?:apt-get|pip|hsplat) .*)$", recipe)
+    for command in commands[:-1]:
+        assert f"{command} &&" in " ".join(text.split())
+    program, name, *arguments = shlex.split(commands[-1])
+    given = compare.make_context(name, arguments).params
+    assert (program, name) == ("hsplat", "compare") and given["level"] in LEVELS and given["html_file"]
+
+
+def _mappings_in(tree: object) -> Iterator[dict[str, object]]:
+    if isinstance(tree, dict):
+        yield tree
+    for item in tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ():
+        yield from _mappings_in(item)
+
+
+def test_python_in_the_text_can_be_parsed() -> None:
+    blocks = _blocks_in("README.md", "python")
+    assert blocks
+    for block in blocks:
+        ast.parse(block)
 
 
 @pytest.mark.parametrize("config", sorted((ROOT / "configs").rglob("*.yaml")), ids=lambda path: path.stem)

@@ -135,7 +135,7 @@ def test_places_that_overlap(folder: Path, theirs: Sequence[int], ours: Sequence
             take(folder, ours)
         assert str(caught.value) == (
             f"film.mp4: another job is writing this output\n  got: process {process.pid} on {os.uname().nodename}\n"
-            "  hint: wait until it is done, or give this one another --output"
+            "  hint: wait until it is done, or give this one another output"
         )
         assert process.poll() is None
         assert (folder / "lock").is_file()

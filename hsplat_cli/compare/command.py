@@ -1,0 +1,82 @@
+"""`hsplat compare GOLDEN ACTUAL`: whether frames are as they should be, for people and for CI.
+
+Exit codes: 0 all pass, 1 something differs, 2 it could not be compared. The command is in this package, and not with
+what compares, because it also draws goldens anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from hsplat_cli.crew_options import workers_option
+from hsplat_cli.interrupts import terminated_as_interrupted
+from renderer.errors import InputError, RenderError
+
+_file = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("golden", type=_file)
+@click.argument("actual", type=_file)
+@click.option("--level", metavar="LEVEL", help="exact, same-machine (the default) or cross-driver.")
+@click.option("--limit", "limits", multiple=True, metavar="FIGURE=VALUE", help="Another limit: largest=4, flip=none.")
+@click.option("--json", "json_file", type=_file, metavar="FILE", help="Write what came of every frame as JSON.")
+@click.option("--junit", "junit_file", type=_file, metavar="FILE", help="Write a JUnit report, as CI systems read it.")
+@click.option("--html", "html_file", type=_file, metavar="FILE", help="Write a page that shows the worst frames.")
+@click.option("--frames", metavar="A:B:STEP", help="Of a scene: compare only those of its goldens in this range.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Of a scene: change a value.")
+@click.option("--volume", type=_file, metavar="FILE", help="Of a scene: take the volume from this file.")
+@workers_option
+@click.option("--quiet", is_flag=True, help="Say nothing unless a frame fails.")
+@click.pass_context
+def compare(
+    context: click.Context,
+    golden: Path,
+    actual: Path,
+    level: str | None,
+    limits: tuple[str, ...],
+    json_file: Path | None,
+    junit_file: Path | None,
+    html_file: Path | None,
+    frames: str | None,
+    overrides: tuple[str, ...],
+    volume: Path | None,
+    workers: int | None,
+    quiet: bool,
+) -> None:
+    """Compare frames with golden ones; exit with 1 where they differ.
+
+    GOLDEN and ACTUAL are two PNG pictures, two folders of them or templates such as frames/{frame:04}.png, or two
+    films. A file compare.yaml beside the goldens may have limits of its own.
+
+    Or they are a scene and a folder of goldens that `hsplat golden` made: the frames are drawn again and compared.
+    """
+    with _could_not_compare(), terminated_as_interrupted():
+        # Imported here: numpy takes longer to load than --help may take to answer.
+        from hsplat_cli.compare.matching import compare_frames  # noqa: PLC0415
+        from hsplat_cli.compare.report import table_of  # noqa: PLC0415
+        from hsplat_cli.compare.run import ReportFiles  # noqa: PLC0415
+        from hsplat_cli.compare.scene import SceneOptions  # noqa: PLC0415
+
+        reports = ReportFiles(json_file, junit_file, html_file)
+        drawing = SceneOptions(frames, overrides, volume, workers)
+        comparison = compare_frames(golden, actual, reports, drawing, level=level, limits=limits, quiet=quiet)
+    if not (quiet and comparison.passes):
+        click.echo(table_of(comparison))
+    if not comparison.passes:
+        context.exit(1)
+
+
+@contextlib.contextmanager
+def _could_not_compare() -> Iterator[None]:
+    """Whatever keeps frames from being compared is an InputError: the exit code 1 says that they differ."""
+    try:
+        yield
+    except RenderError as error:
+        raise InputError(
+            error.what, where=error.where, got=error.got, expected=error.expected, hint=error.hint
+        ) from error

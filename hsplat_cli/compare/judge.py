@@ -1,0 +1,90 @@
+"""The verdict on a pair of frames: the same, close enough, or what is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from hsplat_cli.compare.outcome import Outcome, Status
+from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.compare.rules import Rules
+from hsplat_cli.compare.words import figure_text
+from renderer.errors import InputError, require_package
+from renderer.frame_difference import FIGURES, FrameDifference
+from renderer.strictness import Limits, exceeded, severity
+
+# The figures that another package computes, and the extra that brings it.
+_PACKAGES = {"flip": ("flip_evaluator", "compare"), "ssim": ("skimage", "measure")}
+
+_KINDS = {3: "RGB", 4: "RGBA"}
+
+
+def judge(pairs: Iterable[Pair], rules: Rules, see: Callable[[Outcome, Pair], None]) -> list[Outcome]:
+    """What came of each pair, in their order; `see` is called with each as soon as it is known.
+
+    Raises InputError where a limited figure cannot be taken, for a package that is missing before the first pair.
+    """
+    require_packages(rules)
+    outcomes = []
+    for pair in pairs:
+        outcome = outcome_of(pair, rules.limits_for(pair.name))
+        see(outcome, pair)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def require_packages(rules: Rules) -> None:
+    """Raise InputError where a package is missing that a limit of any frame needs."""
+    limited = {figure for name in ("", *rules.frames) for figure in rules.limits_for(name)}
+    for figure, (package, extra) in _PACKAGES.items():
+        if figure in limited:
+            require_package(package, extra=extra)
+
+
+def outcome_of(pair: Pair, limits: Limits) -> Outcome:
+    """What came of one pair. Raises InputError where a limited figure cannot be taken."""
+    if pair.golden is None or pair.actual is None:
+        status: Status = "missing" if pair.actual is None else "extra"
+        side = "ACTUAL" if pair.actual is None else "GOLDEN"
+        return Outcome(pair.name, status, f"{side} has no such frame", limits=limits, number=pair.number)
+    if pair.golden.shape != pair.actual.shape:
+        return _of_other_shapes(pair, pair.golden, pair.actual, limits)
+    if pair.golden is pair.actual or np.array_equal(pair.golden, pair.actual):
+        figures = {name: float(FIGURES[name].higher_is_better) for name in limits}
+        channels = pair.golden.shape[2]
+        return Outcome(
+            pair.name, "same", "the same pixels", figures, limits, bias=(0.0,) * channels, number=pair.number
+        )
+    return _of_difference(pair, FrameDifference(pair.golden, pair.actual), limits)
+
+
+def _of_other_shapes(pair: Pair, golden: Pixels, actual: Pixels, limits: Limits) -> Outcome:
+    (height, width, channels), (other_height, other_width, other_channels) = golden.shape, actual.shape
+    if (height, width) != (other_height, other_width):
+        why = f"{other_width} x {other_height} pixels, the golden has {width} x {height}"
+        return Outcome(pair.name, "other size", why, limits=limits, number=pair.number)
+    why = f"{_KINDS[other_channels]}, the golden is {_KINDS[channels]}: alpha is {'lost' if channels == 4 else 'new'}"
+    return Outcome(pair.name, "other channels", why, limits=limits, number=pair.number)
+
+
+def _of_difference(pair: Pair, difference: FrameDifference, limits: Limits) -> Outcome:
+    figures = difference.figures(limits)
+    for name in limits:
+        if name not in figures:
+            hint = f"take the limit away for this frame: {name}: none"
+            raise InputError(f"too small a picture for {FIGURES[name].label}", where=pair.name, hint=hint)
+    over = exceeded(figures, limits)
+    worst = max(limits, key=lambda name: severity(figures, {name: limits[name]}))
+    name = over[0] if over else worst
+    text = figure_text(name, figures[name], limits[name])
+    return Outcome(
+        pair.name,
+        "different" if over else "close",
+        text if over else f"within the limits, the nearest of which is {text}",
+        figures,
+        limits,
+        over,
+        difference.bias,
+        pair.number,
+    )

@@ -1,0 +1,98 @@
+"""Two names, of whatever frames they stand for, to what came of comparing them: for the command line and for tests."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from hsplat_cli.compare.judge import require_packages
+from hsplat_cli.compare.outcome import Comparison
+from hsplat_cli.compare.pairs import open_pairs
+from hsplat_cli.compare.report import table_of
+from hsplat_cli.compare.rules import load_rules
+from hsplat_cli.compare.run import AnyPairs, ReportFiles, run_comparison
+from hsplat_cli.compare.scene import SceneOptions, compare_scene
+from hsplat_cli.golden.provenance import NAME
+from renderer.errors import InputError
+
+# A scene, or the sidecar of a film.
+_SCENE_SUFFIXES = (".yaml", ".yml", ".json")
+
+
+def compare_frames(
+    golden: Path,
+    actual: Path,
+    reports: ReportFiles,
+    drawing: SceneOptions,
+    *,
+    level: str | None,
+    limits: Sequence[str],
+    quiet: bool,
+) -> Comparison:
+    """What came of a comparison, with its reports written.
+
+    golden, actual: as `open_pairs` takes them; or a scene, or the sidecar of a film, and the folder of its goldens.
+    drawing: how the scene is drawn. level, limits: as `--level` and `--limit` give them. quiet: do not show how far the
+    work is.
+
+    Raises HsplatError where they cannot be compared.
+    """
+    folder = _goldens_of(golden, actual)
+    _require_spared(reports, (golden, actual, actual / NAME, golden / NAME))
+    reports.require_writable()
+    rules = load_rules(folder or golden, level, limits)
+    require_packages(rules)
+    if folder is None and drawing.given:
+        raise InputError("of no use where no scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
+    opened: contextlib.AbstractContextManager[AnyPairs]
+    if folder is None:
+        opened, names = open_pairs(golden, actual), (str(golden), str(actual))
+    else:
+        opened, names = compare_scene(golden, folder, drawing, quiet=quiet), (str(folder), f"{golden}, drawn now")
+    with opened as pairs:
+        return run_comparison(pairs, rules, golden=names[0], actual=names[1], reports=reports, quiet=quiet)
+
+
+def _goldens_of(golden: Path, actual: Path) -> Path | None:
+    """The folder of a scene's goldens, where there is a scene. Raises InputError where it is not in its place."""
+    if golden.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(golden):
+        return actual
+    if actual.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(actual):
+        hint = f"hsplat compare {actual} {golden}"
+        raise InputError("the scene comes first, and then the folder of its goldens", where=str(actual), hint=hint)
+    return None
+
+
+def _require_spared(reports: ReportFiles, inputs: Sequence[Path]) -> None:
+    """Raise InputError where a report would be written over what is compared."""
+    spared = {path.absolute() for path in inputs}
+    for option, path in (("--json", reports.json), ("--junit", reports.junit), ("--html", reports.html)):
+        if path is not None and path.absolute() in spared:
+            raise InputError("a report would be written over what is compared", where=f"{option} {path}")
+
+
+def require_match(
+    golden: str | Path,
+    actual: str | Path,
+    *,
+    level: str | None = None,
+    limits: Mapping[str, float | None] | None = None,
+    html: str | Path | None = None,
+) -> None:
+    """Raise AssertionError, with the table of `hsplat compare`, where frames differ by more than they may.
+
+    As the fixture of `pytest_plugin` describes it.
+    """
+    __tracebackhide__ = True  # for pytest: what has failed is the line of the test
+    overrides = [
+        f"{figure}={'none' if limit is None else repr(float(limit))}" for figure, limit in (limits or {}).items()
+    ]
+    reports = ReportFiles(html=None if html is None else Path(html))
+    comparison = compare_frames(
+        Path(golden), Path(actual), reports, SceneOptions(), level=level, limits=overrides, quiet=True
+    )
+    if not comparison.passes:
+        page = "" if html is None else f"\nthe frames: {html}"
+        raise AssertionError(f"{golden} and {actual} do not match\n{table_of(comparison)}{page}")

@@ -1,0 +1,240 @@
+"""Which frames belong together: those of two pictures, folders, templates or films."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hsplat_cli.compare.film_file import decoded_film, num_frames
+from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.input_file import nearest_file
+from hsplat_cli.picture_file import file_content, is_picture, picture_in, read_picture
+from renderer.errors import InputError
+from renderer.output_files import FRAME_FIELD as ANY_FRAME_FIELD
+from renderer.output_files import frame_path
+from renderer.schema import listed
+from renderer.schema_output import FRAME_FIELD
+
+FILM_SUFFIXES = (".mp4", ".gif")
+
+_FOLDER, _TEMPLATE, _PICTURE = "a folder", "a template of frames", "a PNG picture"
+_EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format, MP4 or GIF"
+_MAX_NAMED = 3
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of frames, one of which is in memory at a time. To be gone through once.
+
+    names: of all of them, in their order. notes: what the user should know about them.
+    """
+
+    names: Sequence[str]
+    notes: Sequence[str]
+    _read: Callable[[], Iterator[Pair]]
+
+    @property
+    def facts(self) -> Mapping[str, tuple[str, str]]:
+        """None: files do not tell what made them."""
+        return {}
+
+    def __iter__(self) -> Iterator[Pair]:
+        """Raises InputError where a frame cannot be read."""
+        return self._read()
+
+
+@contextlib.contextmanager
+def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
+    """The pairs of what two names stand for, at least one.
+
+    That is, on both sides: a PNG picture; a folder, whose PNG files are taken by their names; a template such as
+    `frames/{frame:04}.png`, the files of which are taken by their numbers, or, together with a folder, by their names;
+    or a film, whose frames are taken by their index.
+
+    Raises InputError where there is nothing to compare.
+    """
+    kinds = _kind(golden), _kind(actual)
+    in_folders = set(kinds) <= {_FOLDER, _TEMPLATE}
+    if kinds[0] != kinds[1] and not in_folders:
+        got = f"{golden}, {kinds[0]}; {actual}, {kinds[1]}"
+        raise InputError("GOLDEN and ACTUAL are of different kinds", got=got, expected=_EXPECTED)
+    if in_folders:
+        goldens, actuals = _listings(golden, actual, kinds)
+        yield _file_pairs(goldens, actuals, golden, actual)
+    elif kinds[0] == _PICTURE:
+        yield _file_pairs({golden.name: golden}, {golden.name: actual}, golden, actual)
+    else:
+        with _open_films(golden, actual) as pairs:
+            yield pairs
+
+
+def _kind(path: Path) -> str:
+    try:
+        is_folder, is_there = path.is_dir(), path.exists()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
+    if is_folder:
+        return _FOLDER
+    if ANY_FRAME_FIELD.search(str(path)):
+        return _TEMPLATE
+    suffix = path.suffix.lower()
+    if not is_there:
+        raise InputError("no such file or folder", where=str(path), hint=nearest_file(path))
+    if suffix in FILM_SUFFIXES:
+        return f"a film in {suffix}"
+    if suffix == ".png":
+        return _PICTURE
+    raise InputError(
+        "not to be compared", where=str(path), got=f"a file in {suffix or 'no format'}", expected=_EXPECTED
+    )
+
+
+# Files
+
+
+def _listings(golden: Path, actual: Path, kinds: tuple[str, str]) -> Sequence[dict[str, Path]]:
+    """Files of both sides, by the name of the pair that they are of."""
+    if kinds == (_TEMPLATE, _TEMPLATE):
+        return [
+            {frame_path(golden, number).name: path for number, path in _matching(template).items()}
+            for template in (golden, actual)
+        ]
+    return [
+        {path.name: path for path in _matching(side).values()} if kind == _TEMPLATE else _in_folder(side)
+        for side, kind in zip((golden, actual), kinds, strict=True)
+    ]
+
+
+def _in_folder(folder: Path) -> dict[str, Path]:
+    paths = _entries(folder)
+    found = {path.name: path for path in paths if is_picture(path.name)}
+    if not found:
+        below = next(iter(sorted(str(path.parent) for path in folder.glob("*/*") if is_picture(path.name))), None)
+        raise InputError(
+            "no PNG files in this folder",
+            where=str(folder),
+            got="nothing at all" if not paths else "1 other file" if len(paths) == 1 else f"{len(paths)} other files",
+            hint=f"there are some in {below}" if below else None,
+        )
+    return found
+
+
+def _matching(template: Path) -> dict[int, Path]:
+    """Those files of a template's folder that are called as it calls a frame, by the frame's number."""
+    folder, name = template.parent, template.name
+    rest, num_fields = FRAME_FIELD.subn("", str(template))
+    if num_fields != 1 or not FRAME_FIELD.search(name) or "{" in rest or "}" in rest:
+        expected = "one {frame} or {frame:04}, in the name of the files, and no other braces"
+        raise InputError("not a legal template", where=str(template), expected=expected)
+    before, after = (re.escape(part) for part in FRAME_FIELD.sub("\0", name).split("\0"))
+    pattern = re.compile(f"{before}([0-9]+){after}", re.DOTALL)
+    found = {}
+    for path in _entries(folder):
+        match = pattern.fullmatch(path.name)
+        if match and frame_path(Path(name), int(match[1])).name == path.name:
+            found[int(match[1])] = path
+    if not found:
+        raise InputError("no file matches this template", where=str(template), hint=nearest_file(template))
+    return found
+
+
+def _entries(folder: Path) -> list[Path]:
+    try:
+        return list(folder.iterdir())
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
+
+
+def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden: Path, actual: Path) -> Pairs:
+    names = sorted({**goldens, **actuals}, key=natural_order)
+    both = [name for name in names if name in goldens and name in actuals]
+    if not both:
+        raise InputError(
+            "no frame of ACTUAL has the name of a golden",
+            where=str(actual),
+            got=_some(sorted(actuals, key=natural_order)),
+            expected=f"{_some(sorted(goldens, key=natural_order))}, as in {golden}",
+        )
+    if _place(goldens[both[0]]) == _place(actuals[both[0]]):
+        raise InputError(
+            "GOLDEN and ACTUAL are the same files", where=str(actual), hint="nothing is compared with itself"
+        )
+    numbers = frame_numbers(names)
+
+    def read() -> Iterator[Pair]:
+        for name in names:
+            yield Pair(name, *_pictures(goldens.get(name), actuals.get(name)), numbers.get(name))
+
+    return Pairs(names, (), read)
+
+
+def _some(names: Sequence[str]) -> str:
+    most = [repr(name) for name in names[:_MAX_NAMED]]
+    return listed(most, "and") if len(most) == len(names) else f"{', '.join(most)} and {len(names) - len(most)} more"
+
+
+def _place(path: Path) -> Path:
+    return path.parent.resolve() / path.name
+
+
+def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, Pixels | None]:
+    """Files of the same bytes are decoded once, which also tells whether they can be."""
+    if golden is None or actual is None:
+        return read_picture(golden) if golden is not None else None, read_picture(
+            actual
+        ) if actual is not None else None
+    content, other = file_content(golden), file_content(actual)
+    picture = picture_in(content, golden)
+    return picture, picture if other == content else picture_in(other, actual)
+
+
+def natural_order(name: str) -> tuple[list[str | int], str]:
+    """To sort by: `frame-2.png` before `frame-10.png`."""
+    parts: list[str | int] = list(re.split("([0-9]+)", name))
+    parts[1::2] = [int(digits) for digits in parts[1::2]]
+    return parts, name
+
+
+def frame_numbers(names: Sequence[str]) -> Mapping[str, int]:
+    """The numbers of frames whose names differ in their last number and nowhere else; none where they differ more."""
+    found = {name: re.fullmatch("(.*?)([0-9]+)([^0-9]*)", name, re.DOTALL) for name in names}
+    patterns = {(match[1], match[3]) if match else None for match in found.values()}
+    numbers = {name: int(match[2]) for name, match in found.items() if match}
+    return numbers if len(patterns) == 1 and len(set(numbers.values())) == len(names) else {}
+
+
+# Films
+
+
+@contextlib.contextmanager
+def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
+    if golden.resolve() == actual.resolve():
+        raise InputError(
+            "GOLDEN and ACTUAL are the same files", where=str(actual), hint="nothing is compared with itself"
+        )
+    num_goldens, num_actuals = num_frames(golden), num_frames(actual)
+    if num_goldens != num_actuals:
+        raise InputError(
+            "films of different numbers of frames",
+            where=str(actual),
+            got=f"{num_actuals} frames",
+            expected=f"{num_goldens} frames, as in {golden}",
+        )
+    if num_goldens == 0:
+        raise InputError("a film without a frame", where=str(golden))
+    names = [f"frame {number}" for number in range(num_goldens)]
+    note = (
+        f"{golden.suffix.lower()} films are lossy, and what their encoders do changes with the version: "
+        "PNG frames are better goldens"
+    )
+    with decoded_film(golden) as goldens, decoded_film(actual) as actuals:
+
+        def read() -> Iterator[Pair]:
+            for number, (name, picture, other) in enumerate(zip(names, goldens, actuals, strict=True)):
+                yield Pair(name, picture, other, number)
+
+        yield Pairs(names, (note,), read)

@@ -1,0 +1,192 @@
+"""What frames may differ by: a level of strictness, and what a file beside the goldens and the command line change.
+
+The file is called `compare.yaml`:
+
+    level: cross-driver
+    limits: {largest: 5}
+    frames:
+      frame-0007.png: {largest: 8, flip: 0.02}
+
+Each limit is that of the level, unless `limits` names the figure, unless the frame does, unless the command line does;
+`none` takes it away. Frames of a film are called `frame 7`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from hsplat_cli.input_file import MAX_SCENE_BYTES, decode, read_content
+from hsplat_cli.picture_file import is_picture, require_file
+from hsplat_cli.scene_editor import excerpt
+from hsplat_cli.yaml_tree import LINE_BREAK, Mark, NotYamlError, Tree, read_tree
+from renderer.errors import InputError, Problem, SceneError
+from renderer.frame_difference import FIGURES, Figure
+from renderer.schema import Kind, Node, choice, did_you_mean, fields, join, known, number, section, show
+from renderer.strictness import LEVELS, Limits
+
+FILE = "compare.yaml"
+_MISTAKEN_FILE = "compare.yml"
+DEFAULT_LEVEL = "same-machine"
+
+Changes = Mapping[str, float | None]  # of limits, by the figure's name; None takes one away
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The limits of every frame.
+
+    level: of LEVELS. limits: changes for all frames. frames: for some, by name. overrides: for all, in spite of those.
+    file: where frames are named, and places: where in it, for messages.
+    """
+
+    level: str = DEFAULT_LEVEL
+    limits: Changes = field(default_factory=dict)
+    frames: Mapping[str, Changes] = field(default_factory=dict)
+    overrides: Changes = field(default_factory=dict)
+    file: Path | None = None
+    places: Mapping[str, str] = field(default_factory=dict)
+
+    def limits_for(self, name: str) -> Limits:
+        """Of a frame, in the order of FIGURES; at least one."""
+        changed = {**LEVELS[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
+        return {figure: limit for figure in FIGURES if (limit := changed.get(figure)) is not None}
+
+    def require_frames(self, names: Iterable[str]) -> None:
+        """Raise SceneError for the frames with limits of their own that are neither among these nor pictures beside."""
+        compared = set(names)
+        strange = [name for name in self.frames if name not in compared and not self._is_beside(name)]
+        if strange:
+            hints = {name: did_you_mean(name, compared) for name in strange}
+            raise SceneError(
+                [
+                    Problem("", "no such frame", show(name), hint=hints[name], place=self.places.get(name))
+                    for name in strange
+                ]
+            )
+
+    def _is_beside(self, name: str) -> bool:
+        return self.file is not None and is_picture(name) and os.path.lexists(self.file.parent / name)
+
+
+def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] = ()) -> Rules:
+    """The rules for goldens, from the file beside them, if there is one, and from the command line.
+
+    golden: a folder, in which it is looked for, or a file, beside which. level: that of the command line.
+    overrides: `FIGURE=VALUE`.
+
+    Raises InputError where the file cannot be read, and SceneError with all that is wrong in it or the command line.
+    """
+    problems: list[Problem] = []
+    if level is not None:
+        found: list[Problem] = []
+        _LEVEL.read(Node(level, "", found))
+        problems += [replace(problem, place=f"--level {level}") for problem in found]
+    changes: dict[str, float | None] = {}
+    for text in overrides:
+        changes.update(_override(text, problems))
+    from_file = _rules_of_file(golden if os.path.isdir(golden) else golden.parent, problems)
+    rules = replace(from_file, level=level or from_file.level, overrides=changes)
+    if problems:
+        raise SceneError(problems)
+    for name in ("", *rules.frames):
+        if not rules.limits_for(name):
+            hint = "a comparison without limits would pass whatever there is"
+            raise InputError("no figure has a limit any more", where=rules.places.get(name), hint=hint)
+    return rules
+
+
+def _limit(figure: Figure) -> Kind[Any]:
+    """A number within what the figure can be, or `none`, which is read as None."""
+    plain = number(least=0, most=255 if figure.unit == "levels" else 1)
+
+    def parse(node: Node) -> float | None:
+        if node.value == "none":
+            return None
+        found: list[Problem] = []
+        value = plain.read(replace(node, problems=found))
+        node.problems.extend(replace(problem, expected=kind.expected) for problem in found)
+        return value
+
+    words = " ".join(filter(None, (plain.expected, figure.unit)))
+    kind: Kind[Any] = Kind(f"{words}, or none", parse, if_empty="none takes a limit away")
+    return kind
+
+
+_LEVEL: Kind[Any] = choice(*LEVELS)
+_FIGURES = {name: _limit(figure) for name, figure in FIGURES.items()}
+_LIMITS: Kind[dict[str, Any]] = section(_FIGURES, lambda _, given: given)
+
+
+def _parse_frames(node: Node) -> dict[str, Any]:
+    if not isinstance(node.value, Mapping):
+        return _FRAMES.refuse(node, "not a mapping", got=show(node.value))
+    for key in node.value:
+        if not isinstance(key, str):
+            node.key(key).complain("not a frame's name", got=show(key), expected="text", hint="put it in quotes")
+    return {key: _LIMITS.read(node.child(key, value)) for key, value in node.value.items()}
+
+
+_FRAMES: Kind[dict[str, Any]] = Kind("a mapping of frames to their limits", _parse_frames)
+
+
+def _override(text: str, problems: list[Problem]) -> dict[str, float | None]:
+    """What `FIGURE=VALUE` changes."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    found: list[Problem] = []
+    if equals:
+        changes = _LIMITS.read(Node({name: value or None}, "", found))
+    else:
+        changes, found = {}, [Problem("", "not a limit", expected="--limit FIGURE=VALUE, such as largest=4")]
+    problems += [replace(problem, place=f"--limit {text}") for problem in found]
+    return changes
+
+
+def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
+    path = folder / FILE
+    if os.path.lexists(mistaken := folder / _MISTAKEN_FILE):
+        raise InputError("not read under this name", where=str(mistaken), hint=f"call it {FILE}")
+    if not os.path.lexists(path):
+        return Rules()
+    require_file(path, "a file of limits")
+    content = read_content(path)
+    if len(content) > MAX_SCENE_BYTES:
+        raise InputError("too large", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
+    text = decode(content, path)
+    lines = LINE_BREAK.split(text)
+    try:
+        tree = read_tree(text)
+    except NotYamlError as error:
+        where = str(path) if error.mark is None else _place(path, error.mark)
+        raise InputError(error.what + excerpt(lines, error.mark), where=where, hint=error.hint) from error
+    found: list[Problem] = []
+    table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
+    given = fields(Node({} if tree.data is None else tree.data, "", found), table)
+    problems += _located(tree, found, path, lines)
+    frames = given["frames"] if known(given, "frames") else {}
+    return Rules(
+        given.get("level", DEFAULT_LEVEL),
+        given.get("limits", {}),
+        frames,
+        file=path,
+        places={name: _place(path, tree.places[join("frames", name)].key) for name in frames},
+    )
+
+
+def _located(tree: Tree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:
+    """What is wrong in a file, in its order, with places and the lines themselves."""
+    marked = list(tree.problems)
+    for problem in found:
+        place = tree.places[problem.path]
+        marked.append((place.key if problem.at_key else place.value, problem))
+    return [
+        replace(problem, place=_place(path, mark), what=problem.what + excerpt(lines, mark))
+        for mark, problem in sorted(marked, key=lambda item: item[0])
+    ]
+
+
+def _place(path: Path, mark: Mark) -> str:
+    return f"{path}:{mark.line}:{mark.column}"

@@ -1,0 +1,102 @@
+"""One comparison from its pairs to its reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from hsplat_cli.compare.gallery import Gallery
+from hsplat_cli.compare.judge import judge
+from hsplat_cli.compare.outcome import Comparison, Outcome
+from hsplat_cli.compare.pair import Pair
+from hsplat_cli.compare.report import json_of, junit_of
+from hsplat_cli.compare.rules import Rules
+from hsplat_cli.progress import progress
+from renderer.errors import InputError, require_package
+from renderer.staging import require_writable, staged_together
+
+# A report under such a name would be written over what is compared, or what it is compared by.
+_NOT_REPORTS = (".png", ".mp4", ".gif", ".yaml", ".yml")
+
+
+class AnyPairs(Protocol):
+    """Pairs of frames, at least one: those of `open_pairs`, or of a scene. facts, notes: as in Comparison."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Of all pairs."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the user should know about them."""
+
+    @property
+    def facts(self) -> Mapping[str, tuple[str, str]]:
+        """About both sides."""
+
+    def __iter__(self) -> Iterator[Pair]: ...
+
+
+@dataclass(frozen=True)
+class ReportFiles:
+    """Where reports are asked for; None for those that are not."""
+
+    json: Path | None = None
+    junit: Path | None = None
+    html: Path | None = None
+
+    def require_writable(self) -> None:
+        """Raise InputError or RenderError where one of them cannot be made; missing folders are made."""
+        given = {"--json": self.json, "--junit": self.junit, "--html": self.html}
+        taken: dict[Path, str] = {}
+        for option, path in given.items():
+            if path is None:
+                continue
+            if path.suffix.lower() in _NOT_REPORTS:
+                raise InputError("not a name for a report", where=f"{option} {path}", got=f"a {path.suffix} file")
+            if (other := taken.setdefault(path.absolute(), option)) != option:
+                raise InputError("two reports in one file", where=f"{option} {path}", got=f"the same as {other}")
+            require_writable(path)
+        if self.html is not None:
+            require_package("jinja2", extra="compare")
+
+    def write(self, comparison: Comparison, gallery: Gallery) -> None:
+        """Write all of them, whole, or none."""
+        texts: dict[Path, str] = {}
+        if self.json is not None:
+            texts[self.json] = json_of(comparison)
+        if self.junit is not None:
+            texts[self.junit] = junit_of(comparison)
+        if self.html is not None:
+            # Imported where it is used: it needs a package that the rest does without.
+            from hsplat_cli.compare.page import comparison_page  # noqa: PLC0415
+
+            texts[self.html] = comparison_page(comparison, gallery)
+        with staged_together() as write:
+            for path, text in texts.items():
+                write(path, text.encode())
+
+
+def run_comparison(
+    pairs: AnyPairs, rules: Rules, *, golden: str, actual: str, reports: ReportFiles, quiet: bool
+) -> Comparison:
+    """Judge all pairs and write the reports.
+
+    golden, actual: as in Comparison. Raises InputError where a frame cannot be compared, in which case nothing is
+    written, and as `ReportFiles.require_writable`.
+    """
+    rules.require_frames(pairs.names)
+    gallery = Gallery()
+    with progress(len(pairs.names), label="comparing", quiet=quiet) as done:
+
+        def see(outcome: Outcome, pair: Pair) -> None:
+            if reports.html is not None:
+                gallery.see(outcome, pair)
+            done.advance()
+
+        outcomes = judge(pairs, rules, see)
+    comparison = Comparison(golden, actual, rules.level, outcomes, pairs.notes, pairs.facts)
+    reports.write(comparison, gallery)
+    return comparison

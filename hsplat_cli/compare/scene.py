@@ -1,0 +1,180 @@
+"""A scene against its goldens: it is drawn again, and what has changed since is told."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hsplat_cli.compare.pair import Pair
+from hsplat_cli.crew_options import CrewSpec
+from hsplat_cli.first_run import tell_first_run
+from hsplat_cli.frame_range import parse_frames
+from hsplat_cli.golden.draw import Drawing, drawn, load_steady_job
+from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes, read_provenance
+from hsplat_cli.job import Job
+from hsplat_cli.picture_file import is_picture, read_picture
+from renderer.errors import InputError
+from renderer.kept_frames import is_file
+
+_SHOWN_DIGITS = 8
+_MOST_NAMES = 3
+
+
+@dataclass(frozen=True)
+class ScenePairs:
+    """Goldens and the same frames drawn now: pairs one at a time, as often as they are asked for.
+
+    facts, notes: as in Comparison.
+    """
+
+    folder: Path
+    goldens: Sequence[Golden]
+    drawing: Drawing
+    facts: Mapping[str, tuple[str, str]]
+    notes: Sequence[str]
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Of all pairs: those of the goldens' files."""
+        return [golden.file for golden in self.goldens]
+
+    def __iter__(self) -> Iterator[Pair]:
+        """By number; without a golden where the file is not there, and without the other where the scene has no such
+        frame any more. Raises InputError."""
+        for golden in self.goldens:
+            path, source = self.folder / golden.file, self.drawing.files.get(golden.frame)
+            yield Pair(
+                golden.file,
+                read_picture(path) if path.exists() else None,
+                None if source is None else read_picture(source),
+                golden.frame,
+            )
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """How a scene is drawn, as the options of the command line say it."""
+
+    frames: str | None = None
+    overrides: Sequence[str] = ()
+    volume: Path | None = None
+    workers: int | None = None
+
+    @property
+    def given(self) -> list[str]:
+        """The options that are there."""
+        values = {"--frames": self.frames, "--set": self.overrides, "--volume": self.volume, "--workers": self.workers}
+        return [option for option, value in values.items() if value]
+
+
+@contextlib.contextmanager
+def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bool) -> Iterator[ScenePairs]:
+    """Draw the frames of a scene, or of a film's sidecar, of which a folder has goldens, or some of them.
+
+    The pictures are gone after the block. Raises InputError where the folder has no goldens, or none of these frames,
+    and what reading the scene and drawing raise.
+    """
+    before = _provenance_in(folder)
+    job = load_steady_job(scene, overrides=options.overrides, volume=options.volume)
+    goldens = _picked(before.goldens, options.frames, job, folder)
+    drawable = frozenset(job.frames)
+    numbers = [golden.frame for golden in goldens if golden.frame in drawable]
+    if not numbers:
+        raise InputError(
+            "the scene has none of the frames of which there are goldens",
+            where=str(scene),
+            got=f"{len(job.frames)} frames up to frame {job.frames[-1]}",
+            expected=f"such as frame {goldens[0].frame}, which is in {folder / NAME}",
+        )
+    tell_first_run(quiet=quiet)
+    with drawn(job, numbers, CrewSpec(options.workers), quiet=quiet) as drawing:
+        notes = [*_notes(before.origin, drawing.origin), *_file_notes(folder, goldens), *drawing.notes]
+        yield ScenePairs(folder, goldens, drawing, _facts(before, drawing.origin), notes)
+
+
+def _provenance_in(folder: Path) -> Provenance:
+    try:
+        if (folder / NAME).exists():
+            return read_provenance(folder)
+        num = sum(is_picture(path.name) for path in folder.iterdir())
+    except (FileNotFoundError, NotADirectoryError) as error:
+        what = "not a folder of goldens" if folder.exists() else "no such folder"
+        raise InputError(what, where=str(folder), hint=_MAKE.format(folder)) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
+    raise InputError(
+        f"no {NAME} in this folder says which frames of a scene are golden",
+        where=str(folder),
+        got=f"{num} PNG file{'s' * (num != 1)}",
+        hint=f"{_MAKE.format(folder)}; a folder of frames is compared with another folder",
+    )
+
+
+_MAKE = "`hsplat golden SCENE {}` draws goldens, and writes down what from"
+
+
+def _picked(goldens: Sequence[Golden], frames: str | None, job: Job, folder: Path) -> Sequence[Golden]:
+    """Those that are in this range of frames. Raises InputError where there are none."""
+    if frames is None:
+        return goldens
+    asked = frozenset(parse_frames(frames, job.scene.camera.path.frames))
+    picked = [golden for golden in goldens if golden.frame in asked]
+    if not picked:
+        numbers = _some([golden.frame for golden in goldens])
+        raise InputError(
+            "there are no goldens of these frames",
+            where="--frames",
+            got=frames,
+            expected=f"frames of which {folder / NAME} tells: {numbers}",
+        )
+    return picked
+
+
+# What has changed
+
+
+def _notes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    if before["volume"]["fingerprint"] != now["volume"]["fingerprint"]:
+        yield f"another volume: {_volume(now)}; the goldens are of {_volume(before)}"
+    scene = changes(before, now, "scene")
+    if scene:
+        yield f"the scene has changed since the goldens were drawn: {scene}"
+
+
+def _file_notes(folder: Path, goldens: Sequence[Golden]) -> Iterator[str]:
+    """On goldens that are not there, or are not the files that were written."""
+    gone = [golden.file for golden in goldens if not (folder / golden.file).exists()]
+    others = [
+        golden.file
+        for golden in goldens
+        if (folder / golden.file).exists() and not is_file(folder / golden.file, golden.digest)
+    ]
+    if gone:
+        yield f"{NAME} tells of goldens that are not there: {_some(gone)}"
+    if others:
+        yield f"not what {NAME} tells of, but changed by hand, or by an update that was cut short: {_some(others)}"
+
+
+def _some(items: Sequence[object]) -> str:
+    more = f" and {len(items) - _MOST_NAMES} more" if len(items) > _MOST_NAMES else ""
+    return ", ".join(map(str, items[:_MOST_NAMES])) + more
+
+
+def _facts(before: Provenance, now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    """About the goldens and about now: the driver, the volume, versions of what is there on both sides."""
+    origin = before.origin
+    versions = {
+        name: (origin["versions"][name], version)
+        for name, version in now["versions"].items()
+        if name in origin["versions"]
+    }
+    return {"driver": (origin["gl"], now["gl"]), "volume": (_volume(origin), _volume(now)), **versions}
+
+
+def _volume(origin: Mapping[str, Any]) -> str:
+    volume = origin["volume"]
+    shape = " x ".join(map(str, volume["shape"]))
+    return f"{volume['name']}, {shape} {volume['dtype']}, fingerprint {volume['fingerprint'][:_SHOWN_DIGITS]}"

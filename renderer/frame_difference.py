@@ -1,0 +1,162 @@
+"""How far one picture of 8 bits is from another, in the figures by which a golden frame passes or fails.
+
+Most of them are in levels, of which a channel has 255. Where a picture has alpha, a colour counts as much as it is
+opaque, in the one of both pictures in which it is more so, and alpha is a channel beside the colours. Premultiplied
+colours would count a change of alpha twice: where rounding moves a colour and its alpha by one level each, they move by
+up to two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.metrics import single
+
+Pixels = npt.NDArray[np.uint8]
+Levels = npt.NDArray[np.float32]
+
+WINDOW_PX = 8
+
+_PARTS = 255  # of a level: a difference of one level at an opacity of one
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number that a comparison comes to.
+
+    name: in options, files and reports. label: what it is, in words. unit: "levels" or "".
+    higher_is_better: its limit is the least that passes, not the most.
+    """
+
+    name: str
+    label: str
+    unit: str
+    higher_is_better: bool = False
+
+    def passes(self, value: float, limit: float) -> bool:
+        """Whether a value is within a limit."""
+        return value >= limit if self.higher_is_better else value <= limit
+
+
+# In the order in which they are looked at: the first one over its limit is the reason that is given.
+FIGURES = {
+    figure.name: figure
+    for figure in (
+        Figure("largest", "largest error of a channel", "levels"),
+        Figure("p99", "99th percentile of the pixels' largest errors", "levels"),
+        Figure("flip", "mean FLIP", ""),
+        Figure("ssim", "mean SSIM", "", higher_is_better=True),
+        Figure(
+            "densest", f"mean error of a channel in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "levels"
+        ),
+        Figure("bias", "mean signed error of the most shifted channel", "levels"),
+    )
+}
+
+
+class FrameDifference:
+    """A picture, `actual`, against another of the same shape, uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
+
+    def __init__(self, golden: Pixels, actual: Pixels) -> None:
+        assert golden.shape == actual.shape and golden.dtype == actual.dtype == np.uint8, (golden.shape, actual.shape)
+        self._golden, self._actual = golden, actual
+        self._parts = _signed_parts(golden, actual)
+
+    @property
+    def signed(self) -> Levels:
+        """float32 [h, w, 3 or 4]: actual minus golden, in levels."""
+        return (self._parts / _PARTS).astype(np.float32)
+
+    @property
+    def signed_levels(self) -> Levels:
+        """float32 [h, w]: of each pixel's channels the one that is off most, with its sign."""
+        largest = np.abs(self._parts).argmax(axis=2)[..., None]
+        return (np.take_along_axis(self._parts, largest, axis=2)[..., 0] / _PARTS).astype(np.float32)
+
+    @property
+    def levels(self) -> Levels:
+        """float32 [h, w]: the same without its sign."""
+        return np.abs(self.signed_levels)
+
+    @property
+    def bias(self) -> tuple[float, ...]:
+        """Mean signed error of each channel, actual minus golden, in levels."""
+        return tuple((self._parts.mean(axis=(0, 1)) / _PARTS).tolist())
+
+    def figures(self, names: Iterable[str]) -> dict[str, float]:
+        """These of FIGURES, in their order, each at its own price; without SSIM for a picture smaller than its window.
+
+        FLIP needs the package flip-evaluator, SSIM scikit-image.
+        """
+        wanted = set(names)
+        assert wanted <= set(FIGURES), wanted
+        found = {name: figure(self) for name, figure in _FIGURE_OF.items() if name in wanted}
+        return {name: value for name, value in found.items() if not math.isnan(value)}
+
+    def largest(self) -> float:
+        """In levels, over all pixels and channels."""
+        return float(np.abs(self._parts).max()) / _PARTS
+
+    def p99(self) -> float:
+        """Of the pixels' `levels`."""
+        return float(np.percentile(self.levels, 99))
+
+    def densest(self) -> float:
+        """The largest mean error of a channel in a square of WINDOW_PX pixels, or what fits of it.
+
+        That is what many small errors add up to where they are close together.
+        """
+        height, width = (min(WINDOW_PX, length) for length in self._parts.shape[:2])
+        errors = np.abs(self._parts).astype(np.int64)
+        sums = np.pad(errors.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0), (0, 0)))
+        windows = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
+        return float(windows.max()) / (_PARTS * height * width)
+
+    def over(self, name: str) -> float:
+        """A metric of `renderer.metrics` on the pictures as they are seen; transparent ones over the worse of black
+        and white."""
+        values = [single(name, _over(self._actual, ground), _over(self._golden, ground)) for ground in self._grounds()]
+        return min(values) if FIGURES[name].higher_is_better else max(values)
+
+    def _grounds(self) -> tuple[float, ...]:
+        return (0.0,) if self._golden.shape[2] == 3 else (0.0, 1.0)
+
+
+def _largest_bias(difference: FrameDifference) -> float:
+    return max(map(abs, difference.bias))
+
+
+_FIGURE_OF: dict[str, Callable[[FrameDifference], float]] = {
+    "largest": FrameDifference.largest,
+    "p99": FrameDifference.p99,
+    "flip": lambda difference: difference.over("flip"),
+    "ssim": lambda difference: difference.over("ssim"),
+    "densest": FrameDifference.densest,
+    "bias": _largest_bias,
+}
+
+
+def _signed_parts(golden: Pixels, actual: Pixels) -> npt.NDArray[np.int32]:
+    """[h, w, 3 or 4]: actual minus golden in 255ths of a level, which are exact."""
+    parts = actual.astype(np.int32) - golden
+    if golden.shape[2] == 4:
+        parts[..., :3] *= np.maximum(golden[..., 3:], actual[..., 3:])
+        parts[..., 3] *= _PARTS
+    else:
+        parts *= _PARTS
+    return parts
+
+
+def _over(image: Pixels, ground: float) -> npt.NDArray[Any]:
+    """float64 [h, w, 3] in [0, 1]."""
+    values = image / 255
+    if image.shape[2] == 3:
+        return values
+    alpha = values[..., 3:]
+    return np.clip(values[..., :3] * alpha + (1 - alpha) * ground, 0, 1)

@@ -1,0 +1,69 @@
+"""How strict a comparison of frames is: which figures are limited, and where the limits are.
+
+The numbers come from docs/goldens.md: each figure beside changes that have to pass and defects that must not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from renderer.frame_difference import FIGURES
+
+Limits = Mapping[str, float]  # of figures, by name
+
+
+@dataclass(frozen=True)
+class Strictness:
+    """A named set of limits. purpose: when to use it, in one sentence."""
+
+    name: str
+    purpose: str
+    limits: Limits
+
+
+# What must pass, in more than a hundred frames of eleven kinds. At `same-machine`: other numbers of threads, vectors of
+# 128 to 512 bits, and one value in a thousand rounded otherwise, which alone comes to more than 0 at 8 bits: densest
+# 0.047, FLIP 0.0003, bias 0.0008. At `cross-driver`: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX,
+# which all stay at 1 level and a densest of 0.02, but for one splat that the near plane cuts, which softpipe has off by
+# 4 levels and 0.66; and one value in five rounded otherwise, which nothing does: densest 0.45, FLIP 0.009, bias 0.10.
+# Others have seen up to 3 levels between processors. Each limit that is not a whole number has at least 1.3 times room.
+# In return, what moves a pixel by 2 levels always fails at `same-machine`; at `cross-driver` 237 of 267 defects do.
+LEVELS = {
+    level.name: level
+    for level in (
+        Strictness("exact", "the same pixels: one program, one driver, one kind of processor", {"largest": 0.0}),
+        Strictness(
+            "same-machine",
+            "one driver and one kind of processor: here and there another rounding, by one level",
+            {"largest": 1.0, "p99": 0.0, "flip": 0.001, "densest": 0.1, "bias": 0.01},
+        ),
+        Strictness(
+            "cross-driver",
+            "another driver, version or processor: small differences everywhere, and no more than that",
+            {"largest": 5.0, "p99": 1.0, "flip": 0.012, "densest": 0.85, "bias": 0.15},
+        ),
+    )
+}
+
+
+def exceeded(figures: Mapping[str, float], limits: Limits) -> list[str]:
+    """Names of the figures that are not within their limits, in the order of FIGURES."""
+    return [
+        name
+        for name in FIGURES
+        if name in figures and name in limits and not FIGURES[name].passes(figures[name], limits[name])
+    ]
+
+
+def severity(figures: Mapping[str, float], limits: Limits) -> float:
+    """How many times as far off as its limit allows the worst figure is; infinite where nothing is allowed."""
+    return max((_share(name, figures[name], limit) for name, limit in limits.items() if name in figures), default=0.0)
+
+
+def _share(name: str, value: float, limit: float) -> float:
+    error, allowed = (1 - value, 1 - limit) if FIGURES[name].higher_is_better else (value, limit)
+    if error <= 0:
+        return 0.0
+    return error / allowed if allowed > 0 else math.inf

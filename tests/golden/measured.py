@@ -1,0 +1,77 @@
+"""Every figure of a comparison on every change of a frame: what must pass, and what must not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from defects import DEFECTS, SEEN_LEVELS
+from harmless import HARMLESS, Machine, drawn_by
+from subjects import Pixels, Shot
+from windows import WINDOWS
+
+from renderer.frame_difference import FIGURES, FrameDifference
+from renderer.strictness import LEVELS, exceeded
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A change of one subject's picture, in figures.
+
+    passes_at: the strictest level at which it has to pass; None for a defect. bias: of each channel, in levels.
+    windows: the candidates for `densest`, by name.
+    """
+
+    subject: str
+    change: str
+    passes_at: str | None
+    figures: dict[str, float]
+    bias: tuple[float, ...]
+    windows: dict[str, float]
+
+    @property
+    def is_defect(self) -> bool:
+        """Whether it must not pass."""
+        return self.passes_at is None
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether some pixel moves by more than rounding could."""
+        return self.figures["largest"] >= SEEN_LEVELS
+
+    def over(self, level: str) -> list[str]:
+        """Figures over that level's limits."""
+        return exceeded(self.figures, LEVELS[level].limits)
+
+
+def harmless_changes(shot: Shot) -> Iterator[Measured]:
+    """Those that need no other process."""
+    for change in HARMLESS:
+        picture = change.make(shot)
+        if picture is not None:
+            yield _measured(shot, change.name, picture, change.level)
+
+
+def defects(shot: Shot) -> Iterator[Measured]:
+    """Those that there can be in this shot, and that change it."""
+    for defect in DEFECTS:
+        picture = defect.inject(shot)
+        if picture is not None and not np.array_equal(picture, shot.golden):
+            yield _measured(shot, defect.name, picture, None)
+
+
+def on_machine(shots: Sequence[Shot], machine: Machine) -> tuple[str, list[Measured]]:
+    """Who drew there, as GL names it, and all shots."""
+    drawn = drawn_by(machine)
+    return drawn.by, [_measured(shot, machine.name, drawn.pictures[str(shot)], machine.level) for shot in shots]
+
+
+def _measured(shot: Shot, change: str, picture: Pixels, passes_at: str | None) -> Measured:
+    difference = FrameDifference(shot.golden, picture)
+    signed = difference.signed.astype(np.float64)
+    if not signed.any():  # nearly all machines draw the same picture; the metrics of the eye take their time
+        figures = {name: float(figure.higher_is_better) for name, figure in FIGURES.items()}
+        return Measured(str(shot), change, passes_at, figures, difference.bias, dict.fromkeys(WINDOWS, 0.0))
+    windows = {name: window(signed) for name, window in WINDOWS.items()}
+    return Measured(str(shot), change, passes_at, difference.figures(FIGURES), difference.bias, windows)

@@ -1,0 +1,256 @@
+"""How far what a comparison must let pass is from what it must not: `python tests/golden/separation.py [FILE]` measures
+every figure on both, for several scenes, and writes docs/goldens.md. The limits of renderer/strictness.py come from it.
+
+Drivers that a machine has beside its own are named with what makes a program load them:
+
+    --driver "another Mesa: LD_LIBRARY_PATH=... LIBGL_DRIVERS_PATH=... __EGL_VENDOR_LIBRARY_FILENAMES=..."
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+FOLDER = Path(__file__).resolve().parent
+ROOT = FOLDER.parents[1]
+sys.path[:0] = [str(ROOT), str(FOLDER)]
+
+from defects import SEEN_LEVELS  # noqa: E402
+from harmless import MACHINES, Machine  # noqa: E402
+from measured import Measured, defects, harmless_changes, on_machine  # noqa: E402
+from subjects import SUBJECTS, Shot  # noqa: E402
+from windows import WINDOWS  # noqa: E402
+
+from hsplat_cli.versions import commit  # noqa: E402
+from renderer.frame_difference import FIGURES  # noqa: E402
+from renderer.raster_gl import GLRasterizer  # noqa: E402
+from renderer.strictness import LEVELS  # noqa: E402
+
+SAME, CROSS = "same-machine", "cross-driver"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "goldens.md")
+    parser.add_argument("--driver", action="append", default=[], type=_driver, metavar="NAME: KEY=VALUE ...")
+    parser.add_argument("--measured", type=Path, help="keep what is measured here; where it is kept, measure nothing")
+    arguments = parser.parse_args()
+    if arguments.measured is not None and arguments.measured.exists():
+        kept = json.loads(arguments.measured.read_text(encoding="utf-8"))
+        rows, drawn_by = [Measured(**row) for row in kept["rows"]], kept["drawn_by"]
+    else:
+        rows, drawn_by = _measure([*MACHINES, *arguments.driver])
+        if arguments.measured is not None:
+            kept = {"rows": [asdict(row) for row in rows], "drawn_by": drawn_by}
+            arguments.measured.write_text(json.dumps(kept), encoding="utf-8")
+    arguments.file.write_text(page(rows, drawn_by), encoding="utf-8")
+
+
+def _measure(others: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
+    """All changes of all subjects, and the drivers by machine."""
+    rows: list[Measured] = []
+    with GLRasterizer() as rasterizer:
+        drawn_by = {"this machine": rasterizer.renderer_name}
+        shots = [Shot(subject, rasterizer) for subject in SUBJECTS]
+        for shot in shots:
+            for row in (*harmless_changes(shot), *defects(shot)):
+                _say(row)
+                rows.append(row)
+        for machine in others:
+            drawn_by[machine.name], on_it = on_machine(shots, machine)
+            for row in on_it:
+                _say(row)
+            rows += on_it
+    return rows, drawn_by
+
+
+def _driver(text: str) -> Machine:
+    name, _, settings = text.partition(": ")
+    pairs = [entry.partition("=") for entry in shlex.split(settings)]
+    return Machine(name, CROSS, {key: value for key, _, value in pairs})
+
+
+def _say(row: Measured) -> None:
+    figures = " ".join(f"{name} {value:.4g}" for name, value in row.figures.items())
+    print(f"{row.subject}, {row.change}: {figures}", flush=True)
+
+
+def page(rows: Sequence[Measured], drawn_by: dict[str, str]) -> str:
+    """docs/goldens.md."""
+    return "\n".join(
+        [
+            INTRODUCTION,
+            *_limits(rows),
+            *_harmless(rows, drawn_by),
+            *_defects(rows),
+            *_unseen(rows),
+            *_windows(rows),
+            *_everything(rows),
+            f"Written by `python tests/golden/separation.py` at commit {commit()} on {drawn_by['this machine']}.",
+            "",
+        ]
+    )
+
+
+INTRODUCTION = """# Golden frames: what the levels of strictness let pass, and what they find
+
+`hsplat compare` takes a few figures of each pair of frames, and a level of strictness is a set of limits for them. Here
+every figure is measured on what must pass and on what must not, in frames of several kinds; the limits in
+`renderer/strictness.py` are chosen from these tables. Levels are of 255. `densest` is the largest mean error of a
+channel in any window of 8 x 8 pixels, `bias` the mean signed error of the most shifted channel. Defects are injected
+where they would arise: into the scene, the cut, the splats, their order or the view, and into the pixels where the
+picture is what is wrong. Of defects that have a place, such as one splat missing, the first of a random sequence is
+taken that can be seen: that moves some pixel by 2 levels. What moves none by that much is faint and counted apart,
+for here and there rounding does as much.
+"""
+
+
+def _limits(rows: Sequence[Measured]) -> list[str]:
+    """Of each figure: the worst of what must pass, the limit, and what lies over it."""
+    lines = ["## The limits", ""]
+    seen = [row for row in rows if row.is_defect and row.is_seen]
+    for level, strictest in ((SAME, ("exact", SAME)), (CROSS, ("exact", SAME, CROSS))):
+        harmless = [row for row in rows if row.passes_at in strictest]
+        cells = []
+        for name, figure in FIGURES.items():
+            worst, limit = _worst(name, harmless), LEVELS[level].limits.get(name)
+            cells.append([f"`{name}`", _figure(worst, name), f"{worst.change}, {worst.subject}"])
+            if limit is None:
+                cells[-1] += ["none"] + [""] * 4
+                continue
+            over = [row for row in seen if name in row.figures and not figure.passes(row.figures[name], limit)]
+            least = _least(name, over)
+            cells[-1] += [f"{limit:g}", str(len(over)), _figure(least, name), f"{least.change}, {least.subject}"]
+            cells[-1] += [str(sum(row.over(level) == [name] for row in seen))]
+        found = sum(bool(row.over(level)) for row in seen)
+        header = ["figure", "worst that must pass", "which is", "limit", "defects over it", "least of them", "which is"]
+        lines += [f"### {level}", "", f"Of {len(seen)} defects that can be seen, {found} are found.", ""]
+        lines += _table([*header, "found by no other figure"], cells)
+    return lines
+
+
+def _worst(name: str, rows: Sequence[Measured]) -> Measured:
+    rows = [row for row in rows if name in row.figures]
+    return (min if FIGURES[name].higher_is_better else max)(rows, key=lambda row: row.figures[name])
+
+
+def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str]) -> list[str]:
+    lines = []
+    for change, group in _by_change(row for row in rows if not row.is_defect):
+        worst = [_figure(_worst(name, group), name) for name in FIGURES]
+        passes = [f"{sum(not row.over(level) for row in group)}" for level in LEVELS]
+        lines.append([change, drawn_by.get(change, ""), str(len(group)), *worst, *passes])
+    header = [
+        "change",
+        "drawn by",
+        "frames",
+        *(f"worst `{name}`" for name in FIGURES),
+        *(f"pass `{x}`" for x in LEVELS),
+    ]
+    return ["## What must pass", "", *_table(header, lines)]
+
+
+def _defects(rows: Sequence[Measured]) -> list[str]:
+    lines = []
+    for change, group in _by_change(row for row in rows if row.is_defect):
+        seen = [row for row in group if row.is_seen]
+        faint = [row for row in group if not row.is_seen]
+        moved = sorted(row.figures["largest"] for row in group)
+        found = [_found(rows, level) for rows in (seen, faint) for level in (SAME, CROSS)]
+        least = [_figure(_least(name, seen), name) if seen else "" for name in FIGURES]
+        lines.append([change, f"{moved[0]:.3g} to {moved[-1]:.3g}", *found, *least])
+    header = ["defect", "moves some pixel by, levels", f"found at `{SAME}`", f"found at `{CROSS}`"]
+    header += [f"faint ones at `{SAME}`", f"faint ones at `{CROSS}`", *(f"least `{name}`" for name in FIGURES)]
+    return ["## What must not pass", "", *_table(header, lines)]
+
+
+def _found(rows: Sequence[Measured], level: str) -> str:
+    return f"{sum(bool(row.over(level)) for row in rows)} of {len(rows)}" if rows else ""
+
+
+def _least(name: str, rows: Sequence[Measured]) -> Measured:
+    rows = [row for row in rows if name in row.figures]
+    return (max if FIGURES[name].higher_is_better else min)(rows, key=lambda row: row.figures[name])
+
+
+def _unseen(rows: Sequence[Measured]) -> list[str]:
+    lines = [_all_figures(row) for row in rows if row.is_defect and row.is_seen and not row.over(CROSS)]
+    title = f"## What `{CROSS}` cannot see"
+    return [title, "", *_table(["defect", "frame", *_FIGURE_HEADERS], [[row[1], row[0], *row[2:]] for row in lines])]
+
+
+_FIGURE_HEADERS = [*(f"`{name}`" for name in FIGURES), "signed mean of each channel"]
+
+
+def _all_figures(row: Measured) -> list[str]:
+    figures = [_figure(row, name) for name in FIGURES]
+    return [row.subject, row.change, *figures, " ".join(f"{mean:+.2g}" for mean in row.bias)]
+
+
+def _windows(rows: Sequence[Measured]) -> list[str]:
+    """How many defects each candidate for `densest` finds without failing what must pass."""
+    harmless, seen = [row for row in rows if not row.is_defect], [row for row in rows if row.is_defect and row.is_seen]
+    quiet = [row for row in seen if row.figures["largest"] <= LEVELS[CROSS].limits["largest"]]
+    faint = [row for row in rows if row.is_defect and 0 < row.figures["largest"] < SEEN_LEVELS]
+    lines = []
+    for name in WINDOWS:
+        same = max(row.windows[name] for row in harmless if row.passes_at != CROSS)
+        cross = max(row.windows[name] for row in harmless)
+        found = [
+            sum(row.windows[name] > ROOM * worst for row in group)
+            for group, worst in ((faint, same), (seen, cross), (quiet, cross))
+        ]
+        lines.append([name, _number(same), str(found[0]), _number(cross), *map(str, found[1:])])
+    header = ["in the worst window", f"worst that must pass at `{SAME}`", f"{len(faint)} faint defects over {ROOM:g} x"]
+    header += [f"worst that must pass at `{CROSS}`", f"{len(seen)} defects over {ROOM:g} x"]
+    header += [f"{len(quiet)} that `largest` does not find"]
+    return ["## Which window", "", WINDOW_TEXT, "", *_table(header, lines)]
+
+
+WINDOW_TEXT = """What is to be taken of a window, and how large is it to be? What lies that many times over the worst of
+what must pass can be found with room. Faint defects are those that move no pixel by 2 levels. The mean error of the
+worst channel over 8 x 8 pixels finds the most across drivers: larger windows do not see small clusters, smaller ones
+and squares of errors are led by single pixels, and signs cancel where a cluster is noise. As it is a mean of one
+channel, pictures with and without alpha have the same."""
+
+ROOM = 1.5
+
+
+def _everything(rows: Sequence[Measured]) -> list[str]:
+    lines = ["## Everything", ""]
+    for subject in SUBJECTS:
+        own = [_all_figures(row)[1:] for row in rows if row.subject == subject.name]
+        lines += [f"### {subject.name}: {subject.what}", "", *_table(["change", *_FIGURE_HEADERS], own)]
+    return lines
+
+
+def _by_change(rows: Iterable[Measured]) -> list[tuple[str, list[Measured]]]:
+    groups: dict[str, list[Measured]] = {}
+    for row in rows:
+        groups.setdefault(row.change, []).append(row)
+    return list(groups.items())
+
+
+def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> list[str]:
+    return [*(f"| {' | '.join(cells)} |" for cells in (header, ["---"] * len(header), *lines)), ""]
+
+
+def _figure(row: Measured, name: str) -> str:
+    """Empty where the picture is too small for it."""
+    if name not in row.figures:
+        return ""
+    value = row.figures[name]
+    return f"{value:.5f}" if FIGURES[name].higher_is_better and value < 1 else _number(value)
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}"
+
+
+if __name__ == "__main__":
+    main()

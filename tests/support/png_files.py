@@ -1,0 +1,72 @@
+"""PNG files of any kind, right and wrong, made by hand; pictures and films to fill them."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.film import open_film
+from renderer.png import encode_png
+from renderer.scene import OutputSpec
+
+Pixels = npt.NDArray[np.uint8]
+Chunks = Sequence[tuple[bytes, bytes]]
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+# First row and column, and steps, of the passes of an interlaced picture (Adam7).
+PASSES = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
+
+
+def chunk(name: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+
+def png_file(
+    width: int, height: int, rows: bytes, *, depth: int = 8, color_type: int = 2, interlace: int = 0, more: Chunks = ()
+) -> bytes:
+    """rows: each after the number of its filter. more: chunks before the rows."""
+    header = struct.pack(">IIBBBBB", width, height, depth, color_type, 0, 0, interlace)
+    chunks = [(b"IHDR", header), *more, (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
+    return SIGNATURE + b"".join(chunk(*each) for each in chunks)
+
+
+def unfiltered(image: npt.NDArray[np.generic]) -> bytes:
+    """Rows of bytes, [h, ...], each after a 0."""
+    return b"".join(b"\0" + row.tobytes() for row in image) if image.size else b""
+
+
+def interlaced(image: Pixels) -> bytes:
+    """A file of uint8 [h, w, 3 or 4]."""
+    rows = b"".join(unfiltered(image[y::dy, x::dx]) for y, x, dy, dx in PASSES)
+    return png_file(image.shape[1], image.shape[0], rows, color_type={3: 2, 4: 6}[image.shape[2]], interlace=1)
+
+
+def noise(seed: int, height: int = 16, width: int = 16, channels: int = 3) -> Pixels:
+    return np.random.default_rng(seed).integers(0, 256, (height, width, channels), np.uint8)
+
+
+def smooth(shift: float = 0.0, size: int = 32) -> Pixels:
+    """[size, size, 3]: a picture that an encoder keeps well."""
+    y, x = np.mgrid[:size, :size] * (2 * np.pi / size)
+    waves = [128 + 100 * np.sin(x + shift), 128 + 80 * np.cos(y), 128 + 60 * np.sin(x + y)]
+    return np.stack(waves, axis=2).round().astype(np.uint8)
+
+
+def write_frames(folder: Path, pictures: Sequence[Pixels], name: str = "frame-{:04}.png") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, picture in enumerate(pictures):
+        (folder / name.format(number)).write_bytes(encode_png(picture))
+    return folder
+
+
+def write_film(path: Path, pictures: Sequence[Pixels]) -> Path:
+    height, width = pictures[0].shape[:2]
+    with open_film(OutputSpec(path, size=(width, height)), range(len(pictures))) as film:
+        for number, picture in enumerate(pictures):
+            film.write(number, picture)
+    return path

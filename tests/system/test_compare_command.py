@@ -1,0 +1,182 @@
+"""`hsplat compare` from files to exit codes and reports."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from png_files import noise, smooth, write_film, write_frames
+from processes import MARK, marked, new_mark
+
+from hsplat_cli import main
+from hsplat_cli.compare import judge
+from renderer.png import encode_png
+
+CODE = Path(main.__file__).parents[1]
+REPORTS = ("reports/compare.json", "reports/compare.xml", "reports/compare.html")
+WRITE_REPORTS = [word for pair in zip(("--json", "--junit", "--html"), REPORTS, strict=True) for word in pair]
+
+
+@pytest.fixture(autouse=True)
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twelve frames in golden/ of the current folder, and the same in actual/."""
+    monkeypatch.chdir(tmp_path)
+    write_frames(Path("golden"), [smooth(0.2 * number) for number in range(12)], "frame-{}.png")
+    shutil.copytree("golden", "actual")
+
+
+def compare(*arguments: str) -> int:
+    return main.run(["compare", *(arguments or ("golden", "actual"))])
+
+
+def paint(name: str, by: int, first: int = 32) -> None:
+    """Change a frame of actual/ in one channel of the first pixels of its first rows."""
+    picture = smooth(0.2 * int("".join(filter(str.isdigit, name))))
+    picture[:first, :first, 1] ^= np.uint8(by)
+    Path("actual", name).write_bytes(encode_png(picture))
+
+
+def test_all_is_well(capsys: pytest.CaptureFixture[str]) -> None:
+    assert compare("golden", "actual", *WRITE_REPORTS) == 0
+    said = capsys.readouterr()
+    assert said.out == "12 frames pass at same-machine: 12 the same\n"
+    assert said.err.startswith("comparing: 12/12 frames, ")
+    assert json.loads(Path(REPORTS[0]).read_text())["passes"] is True
+    assert ElementTree.parse(REPORTS[1]).getroot().get("failures") == "0"
+    assert Path(REPORTS[2]).read_text(encoding="utf-8").startswith("<!")
+    assert compare("golden", "actual", "--quiet") == 0
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "")
+
+
+def test_what_differs_is_told_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
+    paint("frame-2.png", 1, first=1)
+    paint("frame-10.png", 64)
+    paint("frame-3.png", 8)
+    Path("actual/frame-5.png").unlink()
+    Path("actual/frame-7.png").rename("actual/frame-70.png")
+    Path("actual/frame-8.png").write_bytes(encode_png(smooth(1.6)[:20]))
+    Path("actual/frame-9.png").write_bytes(encode_png(np.dstack([smooth(1.8), np.full((32, 32), 255, np.uint8)])))
+    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 1
+    table = capsys.readouterr().out
+    assert [line.split()[0] for line in table.splitlines()[1:8]] == [
+        *(f"frame-{number}.png" for number in (5, 7, 8, 9, 70)),
+        "frame-10.png",
+        "frame-3.png",
+    ]
+    assert table.splitlines()[-1] == (
+        "7 of 13 frames fail: 2 different, 2 missing, 1 not among the goldens, 1 of another size, "
+        "1 with other channels, 5 the same, 1 close"
+    )
+    data = json.loads(Path(REPORTS[0]).read_text())
+    suite = ElementTree.parse(REPORTS[1]).getroot()[0]
+    names = [frame["name"] for frame in data["frames"]]
+    assert names == [case.get("name") for case in suite]
+    assert names[:7] == [line.split()[0] for line in table.splitlines()[1:8]]
+    assert names[7:] == ["frame-2.png", *(f"frame-{number}.png" for number in (0, 1, 4, 6, 11))]
+    assert [len(case) for case in suite] == [1] * 7 + [0] * 6
+    page = Path(REPORTS[2]).read_text(encoding="utf-8")
+    assert all(name in page for name in names)
+
+
+def test_the_same_input_gives_the_same_reports() -> None:
+    paint("frame-3.png", 8)
+    contents = []
+    for _ in range(2):
+        assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 1
+        contents.append([Path(report).read_bytes() for report in REPORTS])
+    assert contents[0] == contents[1]
+
+
+def test_levels_and_limits() -> None:
+    paint("frame-3.png", 1, first=1)
+    assert compare("golden", "actual", "--level", "exact", "--quiet") == 1
+    assert compare("golden", "actual", "--level", "exact", "--limit", "largest=1", "--quiet") == 0
+    Path("golden/compare.yaml").write_text("level: exact\n", encoding="utf-8")
+    assert compare() == 1
+    Path("golden/compare.yaml").write_text("level: exact\nframes:\n  frame-3.png: {largest: 1}\n", encoding="utf-8")
+    assert compare() == 0
+    assert compare("golden/frame-3.png", "actual/frame-3.png") == 0
+    paint("frame-4.png", 1, first=1)
+    assert compare() == 1
+
+
+def test_films(capsys: pytest.CaptureFixture[str]) -> None:
+    pictures = [smooth(0.3 * number) for number in range(6)]
+    for suffix in ("mp4", "gif"):
+        film, copy = write_film(Path(f"film.{suffix}"), pictures), f"copy.{suffix}"
+        shutil.copy(film, copy)
+        other = write_film(Path(f"other.{suffix}"), [*pictures[:4], smooth(2), pictures[5]])
+        assert compare(str(film), copy) == 0
+        assert capsys.readouterr().out == (
+            "6 frames pass at same-machine: 6 the same\n"
+            f"note: .{suffix} films are lossy, and what their encoders do changes with the version: "
+            "PNG frames are better goldens\n"
+        )
+        assert compare(str(film), str(other), "--json", f"{suffix}.json") == 1
+        assert "frame 4" in capsys.readouterr().out.splitlines()[1]
+        frames = json.loads(Path(f"{suffix}.json").read_text())["frames"]
+        assert sorted(frame["number"] for frame in frames) == list(range(6))
+        Path("compare.yaml").write_text("frames: {frame 6: {largest: 9}}\n", encoding="utf-8")
+        assert compare(str(film), copy) == 2
+        Path("compare.yaml").unlink()
+
+
+def test_nothing_is_written_when_a_frame_cannot_be_read() -> None:
+    paint("frame-3.png", 8)
+    Path("actual/frame-11.png").write_bytes(Path("actual/frame-11.png").read_bytes()[:-9])
+    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 2
+    assert list(Path("reports").iterdir()) == []
+
+
+def test_reports_that_cannot_be_written_are_told_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    def looked_at(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(judge, "outcome_of", looked_at)
+    Path("file").touch()
+    for option in ("--json", "--junit", "--html"):
+        assert compare("golden", "actual", option, "file/report") == 2
+
+
+def test_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    mark = new_mark()
+    monkeypatch.setenv(MARK, mark)
+    film = write_film(Path("film.mp4"), [smooth(), smooth(1)])
+    shutil.copy(film, "copy.mp4")
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(judge, "outcome_of", interrupt)
+    assert compare("film.mp4", "copy.mp4", *WRITE_REPORTS) == 130
+    assert list(Path("reports").iterdir()) == []
+    assert marked(mark) == set()
+
+
+def test_odd_names_as_a_program() -> None:
+    names = [b'a "b" & <c>.png', b"two\nlines.png", b"\xff\x01.png"]
+    for side in ("golden", "actual"):
+        for number, name in enumerate(names):
+            picture = noise(number + (side == "actual"), 16, 16)
+            Path(side, os.fsdecode(name)).write_bytes(encode_png(picture))
+    arguments = ["compare", "golden", "actual", "--quiet", *WRITE_REPORTS]
+    done = subprocess.run(
+        [sys.executable, "-m", "hsplat_cli", *arguments],
+        check=False,
+        capture_output=True,
+        env=os.environ | {"PYTHONPATH": str(CODE), "PYTHONIOENCODING": "ascii", "LC_ALL": "C"},
+    )
+    assert (done.returncode, done.stderr) == (1, b"")
+    for name in (b'a "b" & <c>.png', b"two\\nlines.png", b"\\xff\\x01.png"):
+        assert b"\n" + name + b"  " in b"\n" + done.stdout
+    told = {frame["name"] for frame in json.loads(Path(REPORTS[0]).read_text())["frames"]}
+    assert {os.fsdecode(name) for name in names} <= told
+    ElementTree.parse(REPORTS[1])

@@ -1,0 +1,172 @@
+"""`hsplat compare SCENE FOLDER`: the goldens of a scene against what it draws now."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hsplat_cli import main
+from hsplat_cli.compare import scene as compare_scene
+from renderer.png import encode_png
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [16, 16, 8]}
+transfer_function:
+  points:
+    - {value: 50, color: "#000000", opacity: 0.0}
+    - {value: 90, color: "#6680e6", opacity: 0.1}
+    - {value: 255, color: "#ffffff", opacity: 0.7}
+camera:
+  path: {type: turntable, frames: 4, elevation: 20}
+output:
+  file: film.mp4
+  size: [32, 32]
+"""
+FOLDER = Path("goldens")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Goldens of SCENE."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    assert main.run(["golden", str(folder / "scene.yaml"), str(folder / "goldens"), "--quiet"]) == 0
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The current folder, with a copy of them."""
+    (tmp_path / "goldens").mkdir()
+    for path in ("scene.yaml", *(f"goldens/{path.name}" for path in (made / "goldens").iterdir())):
+        (tmp_path / path).write_bytes((made / path).read_bytes())
+    monkeypatch.chdir(tmp_path)
+
+
+def compare(*options: str, scene: str = "scene.yaml") -> tuple[int, dict[str, Any]]:
+    """Exit code and what the JSON report says, if there is one."""
+    code = main.run(["compare", scene, "goldens", "--json", "report.json", *options])
+    report = Path("report.json")
+    data: dict[str, Any] = json.loads(report.read_bytes()) if report.exists() else {}
+    report.unlink(missing_ok=True)
+    return code, data
+
+
+def statuses(data: dict[str, Any]) -> dict[int, str]:
+    return {frame["number"]: frame["status"] for frame in data["frames"]}
+
+
+def change(**values: Any) -> None:
+    """Change what golden.json tells."""
+    data = json.loads((FOLDER / "golden.json").read_bytes())
+    (FOLDER / "golden.json").write_text(json.dumps(data | values), encoding="utf-8")
+
+
+def test_the_same_scene_gives_the_same_frames(capsys: pytest.CaptureFixture[str]) -> None:
+    code, data = compare("--level", "exact", "--workers", "1")
+    assert (code, statuses(data), data["notes"]) == (0, dict.fromkeys(range(4), "same"), [])
+    assert (data["golden"], data["actual"]) == ("goldens", "scene.yaml, drawn now")
+    assert [name for name, sides in data["facts"].items() if sides["golden"] != sides["actual"]] == []
+    assert capsys.readouterr().out == "4 frames pass at exact: 4 the same\n"
+    assert sorted(path.name for path in Path().iterdir()) == ["goldens", "scene.yaml"], "no frame is left"
+
+
+def test_a_changed_scene_fails_and_is_told_of() -> None:
+    code, data = compare("--set", "transfer_function.points.2.color=red", "--frames", "1:3")
+    assert (code, statuses(data)) == (1, {1: "different", 2: "different"})
+    assert len(data["notes"]) == 1
+    assert data["notes"][0].startswith(
+        "the scene has changed since the goldens were drawn: scene.transfer_function.points was ["
+    )
+
+
+def test_another_volume_is_said_first() -> None:
+    np.save("scan.npy", np.arange(2048, dtype=np.uint8).reshape(8, 16, 16))
+    code, data = compare("--volume", "scan.npy", "--set", "error.tolerance=0.2")
+    assert code == 1
+    volume, scene = data["notes"]
+    fingerprint = json.loads((FOLDER / "golden.json").read_bytes())["volume"]["fingerprint"]
+    goldens = f"procedural engine_block, 16 x 16 x 8 uint8, fingerprint {fingerprint[:8]}"
+    assert volume.startswith("another volume: scan.npy, 16 x 16 x 8 uint8, fingerprint ")
+    assert volume.endswith(f"; the goldens are of {goldens}")
+    assert "scene.error.tolerance was 0.1" in scene
+    assert data["facts"]["volume"]["golden"] == goldens
+
+
+def test_another_driver_is_a_fact_and_no_failure(capsys: pytest.CaptureFixture[str]) -> None:
+    change(gl="another driver")
+    code, data = compare("--frames", "0")
+    assert (code, data["notes"], data["facts"]["driver"]["golden"]) == (0, [], "another driver")
+    assert "another driver" not in capsys.readouterr().out
+    assert compare("--frames", "0", "--set", "error.tolerance=0.2")[0] == 1
+    out = capsys.readouterr().out
+    assert "of the goldens: another driver" in out
+    assert "--level cross-driver" in out
+
+
+def test_a_golden_that_was_changed_by_hand() -> None:
+    pixels = np.zeros((32, 32, 3), np.uint8)
+    (FOLDER / "frame-0002.png").write_bytes(encode_png(pixels))
+    code, data = compare()
+    assert (code, statuses(data)[2]) == (1, "different")
+    note = "not what golden.json tells of, but changed by hand, or by an update that was cut short: frame-0002.png"
+    assert data["notes"] == [note]
+
+
+def test_goldens_that_are_gone_and_files_of_somebody_else() -> None:
+    (FOLDER / "frame-0001.png").unlink()
+    (FOLDER / "other.png").write_bytes(b"not even a picture")
+    code, data = compare()
+    assert (code, statuses(data)) == (1, {0: "same", 1: "extra", 2: "same", 3: "same"})
+    assert data["notes"] == ["golden.json tells of goldens that are not there: frame-0001.png"]
+
+
+def test_a_path_that_has_become_shorter() -> None:
+    code, data = compare("--set", "camera.path.frames=2")
+    assert code == 1
+    assert {number: status for number, status in statuses(data).items() if status == "missing"} == {
+        2: "missing", 3: "missing"
+    }  # fmt: skip
+
+
+def test_limits_beside_the_goldens_hold() -> None:
+    (FOLDER / "compare.yaml").write_text("level: exact\nframes:\n  frame-0001.png: {largest: 255}\n", encoding="utf-8")
+    code, data = compare("--set", "error.tolerance=0.2", "--frames", "0:2")
+    assert (code, data["level"], statuses(data)) == (1, "exact", {0: "different", 1: "close"})
+
+
+def test_a_film_that_is_made_again() -> None:
+    assert main.run(["render", "scene.yaml", "--output", "film.mp4", "--quiet"]) == 0
+    assert compare("--level", "exact", scene="film.mp4.json")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--frames", "9"],
+        ["--frames", "nonsense"],
+        ["--set", "nonsense=1"],
+        ["--volume", "nowhere.npy"],
+        ["--set", "error={seconds: 1}"],
+        ["--json", "goldens/golden.json"],
+        ["--json", "scene.yaml"],
+    ],
+)
+def test_what_cannot_be_compared(options: list[str]) -> None:
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    assert main.run(["compare", "scene.yaml", "goldens", *options]) == 2
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+def test_pairs_may_be_gone_through_again() -> None:
+    with compare_scene.compare_scene(
+        Path("scene.yaml"), FOLDER, compare_scene.SceneOptions("::2"), quiet=True
+    ) as pairs:
+        for _ in range(2):
+            assert [(pair.name, pair.number) for pair in pairs] == [("frame-0000.png", 0), ("frame-0002.png", 2)]
+        assert list(pairs.names) == ["frame-0000.png", "frame-0002.png"]

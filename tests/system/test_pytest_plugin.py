@@ -1,0 +1,155 @@
+"""The fixture `assert_frames_match`, in a pytest of its own as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsplat_cli import main
+from renderer.png import encode_png
+
+CODE = Path(main.__file__).parents[1]
+PLUGIN = "hsplat_cli.compare.pytest_plugin"
+HEAVY = ("numpy", "moderngl", "numba", "SimpleITK", "nibabel", "imageio", "cmap", "tqdm", "click", "yaml", "renderer")
+
+TESTS = """\
+from pathlib import Path
+
+import pytest
+
+from renderer.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def early(assert_frames_match):
+    return assert_frames_match  # of any scope
+
+
+def test_same(early):
+    early("goldens", Path("same"))
+
+
+def test_another(assert_frames_match):
+    assert_frames_match("goldens", "other", html="report.html")
+
+
+def test_another_that_may_be(assert_frames_match):
+    assert_frames_match("goldens", "other", level="exact", limits={"largest": 20})
+
+
+def test_without_a_limit(assert_frames_match):
+    assert_frames_match("goldens", "other", limits=dict.fromkeys(["largest", "p99", "flip", "bias"]) | {"densest": 200})
+
+
+def test_nothing_there(assert_frames_match):
+    with pytest.raises(InputError, match="no such file or folder"):
+        assert_frames_match("goldens", "nowhere")
+
+
+def test_a_scene(assert_frames_match):
+    assert_frames_match("scene.yaml", "of_scene", level="exact")
+"""
+
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [8, 8, 8]}
+transfer_function:
+  points: [{value: 50, color: black, opacity: 0}, {value: 255, color: white, opacity: 0.7}]
+camera:
+  path: {type: turntable, frames: 2}
+output: {file: film.mp4, size: [16, 16]}
+"""
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Python, where hsplat is what is tested, and pytest knows no plugin but ours."""
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(CODE), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Goldens, the same frames, others that differ by 9 levels, a scene and its goldens, and tests of them."""
+    pixels = np.full((16, 16, 3), 100, np.uint8)
+    for name, levels in (("goldens", 0), ("same", 0), ("other", 9)):
+        (tmp_path / name).mkdir()
+        for number in range(2):
+            (tmp_path / name / f"{number}.png").write_bytes(encode_png(pixels + np.uint8(levels)))
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    (tmp_path / "test_frames.py").write_text(TESTS, encoding="utf-8")
+    assert main.run(["golden", str(tmp_path / "scene.yaml"), str(tmp_path / "of_scene"), "--quiet"]) == 0
+    return tmp_path
+
+
+def test_the_fixture(folder: Path) -> None:
+    done = run(folder, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", "-q", "-rA", "test_frames.py")
+    failed = {line.split()[1] for line in done.stdout.splitlines() if line.startswith("FAILED ")}
+    assert failed == {"test_frames.py::test_another"}, done.stdout + done.stderr
+    assert "5 passed" in done.stdout and "1 failed" in done.stdout
+    assert "AssertionError: goldens and other do not match" in done.stdout
+    assert "0.png  different  largest error of a channel 9 levels, at most 1" in done.stdout
+    assert "2 of 2 frames fail: 2 different" in done.stdout
+    assert "matching.py" not in done.stdout, "what is shown is the test, not how the frames were compared"
+    assert (folder / "report.html").stat().st_size > 0
+
+
+def test_it_costs_nothing_before_it_is_used(folder: Path) -> None:
+    """And disturbs nobody: a run of pytest without our fixture is the same with the plugin, but for its name."""
+    (folder / "test_frames.py").write_text("def test():\n    assert True\n", encoding="utf-8")
+    program = (
+        "import json, sys, pytest\n"
+        "code = pytest.main(sys.argv[1:])\n"
+        f"print(json.dumps([code, [name for name in {HEAVY} if name in sys.modules], "
+        "sorted(name for name in sys.modules if name.startswith('hsplat'))]))"
+    )
+    arguments = ("-p", "no:cacheprovider", "-q", "--strict-markers", "--strict-config", "-W", "error")
+    told = []
+    for plugin in ((), ("-p", PLUGIN)):
+        done = run(folder, "-c", program, *arguments, *plugin, "test_frames.py")
+        told.append(json.loads(done.stdout.splitlines()[-1]))
+    assert told[0] == [0, [], []]
+    assert told[1] == [0, [], ["hsplat_cli", "hsplat_cli.compare", PLUGIN]]
+
+
+def test_the_installed_one_and_one_that_is_asked_for_are_one(folder: Path) -> None:
+    """As where hsplat is installed and a conftest.py names the plugin, too."""
+    info = folder / "hsplat-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: hsplat\nVersion: 1\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(f"[pytest11]\n{PLUGIN} = {PLUGIN}\n", encoding="utf-8")
+    (folder / "conftest.py").write_text(f"pytest_plugins = [{PLUGIN!r}]\n", encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": f"{CODE}:{folder}"}
+    for more in ((), ("-p", PLUGIN)):
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", *more, "test_frames.py::test_same"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+            env=environment,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_pytest_finds_it_where_hsplat_is_installed() -> None:
+    """Under the name of its module, so that who names that, too, has it once."""
+    if os.environ.get("HSPLAT_TEST_INSTALLED") == "1":
+        assert PLUGIN in {found.name for found in metadata.entry_points(group="pytest11") if found.value == PLUGIN}
+    else:
+        assert f'[project.entry-points.pytest11]\n"{PLUGIN}" = "{PLUGIN}"\n' in (CODE / "pyproject.toml").read_text(
+            "utf-8"
+        )

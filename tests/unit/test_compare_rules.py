@@ -1,0 +1,122 @@
+"""Which limits a frame has, from four places, and what is refused in them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsplat_cli.compare.command import compare
+from hsplat_cli.compare.rules import Rules, load_rules
+from renderer.errors import InputError, SceneError
+from renderer.frame_difference import FIGURES
+from renderer.strictness import LEVELS
+
+SAME_MACHINE, CROSS_DRIVER = LEVELS["same-machine"].limits, LEVELS["cross-driver"].limits
+
+
+def write(folder: Path, text: str) -> Path:
+    (folder / "compare.yaml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def test_the_default_level(tmp_path: Path) -> None:
+    assert load_rules(tmp_path).limits_for("any.png") == SAME_MACHINE
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_levels(tmp_path: Path, level: str) -> None:
+    assert load_rules(tmp_path, level).limits_for("any.png") == LEVELS[level].limits
+    write(tmp_path, f"level: {level}")
+    assert load_rules(tmp_path).limits_for("any.png") == LEVELS[level].limits
+    assert load_rules(tmp_path, "exact").limits_for("any.png") == LEVELS["exact"].limits
+
+
+def test_the_later_holds(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        "level: cross-driver\n"
+        "limits: {largest: 5, p99: 2, flip: 0.5}\n"
+        "frames:\n  frame-0007.png: {largest: 8, ssim: 0.9, flip: none}\n",
+    )
+    plain, seven = {**CROSS_DRIVER, "largest": 5, "p99": 2, "flip": 0.5}, {**CROSS_DRIVER, "largest": 8, "p99": 2}
+    del seven["flip"]
+    rules = load_rules(tmp_path)
+    assert rules.level == "cross-driver"
+    assert rules.limits_for("frame-0006.png") == plain
+    assert rules.limits_for("frame-0007.png") == {**seven, "ssim": 0.9}
+    rules = load_rules(tmp_path, overrides=["largest=20", "densest=none", "largest = 30 ", "flip=1e-2"])
+    for limits in (plain, seven):
+        limits.update(largest=30, flip=0.01)
+        del limits["densest"]
+    assert rules.limits_for("frame-0006.png") == plain
+    assert rules.limits_for("frame-0007.png") == {**seven, "ssim": 0.9}
+
+
+@given(st.dictionaries(st.sampled_from(list(FIGURES)), st.one_of(st.none(), st.floats(0, 1)), max_size=6))
+def test_limits_are_in_the_order_in_which_they_are_looked_at(changes: dict[str, float | None]) -> None:
+    names = list(Rules(limits=changes).limits_for(""))
+    assert names == [name for name in FIGURES if name in names]
+
+
+def test_the_help_names_all_levels() -> None:
+    (option,) = [option for option in compare.params if option.name == "level"]
+    assert isinstance(option, click.Option)
+    assert [level for level in LEVELS if level not in str(option.help)] == []
+
+
+def test_the_file_is_beside_a_file(tmp_path: Path) -> None:
+    write(tmp_path, "level: exact")
+    for name in ("frame-0000.png", "frame-{frame:04}.png", "film.mp4"):
+        assert load_rules(tmp_path / name).level == "exact"
+
+
+@pytest.mark.parametrize("text", ["", "# nothing\n", "{}"])
+def test_a_file_that_says_nothing(tmp_path: Path, text: str) -> None:
+    assert load_rules(write(tmp_path, text)).limits_for("") == SAME_MACHINE
+
+
+def test_frames_that_are_not_there(tmp_path: Path) -> None:
+    write(tmp_path, "frames:\n  a.png: {largest: 2}\n  b.png: {largest: 2}\n  frame 3: {largest: 2}\n")
+    (tmp_path / "b.png").touch()  # a golden of which only another one is compared
+    rules = load_rules(tmp_path)
+    rules.require_frames(["a.png", "frame 3"])
+    with pytest.raises(SceneError) as caught:
+        rules.require_frames(["c.png"])
+    assert [(problem.got, problem.place) for problem in caught.value.problems] == [
+        ("'a.png'", f"{tmp_path / 'compare.yaml'}:2:3"),
+        ("'frame 3'", f"{tmp_path / 'compare.yaml'}:4:3"),
+    ]
+
+
+@pytest.mark.parametrize("where", ["limits", "frames", "overrides"])
+def test_something_stays_limited(tmp_path: Path, where: str) -> None:
+    """Or every frame would pass."""
+    none = dict.fromkeys(SAME_MACHINE, "none")
+    flow = "{" + ", ".join(f"{name}: none" for name in none) + "}"
+    if where != "overrides":
+        write(tmp_path, f"limits: {flow}" if where == "limits" else f"frames: {{a.png: {flow}}}")
+    overrides = [f"{name}=none" for name in none] if where == "overrides" else []
+    with pytest.raises(InputError, match="no figure has a limit any more"):
+        load_rules(tmp_path, overrides=overrides)
+    rules = load_rules(tmp_path, overrides=[*overrides, "ssim=0.9"])
+    assert rules.limits_for("a.png") == {"ssim": 0.9}
+
+
+@pytest.mark.parametrize("kind", ["folder", "link", "pipe", "other"])
+def test_a_file_that_cannot_be_read_is_not_passed_over(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "compare.yaml"
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "link":
+        path.symlink_to("nowhere")
+    elif kind == "pipe":
+        os.mkfifo(path)
+    else:
+        path.write_bytes(b"limits: {largest: \xff}")
+    with pytest.raises(InputError):
+        load_rules(tmp_path)

@@ -1,0 +1,157 @@
+"""What an update of goldens would do: which frames change and how much, what goes, what stays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from hsplat_cli.golden.draw import Drawing
+from hsplat_cli.golden.plan import Plan, described, make_plan
+from hsplat_cli.golden.provenance import Golden, Provenance
+from renderer.kept_frames import digest, file_digest
+from renderer.png import encode_png
+
+Pixels = npt.NDArray[np.uint8]
+
+DIGEST = "0" * 32
+ORIGIN: dict[str, Any] = {"volume": {"name": "a"}, "gl": "x", "scene": {"error": {"tolerance": 0.1}}, "versions": {}}
+GREY: Pixels = np.full((16, 20, 3), 100, np.uint8)
+
+
+def names_of(frames: range) -> dict[int, str]:
+    return {frame: f"frame-{frame:04}.png" for frame in frames}
+
+
+def lighter(*levels: int) -> Pixels:
+    """GREY with a pixel that is so much lighter for each of these."""
+    image = GREY.copy()
+    for column, level in enumerate(levels):
+        image[3, column] += np.uint8(level)
+    return image
+
+
+class Desk:
+    """A folder of goldens, all GREY, and pictures that are drawn."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.before = folder / "goldens", Provenance(ORIGIN, ())
+        self._drawn = folder / "drawn"
+        self.folder.mkdir()
+        self._drawn.mkdir()
+
+    def keep(self, *frames: int) -> None:
+        goldens = []
+        for frame in frames:
+            content = encode_png(GREY)
+            (self.folder / f"frame-{frame:04}.png").write_bytes(content)
+            goldens.append(Golden(frame, f"frame-{frame:04}.png", digest(content)))
+        self.before = replace(self.before, goldens=tuple(goldens))
+
+    def plan(self, *pictures: Pixels, prune: bool = False, tolerance: float = 0.1, date: str | None = None) -> Plan:
+        """Of as many frames, from 0."""
+        names = names_of(range(len(pictures)))
+        for frame, picture in enumerate(pictures):
+            (self._drawn / f"{frame}.png").write_bytes(encode_png(picture))
+        files = {frame: self._drawn / f"{frame}.png" for frame in names}
+        drawing = Drawing(files, {**ORIGIN, "scene": {"error": {"tolerance": tolerance}}}, ())
+        before = self.before if self.before.goldens else None
+        return make_plan(self.folder, before, names, drawing, date=date, prune=prune)
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    return Desk(tmp_path)
+
+
+def test_the_first_goldens(desk: Desk) -> None:
+    plan = desk.plan(GREY, lighter(1), date="today")
+    assert plan.changes_anything
+    assert [golden.file for golden in plan.after.goldens] == ["frame-0000.png", "frame-0001.png"]
+    assert plan.after.date == "today"
+    assert {name: file_digest(path) for name, path in plan.sources.items()} == {
+        golden.file: golden.digest for golden in plan.after.goldens
+    }
+
+
+def test_nothing_changes(desk: Desk) -> None:
+    desk.keep(0, 1)
+    plan = desk.plan(GREY, GREY, date="another date is no change")
+    assert not plan.changes_anything
+    assert (plan.sources, plan.changes, plan.removed) == ({}, [], [])
+
+
+def test_the_worst_comes_first(desk: Desk) -> None:
+    desk.keep(0, 1, 2, 3)
+    plan = desk.plan(lighter(1), GREY, lighter(9), lighter(9, 9))
+    assert [change.file for change in plan.changes] == ["frame-0003.png", "frame-0002.png", "frame-0000.png"]
+    assert [change.figures["largest"] for change in plan.changes] == [9, 9, 1]
+    assert list(plan.sources) == ["frame-0000.png", "frame-0002.png", "frame-0003.png"]
+    kept = [ours == theirs for ours, theirs in zip(plan.after.goldens, desk.before.goldens, strict=True)]
+    assert kept == [False, True, False, False]
+
+
+def test_other_bytes_of_the_same_pixels_are_kept_and_told_of(desk: Desk) -> None:
+    desk.keep(0)
+    desk.before = replace(desk.before, goldens=(replace(desk.before.goldens[0], digest=DIGEST),))
+    plan = desk.plan(GREY)
+    assert plan.changes_anything and plan.sources == {}
+    assert plan.after.goldens == (Golden(0, "frame-0000.png", file_digest(desk.folder / "frame-0000.png")),)
+
+
+def test_other_makers_of_the_same_pixels_are_no_change(desk: Desk) -> None:
+    desk.keep(0)
+    desk.before = replace(desk.before, origin={**ORIGIN, "gl": "y", "versions": {"numpy": "1"}})
+    assert not desk.plan(GREY).changes_anything
+    plan = desk.plan(lighter(1))
+    assert plan.changes_anything
+    assert plan.after.origin == ORIGIN
+
+
+def test_another_scene_of_the_same_pixels(desk: Desk) -> None:
+    desk.keep(0)
+    plan = desk.plan(GREY, tolerance=0.2)
+    assert plan.changes_anything and plan.sources == {}
+    assert plan.after.origin["scene"] == {"error": {"tolerance": 0.2}}
+
+
+@pytest.mark.parametrize("prune", [False, True])
+def test_goldens_that_nobody_asks_for(desk: Desk, prune: bool) -> None:
+    desk.keep(0, 5, 7)
+    plan = desk.plan(GREY, prune=prune)
+    others = [golden for golden in desk.before.goldens if golden.frame > 0]
+    assert (plan.unasked, plan.removed) == (([], others) if prune else (others, []))
+    assert plan.changes_anything == prune
+    assert [golden.frame for golden in plan.after.goldens] == ([0] if prune else [0, 5, 7])
+
+
+def test_nobodys_golden_that_is_gone_is_forgotten(desk: Desk) -> None:
+    desk.keep(0, 5)
+    (desk.folder / "frame-0005.png").unlink()
+    plan = desk.plan(GREY)
+    assert plan.changes_anything
+    assert [golden.frame for golden in plan.after.goldens] == [0]
+
+
+def test_what_cannot_be_compared_comes_first(desk: Desk) -> None:
+    desk.keep(0, 1, 2, 3, 4)
+    (desk.folder / "frame-0001.png").unlink()
+    (desk.folder / "frame-0002.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    (desk.folder / "frame-0003.png").write_bytes(encode_png(np.zeros((8, 8, 4), np.uint8)))
+    plan = desk.plan(lighter(200), GREY, GREY, GREY, GREY, GREY)
+    assert [(change.file[6:10], bool(change.why)) for change in plan.changes] == [
+        ("0001", True), ("0002", True), ("0003", True), ("0005", True), ("0000", False)
+    ]  # fmt: skip
+    assert list(plan.sources) == [f"frame-000{number}.png" for number in (0, 1, 2, 3, 5)]
+
+
+def test_many_changes_are_not_all_listed(desk: Desk) -> None:
+    desk.keep(*range(30))
+    lines = list(described(desk.plan(*(lighter(level) for level in range(30)))))
+    assert lines[0] == "29 of 30 frames change:"
+    assert [line.split()[1] for line in lines[2:22]] == [str(level) for level in range(29, 9, -1)]
+    assert lines[22] == "  and 9 more, none of which changes more"

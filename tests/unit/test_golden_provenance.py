@@ -1,0 +1,232 @@
+"""golden.json: what is written is read again, byte for byte, and nothing that is forged goes through."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hsplat_cli.golden import provenance
+from hsplat_cli.golden.provenance import (
+    NAME,
+    Golden,
+    Provenance,
+    changes,
+    golden_file,
+    origin_of,
+    parse_date,
+    provenance_bytes,
+    read_provenance,
+)
+from renderer.errors import InputError
+
+DIGEST = "0123456789abcdef" * 2
+
+TOLD: dict[str, Any] = {  # of what lies beside frames, as much as matters here
+    "scene": {"volume": {"file": "/scans/engine.nhdr", "crop": None, "nonfinite": "error"}, "output": {"file": "x"}},
+    "volume": {"name": "/scans/engine.nhdr", "fingerprint": DIGEST, "dtype": "uint8", "shape": [8, 8, 4], "world": []},
+    "gl": "llvmpipe (LLVM 15.0.6, 256 bits)",
+    "cause": {
+        "of": {
+            "scene": {"error": {"tolerance": 0.1}, "output": {"size": [32, 32]}},
+            "versions": {"python": "3.11.2", "numpy": "2.1.0"},
+        }
+    },
+}
+ORIGIN = origin_of(TOLD)
+WRITTEN = Provenance(ORIGIN, (Golden(0, "frame-0000.png", DIGEST), Golden(7, "frame-0007.png", DIGEST)), "today")
+
+
+@pytest.mark.parametrize("date", [None, "2026-11-21", "am Samstag, \u00e4hm"])
+def test_what_is_written_is_read_again(tmp_path: Path, date: str | None) -> None:
+    written = replace(WRITTEN, date=date)
+    content = provenance_bytes(written)
+    assert json.loads(content)["frames"][1] == {"frame": 7, "file": "frame-0007.png", "digest": DIGEST}
+    (tmp_path / NAME).write_bytes(content)
+    assert read_provenance(tmp_path) == written
+    assert provenance_bytes(read_provenance(tmp_path)) == content
+
+
+def test_each_golden_has_a_line_of_its_own() -> None:
+    lines = provenance_bytes(WRITTEN).decode().splitlines()
+    assert lines[-5:] == [
+        '  "frames": [',
+        f'    {{"frame": 0, "file": "frame-0000.png", "digest": "{DIGEST}"}},',
+        f'    {{"frame": 7, "file": "frame-0007.png", "digest": "{DIGEST}"}}',
+        "  ]",
+        "}",
+    ]
+
+
+def test_where_files_lie_is_not_told() -> None:
+    raw = copy.deepcopy(TOLD)
+    raw["scene"]["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nonfinite": "error"}
+    assert ORIGIN["volume"]["name"] == "engine.nhdr"
+    assert ORIGIN["scene"]["volume"] == {"crop": None, "nonfinite": "error"}
+    assert origin_of(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nonfinite": "error"}
+    assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_of(raw)))
+
+
+@pytest.mark.parametrize("name", ["a\nb.npy", "\x1b[31m.npy", "\udcff.npy", "x" * 300])
+def test_any_name_of_a_volume_can_be_read_again(name: str, tmp_path: Path) -> None:
+    told = copy.deepcopy(TOLD)
+    told["volume"]["name"] = name
+    (tmp_path / NAME).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_of(told))))
+    assert read_provenance(tmp_path).origin["volume"]["name"].isprintable()
+
+
+@pytest.mark.parametrize(
+    ("frame", "num_frames", "name"),
+    [
+        (7, 120, "frame-0007.png"),
+        (0, 1, "frame-0000.png"),
+        (9999, 10_000, "frame-9999.png"),
+        (7, 10_001, "frame-00007.png"),
+        (999_999, 1_000_000, "frame-999999.png"),
+    ],
+)
+def test_names_are_in_the_order_of_frames(frame: int, num_frames: int, name: str) -> None:
+    assert golden_file(frame, num_frames) == name
+
+
+def test_what_has_changed() -> None:
+    now = copy.deepcopy(ORIGIN)
+    assert changes(ORIGIN, now) == ""
+    now["volume"]["name"] = "moved.nhdr"
+    assert changes(ORIGIN, now) == ""
+    now["scene"]["error"]["tolerance"], now["gl"] = 0.2, "another"
+    assert changes(ORIGIN, now) == f"gl was '{ORIGIN['gl']}'; scene.error.tolerance was 0.1"
+    assert changes(ORIGIN, now, "scene") == "scene.error.tolerance was 0.1"
+
+
+FORGED: list[Callable[[dict[str, Any]], Any]] = [
+    lambda data: data.clear(),
+    lambda data: data.update(format="hsplat golden 2"),
+    lambda data: data.update(format=1),
+    lambda data: data.update(more=1),
+    lambda data: data.update(date=""),
+    lambda data: data.update(date="two\nlines"),
+    lambda data: data.update(date=2026),
+    lambda data: data.update(gl="\x1b[2J"),
+    lambda data: data.update(gl=None),
+    lambda data: data.update(scene=[]),
+    lambda data: data.update(versions={"numpy": 2}),
+    lambda data: data.update(versions=None),
+    lambda data: data.update(volume="engine"),
+    lambda data: data["volume"].update(fingerprint="12"),
+    lambda data: data["volume"].update(fingerprint=DIGEST.upper()),
+    lambda data: data["volume"].update(shape=[1, 2]),
+    lambda data: data["volume"].update(shape=[1, 2, -3]),
+    lambda data: data["volume"].update(name="x" * 201),
+    lambda data: data["volume"].pop("dtype"),
+    lambda data: data.update(frames=[]),
+    lambda data: data.update(frames={}),
+    lambda data: data.update(frames=None),
+    lambda data: data["frames"].append(None),
+    lambda data: data["frames"].append(data["frames"][-1]),
+    lambda data: data["frames"].reverse(),
+    lambda data: data["frames"][0].update(frame=-1, file="frame--001.png"),
+    lambda data: data["frames"][0].update(frame=10**7, file="frame-10000000.png"),
+    lambda data: data["frames"][0].update(frame=True),
+    lambda data: data["frames"][0].update(frame=0.5),
+    lambda data: data["frames"][0].update(file="frame-0001.png"),
+    lambda data: data["frames"][0].update(file="../frame-0000.png"),
+    lambda data: data["frames"][0].update(file="/etc/passwd"),
+    lambda data: data["frames"][0].update(file="golden.json"),
+    lambda data: data["frames"][0].update(file="frame-0000.png\n"),
+    lambda data: data["frames"][0].update(file="frame-\u0660\u0660\u0660\u0660.png"),
+    lambda data: data["frames"][0].update(file=None),
+    lambda data: data["frames"][0].update(digest=0),
+    lambda data: data["frames"][0].update(digest="g" * 32),
+    lambda data: data["frames"][0].pop("digest"),
+    lambda data: data["frames"][0].update(more="x"),
+]
+
+
+@pytest.mark.parametrize("forge", FORGED)
+def test_what_is_forged_is_refused(forge: Callable[[dict[str, Any]], Any], tmp_path: Path) -> None:
+    data = json.loads(provenance_bytes(WRITTEN))
+    forge(data)
+    (tmp_path / NAME).write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_provenance(tmp_path)
+    assert str(caught.value).startswith(f"{tmp_path / NAME}: ")
+    assert all(line.isprintable() for line in str(caught.value).splitlines())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"7",
+        b"[]",
+        b"null",
+        b"\0\xff",
+        b"{",
+        b"{}",
+        b'{"format": "hsplat golden 1", "format": "hsplat golden 1"}',
+        b'{"a": NaN}',
+        b'{"a": ' + b"[" * 100_000,
+        b'{"frames": ' + b"9" * 5000 + b"}",
+        b"\x89PNG\r\n\x1a\n",
+    ],
+)
+def test_garbage_is_refused(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / NAME).write_bytes(content)
+    with pytest.raises(InputError):
+        read_provenance(tmp_path)
+
+
+def test_what_was_cut_off_is_refused(tmp_path: Path) -> None:
+    content = provenance_bytes(WRITTEN)
+    for num_bytes in range(len(content) - len("}\n")):
+        (tmp_path / NAME).write_bytes(content[:num_bytes])
+        with pytest.raises(InputError):
+            read_provenance(tmp_path)
+
+
+def test_any_byte_may_be_wrong(tmp_path: Path) -> None:
+    """Then it is refused, or is read as something else that is right."""
+    content = provenance_bytes(WRITTEN)
+    generator = np.random.default_rng(1)
+    for position in range(len(content)):
+        changed = bytearray(content)
+        changed[position] = generator.integers(256)
+        (tmp_path / NAME).write_bytes(changed)
+        with contextlib.suppress(InputError):
+            found = read_provenance(tmp_path)
+            assert [golden.file for golden in found.goldens] == [
+                f"frame-{golden.frame:04}.png" for golden in found.goldens
+            ]
+
+
+def test_what_is_too_large_is_not_even_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provenance, "MOST_BYTES", 1000)
+    (tmp_path / NAME).write_bytes(b"{" + b" " * 1000)
+    with pytest.raises(InputError, match=f"too large for a {NAME}\n  expected: at most 1000 bytes"):
+        read_provenance(tmp_path)
+
+
+def test_a_million_goldens_are_not_too_large() -> None:
+    longest = Golden(999_999, golden_file(999_999, 1_000_000), DIGEST)
+    one, two = (len(provenance_bytes(replace(WRITTEN, goldens=(longest,) * num))) for num in (1, 2))
+    assert one + 1_000_000 * (two - one) < provenance.MOST_BYTES
+
+
+def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
+    (tmp_path / NAME).mkdir()
+    with pytest.raises(InputError, match="not a file"):
+        read_provenance(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "two\nlines", "\x1b[31m", "x" * 201])
+def test_dates_that_cannot_be_recorded(text: str) -> None:
+    with pytest.raises(InputError, match="--date: not a date"):
+        parse_date(text)
