@@ -51,7 +51,7 @@ def decoded_film(path: Path) -> Iterator[Iterator[Pixels]]:
     with contextlib.ExitStack() as stack:
         try:
             words = stack.enter_context(tempfile.TemporaryFile())
-            # A session of its own: Ctrl-C in the terminal is for us, and we end ffmpeg when we are done with it.
+            # Out of reach of the terminal: Ctrl-C there is for us, and we end ffmpeg when we are done with it.
             process = subprocess.Popen(
                 _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
             )
