@@ -77,7 +77,7 @@ class FrameDifference:
     def signed_levels(self) -> Levels:
         """float32 [h, w]: of each pixel's channels the one that is off most, with its sign."""
         largest = np.abs(self._parts).argmax(axis=2)[..., None]
-        return (np.take_along_axis(self._parts, largest, axis=2)[..., 0] / _PARTS).astype(np.float32)
+        return np.take_along_axis(self.signed, largest, axis=2)[..., 0]
 
     @property
     def levels(self) -> Levels:
@@ -112,13 +112,11 @@ class FrameDifference:
 
         That is what many small errors add up to where they are close together.
         """
+        sums = [_largest_window_sum(np.abs(self._parts[..., channel])) for channel in range(self._parts.shape[2])]
         height, width = (min(WINDOW_PX, length) for length in self._parts.shape[:2])
-        errors = np.abs(self._parts).astype(np.int64)
-        sums = np.pad(errors.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0), (0, 0)))
-        windows = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
-        return float(windows.max()) / (_PARTS * height * width)
+        return float(max(sums) / (_PARTS * height * width))
 
-    def over(self, name: str) -> float:
+    def perceived(self, name: str) -> float:
         """A metric of `renderer.metrics` on the pictures as they are seen; transparent ones over the worse of black
         and white."""
         values = [single(name, _over(self._actual, ground), _over(self._golden, ground)) for ground in self._grounds()]
@@ -135,8 +133,8 @@ def _largest_bias(difference: FrameDifference) -> float:
 _FIGURE_OF: dict[str, Callable[[FrameDifference], float]] = {
     "largest": FrameDifference.largest,
     "p99": FrameDifference.p99,
-    "flip": lambda difference: difference.over("flip"),
-    "ssim": lambda difference: difference.over("ssim"),
+    "flip": lambda difference: difference.perceived("flip"),
+    "ssim": lambda difference: difference.perceived("ssim"),
     "densest": FrameDifference.densest,
     "bias": _largest_bias,
 }
@@ -151,6 +149,14 @@ def _signed_parts(golden: Pixels, actual: Pixels) -> npt.NDArray[np.int32]:
     else:
         parts *= _PARTS
     return parts
+
+
+def _largest_window_sum(errors: npt.NDArray[np.int32]) -> int:
+    """Of [h, w] >= 0, over all squares of WINDOW_PX pixels, or what fits of one."""
+    height, width = (min(WINDOW_PX, length) for length in errors.shape)
+    sums = np.pad(errors.cumsum(axis=0, dtype=np.int64).cumsum(axis=1), ((1, 0), (1, 0)))
+    windows = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
+    return int(windows.max())
 
 
 def _over(image: Pixels, ground: float) -> npt.NDArray[Any]:

@@ -23,13 +23,13 @@ class Strictness:
     limits: Limits
 
 
-# What must pass, in more than a hundred frames of eleven kinds. At `same-machine`: other numbers of threads, vectors of
-# 128 to 512 bits, and one value in a thousand rounded otherwise, which alone comes to more than 0 at 8 bits: densest
-# 0.047, FLIP 0.0003, bias 0.0008. At `cross-driver`: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX,
-# which all stay at 1 level and a densest of 0.02, but for one splat that the near plane cuts, which softpipe has off by
-# 4 levels and 0.66; and one value in five rounded otherwise, which nothing does: densest 0.45, FLIP 0.009, bias 0.10.
-# Others have seen up to 3 levels between processors. Each limit that is not a whole number has at least 1.3 times room.
-# In return, what moves a pixel by 2 levels always fails at `same-machine`; at `cross-driver` 237 of 267 defects do.
+# What must pass, in frames of eleven kinds (docs/goldens.md). At `same-machine`: other numbers of threads and vectors
+# of 128 to 512 bits, which change nothing, and one value in a thousand rounded otherwise: densest 0.047, FLIP 0.0003,
+# bias 0.0008. At `cross-driver`: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX, which stay at 1
+# level and densest 0.02, but for a splat that the near plane cuts, which softpipe has off by 4 levels and 0.66; and one
+# value in five rounded otherwise, more than any of them does: densest 0.45, FLIP 0.009, bias 0.10. Others have seen up
+# to 3 levels between processors. Limits that are no whole numbers have at least 1.3 times room. In return, what moves a
+# pixel by 2 levels always fails at `same-machine`; what `cross-driver` cannot see is listed there, too.
 LEVELS = {
     level.name: level
     for level in (

@@ -37,16 +37,11 @@ class Defect:
         return self.name
 
 
-def moved(shot: Shot, picture: Pixels) -> float:
-    """Levels by which some pixel moves."""
-    return FrameDifference(shot.golden, picture).largest()
-
-
 def _first_seen(shot: Shot, pictures: Iterable[Pixels]) -> Pixels | None:
     """The first picture in which the defect can be seen, which so is no more of one than need be; or the worst."""
     worst, most = None, -1.0
     for picture in pictures:
-        levels = moved(shot, picture)
+        levels = FrameDifference(shot.golden, picture).largest()
         if levels > most:
             worst, most = picture, levels
         if most >= SEEN_LEVELS:
@@ -195,7 +190,7 @@ def _shifted_by(pixels: float) -> Callable[[Shot], Pixels]:
     return shifted
 
 
-def _frame_before(shot: Shot) -> Pixels:
+def _frame_repeated(shot: Shot) -> Pixels:
     frames = shot.stage.scene.camera.path.frames
     return shot.drawn(shot.posed(shot.stage, frame=(shot.subject.frame - 1) % frames)).image
 
@@ -229,9 +224,7 @@ def _grey_point(shot: Shot) -> Pixels | None:
 
 
 def _grey_picture(shot: Shot) -> Pixels:
-    picture = shot.golden.copy()
-    picture[..., :3] = np.rint(picture[..., :3].mean(axis=2, keepdims=True))
-    return picture
+    return _colors(shot, lambda color: color.mean(axis=2, keepdims=True))
 
 
 def _alpha_lost(shot: Shot) -> Pixels | None:
@@ -352,20 +345,20 @@ DEFECTS = (
     Defect("camera off by 0.1 degree", _camera_off),
     Defect("shifted by 0.1 px", _shifted_by(0.1)),
     Defect("shifted by 0.25 px", _shifted_by(0.25)),
-    Defect("the frame before", _frame_before),
+    Defect("one frame repeated", _frame_repeated),
     Defect("tolerance 10 % coarser", _coarser),
     Defect("a grey for a colour of the transfer function", _grey_point),
     Defect("all colours grey", _grey_picture),
     Defect("alpha lost", _alpha_lost),
     Defect("premultiplied for straight alpha", _premultiplied),
-    Defect("power of 2.2 for sRGB's curve", _wrong_gamma),
+    Defect("wrong gamma: a power of 2.2 for sRGB's curve", _wrong_gamma),
     Defect("blue for red", _blue_for_red),
     Defect("rounded down", _rounded_down),
     Defect("background one level brighter", _other_background),
     Defect("one row doubled", _row_doubled),
     Defect("a black tile of 16 x 16 px", _black_tile),
-    Defect("noise of 3 levels in 8 x 8 px", _noise_cluster(3)),
-    Defect("noise of 1 level in 8 x 8 px", _noise_cluster(1)),
+    Defect("noise cluster: 3 levels in 8 x 8 px", _noise_cluster(3)),
+    Defect("noise cluster: 1 level in 8 x 8 px", _noise_cluster(1)),
     Defect("one pixel off by 3 levels", _one_pixel_off(3)),
     Defect("one pixel off by 8 levels", _one_pixel_off(8)),
 )

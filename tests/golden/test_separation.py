@@ -20,7 +20,7 @@ FAINT = {
     "optical depths 1 % too large",
     "rounded down",
     "background one level brighter",
-    "noise of 1 level in 8 x 8 px",
+    "noise cluster: 1 level in 8 x 8 px",
 }
 
 # What another driver may do, too, on one of the two frames at least.
