@@ -23,12 +23,12 @@ def merged_record(picked: Sequence[Picked], output: OutputSpec, seconds: float) 
     parts = parts_of(picked)
     first, records = parts[0], [frame.record for frame in picked]
     pyramid = [part.data.get("pyramid", {}) for part in parts]
-    finest = min((found["finest_level_drawn"] for found in pyramid if "finest_level_drawn" in found), default=None)
+    finest = [found["finest_level_drawn"] for found in pyramid if "finest_level_drawn" in found]
     return {
         "scene": _scene(picked, output),
         "volume": first.data["volume"],
         "camera": first.data.get("camera", {}),
-        "pyramid": {**pyramid[0], "finest_level_drawn": finest},
+        "pyramid": pyramid[0] | ({"finest_level_drawn": min(finest)} if finest else {}),
         "gl": _united(part.data.get("gl") for part in parts),
         "versions": _versions(parts),
         "schedule": _schedule(parts, records),
@@ -59,8 +59,7 @@ def part_notes(picked: Sequence[Picked]) -> list[str]:
         notes.append(f"{len(missed)} of {len(parts)} parts did not meet what was asked for, the first {missed[0].path}")
     for part in parts:
         own = visibility_notes(part.records)
-        told = part.data.get("notes")
-        notes += [note for note in (told if isinstance(told, list) else []) if note not in own]
+        notes += [note for note in part.data.get("notes", []) if note not in own]
     return list(dict.fromkeys(notes))
 
 
@@ -92,8 +91,8 @@ def _scene(picked: Sequence[Picked], output: OutputSpec) -> dict[str, Any]:
 
 def _schedule(parts: Sequence[Part], records: Sequence[Record]) -> dict[str, Any]:
     told = [part.data.get("schedule", {}) for part in parts]
-    measured = [each["measured"] for each in told if isinstance(each.get("measured"), dict)]
-    missed = list(dict.fromkeys(each["shortfall"] for each in told if isinstance(each.get("shortfall"), str)))
+    measured = [each["measured"] for each in told if "measured" in each]
+    missed = list(dict.fromkeys(each["shortfall"] for each in told if "shortfall" in each))
     record = {
         "asked": told[0].get("asked"),
         "tolerance": limits(record["tolerance"] for record in records),
