@@ -9,7 +9,7 @@ from hsplat_cli.sidecar_file import is_shallow
 from renderer.errors import Problem
 from renderer.schema import BOOLEAN, Kind, Node, Table, show
 
-# Far from what the sum over all parts could have as a float64, and from all that is measured.
+# Nothing that is measured comes near it, and sums over all parts stay finite.
 _MOST = 1e100
 # More than any sidecar has that was written by this program.
 _MOST_LEVELS = 20
