@@ -68,11 +68,14 @@ class GLRasterizer:
 
     def __init__(self) -> None:
         self._context = _create_context()
+        info = self._context.info
+        self._renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"  # a lost context tells nothing
+        self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
         self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
         self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
-        self._splats = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
-        self._shapes = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
-        self._largest_point_px = float(self._context.info["GL_POINT_SIZE_RANGE"][1])
+        with self._refusals_as_lost():
+            self._splats = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
+            self._shapes = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
         self._programs: dict[str, Any] = {}
         self._target: Any = None
 
@@ -91,10 +94,30 @@ class GLRasterizer:
     @property
     def renderer_name(self) -> str:
         """Device and driver, as GL names them."""
-        return f"{self._context.info['GL_RENDERER']}, GL {self._context.info['GL_VERSION']}"
+        return self._renderer_name
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
+        with self._refusals_as_lost():
+            return self._rasterized(batch, order, view)
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
+        """Lines along the edges, one over the other in their order: as `rasterize`, float32 [height, width, 4]."""
+        with self._refusals_as_lost():
+            return self._rasterized_edges(edges, view)
+
+    @contextmanager
+    def _refusals_as_lost(self) -> Iterator[None]:
+        """What cannot be made on the device fails as the drawing does: a lost context makes nothing any more."""
+        try:
+            yield
+        except moderngl.Error as error:
+            raise self._lost(str(error)) from error
+
+    def _lost(self, got: str) -> ContextLostError:
+        return ContextLostError("OpenGL failed to draw, or its context was lost", where=self.renderer_name, got=got)
+
+    def _rasterized(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         camera = model_view(batch, view)
         draw = self._prepared(batch, camera)
         if len(order) <= LEAST_CHUNK:
@@ -136,8 +159,7 @@ class GLRasterizer:
                 draw(order[first : first + BATCH_SIZE])
         return image
 
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
-        """Lines along the edges, one over the other in their order: as `rasterize`, float32 [height, width, 4]."""
+    def _rasterized_edges(self, edges: CellEdges, view: View) -> Image:
         with self._picture(view.size, Region(0, 0, *view.size)) as image:
             camera = model_view(edges, view)
             program = self._program("line_vertex.glsl", "line_fragment.glsl")
@@ -177,9 +199,7 @@ class GLRasterizer:
         """Nothing raises where a device is reset or runs out of memory: GL goes on, and its pictures are rubbish."""
         error = self._context.error
         if error != "GL_NO_ERROR":
-            raise ContextLostError(
-                "OpenGL failed to draw, or its context was lost", where=self.renderer_name, got=error
-            )
+            raise self._lost(error)
 
     def _gaussians(self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]) -> None:
         """Points, and in their place in the order quads where the driver's points are too small."""
@@ -251,8 +271,8 @@ class GLRasterizer:
             try:
                 self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
             except moderngl.Error as error:
-                raise RenderError(
-                    "the device has no room for a picture of this size",
+                raise ContextLostError(  # which of the two, nobody can tell
+                    "the device has no room for a picture of this size, or its context was lost",
                     where=self.renderer_name,
                     got=f"{size[0]} x {size[1]} pixels of 16 bytes",
                     hint="choose a smaller output.size",

@@ -31,6 +31,7 @@ from renderer.schema_output import OUTPUT
 @click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as Python slices them: 0:30, ::10, 7.")
 @click.option("--frames-per-second", type=float, metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", type=float, metavar="0-10", help="Another quality of an MP4 than that of the scene.")
+@click.option("--force", is_flag=True, help="Put together again what is there already.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def assemble(
     parts: tuple[str, ...],
@@ -38,6 +39,7 @@ def assemble(
     frames: str | None,
     frames_per_second: float | None,
     quality: float | None,
+    force: bool,
     quiet: bool,
 ) -> None:
     """Make one film of frames that were drawn in parts.
@@ -57,7 +59,7 @@ def assemble(
         # Imported here: numpy takes longer to load than --help may take to answer.
         from hsplat_cli.assemble.film import assemble_film  # noqa: PLC0415
 
-        assemble_film(found, numbers, spec, quiet=quiet)
+        assemble_film(found, numbers, spec, force=force, quiet=quiet)
 
 
 def _output_spec(part: Part, options: dict[str, tuple[Any, str]], numbers: Sequence[int]) -> OutputSpec:

@@ -14,7 +14,7 @@ from hsplat_cli.assemble.parts import Part
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
-from hsplat_cli.render.cause import cause_record, made_before
+from hsplat_cli.render.cause import Cause, cause_record, made_before
 from renderer.errors import SceneError
 from renderer.film import open_film, require_encoder
 from renderer.output_files import frame_path, has_frame_files, picture_shape, sidecar_of
@@ -24,28 +24,27 @@ from renderer.sidecar import write_sidecar
 from renderer.staging import explained, staged_together
 
 
-def assemble_film(parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, *, quiet: bool) -> None:
-    """Make the film, and its sidecar, unless they are there.
+def assemble_film(
+    parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, *, force: bool, quiet: bool
+) -> None:
+    """Make the film, and its sidecar, unless they are there and it is not forced.
 
     Raises SceneError with all that is wrong with the parts, and what writing raises; then there is no film.
     """
     start = time.perf_counter()
-    problems = list(film_problems(parts))
-    picked, more = pick(parts, numbers)
+    if problems := list(film_problems(parts)):
+        raise SceneError(problems)  # of another film's part neither the size nor the frames tell anything
+    picked, problems = pick(parts, numbers)
     sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
-    cause, before = None if problems or more else cause_of_parts(picked, output), made_before(sidecar, output)
-    is_there = cause is not None and before is not None and before.is_up_to_date(cause, output, numbers)
-    if not is_there:
-        # Of another film's part neither the size nor the frames tell anything.
-        problems = problems or [*more, *file_problems(picked, picture_shape(output))]
-    if problems:
-        raise SceneError(problems)
-    require_encoder(output)
     with taken(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
-        if is_there:
+        cause = None if problems else cause_of_parts(picked, output)
+        if cause is not None and not force and _is_there(sidecar, cause, picked, output):
             if not quiet:
-                click.echo(f"{output.file} is up to date", err=True)
+                click.echo(f"{output.file} is up to date; --force puts it together again", err=True)
             return
+        if problems := [*problems, *file_problems(picked, picture_shape(output))]:
+            raise SceneError(problems)
+        require_encoder(output)
         write = _copy if has_frame_files(output) else _encode
         notes = [*write(picked, output, folder, defer_interrupts, quiet=quiet), *part_notes(picked)]
         record = merged_record(picked, output, time.perf_counter() - start) | {"notes": notes}
@@ -59,6 +58,18 @@ def assemble_film(parts: Sequence[Part], numbers: Sequence[int], output: OutputS
         for note in notes:
             click.echo(f"note: {note}")
         click.echo(f"how it was made: {sidecar}")
+
+
+def _is_there(sidecar: Path, cause: Cause, picked: Sequence[Picked], output: OutputSpec) -> bool:
+    """Whether the film is there, of the very pictures that the parts tell of.
+
+    They need not be the same each time a part is drawn: on a budget of time they depend on the clock.
+    """
+    before = made_before(sidecar, output)
+    if before is None or not before.is_up_to_date(cause, output, [frame.number for frame in picked]):
+        return False
+    digests = [record.get("digest") for record in before.records]
+    return None not in digests and digests == [frame.record.get("digest") for frame in picked]
 
 
 def _encode(

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from hsplat_cli.assemble.agreement import Picked, error_without_schedule, has_goal
 from hsplat_cli.assemble.parts import Part
 from hsplat_cli.render.cause import Cause, told_cause
 from hsplat_cli.render.record import limits, visibility_notes
+from hsplat_cli.versions import package_versions, sources_digest
 from renderer.frame_record import Record
+from renderer.kept_frames import digest
+from renderer.output_files import has_frame_files
 from renderer.scene import ErrorSpec, OutputSpec
 from renderer.scene_schema import schedule_to_dict
 from renderer.schedule import is_met_as_a_whole, through
@@ -23,12 +28,12 @@ def merged_record(picked: Sequence[Picked], output: OutputSpec, seconds: float) 
     parts = parts_of(picked)
     first, records = parts[0], [frame.record for frame in picked]
     pyramid = [part.data.get("pyramid", {}) for part in parts]
-    finest = min((found["finest_level_drawn"] for found in pyramid if "finest_level_drawn" in found), default=None)
+    finest = [found["finest_level_drawn"] for found in pyramid if "finest_level_drawn" in found]
     return {
         "scene": _scene(picked, output),
         "volume": first.data["volume"],
         "camera": first.data.get("camera", {}),
-        "pyramid": {**pyramid[0], "finest_level_drawn": finest},
+        "pyramid": pyramid[0] | ({"finest_level_drawn": min(finest)} if finest else {}),
         "gl": _united(part.data.get("gl") for part in parts),
         "versions": _versions(parts),
         "schedule": _schedule(parts, records),
@@ -59,15 +64,15 @@ def part_notes(picked: Sequence[Picked]) -> list[str]:
         notes.append(f"{len(missed)} of {len(parts)} parts did not meet what was asked for, the first {missed[0].path}")
     for part in parts:
         own = visibility_notes(part.records)
-        told = part.data.get("notes")
-        notes += [note for note in (told if isinstance(told, list) else []) if note not in own]
+        notes += [note for note in part.data.get("notes", []) if note not in own]
     return list(dict.fromkeys(notes))
 
 
 def cause_of_parts(picked: Sequence[Picked], output: OutputSpec) -> Cause | None:
     """What a film drawn in one go would depend on, too, where that is one and the same for all parts.
 
-    A goal that is one of the frames together was met by whole parts.
+    A goal that is one of the frames together was met by whole parts. A film that another version encodes than drew its
+    frames is none that could be drawn in one go.
     """
     parts, numbers = parts_of(picked), [frame.number for frame in picked]
     first, *others = (told_cause(part.data) for part in parts)
@@ -76,7 +81,18 @@ def cause_of_parts(picked: Sequence[Picked], output: OutputSpec) -> Cause | None
     asked, drawn = parts[0].asked, {record["frame"] for part in parts for record in part.records}
     if asked is not None and is_met_as_a_whole(asked) and not drawn <= {*numbers}:
         return None
-    return Cause.make(first.of, output, numbers)
+    cause = Cause.make(first.of, output, numbers)
+    before, now = _encoder_in(first.of), _encoder_in({"versions": package_versions(), "sources": sources_digest()})
+    if has_frame_files(output) or before == now:
+        return cause
+    return replace(cause, film=digest(json.dumps([cause.film, now]).encode()))
+
+
+def _encoder_in(of: Any) -> list[Any]:
+    """What the bytes of a film depend on besides its pictures, in what a film depends on."""
+    told = of if isinstance(of, dict) else {}
+    versions = told.get("versions")
+    return [versions.get("imageio-ffmpeg") if isinstance(versions, dict) else None, told.get("sources")]
 
 
 def _scene(picked: Sequence[Picked], output: OutputSpec) -> dict[str, Any]:
@@ -92,8 +108,8 @@ def _scene(picked: Sequence[Picked], output: OutputSpec) -> dict[str, Any]:
 
 def _schedule(parts: Sequence[Part], records: Sequence[Record]) -> dict[str, Any]:
     told = [part.data.get("schedule", {}) for part in parts]
-    measured = [each["measured"] for each in told if isinstance(each.get("measured"), dict)]
-    missed = list(dict.fromkeys(each["shortfall"] for each in told if isinstance(each.get("shortfall"), str)))
+    measured = [each["measured"] for each in told if "measured" in each]
+    missed = list(dict.fromkeys(each["shortfall"] for each in told if "shortfall" in each))
     record = {
         "asked": told[0].get("asked"),
         "tolerance": limits(record["tolerance"] for record in records),

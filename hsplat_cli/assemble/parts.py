@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from hsplat_cli.assemble.told import told_problems
 from hsplat_cli.input_file import read_content
 from hsplat_cli.patterns import matches
 from hsplat_cli.sidecar_file import Sidecar, sidecar_in
@@ -112,7 +113,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
             problems.append(Problem("", what, expected=_EXPECTED, place=str(path)))
         return
     data = json.loads(content)
-    wrong = [*sidecar.problems, *_record_problems(data)] or [*_path_problems(sidecar)]
+    wrong = [*sidecar.problems] or [*_record_problems(data), *told_problems(data), *_path_problems(sidecar)]
     if wrong:
         problems.extend(replace(problem, place=str(path)) for problem in wrong)
         return
@@ -131,7 +132,7 @@ def _output_file(sidecar: Sidecar | None) -> Path | None:
 
 def _record_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
     """Of the first frame that says too little: the others may for the same reason."""
-    for index, record in enumerate(data["frames"] if isinstance(data["frames"], list) else []):
+    for index, record in enumerate(data["frames"]):
         if not is_record(record, has_digest=False):
             expected = "tolerance, cells, splats and seconds, as this version writes them"
             yield Problem(f"frames.{index}", "a frame with too little about it", expected=expected)

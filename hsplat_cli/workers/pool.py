@@ -115,15 +115,16 @@ class Pool:
         self._selector = selectors.DefaultSelector()
         self._renderer_names: dict[str, None] = {}  # a set that keeps its order
         self._num_failed_starts = 0
-        self._losses: Counter[str] = Counter()  # workers, by what became of them
+        self._losses: Counter[tuple[str, bool]] = Counter()  # by how workers were lost, and whether with frames
         self._patience, self._next_look = patience, time.monotonic() + patience.look_s
 
     @property
     def notes(self) -> list[str]:
         """What the user should know."""
         return [
-            f"{num} process{'es' * (num > 1)} that drew {end}, and what they had was drawn again"
-            for end, num in self._losses.items()
+            f"{num} of the processes that draw {how} and {'was' if num == 1 else 'were'} replaced"
+            + f", and what {'it' if num == 1 else 'they'} had was drawn again" * had_frames
+            for (how, had_frames), num in self._losses.items()
         ]
 
     @property
@@ -235,12 +236,12 @@ class Pool:
         self._workers.remove(worker)
         worker.close()
         may_be_chance = error is not None or worker.was_killed
+        self._losses[self._how_lost(worker, error), bool(worker.tasks)] += 1
         error = error or worker.last_words()
         if not worker.is_ready:
             self._num_failed_starts += 1
             if not may_be_chance or self._num_failed_starts == _MOST_DEATHS:
                 raise error
-        self._losses[f"hung ({self._patience.verdict})" if worker.hangs else "died"] += 1
         for task in worker.tasks:
             heapq.heappush(task.run.waiting, task)
         if worker.tasks:
@@ -249,6 +250,13 @@ class Pool:
             if task.num_deaths == _MOST_DEATHS:
                 raise self._gave_up(task, error)
         self.start(1)
+
+    def _how_lost(self, worker: WorkerProcess[_Task], error: HsplatError | None) -> str:
+        if error is not None:
+            how = "lost OpenGL's context"
+        else:
+            how = f"hung ({self._patience.verdict})" if worker.hangs else "died"
+        return how + ", could not be ended" * worker.is_left
 
     def _gave_up(self, task: _Task, error: HsplatError) -> RenderError:
         return RenderError(

@@ -6,6 +6,7 @@ import os
 import signal
 import socket
 import subprocess
+import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -23,8 +24,9 @@ Task = TypeVar("Task")
 # Of a worker's standard error stream, what a message can show.
 _NUM_LAST_LINES = 5
 
-# A process that has closed its socket is about to end; one that does not is ended.
-_LONGEST_END_S = 1.0
+# A process that has closed its socket is about to end; one that does not is killed. One that is killed ends as soon as
+# the kernel can let go of it, which may be never, where a device or a file system does not answer.
+_LONGEST_END_S, _LONGEST_KILL_S = 1.0, 5.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class WorkerProcess(Generic[Task]):
         self.tasks: deque[Task] = deque()
         self._patience, self._num_idle_looks = patience, 0
         self._processor_time: int | None = None
+        self._killed_at: float | None = None
         self._socket, other = socket.socketpair()
         module, *arguments = program
         with other:
@@ -122,29 +125,47 @@ class WorkerProcess(Generic[Task]):
     def kill(self) -> None:
         """End it at once."""
         self._process.kill()
+        if self._killed_at is None:
+            self._killed_at = time.monotonic()
 
     def close(self) -> None:
-        """Wait for its end, which has come or is near."""
-        try:
-            self._process.wait(_LONGEST_END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        """Wait for its end, which has come or is near; one that does not even end when it is killed is left alone."""
+        if self._killed_at is None and not self._ends_within(_LONGEST_END_S):
+            self.kill()
+        if self._killed_at is not None:
+            self._ends_within(self._killed_at + _LONGEST_KILL_S - time.monotonic())
         self._socket.close()
+
+    def _ends_within(self, seconds: float) -> bool:
+        try:
+            self._process.wait(max(0.0, seconds))
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    @property
+    def is_left(self) -> bool:
+        """Whether, after `close`, it is still there."""
+        return self._process.returncode is None
 
     @property
     def was_killed(self) -> bool:
-        """Whether it ended by a signal."""
-        return self._process.returncode < 0
+        """Whether it ended by a signal, or would have."""
+        return self.is_left or self._process.returncode < 0
 
     def last_words(self) -> RenderError:
         """How it ended, after `close`, and what it said last."""
         status = self._process.returncode
-        how = f"signal {_signal_name(-status)}" if status < 0 else f"exit status {status}"
+        if self.hangs:
+            how = self._patience.verdict
+        elif status is None:
+            how = "it does not end, though it was killed"
+        else:
+            how = f"signal {_signal_name(-status)}" if status < 0 else f"exit status {status}"
         is_for_memory = status == -signal.SIGKILL and not self.hangs
         return RenderError(
-            f"a process that draws has {'hung' if self.hangs else 'died'}",
-            got="\n    ".join([self._patience.verdict if self.hangs else how, *self._words.lines()[-_NUM_LAST_LINES:]]),
+            f"a process that draws has {'hung' if self.hangs or self.is_left else 'died'}",
+            got="\n    ".join([how, *self._words.lines()[-_NUM_LAST_LINES:]]),
             hint="where memory runs out the system sends this signal: fewer workers need less"
             if is_for_memory
             else None,

@@ -192,6 +192,102 @@ parts/frames.6-8.json: volume.fingerprint: missing
     )
 
 
+def test_sidecars_that_tell_odd_things(capsys: pytest.CaptureFixture[str]) -> None:
+    """All of them at once: any of them may have been changed by hand."""
+
+    def spoil(data: dict[str, Any]) -> None:
+        data |= {"pyramid": 5, "seconds": {"total": "x", "read": -1}, "notes": ["plain", {}]}
+        data["versions"]["numba"] = []
+        data["schedule"] |= {"met": "yes", "measured": {"worst": "x", "probes": 3}, "shortfall": 7}
+        del data["scene"]["error"]
+
+    def spoil_more(data: dict[str, Any]) -> None:
+        data |= {"seconds": [], "notes": "plain"}
+        data["pyramid"]["finest_level_drawn"] = None
+        data["schedule"]["measured"] = {"metric": 5, "worst": None, "probes": [1, "2", [], 10**200]}
+        data["scene"]["error"] = 5
+
+    change("parts/frames.0-2.json", spoil)
+    change("parts/frames.3-5.json", spoil_more)
+    amount = "a number from 0 to 1e+100"
+    assert (
+        refused(capsys, "parts", "--output", "film.mp4")
+        == f"""\
+parts/frames.0-2.json: scene.error: missing
+  expected: a mapping
+parts/frames.0-2.json: pyramid: not a mapping
+  got: 5
+  expected: a mapping
+parts/frames.0-2.json: versions.numba: not text
+  got: []
+  expected: text
+parts/frames.0-2.json: schedule.met: not true or false
+  got: 'yes'
+  expected: true or false
+parts/frames.0-2.json: schedule.measured.worst: not a number
+  got: 'x'
+  expected: {amount}
+parts/frames.0-2.json: schedule.measured.probes: not a list
+  got: 3
+  expected: a list
+parts/frames.0-2.json: schedule.shortfall: not text
+  got: 7
+  expected: text
+parts/frames.0-2.json: notes.1: not text
+  got: {{}}
+  expected: text
+parts/frames.0-2.json: seconds.total: not a number
+  got: 'x'
+  expected: {amount}
+parts/frames.0-2.json: seconds.read: out of range
+  got: -1
+  expected: {amount}
+parts/frames.3-5.json: scene.error: not a mapping
+  got: 5
+  expected: a mapping
+parts/frames.3-5.json: pyramid.finest_level_drawn: not a number
+  got: nothing
+  expected: {amount}
+parts/frames.3-5.json: schedule.measured.metric: not text
+  got: 5
+  expected: text
+parts/frames.3-5.json: schedule.measured.probes.1: not a number
+  got: '2'
+  expected: {amount}
+parts/frames.3-5.json: schedule.measured.probes.2: not a number
+  got: []
+  expected: {amount}
+parts/frames.3-5.json: schedule.measured.probes.3: out of range
+  got: a huge number
+  expected: {amount}
+parts/frames.3-5.json: notes: not a list
+  got: 'plain'
+  expected: a list
+parts/frames.3-5.json: seconds: not a mapping
+  got: []
+  expected: a mapping
+"""
+    )
+
+
+def test_a_sidecar_without_its_frames_and_one_too_deep(capsys: pytest.CaptureFixture[str]) -> None:
+    def nest(data: dict[str, Any]) -> None:
+        for _ in range(30):
+            data["camera"] = {"inside": data["camera"]}
+
+    change("parts/frames.0-2.json", lambda data: data.pop("frames"))
+    change("parts/frames.3-5.json", nest)
+    assert (
+        refused(capsys, "parts", "--output", "film.mp4")
+        == """\
+parts/frames.0-2.json: frames: missing
+  expected: the records of the frames, each with its number as frame
+parts/frames.3-5.json: too many levels
+  expected: at most 20
+"""
+    )
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shlex
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from small_scene import small_scene
 
-from hsplat_cli import main
+from hsplat_cli import main, place
+from hsplat_cli.assemble import film, merged
+from hsplat_cli.versions import package_versions
+from renderer.kept_frames import digest
+from renderer.png import encode_png
 
 SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.
@@ -180,7 +186,7 @@ def test_what_was_put_together_is_up_to_date(
     name = "frames.json" if "png" in output else f"{output}.json"
     shutil.copytree("before", "parts", ignore=shutil.ignore_patterns("*.png"))
     assert main.run(["assemble", "parts", "--output", f"made/{output}"]) == 0
-    assert capsys.readouterr().err == f"made/{output} is up to date\n"
+    assert capsys.readouterr().err == f"made/{output} is up to date; --force puts it together again\n"
     shutil.rmtree("parts")
     for scene in (["scene.yaml", "--set", f"error={schedule}", "--output", f"made/{output}"], [f"made/{name}"]):
         assert main.run(["render", *scene]) == 0
@@ -199,6 +205,70 @@ def test_it_is_put_together_again_where_something_changed(capsys: pytest.Capture
         assert main.run(["assemble", "parts", "--output", "film.mp4", *options]) == 0
         assert capsys.readouterr().out.endswith("how it was made: film.mp4.json\n")
     assert Path("film.mp4").read_bytes() == film
+
+
+def says_up_to_date(capsys: pytest.CaptureFixture[str], *arguments: str) -> bool:
+    capsys.readouterr()
+    assert main.run([*arguments]) == 0
+    return "up to date" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_part_that_was_drawn_again(output: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of the same cause are other pictures where they depend on the clock."""
+    draw_parts()
+    command = ("assemble", "parts", "--output", f"made/{output}")
+    run(*command)
+    other = encode_png(np.zeros((32, 32, 3), np.uint8))
+    Path("parts/0001.png").write_bytes(other)
+    data = sidecar("parts/frames.0-2.json")
+    data["frames"][1]["digest"] = digest(other)
+    Path("parts/frames.0-2.json").write_text(json.dumps(data), encoding="utf-8")
+    made = Path("made", output.format(frame=1))
+    before = made.read_bytes()
+    assert not says_up_to_date(capsys, *command)
+    assert made.read_bytes() != before
+    assert says_up_to_date(capsys, *command)
+
+
+def test_a_film_that_is_gone_before_this_job_had_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether it is there is seen when nobody else can write it."""
+    draw_parts()
+    run("assemble", "parts", "--output", "film.mp4")
+
+    @contextlib.contextmanager
+    def taken(*arguments: Any) -> Iterator[Path]:
+        Path("film.mp4").unlink()
+        with place.taken(*arguments) as folder:
+            yield folder
+
+    monkeypatch.setattr(film, "taken", taken)
+    run("assemble", "parts", "--output", "film.mp4")
+    assert Path("film.mp4").exists()
+
+
+def test_forced() -> None:
+    draw_parts()
+    run("assemble", "parts", "--output", "film.mp4")
+    before = Path("film.mp4").stat().st_mtime_ns
+    run("assemble", "parts", "--output", "film.mp4", "--force")
+    assert Path("film.mp4").stat().st_mtime_ns > before
+
+
+@pytest.mark.parametrize(("output", "is_same"), [("film.mp4", False), ("{frame}.png", True)])
+def test_another_encoder(
+    output: str, is_same: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It makes another film of the same pictures, which is up to date for itself and none of the scene's."""
+    draw_parts()
+    command = ("assemble", "parts", "--output", f"made/{output}")
+    run(*command)
+    whole = package_versions()
+    with monkeypatch.context() as patch:
+        patch.setattr(merged, "package_versions", lambda: whole | {"imageio-ffmpeg": "another"})
+        assert says_up_to_date(capsys, *command) == is_same
+        assert says_up_to_date(capsys, *command)
+    assert says_up_to_date(capsys, "render", "scene.yaml", "--output", f"made/{output}") == is_same
 
 
 @pytest.mark.parametrize(

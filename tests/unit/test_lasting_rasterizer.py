@@ -8,7 +8,9 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import moderngl
 import pytest
 from film_stages import PLAIN, SCENES, stage_of
 
@@ -71,6 +73,25 @@ def test_the_film_is_the_same(rasterizer: GLRasterizer, kind: str) -> None:
     with LastingRasterizer(failing_at({0, 4})) as lasting:
         assert pngs(stage, lasting) == pngs(stage, rasterizer)
         assert lasting.notes == ["OpenGL's context was lost 2 times, and what it had was drawn again"]
+
+
+def test_a_context_that_refuses_is_lost(
+    stage: Stage, rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lost one may be noticed in the midst of a picture, where something is to be made."""
+    whole_buffer = moderngl.Context.buffer
+    calls = itertools.count()
+
+    def buffer(self: moderngl.Context, *arguments: Any, **options: Any) -> moderngl.Buffer:
+        if next(calls) == 4:
+            raise moderngl.Error("cannot create buffer")
+        return whole_buffer(self, *arguments, **options)
+
+    expected = pngs(stage, rasterizer)
+    with LastingRasterizer() as lasting:
+        monkeypatch.setattr(moderngl.Context, "buffer", buffer)
+        assert pngs(stage, lasting) == expected
+        assert lasting.notes == LOST_ONCE
 
 
 def test_nothing_is_said_where_nothing_is_lost(stage: Stage) -> None:

@@ -1,13 +1,17 @@
-"""What GL has to complain of after a frame is an error, and nothing that a frame does makes it complain."""
+"""What GL refuses or complains of after a frame is an error, and nothing that a frame does makes it complain."""
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from typing import Any
 
+import moderngl
 import numpy as np
 import pytest
 from splatting import in_order, look, place_splats
 
+from renderer.cell_edges import CellEdges
 from renderer.errors import ContextLostError
 from renderer.raster_gl import GLRasterizer
 
@@ -33,3 +37,52 @@ def test_other_sizes_are_none() -> None:
     with GLRasterizer() as gl:
         for size in ((64, 48), (32, 48), (64, 48)):
             assert gl.rasterize(splats, in_order(splats), look(size=size)).any()
+
+
+def refuse(*arguments: Any, **options: Any) -> None:
+    raise moderngl.Error("cannot create it")
+
+
+def draw_splats(gl: GLRasterizer) -> None:
+    splats = place_splats(np.zeros((1, 3)), 0.1)
+    gl.rasterize(splats, in_order(splats), look())
+
+
+def draw_edges(gl: GLRasterizer) -> None:
+    gl.rasterize_edges(CellEdges(np.zeros((1, 7), np.float32), 0.1, np.zeros(3), 1.0), look())
+
+
+@pytest.mark.parametrize(
+    ("picture", "step"),
+    [
+        (draw_splats, "buffer"),
+        (draw_splats, "vertex_array"),
+        (draw_splats, "program"),
+        (draw_edges, "vertex_array"),
+        (draw_edges, "program"),
+    ],
+)
+def test_what_cannot_be_made_is_a_lost_context(
+    picture: Callable[[GLRasterizer], object], step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of which nothing can be asked any more."""
+    with GLRasterizer() as gl:
+        name = gl.renderer_name
+        monkeypatch.setattr(moderngl.Context, step, refuse)
+        monkeypatch.setattr(moderngl.Context, "info", {})
+        with pytest.raises(ContextLostError) as raised:
+            picture(gl)
+    assert str(raised.value) == f"{name}: OpenGL failed to draw, or its context was lost\n  got: cannot create it"
+
+
+def test_a_picture_that_cannot_be_had_may_be_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    with GLRasterizer() as gl:
+        monkeypatch.setattr(moderngl.Context, "framebuffer", refuse)
+        with pytest.raises(ContextLostError, match="no room for a picture of this size, or its context was lost\n"):
+            draw_splats(gl)
+
+
+def test_a_context_that_is_lost_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(moderngl.Context, "buffer", refuse)
+    with pytest.raises(ContextLostError, match="its context was lost\n  got: cannot create it"):
+        GLRasterizer()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from collections.abc import Iterator
 
 import pytest
@@ -68,6 +69,19 @@ def test_who_has_nothing_to_do_is_idle(worker: WorkerProcess[int], times: list[i
 def test_where_the_system_does_not_tell(worker: WorkerProcess[int], times: list[int | None]) -> None:
     times[:] = [None]
     assert not hangs_after(worker, 10)
+
+
+def test_one_that_is_not_to_be_ended_is_left(worker: WorkerProcess[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one is that waits for a device in the kernel."""
+    monkeypatch.setattr(process, "_LONGEST_END_S", 0.01)
+    monkeypatch.setattr(process, "_LONGEST_KILL_S", 0.01)
+    with monkeypatch.context() as patch:
+        patch.setattr(subprocess.Popen, "kill", lambda _: None)
+        worker.close()
+        assert worker.is_left and worker.was_killed
+        assert str(worker.last_words()) == (
+            "a process that draws has hung\n  got: it does not end, though it was killed"
+        )
 
 
 def test_what_linux_tells() -> None:
