@@ -47,7 +47,7 @@ def render_once(
         if begun is None:
             return None
         plan = make_plan(Details(begun.stage, CostLog()), frames, crew.rasterizer, quiet=quiet)
-        cause, before = begun.cause, begun.before
+        job, cause, before = begun.job, begun.cause, begun.before
         del begun  # its volume may move
         kept = find_kept(job, plan, folder, cause, before, force=force)
         if not quiet:

@@ -444,6 +444,36 @@ def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(
     assert draws.taken() == [1, 2]
 
 
+@pytest.mark.parametrize(
+    ("what", "goal"), [("version", GOALS[0]), ("tolerance", GOALS[1]), ("sources", GOALS[1]), ("driver", GOALS[2])]
+)
+def test_a_goal_that_nobody_knows_to_be_met(
+    what: str, goal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where another program makes a film again, or at another tolerance, it counts as asked for at its tolerances."""
+    given = ("--set", f"error={goal}")
+    render("film.mp4", *given)
+    before = sidecar("film.mp4.json")
+    if what == "driver":
+        monkeypatch.setattr(GLRasterizer, "renderer_name", "another")
+    elif what == "version":
+        monkeypatch.setattr(cause, "package_versions", lambda: {"numpy": "9.0"})
+    elif what == "sources":
+        monkeypatch.setattr(cause, "sources_digest", lambda: "0")
+    else:
+        change("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.7))
+    Path("out/film.mp4").unlink()
+    again("film.mp4.json")
+    after = sidecar("film.mp4.json")
+    assert after["schedule"]["asked"] == {"tolerance": after["scene"]["error"]["tolerance"]}
+    assert (after["scene"]["error"] == before["scene"]["error"]) == (what != "tolerance")
+    assert after["schedule"]["met"] and after["schedule"]["reproducible"]
+    assert "measured" not in after["schedule"]
+    said(capsys)
+    render("film.mp4", *given)
+    assert said(capsys)[0].startswith("out/film.mp4 is drawn anew, for what is there is another film: scene.error.")
+
+
 def test_frames_that_were_kept_for_the_same_goal(draws: Draws) -> None:
     """Those of a scene, for its film that is made again, and the other way round, if they are as exact."""
     given = ("--set", "error={splats: {0: 50, 4: 2000}}")
