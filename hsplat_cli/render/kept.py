@@ -12,23 +12,21 @@ from hsplat_cli.render.cause import Cause, Made, differences
 from hsplat_cli.render.goals import Plan
 from renderer.frame_record import Record
 from renderer.kept_frames import KeptFrames
-from renderer.output_files import has_frame_files, sidecar_path
+from renderer.output_files import has_frame_files
 from renderer.schedule import tolerance_at
 
 
 def find_kept(job: Job, plan: Plan, folder: Path, cause: Cause, before: Made | None, *, force: bool) -> KeptFrames:
     """Those of the job's frames that are there and are what would be drawn; none with `force`.
 
-    before: what the sidecar tells that is there, which may be of frames that are. That of another film goes where it
-    tells of numbered frames: from now on some of them will be of the one film and some of the other.
+    before: what the sidecar tells that is there, which may be of frames that are. That of another film stays until this
+    one has its own, also where frames take the place of its: it may be what this film is made from, and it has the
+    digests of its pictures, so that no other is taken for one of them.
     """
     output = job.scene.output
     kept = KeptFrames(folder, output, job.frames, cause.of, afresh=force)
-    if before is not None and has_frame_files(output):
-        if before.has_frames_of(cause):
-            kept.add_former(before.records)
-        else:
-            sidecar_path(job.scene, job.frames).unlink(missing_ok=True)
+    if before is not None and has_frame_files(output) and before.has_frames_of(cause):
+        kept.add_former(before.records)
     kept.drop(partial(_is_as_planned, plan))
     return kept
 

@@ -493,6 +493,43 @@ def test_frames_that_were_kept_for_the_same_goal(draws: Draws) -> None:
     assert made() == expected
 
 
+def test_a_film_that_another_program_makes_again_in_its_place(
+    draws: Draws, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it is made from stays until it is whole, though its frames go one by one."""
+    render("{frame}.png")
+    expected = made()
+    monkeypatch.setattr(cause, "sources_digest", lambda: "0")
+    for at, options in ((1, []), (3, []), (2, ["--force"]), (4, [])):
+        draws.stop_at = at
+        again("frames.json", *options, code=130)
+        assert [frame["frame"] for frame in sidecar("frames.json")["frames"]] == [*range(NUM_FRAMES)]
+    assert said(capsys)[-2].startswith("4 of 5 frames are kept")
+    draws.stop_at = None
+    draws.taken()
+    again("frames.json")
+    assert draws.taken() == [4]
+    assert made() == expected
+    assert_clean()
+
+
+@pytest.mark.parametrize("options", [[], ["--force"]])
+def test_a_film_that_another_one_has_begun_to_replace(options: list[str], draws: Draws) -> None:
+    """Nobody takes frames of the one for frames of the other, and either can be finished."""
+    other = ("--set", "error.tolerance=2")
+    expected = undisturbed("{frame}.png")
+    render("{frame}.png")
+    stopped(draws, "{frame}.png", *other, *options)
+    assert main.run(["assemble", "out", "--output", "film.mp4", "--quiet"]) == 2
+    again("frames.json")
+    assert draws.taken() == [0, 1, 2]
+    assert made() == expected
+    stopped(draws, "{frame}.png", *other, *options)
+    render("{frame}.png", *other)
+    assert draws.taken() == [3, 4]
+    assert main.run(["assemble", "out", "--output", "film.mp4", "--quiet"]) == 0
+
+
 def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws) -> None:
     """On a budget of time they are what the clock made them; those of the film are told in its sidecar."""
     given = ("--set", "error={seconds: 0.5}")
