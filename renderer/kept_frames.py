@@ -50,7 +50,7 @@ class KeptFrames:
     ) -> None:
         self._folder, self._output, self._numbers = folder, output, frozenset(numbers)
         self.cause: Record = json.loads(json.dumps(cause))  # as it is read again: tuples are lists
-        self._mark, self._is_told = digest(json.dumps(cause, sort_keys=True).encode()), False
+        self._mark, self._is_told = _mark_of(cause), False
         self.records: dict[int, Record] = {}
         self.former_cause: Record | None = None
         self.num_former = 0
@@ -112,19 +112,25 @@ class KeptFrames:
         return self._folder / f"{number:06}.{suffix}"
 
 
-def forget_frames(folder: Path, output: OutputSpec, numbers: Iterable[int]) -> None:
+def forget_frames(
+    folder: Path, output: OutputSpec, numbers: Iterable[int], cause: Mapping[str, Any] | None = None
+) -> None:
     """Remove what a folder has of these frames, which is not what the output has; of an output in one file, of all.
 
     Others of an output with numbered files may be those of another job.
+    cause: those with another one stay; None removes them, too.
     """
     own = frozenset(numbers) if is_numbered(output) else None
     with contextlib.suppress(OSError):  # it has vanished: nothing is left
-        others = False
-        for path in list(folder.iterdir()):
-            name = _FILE.fullmatch(path.name)
-            if name and (own is None or int(name[1]) in own):
+        files = [(path, name[1]) for path in folder.iterdir() if (name := _FILE.fullmatch(path.name))]
+        gone = {number for _, number in files if own is None or int(number) in own}
+        if cause is not None:
+            mark = _mark_of(cause)
+            gone -= {number for number in gone if (_read(folder / f"{number}.json") or (mark,))[0] != mark}
+        for path, number in files:
+            if number in gone:
                 path.unlink(missing_ok=True)
-            others = others or (name is not None and path.exists())
+        others = any(path.exists() for path, _ in files)
         for path in [] if others else list(folder.glob("cause-*.json")):
             path.unlink(missing_ok=True)
 
@@ -162,6 +168,10 @@ def is_frame(path: Path, expected: str, output: OutputSpec) -> bool:
 def _shape(path: Path) -> tuple[int, int, int]:
     with path.open("rb") as stream:
         return header_shape(stream.read(HEADER_BYTES))
+
+
+def _mark_of(cause: Mapping[str, Any]) -> str:
+    return digest(json.dumps(cause, sort_keys=True).encode())
 
 
 def _cause_file(folder: Path, mark: str) -> Path:

@@ -63,7 +63,7 @@ def render_once(
             record(done, folder, cause)
         except BaseException:
             if not (quiet or in_passing):
-                tell_left(kept, job, folder, force=force)
+                tell_left(kept, job, folder, cause, force=force)
             raise
         forget_frames(folder, output, frames)
     tell(done, quiet=quiet or in_passing)

@@ -8,11 +8,11 @@ from pathlib import Path
 import click
 
 from hsplat_cli.job import Job
-from hsplat_cli.render.cause import Cause, Made, differences
+from hsplat_cli.render.cause import Cause, Made, differences, made_before
 from hsplat_cli.render.goals import Plan
 from renderer.frame_record import Record
 from renderer.kept_frames import KeptFrames
-from renderer.output_files import has_frame_files
+from renderer.output_files import has_frame_files, sidecar_path
 from renderer.schedule import tolerance_at
 
 
@@ -48,9 +48,19 @@ def tell_kept(kept: KeptFrames, job: Job) -> None:
         click.echo(f"{kept.num_former} {what}{why}", err=True)
 
 
-def tell_left(kept: KeptFrames, job: Job, folder: Path, *, force: bool) -> None:
+def tell_left(kept: KeptFrames, job: Job, folder: Path, cause: Cause, *, force: bool) -> None:
     """Say, when the work ends early, what remains of it."""
     if kept.records and folder.is_dir():
-        command = "the same command without --force" if force else "the same command"
+        command = "the same command"
+        if force:
+            command += f" without --force{_once_removed(job, cause)}"
         num = f"{len(kept.records)} of {len(job.frames)} frames"
         click.echo(f"{num} are kept; {command} goes on from there", err=True)
+
+
+def _once_removed(job: Job, cause: Cause) -> str:
+    """That a film in one file must go, where it is the very one, for with it there would be nothing to do."""
+    output = job.scene.output
+    before = None if has_frame_files(output) else made_before(sidecar_path(job.scene, job.frames), output)
+    is_there = before is not None and before.is_up_to_date(cause, output, job.frames)
+    return f", once {output.file} is removed," if is_there else ""

@@ -96,7 +96,7 @@ def render_progressively(
                 raise
         assert maker.done is not None
         if not maker.done.plan.is_unfinished:
-            forget_frames(folder, job.scene.output, job.frames)
+            forget_frames(folder, job.scene.output, job.frames, begun.cause.of)
     tell(maker.done, quiet=quiet)
     return maker.done.shortfall
 

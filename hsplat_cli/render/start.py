@@ -47,7 +47,7 @@ def start_film(job: Job, folder: Path, made_by: str, *, force: bool, quiet: bool
     output = job.scene.output
     before = None if force else made_before(sidecar_path(job.scene, job.frames), output)
     if before is not None and before.is_up_to_date(cause, output, job.frames):
-        forget_frames(folder, output, job.frames)  # of a job that was killed when its film was whole
+        forget_frames(folder, output, job.frames, cause.of)  # of a job that was killed when its film was whole
         if not quiet:
             click.echo(f"{output.file} is up to date; --force draws it again", err=True)
         return None

@@ -86,6 +86,20 @@ def test_a_life_of_a_film(render: Render, output: str) -> None:
     assert render("--output", output, "--set", "error.tolerance=0.3") == (0, anew)
 
 
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_film_that_is_drawn_again_for_nothing(render: Render, output: str) -> None:
+    """With --force, and interrupted."""
+    assert render("--output", output) == (0, "")
+    render.at_frame(4, interrupt)
+    command = "the same command without --force"
+    if output == "film.mp4":
+        command += ", once film.mp4 is removed,"
+    kept = f"4 of 6 frames are kept; {command} goes on from there\nhsplat: interrupted\n"
+    assert render("--output", output, "--force") == (130, kept)
+    up_to_date = f"{output} is up to date; --force draws it again\n"
+    assert render("--output", output) == (0, up_to_date)
+
+
 def test_a_folder_that_is_none(render: Render) -> None:
     Path("film.mp4.unfinished").touch()
     assert render("--output", "film.mp4") == (

@@ -282,6 +282,30 @@ def test_a_film_that_is_up_to_date(output: str, draws: Draws, capsys: pytest.Cap
     assert_clean()
 
 
+@pytest.mark.parametrize("options", [[], ["--progressive"]])
+def test_frames_of_another_film_that_was_stopped_stay(options: list[str], draws: Draws) -> None:
+    """Where the film is up to date, or passes are drawn, which keep no frames."""
+    other = ("--set", "error.tolerance=2")
+    if not options:
+        render("film.mp4")
+    stopped(draws, "film.mp4", *other)
+    render("film.mp4", *options)
+    draws.taken()
+    render("film.mp4", *other)
+    assert draws.taken() == [3, 4]
+    assert_clean()
+
+
+def test_frames_of_a_film_that_is_there_go(draws: Draws) -> None:
+    """As where it was killed when it was whole."""
+    render("film.mp4")
+    stopped(draws, "film.mp4", "--force")
+    assert Path("out/film.mp4.unfinished").exists()
+    render("film.mp4")
+    assert draws.taken() == []
+    assert_clean()
+
+
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     expected = undisturbed(output)
@@ -290,9 +314,18 @@ def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) ->
     render(output, "--force")
     assert draws.taken() == [0, 1, 2, 3, 4]
     stopped(draws, output, "--force")
-    assert said(capsys)[-2] == "3 of 5 frames are kept; the same command without --force goes on from there"
+    once = "" if output.endswith(".png") else f", once out/{output} is removed,"
+    left = f"3 of 5 frames are kept; the same command without --force{once} goes on from there"
+    assert said(capsys)[-2] == left
     render(output, "--force")
     assert draws.taken() == [0, 1, 2, 3, 4]
+    if once:
+        stopped(draws, output, "--force")
+        Path(f"out/{output}").unlink()
+        stopped(draws, output, "--force")
+        assert said(capsys)[-2] == left.replace(once, "")
+        render(output)
+        assert draws.taken() == [3, 4]
     assert made() == expected
     assert_clean()
 

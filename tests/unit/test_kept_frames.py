@@ -242,6 +242,19 @@ def test_jobs_with_other_frames_share_nothing(folder: Path, tmp_path: Path) -> N
     assert KeptFrames(folder, output, [0, 1], {"other": 1}).num_former == 0
 
 
+def test_frames_of_another_cause_need_not_be_forgotten(folder: Path, output: OutputSpec) -> None:
+    keep(folder, output, 0)
+    other = KeptFrames(folder, output, [1, 2], {"other": 1})
+    for number in (1, 2):
+        other.keep(number, png(number), record(number))
+    (folder / "000003.png").write_bytes(b"no record came")
+    forget_frames(folder, output, NUMBERS, CAUSE)
+    assert not list(folder.glob("00000[03].*"))
+    assert KeptFrames(folder, output, [1, 2], {"other": 1}).records == other.records
+    forget_frames(folder, output, NUMBERS, {"other": 1})
+    assert list(folder.iterdir()) == []
+
+
 def test_all_that_a_film_kept_is_forgotten(folder: Path, tmp_path: Path) -> None:
     """Also frames that it did not have, and pictures without a record; but nothing of other names."""
     output = OutputSpec(tmp_path / "film.mp4", size=(6, 4))
