@@ -37,6 +37,7 @@ class KeptFrames:
 
     records: by number, of the frames whose files are what they should be; each has the `digest` of its file.
     former_cause, num_former: of the frames that were there, with another cause; empty where it is not known any more.
+    num_dropped: frames of this cause that are drawn anew after all.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class KeptFrames:
         self._mark, self._is_told = _mark_of(cause), False
         self.records: dict[int, Record] = {}
         self.former_cause: Record | None = None
-        self.num_former = 0
+        self.num_former = self.num_dropped = 0
         if afresh:
             forget_frames(folder, output, numbers)
         for number in numbers:
@@ -103,7 +104,9 @@ class KeptFrames:
 
     def drop(self, is_wanted: Callable[[Record], bool]) -> None:
         """Draw the others anew after all."""
-        self.records = {number: record for number, record in self.records.items() if is_wanted(record)}
+        wanted = {number: record for number, record in self.records.items() if is_wanted(record)}
+        self.num_dropped += len(self.records) - len(wanted)
+        self.records = wanted
 
     def _file(self, number: int) -> Path:
         return frame_path(self._output.file, number) if has_frame_files(self._output) else self._own(number, "png")

@@ -51,7 +51,7 @@ def render_once(
         del begun  # its volume may move
         kept = find_kept(job, plan, folder, cause, before, force=force)
         if not quiet:
-            tell_kept(kept, job)
+            tell_kept(kept, job, plan)
         num_kept = len(kept.records)
         try:
             with crew.drawer(plan, len(frames) - num_kept) as (plan, drawer):

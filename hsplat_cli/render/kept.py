@@ -38,14 +38,22 @@ def _is_as_planned(plan: Plan, record: Record) -> bool:
     return bool(record["tolerance"] == tolerance_at(plan.stage.scene.error, record["frame"]))
 
 
-def tell_kept(kept: KeptFrames, job: Job) -> None:
+def tell_kept(kept: KeptFrames, job: Job, plan: Plan) -> None:
     """Say which frames are there already, and why others are not."""
     if kept.records:
         click.echo(f"{len(kept.records)} of {len(job.frames)} frames are there already", err=True)
     if kept.former_cause is not None:
         why = f": {differences(kept.former_cause, kept.cause)}" if kept.former_cause else ""
-        what = "frames that were there are drawn anew, for they were of another film"
-        click.echo(f"{kept.num_former} {what}{why}", err=True)
+        click.echo(f"{_drawn_anew(kept.num_former)} of another film{why}", err=True)
+    if kept.num_dropped:
+        why = "not drawn on a budget of time" if plan.by_clock else "drawn at other tolerances"
+        click.echo(f"{_drawn_anew(kept.num_dropped)} {why}", err=True)
+
+
+def _drawn_anew(num: int) -> str:
+    if num == 1:
+        return "1 frame that was there is drawn anew, for it was"
+    return f"{num} frames that were there are drawn anew, for they were"
 
 
 def tell_left(kept: KeptFrames, job: Job, folder: Path, cause: Cause, *, force: bool) -> None:

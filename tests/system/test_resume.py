@@ -563,16 +563,39 @@ def test_a_film_that_another_one_has_begun_to_replace(options: list[str], draws:
     assert main.run(["assemble", "out", "--output", "film.mp4", "--quiet"]) == 0
 
 
-def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws) -> None:
+def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     """On a budget of time they are what the clock made them; those of the film are told in its sidecar."""
     given = ("--set", "error={seconds: 0.5}")
     render("film.mp4", *given)
+    expected = made()
     Path("out/film.mp4").unlink()
-    change("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.5))
     stopped(draws, "film.mp4", *given)
+    for number in (1, 2):
+        path = Path(f"out/film.mp4.unfinished/00000{number}.json")
+        data = json.loads(path.read_bytes())
+        data["record"]["tolerance"] = 0.7
+        path.write_text(json.dumps(data), encoding="utf-8")
+    said(capsys)
     again("film.mp4.json")
+    anew = "2 frames that were there are drawn anew, for they were drawn at other tolerances"
+    assert said(capsys)[-2:] == ["1 of 5 frames are there already", anew]
+    assert draws.taken() == [1, 2, 3, 4]
+    assert made() == expected
+
+
+def test_a_frame_that_was_kept_but_not_drawn_in_its_time(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is of the film made again, whose tolerances are found already."""
+    given = ("--set", "error={seconds: 0.5}")
+    render("film.mp4", *given)
+    Path("out/film.mp4").unlink()
+    draws.stop_at = 1
+    again("film.mp4.json", code=130)
+    draws.stop_at = None
+    draws.taken()
+    said(capsys)
+    render("film.mp4", *given)
+    assert "1 frame that was there is drawn anew, for it was not drawn on a budget of time" in said(capsys)
     assert draws.taken() == [0, 1, 2, 3, 4]
-    assert {frame["tolerance"] for frame in sidecar("film.mp4.json")["frames"]} == {0.5}
 
 
 def test_what_differs_where_tolerances_are_given_by_frame(capsys: pytest.CaptureFixture[str]) -> None:
