@@ -18,7 +18,7 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.output_files import film_beside
 from renderer.scene import Scene
 from renderer.scene_schema import schedule_to_dict
-from renderer.schedule import is_met_as_a_whole
+from renderer.schedule import is_met_as_a_whole, tolerance_at
 
 # What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
 _MOVED = {
@@ -76,11 +76,17 @@ def load_job(
             hint="--output names another file",
         )
     original, asked = sidecar.original, sidecar.original.asked or scene.error
-    if is_changed:
+    if is_changed or not _is_as_drawn(sidecar, scene):
         return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}, made_with={}))
     if not is_whole and is_met_as_a_whole(asked):
         return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}))
     return Job(scene, picked, schedule_to_dict(asked), original)
+
+
+def _is_as_drawn(sidecar: Sidecar, scene: Scene) -> bool:
+    """Whether the recorded scene has the tolerances at which the frames were drawn, and not others put in by hand."""
+    drawn = zip(sidecar.frames, sidecar.tolerances, strict=True)
+    return scene.error.goal is None and all(tolerance_at(scene.error, frame) == told for frame, told in drawn)
 
 
 def _has_whole_schedule(sidecar: Sidecar, editor: Editor) -> bool:

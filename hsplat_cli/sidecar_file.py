@@ -36,6 +36,7 @@ class Original:
     asked: how exact the film was to be, as a section `error` says it; None where it is not told.
     told: what else its schedule's record says, but for what a new film has its own of.
     made_with: the versions of what made it by their names, and the OpenGL as `GL`.
+    cause: the mark of what its frames depended on; None where it is not told.
     """
 
     path: Path
@@ -43,17 +44,20 @@ class Original:
     asked: ErrorSpec | None
     told: Mapping[str, Any]
     made_with: Mapping[str, Any]
+    cause: str | None
 
 
 @dataclass(frozen=True)
 class Sidecar:
     """A film's scene as plain data, not checked, the numbers of its frames, ascending, and what is told besides.
 
+    tolerances: at which these frames were drawn; whatever is there.
     problems: what is wrong with that; the other fields must not be used if there is any, except for the scene.
     """
 
     scene: dict[str, Any]
     frames: tuple[int, ...]
+    tolerances: tuple[Any, ...]
     original: Original
     problems: tuple[Problem, ...]
 
@@ -174,8 +178,15 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
         asked=schedule.get("asked"),
         told={key: value for key, value in schedule.items() if key not in _OWN},
         made_with=given.get("versions", {}) | ({"GL": given["gl"]} if "gl" in given else {}),
+        cause=_mark_in(data.get("cause")),
     )
-    return Sidecar(given["scene"], given["frames"], original, tuple(problems))
+    tolerances = () if problems else tuple(record.get("tolerance") for record in data["frames"])
+    return Sidecar(given["scene"], given["frames"], tolerances, original, tuple(problems))
+
+
+def _mark_in(cause: Any) -> str | None:
+    mark = cause.get("frames") if isinstance(cause, dict) else None
+    return mark if isinstance(mark, str) else None
 
 
 def _known(node: Node, table: Table, *, required: Collection[str] = ()) -> dict[str, Any]:

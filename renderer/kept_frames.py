@@ -15,10 +15,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from renderer.errors import RenderError
 from renderer.frame_record import Record, is_record
 from renderer.output_files import frame_path, has_frame_files, is_numbered, picture_shape
 from renderer.picture import Picture
-from renderer.png import HEADER_BYTES, header_shape
+from renderer.png import png_shape
 from renderer.scene import OutputSpec
 from renderer.staging import explained, write_staged
 
@@ -37,6 +38,7 @@ class KeptFrames:
 
     records: by number, of the frames whose files are what they should be; each has the `digest` of its file.
     former_cause, num_former: of the frames that were there, with another cause; empty where it is not known any more.
+    num_dropped: frames of this cause that are drawn anew after all.
     """
 
     def __init__(
@@ -50,10 +52,10 @@ class KeptFrames:
     ) -> None:
         self._folder, self._output, self._numbers = folder, output, frozenset(numbers)
         self.cause: Record = json.loads(json.dumps(cause))  # as it is read again: tuples are lists
-        self._mark, self._is_told = digest(json.dumps(cause, sort_keys=True).encode()), False
+        self._mark, self._is_told = _mark_of(cause), False
         self.records: dict[int, Record] = {}
         self.former_cause: Record | None = None
-        self.num_former = 0
+        self.num_former = self.num_dropped = 0
         if afresh:
             forget_frames(folder, output, numbers)
         for number in numbers:
@@ -96,14 +98,24 @@ class KeptFrames:
         return record
 
     def picture(self, number: int) -> Picture:
-        """A frame that is kept."""
+        """A frame that is kept, decoded. Raises RenderError where it cannot be; then it is kept no longer."""
         path = self._file(number)
-        with explained(path):
-            return Picture(png=path.read_bytes())
+        try:
+            with explained(path):
+                picture = Picture(png=path.read_bytes())
+            return Picture(picture.pixels, picture.png)
+        except ValueError as error:
+            del self.records[number]
+            with explained(path):
+                self._own(number, "json").unlink(missing_ok=True)
+            hint = "the same command draws it again"
+            raise RenderError("a frame that was kept cannot be decoded", where=str(path), hint=hint) from error
 
     def drop(self, is_wanted: Callable[[Record], bool]) -> None:
         """Draw the others anew after all."""
-        self.records = {number: record for number, record in self.records.items() if is_wanted(record)}
+        wanted = {number: record for number, record in self.records.items() if is_wanted(record)}
+        self.num_dropped += len(self.records) - len(wanted)
+        self.records = wanted
 
     def _file(self, number: int) -> Path:
         return frame_path(self._output.file, number) if has_frame_files(self._output) else self._own(number, "png")
@@ -112,19 +124,25 @@ class KeptFrames:
         return self._folder / f"{number:06}.{suffix}"
 
 
-def forget_frames(folder: Path, output: OutputSpec, numbers: Iterable[int]) -> None:
+def forget_frames(
+    folder: Path, output: OutputSpec, numbers: Iterable[int], cause: Mapping[str, Any] | None = None
+) -> None:
     """Remove what a folder has of these frames, which is not what the output has; of an output in one file, of all.
 
     Others of an output with numbered files may be those of another job.
+    cause: those with another one stay; None removes them, too.
     """
     own = frozenset(numbers) if is_numbered(output) else None
     with contextlib.suppress(OSError):  # it has vanished: nothing is left
-        others = False
-        for path in list(folder.iterdir()):
-            name = _FILE.fullmatch(path.name)
-            if name and (own is None or int(name[1]) in own):
+        files = [(path, name[1]) for path in folder.iterdir() if (name := _FILE.fullmatch(path.name))]
+        gone = {number for _, number in files if own is None or int(number) in own}
+        if cause is not None:
+            mark = _mark_of(cause)
+            gone -= {number for number in gone if (_read(folder / f"{number}.json") or (mark,))[0] != mark}
+        for path, number in files:
+            if number in gone:
                 path.unlink(missing_ok=True)
-            others = others or (name is not None and path.exists())
+        others = any(path.exists() for path, _ in files)
         for path in [] if others else list(folder.glob("cause-*.json")):
             path.unlink(missing_ok=True)
 
@@ -154,14 +172,14 @@ def is_file(path: Path, expected: str | None) -> bool:
 def is_frame(path: Path, expected: str, output: OutputSpec) -> bool:
     """Whether a PNG file is there and has this digest, and the size and channels of an output's pictures."""
     try:
-        return is_file(path, expected) and _shape(path) == picture_shape(output)
+        content = path.read_bytes() if path.is_file() else b""
+        return digest(content) == expected and png_shape(content) == picture_shape(output)
     except (OSError, ValueError):
         return False
 
 
-def _shape(path: Path) -> tuple[int, int, int]:
-    with path.open("rb") as stream:
-        return header_shape(stream.read(HEADER_BYTES))
+def _mark_of(cause: Mapping[str, Any]) -> str:
+    return digest(json.dumps(cause, sort_keys=True).encode())
 
 
 def _cause_file(folder: Path, mark: str) -> Path:

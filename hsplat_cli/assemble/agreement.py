@@ -173,11 +173,14 @@ def file_problems(picked: Sequence[Picked], shape: tuple[int, int, int]) -> Iter
     shape: (height, width, channels) that they are to have.
     """
     gone: dict[Path, list[Picked]] = {}
+    untold: dict[Path, list[Picked]] = {}
     by_digest = {frame.record["digest"]: frame.number for frame in picked if "digest" in frame.record}
     for frame in picked:
         content = _content(frame.file)
         if content is None:
             gone.setdefault(frame.part.path, []).append(frame)
+        elif "digest" not in frame.record:
+            untold.setdefault(frame.part.path, []).append(frame)
         elif why := _why_not(content, frame, shape, by_digest):
             hint = f"remove it, and {shlex.join(['hsplat', 'render', str(frame.part.path)])} draws it again"
             yield Problem("", f"not the picture of frame {frame.number}", got=why, hint=hint, place=str(frame.file))
@@ -187,6 +190,14 @@ def file_problems(picked: Sequence[Picked], shape: tuple[int, int, int]) -> Iter
             f"{len(frames)} of its pictures {'is' if len(frames) == 1 else 'are'} not there",
             got=f"no {frames[0].file}" + f" and {len(frames) - 1} more" * (len(frames) > 1),
             hint=f"{shlex.join(['hsplat', 'render', str(path)])} draws them again",
+            place=str(path),
+        )
+    for path, frames in untold.items():
+        yield Problem(
+            "",
+            "nothing tells whether its pictures are those that were drawn",
+            got=f"no digest of frame {frames[0].number}" + f" and {len(frames) - 1} more" * (len(frames) > 1),
+            hint=f"{shlex.join(['hsplat', 'render', str(path), '--force'])} draws them again",
             place=str(path),
         )
 
@@ -200,7 +211,7 @@ def _why_not(content: bytes, frame: Picked, shape: tuple[int, int, int], by_dige
     if found != shape:
         return f"{_size(found)}, not {_size(shape)}"
     mark = digest(content)
-    if frame.record.get("digest", mark) == mark:
+    if frame.record["digest"] == mark:
         return None
     return f"that of frame {by_digest[mark]}" if mark in by_digest else "another picture than the one that was drawn"
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from hsplat_cli.job import Job
 from hsplat_cli.sidecar_file import Original
 from hsplat_cli.versions import package_versions
+from renderer.scene_schema import schedule_to_dict
 from renderer.schema import show
 
 _LONGEST_NAME = 200
@@ -20,8 +22,13 @@ def maker_notes(job: Job, made_by: str) -> list[str]:
 def _missed(job: Job, original: Original) -> list[str]:
     if original.told.get("met") is not False:  # older sidecars do not say
         return []
-    asked = ", ".join(f"{name} {show(value)}" for name, value in job.asked.items())
+    asked = ", ".join(f"{name} {show(value)}" for name, value in _asked_before(job, original).items())
     return [f"the film that is made again did not meet what was asked for: {asked}"]
+
+
+def _asked_before(job: Job, original: Original) -> Mapping[str, Any]:
+    """What the film that is made again was asked for, as far as that is told."""
+    return job.asked if original.asked is None else schedule_to_dict(original.asked)
 
 
 def _others(original: Original, made_by: str) -> list[str]:
@@ -43,8 +50,12 @@ def plain_name(value: object) -> str:
 
 
 def recorded_schedule(job: Job, *, is_unfinished: bool) -> dict[str, Any]:
-    """What the record of the schedule has from that of the film before: whether it met what was asked for, and why."""
+    """What the record of the schedule has from that of the film before.
+
+    Whether that met what was asked for, and why, holds for this one only where the same is asked for.
+    """
     if job.original is None:
         return {}
-    told = {} if is_unfinished else job.original.told
+    is_same = not is_unfinished and job.asked == _asked_before(job, job.original)
+    told = job.original.told if is_same else {}
     return {**told, "made_from": job.original.path.name}

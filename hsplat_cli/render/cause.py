@@ -58,7 +58,7 @@ def _mark(data: Any) -> str:
 def cause_of(job: Job, fingerprint: str, made_by: str) -> Cause:
     """That of a job's film: scene, voxels, program, driver.
 
-    What is made again has the cause of the film before, whose tolerances may have been found for what was asked.
+    Of tolerances that were found it has what they were found for, which a film that is made again takes over.
     fingerprint: of the volume. made_by: as GL names itself.
     """
     scene = scene_to_dict(in_order(job.scene))

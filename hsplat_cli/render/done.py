@@ -65,16 +65,16 @@ def record(done: Done, folder: Path, cause: Cause, *, passes: Sequence[Record] =
     """Write the sidecar.
 
     folder: of what is not finished. The next job sees by the `cause` that it has nothing to do; a film that one pass
-    would not have made, a coarser one or one that was found on the clock without being asked to, has none.
+    would not have made, a coarser one or one that was found on the clock without being asked to, has none. Pictures
+    that are files have their digests in any case, for those of another film may take their places one by one.
     """
-    job, frames = done.job, done.frames
+    job, frames = done.job, with_digests(done.frames, done.job.scene.output)
     schedule = schedule_record(job, done.plan, frames, done.shortfall)
     content = film_record(done.plan.stage, frames, done.gl) | {"schedule": schedule}
     content |= {"passes": list(passes)} if passes else {}
     content |= {"notes": done.notes, "seconds": done.plan.stage.seconds | {"total": done.seconds}}
     if not done.plan.is_unfinished and (schedule["reproducible"] or "seconds" in job.asked):
         content |= cause_record(cause, job.scene.output)
-        frames = with_digests(frames, job.scene.output)
     write_sidecar(done.sidecar, content | {"frames": frames}, folder)
 
 

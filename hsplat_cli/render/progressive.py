@@ -82,6 +82,7 @@ def render_progressively(
         begun = start_film(job, folder, rasterizer.renderer_name, force=force, quiet=quiet)
         if begun is None:
             return None
+        job = begun.job
         maker = _Maker(job, begun.cause, folder, rasterizer, start, time_limit, quiet=quiet)
         planner = _Planner(job, Details(begun.stage, CostLog()), rasterizer, quiet=quiet)
         try:
@@ -95,7 +96,7 @@ def render_progressively(
                 raise
         assert maker.done is not None
         if not maker.done.plan.is_unfinished:
-            forget_frames(folder, job.scene.output, job.frames)
+            forget_frames(folder, job.scene.output, job.frames, begun.cause.of)
     tell(maker.done, quiet=quiet)
     return maker.done.shortfall
 

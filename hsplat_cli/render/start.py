@@ -17,13 +17,18 @@ from renderer.kept_frames import forget_frames
 from renderer.output_files import sidecar_path
 from renderer.pipeline import prepare
 from renderer.readers import read_volume
+from renderer.scene_schema import schedule_to_dict
 from renderer.volume import Volume
 
 
 @dataclass(frozen=True)
 class Start:
-    """cause: of the film. before: what is told of the one that is there, if that is of any use."""
+    """job: with what its film counts as asked for. cause: of the film.
 
+    before: what is told of the one that is there, if that is of any use.
+    """
+
+    job: Job
     stage: Stage
     cause: Cause
     before: Made | None
@@ -38,10 +43,11 @@ def start_film(job: Job, folder: Path, made_by: str, *, force: bool, quiet: bool
     before_reading = time.perf_counter()
     volume = read_volume(job.scene.volume)
     read_seconds = time.perf_counter() - before_reading
-    cause, output = cause_of(job, volume.fingerprint, made_by), job.scene.output
+    job, cause = _with_cause(job, volume, made_by)
+    output = job.scene.output
     before = None if force else made_before(sidecar_path(job.scene, job.frames), output)
     if before is not None and before.is_up_to_date(cause, output, job.frames):
-        forget_frames(folder, output, job.frames)  # of a job that was killed when its film was whole
+        forget_frames(folder, output, job.frames, cause.of)  # of a job that was killed when its film was whole
         if not quiet:
             click.echo(f"{output.file} is up to date; --force draws it again", err=True)
         return None
@@ -49,7 +55,20 @@ def start_film(job: Job, folder: Path, made_by: str, *, force: bool, quiet: bool
     if before is not None and not before.has_frames_of(cause) and not quiet:
         why = f": {differences(before.cause.of, cause.of)}" if isinstance(before.cause.of, Mapping) else ""
         click.echo(f"{output.file} is drawn anew, for what is there is another film{why}", err=True)
-    return Start(stage, cause, before)
+    return Start(job, stage, cause, before)
+
+
+def _with_cause(job: Job, volume: Volume, made_by: str) -> tuple[Job, Cause]:
+    """The job and what its film depends on.
+
+    A film that is made again meets what the one before was asked for where it depends on the very same. For others
+    nobody has measured that: they are asked for at the tolerances that the sidecar has.
+    """
+    cause = cause_of(job, volume.fingerprint, made_by)
+    if job.original is None or job.original.cause == cause.frames:
+        return job, cause
+    job = replace(job, asked=schedule_to_dict(job.scene.error))
+    return job, cause_of(job, volume.fingerprint, made_by)
 
 
 def _prepare(job: Job, volume: Volume, read_seconds: float) -> Stage:

@@ -139,6 +139,26 @@ parts/frames.0-2.json: 1 of its pictures is not there
     assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 0
 
 
+def test_pictures_of_which_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """They may be any film's."""
+    change("parts/frames.0-2.json", lambda data: data["frames"][1].pop("digest"))
+    change("parts/frames.3-5.json", lambda data: [frame.pop("digest") for frame in data["frames"]])
+    assert (
+        refused(capsys, "parts", "--output", "film.mp4")
+        == """\
+parts/frames.0-2.json: nothing tells whether its pictures are those that were drawn
+  got: no digest of frame 1
+  hint: hsplat render parts/frames.0-2.json --force draws them again
+parts/frames.3-5.json: nothing tells whether its pictures are those that were drawn
+  got: no digest of frame 3 and 2 more
+  hint: hsplat render parts/frames.3-5.json --force draws them again
+"""
+    )
+    for name in ("0-2", "3-5"):
+        assert main.run(["render", f"parts/frames.{name}.json", "--force", "--quiet"]) == 0
+    assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 0
+
+
 def test_a_frame_that_two_parts_have(capsys: pytest.CaptureFixture[str]) -> None:
     draw("--frames", "2:4", "--output", "more/{frame}.png")
     content = encode_png(np.zeros((32, 32, 3), np.uint8))

@@ -302,6 +302,29 @@ def test_a_progressive_film_whose_time_was_up(folder: Path) -> None:
     assert pictures(folder / "b") == pictures(folder / "a")
 
 
+def test_a_coarse_pass_made_again() -> None:
+    """It is the film that its tolerances ask for; that it did not meet more is told once."""
+    render("scene.yaml", "--set", "error.tolerance=0.3")
+
+    def make_coarse(data: dict[str, Any]) -> None:
+        del data["cause"]
+        data["schedule"] |= {"asked": {"tolerance": 0}, "met": False, "reproducible": False, "shortfall": "no time"}
+
+    change(Path("film.mp4.json"), make_coarse)
+    for notes in (["the film that is made again did not meet what was asked for: tolerance 0"], []):
+        render("film.mp4.json", "--force")
+        made = read(Path("film.mp4.json"))
+        assert made["notes"] == notes
+        assert made["schedule"] == {
+            "asked": {"tolerance": 0.3},
+            "tolerance": [0.3, 0.3],
+            "cells": made["schedule"]["cells"],
+            "met": True,
+            "reproducible": True,
+            "made_from": "film.mp4.json",
+        }
+
+
 def test_made_again_progressively(folder: Path) -> None:
     """Elsewhere: its first passes are other films."""
     render("scene.yaml", "--set", "error.tolerance={0: 0.5, 6: 0.02}", "--output", "a/film.gif")

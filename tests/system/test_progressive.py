@@ -16,6 +16,7 @@ from small_scene import small_scene
 
 from hsplat_cli import drawn, main
 from renderer.drawing import Frame
+from renderer.kept_frames import file_digest
 
 NUM_FRAMES = 4
 
@@ -169,6 +170,24 @@ def test_the_first_pass_is_made_whatever_the_limit(folder: Path, options: tuple[
     assert len(sidecar()["passes"]) == 1
     assert not sidecar()["schedule"]["met"]
     assert imageio.imread("film.mp4", plugin="FFMPEG").shape == (NUM_FRAMES, 32, 48, 3)
+
+
+def test_coarse_frames_are_not_taken_for_fine_ones(on_frame: Callable[[Hook], None]) -> None:
+    """Though those of one pass take the places of the coarse ones one by one."""
+    output = ("--output", "frames/{frame}.png")
+    assert render("--progressive", "--time-limit", "0.01", *output) == 1
+    for frame in sidecar("frames/frames.json")["frames"]:
+        assert frame["digest"] == file_digest(Path(f"frames/{frame['frame']}.png"))
+    assert main.run(["assemble", "frames", "--output", "coarse.mp4", "--quiet"]) == 0
+
+    def interrupt(number: int, frame: Frame) -> None:
+        if frame.number == 2:
+            raise KeyboardInterrupt
+
+    on_frame(interrupt)
+    assert render(*output) == 130
+    assert main.run(["assemble", "frames", "--output", "film.mp4", "--quiet"]) == 2
+    assert not Path("film.mp4").exists()
 
 
 def test_when_time_is_up_in_the_middle_of_a_pass_it_is_given_up(

@@ -282,6 +282,30 @@ def test_a_film_that_is_up_to_date(output: str, draws: Draws, capsys: pytest.Cap
     assert_clean()
 
 
+@pytest.mark.parametrize("options", [[], ["--progressive"]])
+def test_frames_of_another_film_that_was_stopped_stay(options: list[str], draws: Draws) -> None:
+    """Where the film is up to date, or passes are drawn, which keep no frames."""
+    other = ("--set", "error.tolerance=2")
+    if not options:
+        render("film.mp4")
+    stopped(draws, "film.mp4", *other)
+    render("film.mp4", *options)
+    draws.taken()
+    render("film.mp4", *other)
+    assert draws.taken() == [3, 4]
+    assert_clean()
+
+
+def test_frames_of_a_film_that_is_there_go(draws: Draws) -> None:
+    """As where it was killed when it was whole."""
+    render("film.mp4")
+    stopped(draws, "film.mp4", "--force")
+    assert Path("out/film.mp4.unfinished").exists()
+    render("film.mp4")
+    assert draws.taken() == []
+    assert_clean()
+
+
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     expected = undisturbed(output)
@@ -290,9 +314,18 @@ def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) ->
     render(output, "--force")
     assert draws.taken() == [0, 1, 2, 3, 4]
     stopped(draws, output, "--force")
-    assert said(capsys)[-2] == "3 of 5 frames are kept; the same command without --force goes on from there"
+    once = "" if output.endswith(".png") else f", once out/{output} is removed,"
+    left = f"3 of 5 frames are kept; the same command without --force{once} goes on from there"
+    assert said(capsys)[-2] == left
     render(output, "--force")
     assert draws.taken() == [0, 1, 2, 3, 4]
+    if once:
+        stopped(draws, output, "--force")
+        Path(f"out/{output}").unlink()
+        stopped(draws, output, "--force")
+        assert said(capsys)[-2] == left.replace(once, "")
+        render(output)
+        assert draws.taken() == [3, 4]
     assert made() == expected
     assert_clean()
 
@@ -444,6 +477,36 @@ def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(
     assert draws.taken() == [1, 2]
 
 
+@pytest.mark.parametrize(
+    ("what", "goal"), [("version", GOALS[0]), ("tolerance", GOALS[1]), ("sources", GOALS[1]), ("driver", GOALS[2])]
+)
+def test_a_goal_that_nobody_knows_to_be_met(
+    what: str, goal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where another program makes a film again, or at another tolerance, it counts as asked for at its tolerances."""
+    given = ("--set", f"error={goal}")
+    render("film.mp4", *given)
+    before = sidecar("film.mp4.json")
+    if what == "driver":
+        monkeypatch.setattr(GLRasterizer, "renderer_name", "another")
+    elif what == "version":
+        monkeypatch.setattr(cause, "package_versions", lambda: {"numpy": "9.0"})
+    elif what == "sources":
+        monkeypatch.setattr(cause, "sources_digest", lambda: "0")
+    else:
+        change("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.7))
+    Path("out/film.mp4").unlink()
+    again("film.mp4.json")
+    after = sidecar("film.mp4.json")
+    assert after["schedule"]["asked"] == {"tolerance": after["scene"]["error"]["tolerance"]}
+    assert (after["scene"]["error"] == before["scene"]["error"]) == (what != "tolerance")
+    assert after["schedule"]["met"] and after["schedule"]["reproducible"]
+    assert "measured" not in after["schedule"]
+    said(capsys)
+    render("film.mp4", *given)
+    assert said(capsys)[0].startswith("out/film.mp4 is drawn anew, for what is there is another film: scene.error.")
+
+
 def test_frames_that_were_kept_for_the_same_goal(draws: Draws) -> None:
     """Those of a scene, for its film that is made again, and the other way round, if they are as exact."""
     given = ("--set", "error={splats: {0: 50, 4: 2000}}")
@@ -463,16 +526,76 @@ def test_frames_that_were_kept_for_the_same_goal(draws: Draws) -> None:
     assert made() == expected
 
 
-def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws) -> None:
+def test_a_film_that_another_program_makes_again_in_its_place(
+    draws: Draws, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it is made from stays until it is whole, though its frames go one by one."""
+    render("{frame}.png")
+    expected = made()
+    monkeypatch.setattr(cause, "sources_digest", lambda: "0")
+    for at, options in ((1, []), (3, []), (2, ["--force"]), (4, [])):
+        draws.stop_at = at
+        again("frames.json", *options, code=130)
+        assert [frame["frame"] for frame in sidecar("frames.json")["frames"]] == [*range(NUM_FRAMES)]
+    assert said(capsys)[-2].startswith("4 of 5 frames are kept")
+    draws.stop_at = None
+    draws.taken()
+    again("frames.json")
+    assert draws.taken() == [4]
+    assert made() == expected
+    assert_clean()
+
+
+@pytest.mark.parametrize("options", [[], ["--force"]])
+def test_a_film_that_another_one_has_begun_to_replace(options: list[str], draws: Draws) -> None:
+    """Nobody takes frames of the one for frames of the other, and either can be finished."""
+    other = ("--set", "error.tolerance=2")
+    expected = undisturbed("{frame}.png")
+    render("{frame}.png")
+    stopped(draws, "{frame}.png", *other, *options)
+    assert main.run(["assemble", "out", "--output", "film.mp4", "--quiet"]) == 2
+    again("frames.json")
+    assert draws.taken() == [0, 1, 2]
+    assert made() == expected
+    stopped(draws, "{frame}.png", *other, *options)
+    render("{frame}.png", *other)
+    assert draws.taken() == [3, 4]
+    assert main.run(["assemble", "out", "--output", "film.mp4", "--quiet"]) == 0
+
+
+def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     """On a budget of time they are what the clock made them; those of the film are told in its sidecar."""
     given = ("--set", "error={seconds: 0.5}")
     render("film.mp4", *given)
+    expected = made()
     Path("out/film.mp4").unlink()
-    change("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.5))
     stopped(draws, "film.mp4", *given)
+    for number in (1, 2):
+        path = Path(f"out/film.mp4.unfinished/00000{number}.json")
+        data = json.loads(path.read_bytes())
+        data["record"]["tolerance"] = 0.7
+        path.write_text(json.dumps(data), encoding="utf-8")
+    said(capsys)
     again("film.mp4.json")
+    anew = "2 frames that were there are drawn anew, for they were drawn at other tolerances"
+    assert said(capsys)[-2:] == ["1 of 5 frames are there already", anew]
+    assert draws.taken() == [1, 2, 3, 4]
+    assert made() == expected
+
+
+def test_a_frame_that_was_kept_but_not_drawn_in_its_time(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is of the film made again, whose tolerances are found already."""
+    given = ("--set", "error={seconds: 0.5}")
+    render("film.mp4", *given)
+    Path("out/film.mp4").unlink()
+    draws.stop_at = 1
+    again("film.mp4.json", code=130)
+    draws.stop_at = None
+    draws.taken()
+    said(capsys)
+    render("film.mp4", *given)
+    assert "1 frame that was there is drawn anew, for it was not drawn on a budget of time" in said(capsys)
     assert draws.taken() == [0, 1, 2, 3, 4]
-    assert {frame["tolerance"] for frame in sidecar("film.mp4.json")["frames"]} == {0.5}
 
 
 def test_what_differs_where_tolerances_are_given_by_frame(capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from renderer.frame_record import is_record
 from renderer.kept_frames import KeptFrames, digest, file_digest, forget_frames, is_file, is_frame
 from renderer.output_files import frame_path
 from renderer.picture import Picture
-from renderer.png import encode_png
+from renderer.png import encode_png, png_chunks, png_of
 from renderer.scene import OutputSpec
 
 NUMBERS = range(4)
@@ -180,6 +180,31 @@ def test_a_picture_that_is_none(folder: Path, output: OutputSpec, content: bytes
     assert not is_frame(folder / "file", digest(content), output)
 
 
+def damaged(content: bytes, *, is_checksum_right: bool) -> bytes:
+    """A PNG file of the same header, whose compressed pixels are cut off."""
+    chunks = [(name, data[:-9] if name == b"IDAT" else data) for name, data in png_chunks(content)]
+    changed = png_of(chunks)
+    return changed if is_checksum_right else changed[:50] + bytes([changed[50] ^ 1]) + changed[51:]
+
+
+@pytest.mark.parametrize("is_checksum_right", [False, True])
+def test_a_picture_whose_body_is_damaged(tmp_path: Path, folder: Path, is_checksum_right: bool) -> None:
+    """Though its record agrees. What shows only in the decoder shows once."""
+    output = OutputSpec(tmp_path / "film.mp4", size=(6, 4))
+    keep(folder, output, 0, 1)
+    content = damaged(png(1), is_checksum_right=is_checksum_right)
+    (folder / "000001.png").write_bytes(content)
+    data = json.loads((folder / "000001.json").read_bytes())
+    data["record"]["digest"] = digest(content)
+    (folder / "000001.json").write_text(json.dumps(data))
+    kept = reopened(folder, output)
+    if is_checksum_right:
+        with pytest.raises(RenderError, match="a frame that was kept cannot be decoded"):
+            kept.picture(1)
+    assert set(kept.records) == {0}
+    assert set(reopened(folder, output).records) == {0}
+
+
 def test_another_cause(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2)
     other = CAUSE | {"versions": {"numpy": "2.1"}}
@@ -240,6 +265,19 @@ def test_jobs_with_other_frames_share_nothing(folder: Path, tmp_path: Path) -> N
     forget_frames(folder, output, [0, 1])
     assert set(KeptFrames(folder, output, [2, 3], {"other": 1}).records) == {2, 3}
     assert KeptFrames(folder, output, [0, 1], {"other": 1}).num_former == 0
+
+
+def test_frames_of_another_cause_need_not_be_forgotten(folder: Path, output: OutputSpec) -> None:
+    keep(folder, output, 0)
+    other = KeptFrames(folder, output, [1, 2], {"other": 1})
+    for number in (1, 2):
+        other.keep(number, png(number), record(number))
+    (folder / "000003.png").write_bytes(b"no record came")
+    forget_frames(folder, output, NUMBERS, CAUSE)
+    assert not list(folder.glob("00000[03].*"))
+    assert KeptFrames(folder, output, [1, 2], {"other": 1}).records == other.records
+    forget_frames(folder, output, NUMBERS, {"other": 1})
+    assert list(folder.iterdir()) == []
 
 
 def test_all_that_a_film_kept_is_forgotten(folder: Path, tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ SIDECAR: dict[str, Any] = {
     "volume": {"name": "procedural constant", "fingerprint": "0123456789abcdef0123456789abcdef"},
     "gl": "GL 4.5",
     "versions": {"python": "3.10.0", "hsplat": "0.1.0"},
+    "cause": {"frames": "89" * 16, "film": "ab" * 16, "of": {}},
     "schedule": {"asked": {"splats": 1000}, "tolerance": [0, 0.5], "cells": [1, 9], "met": False, "shortfall": "why"},
     "notes": [],
     "seconds": {"read": 0.1},
@@ -62,6 +63,36 @@ def test_what_is_taken_from_it() -> None:
     assert job.original.fingerprint == "0123456789abcdef0123456789abcdef"
     assert job.original.told == {"met": False, "shortfall": "why"}
     assert job.original.made_with == {"python": "3.10.0", "hsplat": "0.1.0", "GL": "GL 4.5"}
+    assert job.original.cause == "89" * 16
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("cause", [None, 7, [], {}, {"frames": None}, {"frames": ["89"]}])
+def test_a_cause_that_is_none(cause: object) -> None:
+    job = load(SIDECAR | {"cause": cause})
+    assert job.original is not None
+    assert job.original.cause is None
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("error", "asked"),
+    [
+        ({"tolerance": 0.5}, {"tolerance": 0.5}),
+        (
+            {"tolerance": {"0": 0.5, "3": 0.5, "4": 0, "6": 0, "7": 1}},
+            {"tolerance": {0: 0.5, 3: 0.5, 4: 0, 6: 0, 7: 1}},
+        ),
+        ({"splats": 1000}, {"splats": 1000}),
+        ({}, {"tolerance": 0.1}),
+    ],
+)
+def test_tolerances_that_somebody_put_in(error: dict[str, Any], asked: dict[str, Any]) -> None:
+    """The frames were drawn at others, by which they met what was asked for."""
+    job = load(SIDECAR | {"scene": SIDECAR["scene"] | {"error": error}})
+    assert job.asked == asked
+    assert job.original is not None
+    assert job.original.told == job.original.made_with == {}
 
 
 @pytest.mark.usefixtures("folder")
