@@ -15,10 +15,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from renderer.errors import RenderError
 from renderer.frame_record import Record, is_record
 from renderer.output_files import frame_path, has_frame_files, is_numbered, picture_shape
 from renderer.picture import Picture
-from renderer.png import HEADER_BYTES, header_shape
+from renderer.png import png_shape
 from renderer.scene import OutputSpec
 from renderer.staging import explained, write_staged
 
@@ -97,10 +98,18 @@ class KeptFrames:
         return record
 
     def picture(self, number: int) -> Picture:
-        """A frame that is kept."""
+        """A frame that is kept, decoded. Raises RenderError where it cannot be; then it is kept no longer."""
         path = self._file(number)
-        with explained(path):
-            return Picture(png=path.read_bytes())
+        try:
+            with explained(path):
+                picture = Picture(png=path.read_bytes())
+            return Picture(picture.pixels, picture.png)
+        except ValueError as error:
+            del self.records[number]
+            with explained(path):
+                self._own(number, "json").unlink(missing_ok=True)
+            hint = "the same command draws it again"
+            raise RenderError("a frame that was kept cannot be decoded", where=str(path), hint=hint) from error
 
     def drop(self, is_wanted: Callable[[Record], bool]) -> None:
         """Draw the others anew after all."""
@@ -129,7 +138,8 @@ def forget_frames(
         gone = {number for _, number in files if own is None or int(number) in own}
         if cause is not None:
             mark = _mark_of(cause)
-            gone -= {number for number in gone if (_read(folder / f"{number}.json") or (mark,))[0] != mark}
+            told = {number: _read(folder / f"{number}.json") for number in gone}
+            gone -= {number for number, found in told.items() if found is not None and found[0] != mark}
         for path, number in files:
             if number in gone:
                 path.unlink(missing_ok=True)
@@ -163,14 +173,10 @@ def is_file(path: Path, expected: str | None) -> bool:
 def is_frame(path: Path, expected: str, output: OutputSpec) -> bool:
     """Whether a PNG file is there and has this digest, and the size and channels of an output's pictures."""
     try:
-        return is_file(path, expected) and _shape(path) == picture_shape(output)
+        content = path.read_bytes() if path.is_file() else b""
+        return digest(content) == expected and png_shape(content) == picture_shape(output)
     except (OSError, ValueError):
         return False
-
-
-def _shape(path: Path) -> tuple[int, int, int]:
-    with path.open("rb") as stream:
-        return header_shape(stream.read(HEADER_BYTES))
 
 
 def _mark_of(cause: Mapping[str, Any]) -> str:

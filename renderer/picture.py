@@ -28,11 +28,14 @@ class Picture:
 
     @cached_property
     def pixels(self) -> Pixels:
-        """The picture as an array."""
+        """The picture as an array. Raises ValueError where the file is not whole."""
         # Imported where it is used: those who draw have the pixels, and need no decoder.
         import imageio.v3  # noqa: PLC0415
 
-        pixels = np.asarray(imageio.v3.imread(self.png, extension=".png"))
+        try:
+            pixels = np.asarray(imageio.v3.imread(self.png, extension=".png"))
+        except (OSError, SyntaxError) as error:  # what the decoder has for broken data and for broken chunks
+            raise ValueError(str(error)) from error
         assert pixels.dtype == np.uint8, pixels.dtype
         return pixels
 

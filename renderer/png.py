@@ -17,8 +17,6 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOR_TYPES = {3: 2, 4: 6}  # number of channels: RGB is type 2, RGB with straight alpha type 6
 _FILTER_UP = 2  # a byte is stored as its difference to the one above, which suits smooth shading on an even background
 _LEVEL = 1
-# Signature, and the first chunk's length, name, width, height, depth and colour type.
-HEADER_BYTES = 26
 
 
 def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
@@ -70,19 +68,10 @@ def png_shape(content: bytes) -> tuple[int, int, int]:
 
     Raises ValueError with what is wrong.
     """
-    png_chunks(content)
-    return header_shape(content)
-
-
-def header_shape(content: bytes) -> tuple[int, int, int]:
-    """The same by the file's first HEADER_BYTES alone."""
-    if not content.startswith(_SIGNATURE):
-        raise ValueError("not a PNG file")
-    if len(content) < HEADER_BYTES:
-        raise ValueError("cut off")
-    length, name, width, height, depth, color_type = struct.unpack_from(">I4sIIBB", content, len(_SIGNATURE))
-    if (length, name) != (13, b"IHDR"):
+    (_, header), *_ = png_chunks(content)
+    if len(header) != struct.calcsize(">IIBBBBB"):
         raise ValueError("damaged")
+    width, height, depth, color_type = struct.unpack_from(">IIBB", header)
     channels = {color: number for number, color in _COLOR_TYPES.items()}.get(color_type)
     if depth != 8 or channels is None:
         raise ValueError("not of 8 bits in RGB or RGBA")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hsplat_cli.crew_options import CrewSpec
-from hsplat_cli.drawn import Drawer, Drawn
+from hsplat_cli.drawn import Drawer
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
@@ -86,16 +86,16 @@ def _draw(
         bar = stack.enter_context(progress(len(missing), label=output.file.name, quiet=quiet))
         drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
         for number in job.frames:
-            is_new = number not in kept.records
-            drawn = next(drawing) if is_new else Drawn(number, kept.picture(number), dict(kept.records[number]))
+            drawn = None if number in kept.records else next(drawing)
             before = time.perf_counter()
-            record = kept.keep(number, drawn.picture.png, drawn.record) if is_new else drawn.record
+            record = kept.records[number] if drawn is None else kept.keep(number, drawn.picture.png, drawn.record)
             if film is not None:
-                film.write(number, drawn.picture.pixels)
-            if is_new or film is not None:
+                picture = kept.picture(number) if drawn is None else drawn.picture
+                film.write(number, picture.pixels)
+            if drawn is not None or film is not None:
                 record = with_seconds(record, encode=time.perf_counter() - before)
             records.append(record)
-            if is_new:
+            if drawn is not None:
                 bar.advance(f"{record['splats']} splats")
     if film is None:
         finishing()

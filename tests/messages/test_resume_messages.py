@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -14,6 +15,8 @@ import pytest
 from hsplat_cli import drawn, main
 from hsplat_cli.render.cause import differences
 from renderer.drawing import Frame
+from renderer.kept_frames import digest
+from renderer.png import png_chunks, png_of
 
 SMALL = [
     "--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]",
@@ -98,6 +101,28 @@ def test_a_film_that_is_drawn_again_for_nothing(render: Render, output: str) -> 
     assert render("--output", output, "--force") == (130, kept)
     up_to_date = f"{output} is up to date; --force draws it again\n"
     assert render("--output", output) == (0, up_to_date)
+
+
+def test_a_kept_frame_that_no_decoder_takes(render: Render) -> None:
+    """It is what its record says, and yet no picture."""
+    render.at_frame(4, interrupt)
+    render("--output", "film.mp4")
+    picture, told = (Path(f"film.mp4.unfinished/000001.{suffix}") for suffix in ("png", "json"))
+    content = png_of([(name, b"" if name == b"IDAT" else data) for name, data in png_chunks(picture.read_bytes())])
+    picture.write_bytes(content)
+    data = json.loads(told.read_bytes())
+    data["record"]["digest"] = digest(content)
+    told.write_text(json.dumps(data), encoding="utf-8")
+    render.at_frame(9, interrupt)
+    code, said = render("--output", "film.mp4")
+    assert (code, said) == (
+        1,
+        "4 of 6 frames are there already\n"
+        "3 of 6 frames are kept; the same command goes on from there\n"
+        "film.mp4.unfinished/000001.png: a frame that was kept cannot be decoded\n"
+        "  hint: the same command draws it again\n",
+    )
+    assert render("--output", "film.mp4") == (0, "3 of 6 frames are there already\n")
 
 
 def test_a_folder_that_is_none(render: Render) -> None:

@@ -19,7 +19,7 @@ from renderer.frame_record import is_record
 from renderer.kept_frames import KeptFrames, digest, file_digest, forget_frames, is_file, is_frame
 from renderer.output_files import frame_path
 from renderer.picture import Picture
-from renderer.png import encode_png
+from renderer.png import encode_png, png_chunks, png_of
 from renderer.scene import OutputSpec
 
 NUMBERS = range(4)
@@ -178,6 +178,31 @@ def test_a_picture_that_is_none(folder: Path, output: OutputSpec, content: bytes
     (folder / "file").write_bytes(content)
     assert is_file(folder / "file", digest(content))
     assert not is_frame(folder / "file", digest(content), output)
+
+
+def damaged(content: bytes, *, is_checksum_right: bool) -> bytes:
+    """A PNG file of the same header, whose compressed pixels are cut off."""
+    chunks = [(name, data[:-9] if name == b"IDAT" else data) for name, data in png_chunks(content)]
+    changed = png_of(chunks)
+    return changed if is_checksum_right else changed[:50] + bytes([changed[50] ^ 1]) + changed[51:]
+
+
+@pytest.mark.parametrize("is_checksum_right", [False, True])
+def test_a_picture_whose_body_is_damaged(tmp_path: Path, folder: Path, is_checksum_right: bool) -> None:
+    """Though its record agrees. What shows only in the decoder shows once."""
+    output = OutputSpec(tmp_path / "film.mp4", size=(6, 4))
+    keep(folder, output, 0, 1)
+    content = damaged(png(1), is_checksum_right=is_checksum_right)
+    (folder / "000001.png").write_bytes(content)
+    data = json.loads((folder / "000001.json").read_bytes())
+    data["record"]["digest"] = digest(content)
+    (folder / "000001.json").write_text(json.dumps(data))
+    kept = reopened(folder, output)
+    if is_checksum_right:
+        with pytest.raises(RenderError, match="a frame that was kept cannot be decoded"):
+            kept.picture(1)
+    assert set(kept.records) == {0}
+    assert set(reopened(folder, output).records) == {0}
 
 
 def test_another_cause(folder: Path, output: OutputSpec) -> None:
