@@ -138,7 +138,8 @@ def forget_frames(
         gone = {number for _, number in files if own is None or int(number) in own}
         if cause is not None:
             mark = _mark_of(cause)
-            gone -= {number for number in gone if (_read(folder / f"{number}.json") or (mark,))[0] != mark}
+            told = {number: _read(folder / f"{number}.json") for number in gone}
+            gone -= {number for number, found in told.items() if found is not None and found[0] != mark}
         for path, number in files:
             if number in gone:
                 path.unlink(missing_ok=True)
