@@ -15,10 +15,10 @@ from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
 from hsplat_cli.render.cause import Cause, cause_record, made_before
-from renderer.errors import SceneError
+from renderer.errors import InputError, SceneError
 from renderer.film import open_film, require_encoder
 from renderer.output_files import frame_path, has_frame_files, picture_shape, sidecar_of
-from renderer.picture import Picture
+from renderer.picture import Picture, Pixels
 from renderer.scene import OutputSpec
 from renderer.sidecar import write_sidecar
 from renderer.staging import explained, staged_together
@@ -79,8 +79,16 @@ def _encode(
     numbers = [frame.number for frame in picked]
     with open_film(output, numbers, within=folder, finishing=finishing) as film:
         for frame, content in _contents(picked, output, quiet=quiet):
-            film.write(frame.number, Picture(png=content).pixels)
+            film.write(frame.number, _decoded(frame, content))
     return film.notes
+
+
+def _decoded(frame: Picked, content: bytes) -> Pixels:
+    try:
+        return Picture(png=content).pixels
+    except ValueError as error:
+        hint = "remove it, and draw it again by the same command as before"
+        raise InputError("a frame that cannot be decoded", where=str(frame.file), hint=hint) from error
 
 
 def _copy(

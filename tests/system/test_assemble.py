@@ -18,7 +18,7 @@ from hsplat_cli import main, place
 from hsplat_cli.assemble import film, merged
 from hsplat_cli.versions import package_versions
 from renderer.kept_frames import digest
-from renderer.png import encode_png
+from renderer.png import encode_png, png_chunks, png_of
 
 SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.
@@ -229,6 +229,23 @@ def test_a_part_that_was_drawn_again(output: str, capsys: pytest.CaptureFixture[
     assert not says_up_to_date(capsys, *command)
     assert made.read_bytes() != before
     assert says_up_to_date(capsys, *command)
+
+
+def test_a_frame_that_cannot_be_decoded(capsys: pytest.CaptureFixture[str]) -> None:
+    """All its checksums, and its digest, are right."""
+    draw_parts()
+    header, _, end = png_chunks(Path("parts/0001.png").read_bytes())
+    other = png_of([header, (b"IDAT", b"no data"), end])
+    Path("parts/0001.png").write_bytes(other)
+    data = sidecar("parts/frames.0-2.json")
+    data["frames"][1]["digest"] = digest(other)
+    Path("parts/frames.0-2.json").write_text(json.dumps(data), encoding="utf-8")
+    assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 2
+    assert capsys.readouterr().err == (
+        "parts/0001.png: a frame that cannot be decoded\n"
+        "  hint: remove it, and draw it again by the same command as before\n"
+    )
+    assert not Path("film.mp4").exists()
 
 
 def test_a_film_that_is_gone_before_this_job_had_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
