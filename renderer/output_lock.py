@@ -10,7 +10,7 @@ import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.errors import InputError
+from renderer.errors import InputError, TakenError
 from renderer.runs import runs
 from renderer.staging import explained, remove_temporaries
 
@@ -25,8 +25,8 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
 
     Jobs that have no place in common do not keep each other out. The last one to leave removes temporary files of those
     that were killed, and the folder, if nothing else is in it. On a file system without locks nobody is kept out.
-    Raises InputError when another process holds one of the places, or the folder cannot be one; RenderError when it
-    cannot be made. output: for messages.
+    Raises TakenError when another process holds one of the places; InputError when the folder cannot be one, and
+    RenderError when it cannot be made. output: for messages.
     """
     with explained(output):
         descriptor = _enter(folder)
@@ -102,7 +102,7 @@ def _hold(descriptor: int, places: Sequence[int], output: Path) -> None:
     for start, stop in runs(places):
         if _lock(descriptor, _FIRST_PLACE + start, stop - start) is False:
             note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
-            raise InputError(
+            raise TakenError(
                 "another job is writing this output",
                 where=str(output),
                 got=note if note.isprintable() and note else None,

@@ -18,7 +18,7 @@ import click
 
 from hsplat_cli.film_options import as_arguments
 from hsplat_cli.scene_text import volume_file
-from hsplat_cli.turntable.report import FILE, Record, table, write_report
+from hsplat_cli.turntable.report import FILE, NOT_BEGUN, Record, table, write_report
 from hsplat_cli.turntable.single import Order
 from hsplat_cli.workers.lifeline import Lifeline
 from renderer.errors import HsplatError, RenderError
@@ -47,7 +47,7 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
                 write_report(folder, records)
     except KeyboardInterrupt:
         interrupted = [orders[len(records)].record("interrupted")] if len(records) < len(orders) else []
-        _finish([*records, *interrupted, *(order.record("not begun") for order in orders[len(records) + 1 :])], folder)
+        _finish([*records, *interrupted, *(order.record(NOT_BEGUN) for order in orders[len(records) + 1 :])], folder)
         raise
     _finish(records, folder)
     num_failed = sum(record["status"] != "done" for record in records)

@@ -21,6 +21,8 @@ from renderer.staging import explained, write_staged
 Record = dict[str, Any]
 
 FILE = "turntable.json"
+# The status of a film of which nothing was touched: it is in the table only, for the file tells of the one before.
+NOT_BEGUN = "not begun"
 
 _COLUMNS = ("volume", "status", "kind", "frames", "splats", "seconds", "film")
 _NUMBERS = ("frames", "splats", "seconds")
@@ -59,10 +61,11 @@ class Report:
     def put(self, *records: Record) -> None:
         """Write records of films in the place of those that there are; what scenes were written stays known.
 
-        Others stay, too, but for those of films whose scenes have been removed.
+        Others stay, too, but for those of films whose scenes have been removed. A film that was not begun changes
+        nothing.
         """
         self._records = {name: record for name, record in self._records.items() if self._is_right(name, record)}
-        for record in records:
+        for record in (record for record in records if record["status"] != NOT_BEGUN):
             name = Path(record["scene"]).name
             former = self._records.pop(name, {})
             known = {} if _OF in record else {key: former[key] for key in (_OF, _DIGESTS) if key in former}
@@ -142,7 +145,7 @@ def table(records: Sequence[Record]) -> str:
 
 def _row(record: Record) -> list[str]:
     row = [str(record.get(name, "-")) for name in _COLUMNS]
-    if record["status"] == "failed":
+    if "error" in record:
         row[-1] = record["error"].splitlines()[0]
     elif record["status"] != "done":
         row[-1] = "-"

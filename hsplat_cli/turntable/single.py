@@ -11,13 +11,16 @@ import click
 
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.first_run import tell_first_run
-from hsplat_cli.job import Job, load_job
+from hsplat_cli.job import Job
+from hsplat_cli.place import taken
+from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, volume_file
 from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
-from hsplat_cli.turntable.report import Record, Report, Written, held_report
-from renderer.errors import HsplatError, InputError
+from hsplat_cli.turntable.report import NOT_BEGUN, Record, Report, Written, held_report
+from renderer.errors import HsplatError, InputError, TakenError
 from renderer.output_files import sidecar_path
 from renderer.scene import VolumeSpec
+from renderer.scene_schema import schedule_to_dict
 from renderer.staging import explained, require_writable, write_staged
 
 
@@ -46,8 +49,9 @@ class Order:
         }
 
     def failed(self, error: HsplatError) -> Record:
-        """The record of a film that could not be made."""
-        return self.record("failed") | {"exit_code": exit_code(error), "error": str(error)}
+        """The record of a film that could not be made, or that another job is making."""
+        status = NOT_BEGUN if isinstance(error, TakenError) else "failed"
+        return self.record(status) | {"exit_code": exit_code(error), "error": str(error)}
 
 
 def exit_code(error: HsplatError) -> int:
@@ -62,16 +66,25 @@ def make_film(order: Order, *, quiet: bool) -> Record:
     suggested = suggest_scene(order.volume, order.film, colormap=order.colormap, scene=order.scene, output=order.output)
     if not quiet:
         click.echo(f"{volume_file(order.volume)}: {suggested.kind}; {suggested.reason}", err=True)
-    write_scene(order, suggested)
-    tell_first_run(quiet=quiet)
-    # Imported here: numba and GL take longer to load than --help may take to answer.
-    from hsplat_cli.render.film import render_once  # noqa: PLC0415
+    job = _job(order, suggested)
+    # Held from before the scene is written until the film is there: they belong together.
+    with taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames)) as place:
+        write_scene(order, suggested)
+        tell_first_run(quiet=quiet)
+        # Imported here: numba and GL take longer to load than --help may take to answer.
+        from hsplat_cli.render.film import render_once  # noqa: PLC0415
 
-    job = load_job(order.scene)
-    shortfall = render_once(job, order.crew, force=order.force, quiet=quiet)
+        shortfall = render_once(job, order.crew, place=place, force=order.force, quiet=quiet)
     if shortfall is not None:
         raise shortfall
     return order.record("done") | {"kind": suggested.kind, "reason": suggested.reason} | _cost(job)
+
+
+def _job(order: Order, suggested: SuggestedScene) -> Job:
+    """What the scene's text asks for, whatever becomes of its file meanwhile."""
+    content = suggested.text.encode()
+    scene = scene_in(content, order.scene, overrides=(), volume=None, output=None, still=False)
+    return Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
 
 
 def write_scene(order: Order, suggested: SuggestedScene) -> None:
