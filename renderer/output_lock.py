@@ -7,7 +7,7 @@ import errno
 import fcntl
 import os
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError, TakenError
@@ -39,14 +39,18 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def alone(file: Path) -> Iterator[None]:
+def alone(file: Path, pause: Callable[[str | None], None]) -> Iterator[None]:
     """Wait until no other process is in such a block with this lock file, which is made and removed again.
 
-    On a file system without locks nobody waits. Raises InputError and RenderError where the file cannot be made.
+    pause: called before each further look, with what is known of the process that is in it: `process 12 on ada`. What
+    it raises ends the waiting. On a file system without locks nobody waits.
+    Raises InputError and RenderError where the file cannot be made.
     """
     with explained(file):
-        descriptor = _wait_for(file)
+        descriptor = _wait_for(file, pause)
     try:
+        with explained(file):
+            _sign(descriptor)
         yield
     finally:
         with contextlib.suppress(OSError):
@@ -76,12 +80,14 @@ def _enter(folder: Path) -> int:
             return _wait_for(_lock_file(folder))
 
 
-def _wait_for(file: Path) -> int:
-    """A lock file that is there, with its first byte held."""
+def _wait_for(file: Path, pause: Callable[[str | None], None] | None = None) -> int:
+    """A lock file that is there, with its first byte held. pause: as in `alone`."""
     while True:
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         try:
-            _lock(descriptor, _GATE, 1, wait=True)
+            while _lock(descriptor, _GATE, 1, wait=pause is None) is False:
+                assert pause is not None
+                pause(_holder(descriptor))
             if _is_there(file, descriptor):
                 return descriptor
         except BaseException:
@@ -101,17 +107,26 @@ def _hold(descriptor: int, places: Sequence[int], output: Path) -> None:
     """Lock these places and leave the gate."""
     for start, stop in runs(places):
         if _lock(descriptor, _FIRST_PLACE + start, stop - start) is False:
-            note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
             raise TakenError(
                 "another job is writing this output",
                 where=str(output),
-                got=note if note.isprintable() and note else None,
+                got=_holder(descriptor),
                 hint="wait until it is done, or give this one another output",
             )
-    os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
+    _sign(descriptor)
     with contextlib.suppress(OSError):  # there are no locks
         fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _GATE)
+
+
+def _sign(descriptor: int) -> None:
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
+
+
+def _holder(descriptor: int) -> str | None:
+    """Who has signed last, if that can be shown."""
+    note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
+    return note if note and note.isprintable() else None
 
 
 def _leave(folder: Path, descriptor: int) -> None:

@@ -10,11 +10,15 @@ import contextlib
 import json
 import math
 import os
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
+
+from renderer.errors import RenderError
 from renderer.output_lock import alone
 from renderer.staging import explained, write_staged
 
@@ -23,6 +27,12 @@ Record = dict[str, Any]
 FILE = "turntable.json"
 # The status of a film of which nothing was touched: it is in the table only, for the file tells of the one before.
 NOT_BEGUN = "not begun"
+
+# Who has the report has it for milliseconds. A process that has it for longer than this is stopped, or its disk is gone.
+PATIENCE_S = 60.0
+# Where there is something else to say or to do, and what is written may be written later.
+BRIEFLY_S = 2.0
+_SILENT_S, _LOOK_S = 2.0, 0.02
 
 _COLUMNS = ("volume", "status", "kind", "frames", "splats", "seconds", "film")
 _NUMBERS = ("frames", "splats", "seconds")
@@ -78,21 +88,43 @@ class Report:
         return _OF not in record or os.path.exists(self._folder / name)  # no error for names that cannot be
 
 
+class _Patience:
+    """What is done while another process changes a report: it is said after a moment, and not waited for for ever."""
+
+    def __init__(self, file: Path, seconds: float) -> None:
+        self._file, self._seconds, self._since = file, seconds, time.perf_counter()
+        self._holder: str | None = None
+        self._is_said = False
+
+    def __call__(self, holder: str | None) -> None:
+        if holder != self._holder:  # of many commands each has its turn: it goes on
+            self._holder, self._since = holder, time.perf_counter()
+        waited = time.perf_counter() - self._since
+        if waited >= self._seconds:
+            hint = "end that process, or let it go on; the same command makes only what is missing"
+            raise RenderError("another process is changing this file", where=str(self._file), got=holder, hint=hint)
+        if waited >= _SILENT_S and not self._is_said:
+            self._is_said = True
+            click.echo(f"{self._file}: waiting for {holder or 'another process'}", err=True)
+        time.sleep(_LOOK_S)
+
+
 @contextlib.contextmanager
-def held_report(folder: Path) -> Iterator[Report]:
+def held_report(folder: Path, patience_s: float = PATIENCE_S) -> Iterator[Report]:
     """turntable.json of a folder, which is made where it is missing, while other processes wait, on all machines.
 
+    patience_s: how long to wait for one and the same process; 0 where nobody has the time.
     Raises InputError and RenderError where that cannot be.
     """
     with explained(folder / FILE):
         folder.mkdir(parents=True, exist_ok=True)
-    with alone(folder / f".{FILE}.lock"):
+    with alone(folder / f".{FILE}.lock", _Patience(folder / FILE, patience_s)):
         yield Report(folder)
 
 
-def write_report(folder: Path, records: Sequence[Record]) -> None:
-    """Add records to turntable.json: `{"films": [...]}`, one for each scene; complete or not at all."""
-    with held_report(folder) as report:
+def write_report(folder: Path, records: Sequence[Record], patience_s: float = PATIENCE_S) -> None:
+    """Add records to turntable.json: `{"films": [...]}`, one for each scene; complete or not at all; as `held_report`."""
+    with held_report(folder, patience_s) as report:
         report.put(*records)
 
 

@@ -257,6 +257,40 @@ def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.Monk
     assert imageio.imread("out/uint8.mp4", plugin="FFMPEG").shape[0] == 3
 
 
+@contextmanager
+def stopped(folder: str) -> Iterator[int]:
+    """The number of another process that is at turntable.json of this folder and does not go on."""
+    program = (
+        "import os, signal, sys\nfrom pathlib import Path\nfrom hsplat_cli.turntable.report import held_report\n"
+        "with held_report(Path(sys.argv[1])):\n    print(flush=True)\n    os.kill(os.getpid(), signal.SIGSTOP)"
+    )
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    arguments = [sys.executable, "-c", program, folder]
+    with subprocess.Popen(arguments, env=environment, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"\n"
+        try:
+            yield process.pid
+        finally:
+            process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("volumes", [["in/uint8.npy"], ["in/uint8.npy", "in/labels.npy"]], ids=["one", "several"])
+def test_who_waits_for_the_report_says_so_and_can_be_interrupted(volumes: list[str]) -> None:
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    arguments = [sys.executable, "-m", "hsplat_cli", "turntable", *volumes, "-o", "out", *SMALL]
+    with stopped("out") as number:
+        process = subprocess.Popen(arguments, env=environment, stderr=subprocess.PIPE, text=True)
+        assert process.stderr is not None
+        waiting = f"out/turntable.json: waiting for process {number} on {os.uname().nodename}\n"
+        assert process.stderr.readline() == waiting
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=30)
+        assert process.returncode == 130
+        assert set(said.splitlines()) == {"hsplat: interrupted"}  # of several, the film's process says so, too
+    assert files("out") == []
+
+
 def test_batches_into_one_folder() -> None:
     assert turntable("in/labels.npy", "in/signed.npy", "-o", "out", *SMALL) == 0
     before = report()

@@ -67,6 +67,39 @@ def test_several_processes_lose_nothing(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "new").iterdir()] == [FILE]
 
 
+HOLDER = """
+import sys
+from pathlib import Path
+from hsplat_cli.turntable.report import held_report
+with held_report(Path(sys.argv[1])):
+    print(flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("patience_s", [0.0, 0.2])
+def test_nobody_waits_for_ever(
+    patience_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(report_module, "_SILENT_S", 0.1)
+    arguments = [sys.executable, "-c", HOLDER, str(tmp_path)]
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    with subprocess.Popen(arguments, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"\n"
+        with pytest.raises(RenderError) as caught:
+            write_report(tmp_path, [record("a")], patience_s)
+        process.communicate(b"")
+    holder, file = f"process {process.pid} on {os.uname().nodename}", tmp_path / FILE
+    assert str(caught.value) == (
+        f"{file}: another process is changing this file\n  got: {holder}\n"
+        "  hint: end that process, or let it go on; the same command makes only what is missing"
+    )
+    assert capsys.readouterr().err == (f"{file}: waiting for {holder}\n" if patience_s else "")
+    write_report(tmp_path, [record("a")], 0.0)
+    assert films(tmp_path) == [record("a")]
+
+
 GOOD = record("a", **WRITTEN)
 
 # What is there, none of which this program has written.
