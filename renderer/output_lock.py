@@ -83,7 +83,7 @@ def _enter(folder: Path) -> int:
 def _wait_for(file: Path, pause: Callable[[str | None], None] | None = None) -> int:
     """A lock file that is there, with its first byte held. pause: as in `alone`."""
     while True:
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+        descriptor = _open(file)
         try:
             while _lock(descriptor, _GATE, 1, wait=pause is None) is False:
                 assert pause is not None
@@ -94,6 +94,40 @@ def _wait_for(file: Path, pause: Callable[[str | None], None] | None = None) -> 
             os.close(descriptor)
             raise
         os.close(descriptor)  # its last holder has removed it meanwhile
+
+
+def _open(file: Path) -> int:
+    """A lock file, which is made where it is missing; FileNotFoundError where its folder is. Raises InputError, too."""
+    flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
+    while True:
+        with contextlib.suppress(FileNotFoundError):
+            _require_plain(file)
+            return os.open(file, flags)  # not O_CREAT: in a folder such as /tmp no file of another user opens with it
+        with contextlib.suppress(FileExistsError):
+            descriptor = os.open(file, flags | os.O_CREAT | os.O_EXCL, 0o600)
+            _share(descriptor, file.parent)
+            return descriptor
+
+
+def _require_plain(file: Path) -> None:
+    mode = file.lstat().st_mode
+    if not stat.S_ISREG(mode):
+        kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
+        got = next((kind for is_of, kind in kinds if is_of(mode)), "a device or a pipe")
+        raise InputError("something else has the name of a lock file", where=str(file), got=got, hint="remove it")
+
+
+def _share(descriptor: int, folder: Path) -> None:
+    """Let everybody lock a file who may write in its folder, also where it stays because its maker was killed."""
+    with contextlib.suppress(OSError):  # not every file system has owners
+        place = folder.stat()
+        for owner in (-1, place.st_uid):  # the latter where the superuser works in the folder of somebody else
+            with contextlib.suppress(OSError):  # the folder may be of a group to which its writer does not belong
+                os.fchown(descriptor, owner, place.st_gid)
+        is_same_group = os.fstat(descriptor).st_gid == place.st_gid
+        group = 0o060 if place.st_mode & stat.S_IWGRP and is_same_group else 0
+        others = 0o006 if place.st_mode & stat.S_IWOTH else 0
+        os.fchmod(descriptor, 0o600 | group | others)
 
 
 def _make(folder: Path) -> None:

@@ -28,7 +28,7 @@ FILE = "turntable.json"
 # The status of a film of which nothing was touched: it is in the table only, for the file tells of the one before.
 NOT_BEGUN = "not begun"
 
-# Who has the report has it for milliseconds. A process that has it for longer than this is stopped, or its disk is gone.
+# Who has the report has it for milliseconds. A process that has it for longer than this is stopped, or its disk gone.
 PATIENCE_S = 60.0
 # Where there is something else to say or to do, and what is written may be written later.
 BRIEFLY_S = 2.0
@@ -123,7 +123,10 @@ def held_report(folder: Path, patience_s: float = PATIENCE_S) -> Iterator[Report
 
 
 def write_report(folder: Path, records: Sequence[Record], patience_s: float = PATIENCE_S) -> None:
-    """Add records to turntable.json: `{"films": [...]}`, one for each scene; complete or not at all; as `held_report`."""
+    """Add records to turntable.json: `{"films": [...]}`, one for each scene; complete or not at all.
+
+    patience_s and errors: as of `held_report`.
+    """
     with held_report(folder, patience_s) as report:
         report.put(*records)
 

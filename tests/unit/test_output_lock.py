@@ -6,9 +6,10 @@ import errno
 import fcntl
 import os
 import signal
+import stat
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -322,9 +323,44 @@ def test_a_link_under_the_name_of_the_lock(folder: Path) -> None:
     folder.mkdir()
     (folder.parent / "precious").write_bytes(b"content")
     (folder / "lock").symlink_to(folder.parent / "precious")
-    with pytest.raises(HsplatError, match="the output cannot be written"):
+    with pytest.raises(InputError) as caught:
         take(folder, [0])
+    assert str(caught.value) == (
+        f"{folder / 'lock'}: something else has the name of a lock file\n  got: a link\n  hint: remove it"
+    )
     assert (folder.parent / "precious").read_bytes() == b"content"
+
+
+@pytest.mark.parametrize(
+    ("kind", "make"),
+    [
+        ("a link", lambda file: file.symlink_to("absent")),
+        ("a folder", lambda file: file.mkdir()),
+        ("a device or a pipe", os.mkfifo),
+    ],
+)
+def test_something_else_under_the_name_of_a_lock_file(kind: str, make: Callable[[Path], None], tmp_path: Path) -> None:
+    make(tmp_path / "lock")
+    with pytest.raises(InputError) as caught, alone(tmp_path / "lock", never):
+        pytest.fail("that is no file")
+    assert str(caught.value) == (
+        f"{tmp_path / 'lock'}: something else has the name of a lock file\n  got: {kind}\n  hint: remove it"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["lock"]
+
+
+@pytest.mark.parametrize(
+    ("of_folder", "of_file"), [(0o755, 0o600), (0o775, 0o660), (0o777, 0o666), (0o1777, 0o666), (0o707, 0o606)]
+)
+def test_who_may_write_the_folder_may_lock(of_folder: int, of_file: int, tmp_path: Path) -> None:
+    """Whatever the umask of who comes first."""
+    tmp_path.chmod(of_folder)
+    before = os.umask(0o077)
+    try:
+        with alone(tmp_path / "lock", never):
+            assert stat.S_IMODE((tmp_path / "lock").stat().st_mode) == of_file
+    finally:
+        os.umask(before)
 
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
