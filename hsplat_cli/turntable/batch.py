@@ -18,7 +18,7 @@ import click
 
 from hsplat_cli.film_options import as_arguments
 from hsplat_cli.scene_text import volume_file
-from hsplat_cli.turntable.report import BRIEFLY_S, FILE, NOT_BEGUN, Record, table, write_report
+from hsplat_cli.turntable.report import BRIEFLY_S, DONE, FILE, INTERRUPTED, NOT_BEGUN, Record, table, write_report
 from hsplat_cli.turntable.single import Order
 from hsplat_cli.workers.lifeline import Lifeline
 from renderer.errors import HsplatError, RenderError
@@ -44,13 +44,13 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
             record = _made(order, options)
             records.append(record)
             unwritten.append(record)
-            if record["status"] != "done":
+            if record["status"] != DONE:
                 click.echo(record["error"], err=True)
             with suppress(HsplatError):  # the next one may be written, and with it this one
                 write_report(folder, unwritten, BRIEFLY_S)
                 unwritten.clear()
     except KeyboardInterrupt:
-        interrupted = [order.record("interrupted") for order in orders[len(records) :][:1]]
+        interrupted = [order.record(INTERRUPTED) for order in orders[len(records) :][:1]]
         click.echo(table([*records, *interrupted, *(order.record(NOT_BEGUN) for order in orders[len(records) + 1 :])]))
         with suppress(HsplatError):  # the interrupt is what is said
             write_report(folder, [*unwritten, *interrupted], patience_s=0.0)
@@ -58,7 +58,7 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
     click.echo(table(records))
     if unwritten:
         write_report(folder, unwritten)
-    num_failed = sum(record["status"] != "done" for record in records)
+    num_failed = sum(record["status"] != DONE for record in records)
     if num_failed:
         raise RenderError(
             f"{num_failed} of {len(records)} films could not be made",

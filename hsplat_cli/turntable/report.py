@@ -25,7 +25,8 @@ from renderer.staging import explained, write_staged
 Record = dict[str, Any]
 
 FILE = "turntable.json"
-# The status of a film of which nothing was touched: it is in the table only, for the file tells of the one before.
+BEGUN, DONE, INTERRUPTED = "begun", "done", "interrupted"
+# Of a film of which nothing was touched. It is in the table only, for the file tells of the one before.
 NOT_BEGUN = "not begun"
 
 # Who has the report has it for milliseconds. A process that has it for longer than this is stopped, or its disk gone.
@@ -63,6 +64,10 @@ class Report:
     def __init__(self, folder: Path) -> None:
         self._folder, self._records = folder, _read(folder)
 
+    def told(self, scene: Path) -> Record | None:
+        """What is told of the film of a scene."""
+        return self._records.get(scene.name)
+
     def written(self, scene: Path) -> Written | None:
         """What this program has written there, if that is known."""
         record = self._records.get(scene.name, {})
@@ -71,13 +76,17 @@ class Report:
     def put(self, *records: Record) -> None:
         """Write records of films in the place of those that there are; what scenes were written stays known.
 
-        Others stay, too, but for those of films whose scenes have been removed. A film that was not begun changes
-        nothing.
+        Others stay, too, but for those of films whose scenes have been removed; and those of films that were not
+        begun, or interrupted before they were.
         """
         self._records = {name: record for name, record in self._records.items() if self._is_right(name, record)}
-        for record in (record for record in records if record["status"] != NOT_BEGUN):
+        for record in records:
             name = Path(record["scene"]).name
-            former = self._records.pop(name, {})
+            former = self._records.get(name, {})
+            was_begun = former.get("status") == BEGUN
+            if record["status"] == NOT_BEGUN or (record["status"] == INTERRUPTED and not was_begun):
+                continue
+            self._records.pop(name, None)
             known = {} if _OF in record else {key: former[key] for key in (_OF, _DIGESTS) if key in former}
             self._records[name] = record | known
         # ASCII, so that also names with bytes that are no UTF-8 have a form.
@@ -182,7 +191,7 @@ def _row(record: Record) -> list[str]:
     row = [str(record.get(name, "-")) for name in _COLUMNS]
     if "error" in record:
         row[-1] = record["error"].splitlines()[0]
-    elif record["status"] != "done":
+    elif record["status"] != DONE:
         row[-1] = "-"
     if "seconds" in record:
         row[_COLUMNS.index("seconds")] = f"{record['seconds']:.1f}"

@@ -16,9 +16,9 @@ from hsplat_cli.place import taken
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, volume_file
 from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
-from hsplat_cli.turntable.report import NOT_BEGUN, Record, Report, Written, held_report
+from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, Record, Report, Written, held_report
 from renderer.errors import HsplatError, InputError, TakenError
-from renderer.output_files import sidecar_path
+from renderer.output_files import frame_path, sidecar_of, sidecar_path
 from renderer.scene import VolumeSpec
 from renderer.scene_schema import schedule_to_dict
 from renderer.staging import explained, require_writable, write_staged
@@ -77,7 +77,7 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         shortfall = render_once(job, order.crew, place=place, force=order.force, quiet=quiet)
     if shortfall is not None:
         raise shortfall
-    return order.record("done") | {"kind": suggested.kind, "reason": suggested.reason} | _cost(job)
+    return order.record(DONE) | {"kind": suggested.kind, "reason": suggested.reason} | _cost(job)
 
 
 def _job(order: Order, suggested: SuggestedScene) -> Job:
@@ -103,10 +103,19 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
         if there is not None and there != content and not order.force:
             _require_own(order.scene, digest(there), of, report)
             digests.append(digest(there))
+        # What is there may be all that is asked for, and is, until a frame is drawn, what there is to be told.
+        former = report.told(order.scene) if there == content and not order.force and _film_is_there(order) else None
+        record = former if former is not None and former["status"] == DONE else order.record(BEGUN)
         # First, and with both: when this process is killed, whichever of them is there is known.
-        report.put(order.record("begun") | Written(of, digests).as_record())
+        report.put(record | Written(of, digests).as_record())
         if there != content:
             write_staged(order.scene, content)
+
+
+def _film_is_there(order: Order) -> bool:
+    """Whether there is a film of these names, which counts as one once it has a sidecar."""
+    num = order.film.frames
+    return frame_path(order.output, 0).exists() and sidecar_of(order.output, range(num), num).exists()
 
 
 def _require_own(scene: Path, digest: str, of: str, report: Report) -> None:

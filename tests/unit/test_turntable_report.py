@@ -46,6 +46,15 @@ def test_records_of_other_films_stay_while_their_scenes_do(tmp_path: Path) -> No
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", FILE]
 
 
+def test_what_was_not_begun_changes_nothing(tmp_path: Path) -> None:
+    """Nor what was interrupted before: what is told of the film that is there holds."""
+    write_report(tmp_path, [record("a", frames=3), record("b", "failed"), record("c", "begun")])
+    write_report(tmp_path, [record(name, "not begun") for name in "abcd"])
+    assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "begun")]
+    write_report(tmp_path, [record(name, "interrupted") for name in "abcd"])
+    assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "interrupted")]
+
+
 WRITER = """
 import sys
 from pathlib import Path
@@ -211,6 +220,34 @@ def test_a_scene_that_would_be_written_the_same_is_known_again(tmp_path: Path) -
     write_scene(order(tmp_path), scene("one"))
     write_scene(order(tmp_path), scene("two"))
     assert (tmp_path / "out" / "scan.yaml").read_text() == "two"
+
+
+def test_a_film_that_is_there_is_done_until_another_is_begun(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+
+    def status() -> str:
+        return str(films(folder)[0]["status"])
+
+    def write(text: str = "one", *, force: bool = False) -> str:
+        write_scene(order(tmp_path, force=force), scene(text))
+        return status()
+
+    def finish() -> None:
+        for name in ("scan.mp4", "scan.mp4.json"):
+            (folder / name).touch()
+        write_report(folder, [order(tmp_path).record("done") | {"frames": 3}])
+
+    assert write() == "begun"
+    finish()
+    assert write() == "done"
+    assert films(folder)[0]["frames"] == 3
+    assert write("two") == "begun"
+    assert write("two") == "begun"
+    finish()
+    assert write("two", force=True) == "begun"
+    finish()
+    (folder / "scan.mp4").unlink()
+    assert write("two") == "begun"
 
 
 def test_another_volume_of_the_same_name(tmp_path: Path) -> None:
