@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ import pytest
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.scene_text import FilmOptions
 from hsplat_cli.suggested_scene import SuggestedScene
+from hsplat_cli.turntable import batch, single
 from hsplat_cli.turntable import report as report_module
-from hsplat_cli.turntable import single
+from hsplat_cli.turntable.batch import run_batch
 from hsplat_cli.turntable.report import FILE, held_report, write_report
 from hsplat_cli.turntable.single import Order, write_scene
 from renderer.errors import InputError, RenderError
@@ -171,6 +173,55 @@ def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> Ord
     (folder / volume).touch()
     spec, crew = VolumeSpec(FileSource(folder / volume)), CrewSpec(None, None)
     return Order(spec, FilmOptions(), None, folder / "out" / "scan.yaml", folder / "out" / "scan.mp4", crew, force)
+
+
+def orders(folder: Path, *names: str) -> list[Order]:
+    one = order(folder.parent)
+    return [replace(one, scene=folder / f"{name}.yaml", output=folder / f"{name}.mp4") for name in names]
+
+
+def test_a_batch_that_is_interrupted_keeps_what_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    films_there = [record(name, frames=3) for name in "abc"]
+    write_report(tmp_path, films_there)
+    monkeypatch.setattr(batch, "_made", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, quiet=True)
+    assert films(tmp_path) == films_there
+    assert [line.split()[1:3] for line in capsys.readouterr().out.splitlines()[1:]] == [
+        ["interrupted", "-"],
+        ["not", "begun"],
+        ["not", "begun"],
+    ]
+
+
+def test_a_batch_writes_what_it_has_to_tell_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What could not be written is with the next film; then the record may be one of another command."""
+    fails = [True, False, False]
+
+    def made(order: Order, options: object) -> dict[str, Any]:
+        if order.scene.name == "c.yaml":
+            assert [film["status"] for film in films(tmp_path)] == ["done", "done"]
+            write_report(tmp_path, [record("a", "failed", error="another command's")])
+        return order.record("done")
+
+    def write(folder: Path, records: list[dict[str, Any]], patience_s: float) -> None:
+        if fails.pop(0):
+            raise RenderError("the disk is full")
+        write_report(folder, records, patience_s)
+
+    monkeypatch.setattr(batch, "_made", made)
+    monkeypatch.setattr(batch, "write_report", write)
+    run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, quiet=True)
+    assert {Path(film["scene"]).stem: film["status"] for film in films(tmp_path)} == {
+        "a": "failed",
+        "b": "done",
+        "c": "done",
+    }
 
 
 def scene(text: str) -> SuggestedScene:
