@@ -90,7 +90,7 @@ class Report:
             known = {} if _OF in record else {key: former[key] for key in (_OF, _DIGESTS) if key in former}
             self._records[name] = record | known
         # ASCII, so that also names with bytes that are no UTF-8 have a form.
-        content = json.dumps({"films": list(self._records.values())}, indent=2)
+        content = json.dumps({"films": list(self._records.values())}, indent=2, allow_nan=False)
         write_staged(self._folder / FILE, f"{content}\n".encode())
 
     def _is_right(self, name: str, record: Record) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 
 import click
@@ -18,10 +19,13 @@ from hsplat_cli.scene_text import FilmOptions, volume_file
 from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
 from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, Record, Report, Written, held_report
 from renderer.errors import HsplatError, InputError, TakenError
+from renderer.frame_record import is_record
 from renderer.output_files import frame_path, sidecar_of, sidecar_path
 from renderer.scene import VolumeSpec
 from renderer.scene_schema import schedule_to_dict
 from renderer.staging import explained, require_writable, write_staged
+
+_MOST = 2**53  # larger numbers of splats or seconds are none
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,8 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         click.echo(f"{volume_file(order.volume)}: {suggested.kind}; {suggested.reason}", err=True)
     job = _job(order, suggested)
     # Held from before the scene is written until the film is there: they belong together.
-    with taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames)) as place:
+    sidecar = sidecar_path(job.scene, job.frames)
+    with taken(job.scene.output, job.frames, sidecar) as place:
         write_scene(order, suggested)
         tell_first_run(quiet=quiet)
         # Imported here: numba and GL take longer to load than --help may take to answer.
@@ -77,7 +82,7 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         shortfall = render_once(job, order.crew, place=place, force=order.force, quiet=quiet)
     if shortfall is not None:
         raise shortfall
-    return order.record(DONE) | {"kind": suggested.kind, "reason": suggested.reason} | _cost(job)
+    return order.record(DONE) | {"kind": suggested.kind, "reason": suggested.reason} | _cost(sidecar)
 
 
 def _job(order: Order, suggested: SuggestedScene) -> Job:
@@ -137,15 +142,24 @@ def _require_own(scene: Path, digest: str, of: str, report: Report) -> None:
         )
 
 
-def _cost(job: Job) -> Record:
-    """Frames, the mean number of splats and seconds, from the file beside the film."""
-    told = json.loads(sidecar_path(job.scene, job.frames).read_text(encoding="utf-8"))
-    frames = told["frames"]
-    return {
-        "frames": len(frames),
-        "splats": round(sum(frame["splats"] for frame in frames) / max(1, len(frames))),
-        "seconds": round(told["seconds"]["total"], 3),
-    }
+def _cost(sidecar: Path) -> Record:
+    """Frames, the mean number of splats and seconds, as far as the file beside the film tells them.
+
+    Anybody may have written that, if the film was there already.
+    """
+    try:
+        told = json.loads(sidecar.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    frames, seconds = (told.get(key) if isinstance(told, dict) else None for key in ("frames", "seconds"))
+    cost: Record = {}
+    if isinstance(frames, list) and frames and all(is_record(frame, has_digest=False) for frame in frames):
+        mean = Fraction(sum(frame["splats"] for frame in frames), len(frames))
+        cost |= {"frames": len(frames)} | ({"splats": round(mean)} if mean < _MOST else {})
+    total = seconds.get("total") if isinstance(seconds, dict) else None
+    if isinstance(total, (int, float)) and 0 <= total < _MOST:
+        cost["seconds"] = round(total, 3)
+    return cost
 
 
 def tell_result(order: Order, *, quiet: bool) -> None:
