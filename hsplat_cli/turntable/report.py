@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -18,6 +17,7 @@ from typing import Any
 
 import click
 
+from hsplat_cli.sidecar_file import is_shallow
 from renderer.errors import RenderError
 from renderer.output_lock import alone
 from renderer.staging import explained, write_staged
@@ -62,7 +62,8 @@ class Report:
     """turntable.json of a folder, while no other process changes it."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._records = folder, _read(folder)
+        self._folder = folder
+        self._records, self._more = _read(folder)
 
     def told(self, scene: Path) -> Record | None:
         """What is told of the film of a scene."""
@@ -71,7 +72,7 @@ class Report:
     def written(self, scene: Path) -> Written | None:
         """What this program has written there, if that is known."""
         record = self._records.get(scene.name, {})
-        return Written(record[_OF], record[_DIGESTS]) if _OF in record else None
+        return Written(record[_OF], record[_DIGESTS]) if _DIGESTS in record else None
 
     def put(self, *records: Record) -> None:
         """Write records of films in the place of those that there are; what scenes were written stays known.
@@ -90,7 +91,7 @@ class Report:
             known = {} if _OF in record else {key: former[key] for key in (_OF, _DIGESTS) if key in former}
             self._records[name] = record | known
         # ASCII, so that also names with bytes that are no UTF-8 have a form.
-        content = json.dumps({"films": list(self._records.values())}, indent=2, allow_nan=False)
+        content = json.dumps({"films": [*self._records.values()]} | self._more, indent=2, allow_nan=False)
         write_staged(self._folder / FILE, f"{content}\n".encode())
 
     def _is_right(self, name: str, record: Record) -> bool:
@@ -140,38 +141,46 @@ def write_report(folder: Path, records: Sequence[Record], patience_s: float = PA
         report.put(*records)
 
 
-def _read(folder: Path) -> dict[str, Record]:
-    """Records by the names of their scenes; none where the file is damaged, or is something else of that name."""
+def _read(folder: Path) -> tuple[dict[str, Record], dict[str, Any]]:
+    """Records by the names of their scenes, but for damaged ones, and what else is in the file.
+
+    Nothing where the file is damaged, or is something else of that name.
+    """
     path = folder / FILE
     try:
         if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-            return {}
+            return {}, {}
         data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
-        return {}
-    films = data.get("films") if isinstance(data, dict) else None
-    if not isinstance(films, list) or not all(map(_is_record, films)):
-        return {}
-    return {Path(record["scene"]).name: record for record in films}
+        return {}, {}
+    if not isinstance(data, dict):
+        return {}, {}
+    films = data.pop("films", None)
+    records = filter(_is_record, films if isinstance(films, list) else [])
+    more = {key: value for key, value in data.items() if _is_writable(value)}
+    return {Path(record["scene"]).name: record for record in records}, more
 
 
 def _is_record(record: Any) -> bool:
-    """Whether all values are text or numbers, but for the digests, and those that a record always has are there."""
-    if not isinstance(record, dict):
+    """Whether what is read again of a record is as it was written, and the rest can be."""
+    if not isinstance(record, dict) or not _is_writable(record):
         return False
     digests = record.get(_DIGESTS, [])
     return (
         all(isinstance(record.get(name), str) for name in _TEXTS)
-        and all(_is_plain(value) for name, value in record.items() if name != _DIGESTS)
-        and (_OF in record) == (_DIGESTS in record)
+        and (_DIGESTS not in record or _OF in record)
         and isinstance(record.get(_OF, ""), str)
         and isinstance(digests, list)
         and all(isinstance(digest, str) for digest in digests)
     )
 
 
-def _is_plain(value: Any) -> bool:
-    return type(value) in (str, int) or (type(value) is float and math.isfinite(value))
+def _is_writable(data: Any) -> bool:
+    """Whether this, read from a file of JSON, has a form there: neither infinities nor endless levels."""
+    try:
+        return is_shallow(data) and bool(json.dumps(data, allow_nan=False))
+    except ValueError:
+        return False
 
 
 def table(records: Sequence[Record]) -> str:

@@ -127,12 +127,11 @@ FORGED = {
     "long digits": b'{"films": [' + 5000 * b"9" + b"]}",
     "no scene": json.dumps({"films": [{key: GOOD[key] for key in GOOD if key != "scene"}]}).encode(),
     "a number for a scene": json.dumps({"films": [GOOD | {"scene": 1}]}).encode(),
-    "a list in a record": json.dumps({"films": [GOOD | {"kind": ["scan"]}]}).encode(),
     "not a number": json.dumps({"films": [GOOD | {"seconds": float("nan")}]}).encode(),
     "infinity": json.dumps({"films": [GOOD]}).replace('"done"', '"done", "seconds": 1e999').encode(),
     "a text of digests": json.dumps({"films": [GOOD | {"scene_digests": "0"}]}).encode(),
     "numbers for digests": json.dumps({"films": [GOOD | {"scene_digests": [0]}]}).encode(),
-    "half of what was written": json.dumps({"films": [record("a", scene_of="a")]}).encode(),
+    "half of what was written": json.dumps({"films": [record("a", scene_digests=["0" * 32])]}).encode(),
 }
 
 
@@ -144,6 +143,17 @@ def test_what_is_damaged_counts_for_nothing(case: str, tmp_path: Path) -> None:
         assert report.written(Path("a.yaml")) is None
     write_report(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
+
+
+def test_what_is_damaged_takes_nothing_else_with_it(tmp_path: Path) -> None:
+    """Nor does what somebody else has added."""
+    (tmp_path / "a.yaml").touch()
+    good = [GOOD | {"rating": [4, {"of": 5}], "checked": None}, record("b")]
+    broken: list[Any] = [1, None, record("c", seconds=float("nan")), record("d", scene_digests="0"), {"scene": "e.yaml"}, [[]]]
+    content = {"title": "scans", "films": [good[0], *broken, good[1]], "deep": json.loads(50 * "[" + 50 * "]")}
+    (tmp_path / FILE).write_text(json.dumps(content | {"odd": float("inf")}), encoding="utf-8")
+    write_report(tmp_path, [record("f")])
+    assert json.loads((tmp_path / FILE).read_bytes()) == {"films": [*good, record("f")], "title": "scans"}
 
 
 def test_names_of_any_kind(tmp_path: Path) -> None:
