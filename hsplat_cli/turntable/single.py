@@ -105,9 +105,11 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
             there = order.scene.read_bytes() if order.scene.exists() else None
         digests = [digest(content)]
         of = os.path.relpath(os.path.realpath(volume_file(order.volume)), os.path.realpath(order.scene.parent))
-        if there is not None and there != content and not order.force:
-            _require_own(order.scene, digest(there), of, report)
-            digests.append(digest(there))
+        if there is not None and there != content:
+            if not order.force:
+                _require_own(order.scene, digest(there), of, report)
+            written = report.written(order.scene)
+            digests += [digest(there)] if written is not None and digest(there) in written.digests else []
         # What is there may be all that is asked for, and is, until a frame is drawn, what there is to be told.
         former = report.told(order.scene) if there == content and not order.force and _film_is_there(order) else None
         record = former if former is not None and former["status"] == DONE else order.record(BEGUN)

@@ -295,6 +295,21 @@ def test_a_scene_is_known_whenever_its_writer_is_killed(tmp_path: Path, monkeypa
     assert file.read_text() == "three"
 
 
+def test_a_forced_writer_that_is_killed_leaves_its_own_scene_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, content: bytes) -> None:
+        raise RenderError("the disk is full")
+
+    write_scene(order(tmp_path), scene("one"))
+    with monkeypatch.context() as patch:
+        patch.setattr(single, "write_staged", full)
+        with pytest.raises(RenderError):
+            write_scene(order(tmp_path, force=True), scene("two"))
+    write_scene(order(tmp_path), scene("three"))
+    assert (tmp_path / "out" / "scan.yaml").read_text() == "three"
+
+
 def test_an_edited_scene_is_never_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even when a forced writer has told that it will write over it, and was killed."""
     file = tmp_path / "out" / "scan.yaml"
