@@ -39,7 +39,7 @@ _COLUMNS = ("volume", "status", "kind", "frames", "splats", "seconds", "film")
 _NUMBERS = ("frames", "splats", "seconds")
 
 _TEXTS = ("volume", "scene", "film", "status")  # that each record has
-_DIGESTS, _OF = "scene_digests", "scene_of"
+OF, _DIGESTS = "scene_of", "scene_digests"
 _MOST_BYTES = 2**26  # a film has some 500
 
 
@@ -55,7 +55,7 @@ class Written:
 
     def as_record(self) -> Record:
         """The part of a record that tells it."""
-        return {_OF: self.of, _DIGESTS: list(self.digests)}
+        return {OF: self.of, _DIGESTS: list(self.digests)}
 
 
 class Report:
@@ -72,13 +72,13 @@ class Report:
     def written(self, scene: Path) -> Written | None:
         """What this program has written there, if that is known."""
         record = self._records.get(scene.name, {})
-        return Written(record[_OF], record[_DIGESTS]) if _DIGESTS in record else None
+        return Written(record[OF], record[_DIGESTS]) if _DIGESTS in record else None
 
     def put(self, *records: Record) -> None:
         """Write records of films in the place of those that there are; what scenes were written stays known.
 
-        Others stay, too, but for those of films whose scenes have been removed; and those of films that were not
-        begun, or interrupted before they were.
+        Others stay, too, but for those of films whose scenes have been removed, or whose volumes, where there was no
+        scene; and those of films that were not begun, or interrupted before they were.
         """
         self._records = {name: record for name, record in self._records.items() if self._is_right(name, record)}
         for record in records:
@@ -88,14 +88,17 @@ class Report:
             if record["status"] == NOT_BEGUN or (record["status"] == INTERRUPTED and not was_begun):
                 continue
             self._records.pop(name, None)
-            known = {} if _OF in record else {key: former[key] for key in (_OF, _DIGESTS) if key in former}
+            known = {key: former[key] for key in (OF, _DIGESTS)} if _DIGESTS in former.keys() - record.keys() else {}
             self._records[name] = record | known
         # ASCII, so that also names with bytes that are no UTF-8 have a form.
         content = json.dumps({"films": [*self._records.values()]} | self._more, indent=2, allow_nan=False)
         write_staged(self._folder / FILE, f"{content}\n".encode())
 
     def _is_right(self, name: str, record: Record) -> bool:
-        return _OF not in record or os.path.exists(self._folder / name)  # no error for names that cannot be
+        """Whether there still is what it tells of: a scene, or a volume of which none could be made."""
+        if OF not in record or os.path.exists(self._folder / name):  # no error for names that cannot be
+            return True
+        return _DIGESTS not in record and os.path.exists(os.path.join(os.path.realpath(self._folder), record[OF]))
 
 
 class _Patience:
@@ -168,8 +171,8 @@ def _is_record(record: Any) -> bool:
     digests = record.get(_DIGESTS, [])
     return (
         all(isinstance(record.get(name), str) for name in _TEXTS)
-        and (_DIGESTS not in record or _OF in record)
-        and isinstance(record.get(_OF, ""), str)
+        and (_DIGESTS not in record or OF in record)
+        and isinstance(record.get(OF, ""), str)
         and isinstance(digests, list)
         and all(isinstance(digest, str) for digest in digests)
     )

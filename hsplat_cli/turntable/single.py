@@ -17,7 +17,7 @@ from hsplat_cli.place import taken
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, volume_file
 from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
-from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, Record, Report, Written, held_report
+from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, OF, Record, Report, Written, held_report
 from renderer.errors import HsplatError, InputError, TakenError
 from renderer.frame_record import is_record
 from renderer.output_files import frame_path, sidecar_of, sidecar_path
@@ -50,7 +50,13 @@ class Order:
             "scene": str(self.scene),
             "film": str(self.output),
             "status": status,
+            OF: self.of,
         }
+
+    @property
+    def of(self) -> str:
+        """The volume as a scene is known to be of it: relative to the folder, without links."""
+        return os.path.relpath(os.path.realpath(volume_file(self.volume)), os.path.realpath(self.scene.parent))
 
     def failed(self, error: HsplatError) -> Record:
         """The record of a film that could not be made, or that another job is making."""
@@ -104,17 +110,16 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
         with explained(order.scene):
             there = order.scene.read_bytes() if order.scene.exists() else None
         digests = [digest(content)]
-        of = os.path.relpath(os.path.realpath(volume_file(order.volume)), os.path.realpath(order.scene.parent))
         if there is not None and there != content:
             if not order.force:
-                _require_own(order.scene, digest(there), of, report)
+                _require_own(order.scene, digest(there), order.of, report)
             written = report.written(order.scene)
             digests += [digest(there)] if written is not None and digest(there) in written.digests else []
         # What is there may be all that is asked for, and is, until a frame is drawn, what there is to be told.
         former = report.told(order.scene) if there == content and not order.force and _film_is_there(order) else None
         record = former if former is not None and former["status"] == DONE else order.record(BEGUN)
         # First, and with both: when this process is killed, whichever of them is there is known.
-        report.put(record | Written(of, digests).as_record())
+        report.put(record | Written(order.of, digests).as_record())
         if there != content:
             write_staged(order.scene, content)
 

@@ -48,6 +48,27 @@ def test_records_of_other_films_stay_while_their_scenes_do(tmp_path: Path) -> No
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", FILE]
 
 
+def test_records_without_scenes_stay_while_their_volumes_do(tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "out"
+    folder.mkdir(parents=True)
+    (tmp_path / "link").symlink_to(folder)  # what is relative to the folder is so without links
+    (tmp_path / "a.npy").touch()
+    failed = [record(name, "failed", error="it did", scene_of=f"../../{name}.npy") for name in "ab"]
+    write_report(tmp_path / "link", failed)
+    write_report(tmp_path / "link", [record("c")])
+    assert films(folder) == [failed[0], record("c")]
+    (tmp_path / "a.npy").unlink()
+    write_report(folder, [record("d")])
+    assert films(folder) == [record("c"), record("d")]
+
+
+def test_a_scene_stays_known_as_it_was_when_a_film_fails(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").touch()
+    write_report(tmp_path, [record("a", **WRITTEN)])
+    write_report(tmp_path, [record("a", "failed", error="it did", scene_of="another.npy")])
+    assert films(tmp_path) == [record("a", "failed", error="it did", **WRITTEN)]
+
+
 def test_what_was_not_begun_changes_nothing(tmp_path: Path) -> None:
     """Nor what was interrupted before: what is told of the film that is there holds."""
     write_report(tmp_path, [record("a", frames=3), record("b", "failed"), record("c", "begun")])
@@ -149,7 +170,14 @@ def test_what_is_damaged_takes_nothing_else_with_it(tmp_path: Path) -> None:
     """Nor does what somebody else has added."""
     (tmp_path / "a.yaml").touch()
     good = [GOOD | {"rating": [4, {"of": 5}], "checked": None}, record("b")]
-    broken: list[Any] = [1, None, record("c", seconds=float("nan")), record("d", scene_digests="0"), {"scene": "e.yaml"}, [[]]]
+    broken: list[Any] = [
+        1,
+        None,
+        record("c", seconds=float("nan")),
+        record("d", scene_digests="0"),
+        {"scene": "e.yaml"},
+        [[]],
+    ]
     content = {"title": "scans", "films": [good[0], *broken, good[1]], "deep": json.loads(50 * "[" + 50 * "]")}
     (tmp_path / FILE).write_text(json.dumps(content | {"odd": float("inf")}), encoding="utf-8")
     write_report(tmp_path, [record("f")])
