@@ -33,6 +33,7 @@ def render_once(
     crew_spec: CrewSpec,
     *,
     place: Path | None = None,
+    on_begin: Callable[[], None] | None = None,
     force: bool = False,
     quiet: bool,
     in_passing: bool = False,
@@ -41,6 +42,7 @@ def render_once(
 
     Frames that an earlier job finished are kept; with `force` they are drawn again.
     place: the folder of what is not finished, where the caller has taken the place of the output.
+    on_begin: called where the film is not there yet, before anything of it is.
     in_passing: the film is a means to another end, in a new folder: nothing is said of it but how far the work is.
     """
     start, output, frames = time.perf_counter(), job.scene.output, job.frames
@@ -53,6 +55,8 @@ def render_once(
         begun = start_film(job, folder, crew.gl, force=force, quiet=quiet)
         if begun is None:
             return None
+        if on_begin is not None:
+            on_begin()
         plan = make_plan(Details(begun.stage, CostLog()), frames, crew.rasterizer, quiet=quiet)
         cause, before = begun.cause, begun.before
         del begun  # its volume may move

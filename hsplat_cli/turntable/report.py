@@ -80,19 +80,24 @@ class Report:
         Others stay, too, but for those of films whose scenes have been removed, or whose volumes, where there was no
         scene; and those of films that were not begun, or interrupted before they were.
         """
+        news = [record for record in records if self._is_news(record)]
+        if not news:
+            return
         self._records = {name: record for name, record in self._records.items() if self._is_right(name, record)}
-        for record in records:
+        for record in news:
             name = Path(record["scene"]).name
-            former = self._records.get(name, {})
-            was_begun = former.get("status") == BEGUN
-            if record["status"] == NOT_BEGUN or (record["status"] == INTERRUPTED and not was_begun):
-                continue
-            self._records.pop(name, None)
+            former = self._records.pop(name, {})
             known = {key: former[key] for key in (OF, _DIGESTS)} if _DIGESTS in former.keys() - record.keys() else {}
             self._records[name] = record | known
         # ASCII, so that also names with bytes that are no UTF-8 have a form.
         content = json.dumps({"films": [*self._records.values()]} | self._more, indent=2, allow_nan=False)
         write_staged(self._folder / FILE, f"{content}\n".encode())
+
+    def _is_news(self, record: Record) -> bool:
+        """Whether something has become of a film since it was told of."""
+        if record["status"] == INTERRUPTED:
+            return self._records.get(Path(record["scene"]).name, {}).get("status") == BEGUN
+        return bool(record["status"] != NOT_BEGUN)
 
     def _is_right(self, name: str, record: Record) -> bool:
         """Whether there still is what it tells of: a scene, or a volume of which none could be made."""

@@ -6,6 +6,7 @@ import json
 import os
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import click
@@ -17,10 +18,10 @@ from hsplat_cli.place import taken
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, volume_file
 from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
-from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, OF, Record, Report, Written, held_report
+from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, OF, Record, Report, Written, held_report, write_report
 from renderer.errors import HsplatError, InputError, TakenError
 from renderer.frame_record import is_record
-from renderer.output_files import frame_path, sidecar_of, sidecar_path
+from renderer.output_files import sidecar_path
 from renderer.scene import VolumeSpec
 from renderer.scene_schema import schedule_to_dict
 from renderer.staging import explained, require_writable, write_staged
@@ -85,7 +86,8 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         # Imported here: numba and GL take longer to load than --help may take to answer.
         from hsplat_cli.render.film import render_once  # noqa: PLC0415
 
-        shortfall = render_once(job, order.crew, place=place, force=order.force, quiet=quiet)
+        tell = partial(write_report, order.scene.parent, [order.record(BEGUN)])
+        shortfall = render_once(job, order.crew, place=place, on_begin=tell, force=order.force, quiet=quiet)
     if shortfall is not None:
         raise shortfall
     return order.record(DONE) | {"kind": suggested.kind, "reason": suggested.reason} | _cost(sidecar)
@@ -99,7 +101,7 @@ def _job(order: Order, suggested: SuggestedScene) -> Job:
 
 
 def write_scene(order: Order, suggested: SuggestedScene) -> None:
-    """Write the scene's file, and into the report that the film is begun.
+    """Write the scene's file, and into the report that the film is begun, unless that of the same scene is done.
 
     Raises InputError where there is a scene already that this program did not write like that, or of another volume.
     """
@@ -115,19 +117,12 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
                 _require_own(order.scene, digest(there), order.of, report)
             written = report.written(order.scene)
             digests += [digest(there)] if written is not None and digest(there) in written.digests else []
-        # What is there may be all that is asked for, and is, until a frame is drawn, what there is to be told.
-        former = report.told(order.scene) if there == content and not order.force and _film_is_there(order) else None
+        former = report.told(order.scene) if there == content else None
         record = former if former is not None and former["status"] == DONE else order.record(BEGUN)
         # First, and with both: when this process is killed, whichever of them is there is known.
         report.put(record | Written(order.of, digests).as_record())
         if there != content:
             write_staged(order.scene, content)
-
-
-def _film_is_there(order: Order) -> bool:
-    """Whether there is a film of these names, which counts as one once it has a sidecar."""
-    num = order.film.frames
-    return frame_path(order.output, 0).exists() and sidecar_of(order.output, range(num), num).exists()
 
 
 def _require_own(scene: Path, digest: str, of: str, report: Report) -> None:

@@ -22,6 +22,7 @@ from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
+from hsplat_cli.render import film
 from hsplat_cli.scene_file import load_scene
 from hsplat_cli.turntable import batch, single
 from hsplat_cli.workers.lifeline import Lifeline
@@ -243,6 +244,24 @@ def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFi
     assert table[1].endswith("out/uint8.mp4: another job is writing this output")
     assert report()[0] == told[0]
     assert report()[1]["status"] == "done"
+
+
+def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    before = report()
+    with monkeypatch.context() as patch:
+        patch.setattr(film, "start_film", interrupt)
+        assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 130
+        assert report() == before
+    monkeypatch.setattr(film, "find_kept", interrupt)
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    assert report() == before
+    Path("out/uint8.mp4").unlink()
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 130
+    assert report()[0]["status"] == "interrupted"
 
 
 def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.MonkeyPatch) -> None:

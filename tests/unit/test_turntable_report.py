@@ -76,6 +76,8 @@ def test_what_was_not_begun_changes_nothing(tmp_path: Path) -> None:
     assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "begun")]
     write_report(tmp_path, [record(name, "interrupted") for name in "abcd"])
     assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "interrupted")]
+    write_report(tmp_path / "new", [record("a", "interrupted"), record("b", "not begun")])
+    assert list((tmp_path / "new").iterdir()) == []
 
 
 WRITER = """
@@ -367,32 +369,16 @@ def test_a_scene_that_would_be_written_the_same_is_known_again(tmp_path: Path) -
     assert (tmp_path / "out" / "scan.yaml").read_text() == "two"
 
 
-def test_a_film_that_is_there_is_done_until_another_is_begun(tmp_path: Path) -> None:
+def test_a_film_is_done_until_its_scene_is_another(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-
-    def status() -> str:
-        return str(films(folder)[0]["status"])
-
-    def write(text: str = "one", *, force: bool = False) -> str:
-        write_scene(order(tmp_path, force=force), scene(text))
-        return status()
-
-    def finish() -> None:
-        for name in ("scan.mp4", "scan.mp4.json"):
-            (folder / name).touch()
-        write_report(folder, [order(tmp_path).record("done") | {"frames": 3}])
-
-    assert write() == "begun"
-    finish()
-    assert write() == "done"
-    assert films(folder)[0]["frames"] == 3
-    assert write("two") == "begun"
-    assert write("two") == "begun"
-    finish()
-    assert write("two", force=True) == "begun"
-    finish()
-    (folder / "scan.mp4").unlink()
-    assert write("two") == "begun"
+    write_scene(order(tmp_path), scene("one"))
+    assert films(folder)[0]["status"] == "begun"
+    write_report(folder, [order(tmp_path).record("done") | {"frames": 3}])
+    done = films(folder)
+    write_scene(order(tmp_path), scene("one"))
+    assert films(folder) == done
+    write_scene(order(tmp_path), scene("two"))
+    assert films(folder)[0]["status"] == "begun"
 
 
 def test_another_volume_of_the_same_name(tmp_path: Path) -> None:
