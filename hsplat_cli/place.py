@@ -16,7 +16,7 @@ from renderer.staging import require_writable
 def taken(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
     """The folder of what is not finished, which is gone after the block unless something is in it.
 
-    Raises InputError where another job writes the same, and where the output cannot be written, RenderError, too.
+    Raises TakenError where another job writes the same; InputError and RenderError where the output cannot be written.
     """
     folder = unfinished_folder(output)
     places = frames if is_numbered(output) else [0]

@@ -43,6 +43,10 @@ class InputError(HsplatError):
     """The scene, the volume or the command line is wrong (exit code 2)."""
 
 
+class TakenError(InputError):
+    """Another job is writing the same output, of which nothing was touched."""
+
+
 class RenderError(HsplatError):
     """The input was right and the render failed: no GL, no disk, no encoder (exit code 1)."""
 

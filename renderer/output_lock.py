@@ -7,10 +7,10 @@ import errno
 import fcntl
 import os
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from renderer.errors import InputError
+from renderer.errors import InputError, TakenError
 from renderer.runs import runs
 from renderer.staging import explained, remove_temporaries
 
@@ -25,8 +25,8 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
 
     Jobs that have no place in common do not keep each other out. The last one to leave removes temporary files of those
     that were killed, and the folder, if nothing else is in it. On a file system without locks nobody is kept out.
-    Raises InputError when another process holds one of the places, or the folder cannot be one; RenderError when it
-    cannot be made. output: for messages.
+    Raises TakenError when another process holds one of the places; InputError when the folder cannot be one, and
+    RenderError when it cannot be made. output: for messages.
     """
     with explained(output):
         descriptor = _enter(folder)
@@ -39,14 +39,18 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def alone(file: Path) -> Iterator[None]:
+def alone(file: Path, pause: Callable[[str | None], None]) -> Iterator[None]:
     """Wait until no other process is in such a block with this lock file, which is made and removed again.
 
-    On a file system without locks nobody waits. Raises InputError and RenderError where the file cannot be made.
+    pause: called before each further look, with what is known of the process that is in it: `process 12 on ada`. What
+    it raises ends the waiting. On a file system without locks nobody waits.
+    Raises InputError and RenderError where the file cannot be made.
     """
     with explained(file):
-        descriptor = _wait_for(file)
+        descriptor = _wait_for(file, pause)
     try:
+        with explained(file):
+            _sign(descriptor)
         yield
     finally:
         with contextlib.suppress(OSError):
@@ -76,18 +80,54 @@ def _enter(folder: Path) -> int:
             return _wait_for(_lock_file(folder))
 
 
-def _wait_for(file: Path) -> int:
-    """A lock file that is there, with its first byte held."""
+def _wait_for(file: Path, pause: Callable[[str | None], None] | None = None) -> int:
+    """A lock file that is there, with its first byte held. pause: as in `alone`."""
     while True:
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+        descriptor = _open(file)
         try:
-            _lock(descriptor, _GATE, 1, wait=True)
+            while _lock(descriptor, _GATE, 1, wait=pause is None) is False:
+                assert pause is not None
+                pause(_holder(descriptor))
             if _is_there(file, descriptor):
                 return descriptor
         except BaseException:
             os.close(descriptor)
             raise
         os.close(descriptor)  # its last holder has removed it meanwhile
+
+
+def _open(file: Path) -> int:
+    """A lock file, which is made where it is missing; FileNotFoundError where its folder is. Raises InputError, too."""
+    flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
+    while True:
+        with contextlib.suppress(FileNotFoundError):
+            _require_plain(file)
+            return os.open(file, flags)  # not O_CREAT: in a folder such as /tmp no file of another user opens with it
+        with contextlib.suppress(FileExistsError):
+            descriptor = os.open(file, flags | os.O_CREAT | os.O_EXCL, 0o600)
+            _share(descriptor, file.parent)
+            return descriptor
+
+
+def _require_plain(file: Path) -> None:
+    mode = file.lstat().st_mode
+    if not stat.S_ISREG(mode):
+        kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
+        got = next((kind for is_of, kind in kinds if is_of(mode)), "a device or a pipe")
+        raise InputError("something else has the name of a lock file", where=str(file), got=got, hint="remove it")
+
+
+def _share(descriptor: int, folder: Path) -> None:
+    """Let everybody lock a file who may write in its folder, also where it stays because its maker was killed."""
+    with contextlib.suppress(OSError):  # not every file system has owners
+        place = folder.stat()
+        for owner in (-1, place.st_uid):  # the latter where the superuser works in the folder of somebody else
+            with contextlib.suppress(OSError):  # the folder may be of a group to which its writer does not belong
+                os.fchown(descriptor, owner, place.st_gid)
+        is_same_group = os.fstat(descriptor).st_gid == place.st_gid
+        group = 0o060 if place.st_mode & stat.S_IWGRP and is_same_group else 0
+        others = 0o006 if place.st_mode & stat.S_IWOTH else 0
+        os.fchmod(descriptor, 0o600 | group | others)
 
 
 def _make(folder: Path) -> None:
@@ -101,17 +141,26 @@ def _hold(descriptor: int, places: Sequence[int], output: Path) -> None:
     """Lock these places and leave the gate."""
     for start, stop in runs(places):
         if _lock(descriptor, _FIRST_PLACE + start, stop - start) is False:
-            note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
-            raise InputError(
+            raise TakenError(
                 "another job is writing this output",
                 where=str(output),
-                got=note if note.isprintable() and note else None,
+                got=_holder(descriptor),
                 hint="wait until it is done, or give this one another output",
             )
-    os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
+    _sign(descriptor)
     with contextlib.suppress(OSError):  # there are no locks
         fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _GATE)
+
+
+def _sign(descriptor: int) -> None:
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
+
+
+def _holder(descriptor: int) -> str | None:
+    """Who has signed last, if that can be shown."""
+    note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
+    return note if note and note.isprintable() else None
 
 
 def _leave(folder: Path, descriptor: int) -> None:

@@ -29,23 +29,34 @@ from renderer.pacing import Details
 
 
 def render_once(
-    job: Job, crew_spec: CrewSpec, *, force: bool = False, quiet: bool, in_passing: bool = False
+    job: Job,
+    crew_spec: CrewSpec,
+    *,
+    place: Path | None = None,
+    on_begin: Callable[[], None] | None = None,
+    force: bool = False,
+    quiet: bool,
+    in_passing: bool = False,
 ) -> RenderError | None:
     """The film that the scene asks for, in one pass; what was asked for and not had.
 
     Frames that an earlier job finished are kept; with `force` they are drawn again.
+    place: the folder of what is not finished, where the caller has taken the place of the output.
+    on_begin: called where the film is not there yet, before anything of it is.
     in_passing: the film is a means to another end, in a new folder: nothing is said of it but how far the work is.
     """
     start, output, frames = time.perf_counter(), job.scene.output, job.frames
     with contextlib.ExitStack() as stack:
         # What can fail early does: the outputs, the encoder, and GL or a cluster are tried before a voxel is read.
-        folder = stack.enter_context(taken(output, frames, sidecar_path(job.scene, frames)))
+        folder = place or stack.enter_context(taken(output, frames, sidecar_path(job.scene, frames)))
         defer_interrupts = stack.enter_context(deferrable_interrupts())
         require_encoder(output)
         crew = stack.enter_context(open_crew(crew_spec, job.scene))
         begun = start_film(job, folder, crew.gl, force=force, quiet=quiet)
         if begun is None:
             return None
+        if on_begin is not None:
+            on_begin()
         plan = make_plan(Details(begun.stage, CostLog()), frames, crew.rasterizer, quiet=quiet)
         job, cause, before = begun.job, begun.cause, begun.before
         del begun  # its volume may move

@@ -18,7 +18,7 @@ import click
 
 from hsplat_cli.film_options import as_arguments
 from hsplat_cli.scene_text import volume_file
-from hsplat_cli.turntable.report import FILE, Record, table, write_report
+from hsplat_cli.turntable.report import BRIEFLY_S, DONE, FILE, INTERRUPTED, NOT_BEGUN, Record, table, write_report
 from hsplat_cli.turntable.single import Order
 from hsplat_cli.workers.lifeline import Lifeline
 from renderer.errors import HsplatError, RenderError
@@ -36,32 +36,35 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
     """
     require_writable(folder / FILE)
     records: list[Record] = []
+    unwritten: list[Record] = []  # others are no more this command's to write
     try:
         for number, order in enumerate(orders, start=1):
             if not quiet:
                 click.echo(f"[{number}/{len(orders)}] {volume_file(order.volume)}", err=True)
-            records.append(_made(order, options))
-            if records[-1]["status"] != "done":
-                click.echo(records[-1]["error"], err=True)
+            record = _made(order, options)
+            records.append(record)
+            unwritten.append(record)
+            if record["status"] != DONE:
+                click.echo(record["error"], err=True)
             with suppress(HsplatError):  # the next one may be written, and with it this one
-                write_report(folder, records)
+                write_report(folder, unwritten, BRIEFLY_S)
+                unwritten.clear()
     except KeyboardInterrupt:
-        interrupted = [orders[len(records)].record("interrupted")] if len(records) < len(orders) else []
-        _finish([*records, *interrupted, *(order.record("not begun") for order in orders[len(records) + 1 :])], folder)
+        interrupted = [order.record(INTERRUPTED) for order in orders[len(records) :][:1]]
+        click.echo(table([*records, *interrupted, *(order.record(NOT_BEGUN) for order in orders[len(records) + 1 :])]))
+        with suppress(HsplatError):  # the interrupt is what is said
+            write_report(folder, [*unwritten, *interrupted], patience_s=0.0)
         raise
-    _finish(records, folder)
-    num_failed = sum(record["status"] != "done" for record in records)
+    click.echo(table(records))
+    if unwritten:
+        write_report(folder, unwritten)
+    num_failed = sum(record["status"] != DONE for record in records)
     if num_failed:
         raise RenderError(
             f"{num_failed} of {len(records)} films could not be made",
             where=str(folder),
             hint=f"the same command{' without --force' * orders[0].force} makes only what is missing",
         )
-
-
-def _finish(records: Sequence[Record], folder: Path) -> None:
-    click.echo(table(records))
-    write_report(folder, records)
 
 
 def _made(order: Order, options: Mapping[str, Any]) -> Record:

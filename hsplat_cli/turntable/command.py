@@ -13,7 +13,7 @@ from hsplat_cli.film_options import FILM_NAMES, default_output, film_of, film_op
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.suggested_scene import require_colormap
 from hsplat_cli.turntable.batch import run_batch
-from hsplat_cli.turntable.report import write_report
+from hsplat_cli.turntable.report import BRIEFLY_S, INTERRUPTED, write_report
 from hsplat_cli.turntable.single import Order, make_film, tell_result
 from hsplat_cli.volume_names import Named, expand, named
 from hsplat_cli.volume_options import volume_options, volume_spec
@@ -93,9 +93,11 @@ def _make_one(order: Order, *, quiet: bool) -> None:
     try:
         result = make_film(order, quiet=quiet)
     except (HsplatError, KeyboardInterrupt) as error:
-        record = order.failed(error) if isinstance(error, HsplatError) else order.record("interrupted")
         with suppress(HsplatError):  # what went wrong first is what is said
-            write_report(folder, [record])
+            if isinstance(error, HsplatError):
+                write_report(folder, [order.failed(error)], BRIEFLY_S)
+            else:
+                write_report(folder, [order.record(INTERRUPTED)], patience_s=0.0)
         raise
     write_report(folder, [result])
 

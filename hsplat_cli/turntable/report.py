@@ -8,25 +8,38 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
+
+from hsplat_cli.sidecar_file import is_shallow
+from renderer.errors import RenderError
 from renderer.output_lock import alone
 from renderer.staging import explained, write_staged
 
 Record = dict[str, Any]
 
 FILE = "turntable.json"
+BEGUN, DONE, INTERRUPTED = "begun", "done", "interrupted"
+# Of a film of which nothing was touched. It is in the table only, for the file tells of the one before.
+NOT_BEGUN = "not begun"
+
+# Who has the report has it for milliseconds. A process that has it for longer than this is stopped, or its disk gone.
+PATIENCE_S = 60.0
+# Where there is something else to say or to do, and what is written may be written later.
+BRIEFLY_S = 2.0
+_SILENT_S, _LOOK_S = 2.0, 0.02
 
 _COLUMNS = ("volume", "status", "kind", "frames", "splats", "seconds", "film")
 _NUMBERS = ("frames", "splats", "seconds")
 
 _TEXTS = ("volume", "scene", "film", "status")  # that each record has
-_DIGESTS, _OF = "scene_digests", "scene_of"
+OF, _DIGESTS = "scene_of", "scene_digests"
 _MOST_BYTES = 2**26  # a film has some 500
 
 
@@ -42,89 +55,140 @@ class Written:
 
     def as_record(self) -> Record:
         """The part of a record that tells it."""
-        return {_OF: self.of, _DIGESTS: list(self.digests)}
+        return {OF: self.of, _DIGESTS: list(self.digests)}
 
 
 class Report:
     """turntable.json of a folder, while no other process changes it."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._records = folder, _read(folder)
+        self._folder = folder
+        self._records, self._more = _read(folder)
+
+    def told(self, scene: Path) -> Record | None:
+        """What is told of the film of a scene."""
+        return self._records.get(scene.name)
 
     def written(self, scene: Path) -> Written | None:
         """What this program has written there, if that is known."""
         record = self._records.get(scene.name, {})
-        return Written(record[_OF], record[_DIGESTS]) if _OF in record else None
+        return Written(record[OF], record[_DIGESTS]) if _DIGESTS in record else None
 
     def put(self, *records: Record) -> None:
         """Write records of films in the place of those that there are; what scenes were written stays known.
 
-        Others stay, too, but for those of films whose scenes have been removed.
+        Others stay, too, but for those of films whose scenes have been removed, or whose volumes, where there was no
+        scene; and those of films that were not begun, or interrupted before they were.
         """
+        news = [record for record in records if self._is_news(record)]
+        if not news:
+            return
         self._records = {name: record for name, record in self._records.items() if self._is_right(name, record)}
-        for record in records:
+        for record in news:
             name = Path(record["scene"]).name
             former = self._records.pop(name, {})
-            known = {} if _OF in record else {key: former[key] for key in (_OF, _DIGESTS) if key in former}
+            known = {key: former[key] for key in (OF, _DIGESTS)} if _DIGESTS in former.keys() - record.keys() else {}
             self._records[name] = record | known
         # ASCII, so that also names with bytes that are no UTF-8 have a form.
-        content = json.dumps({"films": list(self._records.values())}, indent=2)
+        content = json.dumps({"films": [*self._records.values()]} | self._more, indent=2, allow_nan=False)
         write_staged(self._folder / FILE, f"{content}\n".encode())
 
+    def _is_news(self, record: Record) -> bool:
+        """Whether something has become of a film since it was told of."""
+        if record["status"] == INTERRUPTED:
+            return self._records.get(Path(record["scene"]).name, {}).get("status") == BEGUN
+        return bool(record["status"] != NOT_BEGUN)
+
     def _is_right(self, name: str, record: Record) -> bool:
-        return _OF not in record or os.path.exists(self._folder / name)  # no error for names that cannot be
+        """Whether there still is what it tells of: a scene, or a volume of which none could be made."""
+        if OF not in record or os.path.exists(self._folder / name):  # no error for names that cannot be
+            return True
+        return _DIGESTS not in record and os.path.exists(os.path.join(os.path.realpath(self._folder), record[OF]))
+
+
+class _Patience:
+    """What is done while another process changes a report: it is said after a moment, and not waited for for ever."""
+
+    def __init__(self, file: Path, seconds: float) -> None:
+        self._file, self._seconds, self._since = file, seconds, time.perf_counter()
+        self._holder: str | None = None
+        self._is_said = False
+
+    def __call__(self, holder: str | None) -> None:
+        if holder != self._holder:  # of many commands each has its turn: it goes on
+            self._holder, self._since = holder, time.perf_counter()
+        waited = time.perf_counter() - self._since
+        if waited >= self._seconds:
+            hint = "end that process, or let it go on; the same command makes only what is missing"
+            raise RenderError("another process is changing this file", where=str(self._file), got=holder, hint=hint)
+        if waited >= _SILENT_S and not self._is_said:
+            self._is_said = True
+            click.echo(f"{self._file}: waiting for {holder or 'another process'}", err=True)
+        time.sleep(_LOOK_S)
 
 
 @contextlib.contextmanager
-def held_report(folder: Path) -> Iterator[Report]:
+def held_report(folder: Path, patience_s: float = PATIENCE_S) -> Iterator[Report]:
     """turntable.json of a folder, which is made where it is missing, while other processes wait, on all machines.
 
+    patience_s: how long to wait for one and the same process; 0 where nobody has the time.
     Raises InputError and RenderError where that cannot be.
     """
     with explained(folder / FILE):
         folder.mkdir(parents=True, exist_ok=True)
-    with alone(folder / f".{FILE}.lock"):
+    with alone(folder / f".{FILE}.lock", _Patience(folder / FILE, patience_s)):
         yield Report(folder)
 
 
-def write_report(folder: Path, records: Sequence[Record]) -> None:
-    """Add records to turntable.json: `{"films": [...]}`, one for each scene; complete or not at all."""
-    with held_report(folder) as report:
+def write_report(folder: Path, records: Sequence[Record], patience_s: float = PATIENCE_S) -> None:
+    """Add records to turntable.json: `{"films": [...]}`, one for each scene; complete or not at all.
+
+    patience_s and errors: as of `held_report`.
+    """
+    with held_report(folder, patience_s) as report:
         report.put(*records)
 
 
-def _read(folder: Path) -> dict[str, Record]:
-    """Records by the names of their scenes; none where the file is damaged, or is something else of that name."""
+def _read(folder: Path) -> tuple[dict[str, Record], dict[str, Any]]:
+    """Records by the names of their scenes, but for damaged ones, and what else is in the file.
+
+    Nothing where the file is damaged, or is something else of that name.
+    """
     path = folder / FILE
     try:
         if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-            return {}
+            return {}, {}
         data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
-        return {}
-    films = data.get("films") if isinstance(data, dict) else None
-    if not isinstance(films, list) or not all(map(_is_record, films)):
-        return {}
-    return {Path(record["scene"]).name: record for record in films}
+        return {}, {}
+    if not isinstance(data, dict):
+        return {}, {}
+    films = data.pop("films", None)
+    records = filter(_is_record, films if isinstance(films, list) else [])
+    more = {key: value for key, value in data.items() if _is_writable(value)}
+    return {Path(record["scene"]).name: record for record in records}, more
 
 
 def _is_record(record: Any) -> bool:
-    """Whether all values are text or numbers, but for the digests, and those that a record always has are there."""
-    if not isinstance(record, dict):
+    """Whether what is read again of a record is as it was written, and the rest can be."""
+    if not isinstance(record, dict) or not _is_writable(record):
         return False
     digests = record.get(_DIGESTS, [])
     return (
         all(isinstance(record.get(name), str) for name in _TEXTS)
-        and all(_is_plain(value) for name, value in record.items() if name != _DIGESTS)
-        and (_OF in record) == (_DIGESTS in record)
-        and isinstance(record.get(_OF, ""), str)
+        and (_DIGESTS not in record or OF in record)
+        and isinstance(record.get(OF, ""), str)
         and isinstance(digests, list)
         and all(isinstance(digest, str) for digest in digests)
     )
 
 
-def _is_plain(value: Any) -> bool:
-    return type(value) in (str, int) or (type(value) is float and math.isfinite(value))
+def _is_writable(data: Any) -> bool:
+    """Whether this, read from a file of JSON, has a form there: neither infinities nor endless levels."""
+    try:
+        return is_shallow(data) and bool(json.dumps(data, allow_nan=False))
+    except ValueError:
+        return False
 
 
 def table(records: Sequence[Record]) -> str:
@@ -142,9 +206,9 @@ def table(records: Sequence[Record]) -> str:
 
 def _row(record: Record) -> list[str]:
     row = [str(record.get(name, "-")) for name in _COLUMNS]
-    if record["status"] == "failed":
+    if "error" in record:
         row[-1] = record["error"].splitlines()[0]
-    elif record["status"] != "done":
+    elif record["status"] != DONE:
         row[-1] = "-"
     if "seconds" in record:
         row[_COLUMNS.index("seconds")] = f"{record['seconds']:.1f}"

@@ -5,20 +5,28 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import click
 
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.first_run import tell_first_run
-from hsplat_cli.job import Job, load_job
+from hsplat_cli.job import Job
+from hsplat_cli.place import taken
+from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, volume_file
 from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
-from hsplat_cli.turntable.report import Record, Report, Written, held_report
-from renderer.errors import HsplatError, InputError
+from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, OF, Record, Report, Written, held_report, write_report
+from renderer.errors import HsplatError, InputError, TakenError
+from renderer.frame_record import is_record
 from renderer.output_files import sidecar_path
 from renderer.scene import VolumeSpec
+from renderer.scene_schema import schedule_to_dict
 from renderer.staging import explained, require_writable, write_staged
+
+_MOST = 2**53  # larger numbers of splats or seconds are none
 
 
 @dataclass(frozen=True)
@@ -43,11 +51,18 @@ class Order:
             "scene": str(self.scene),
             "film": str(self.output),
             "status": status,
+            OF: self.of,
         }
 
+    @property
+    def of(self) -> str:
+        """The volume as a scene is known to be of it: relative to the folder, without links."""
+        return os.path.relpath(os.path.realpath(volume_file(self.volume)), os.path.realpath(self.scene.parent))
+
     def failed(self, error: HsplatError) -> Record:
-        """The record of a film that could not be made."""
-        return self.record("failed") | {"exit_code": exit_code(error), "error": str(error)}
+        """The record of a film that could not be made, or that another job is making."""
+        status = NOT_BEGUN if isinstance(error, TakenError) else "failed"
+        return self.record(status) | {"exit_code": exit_code(error), "error": str(error)}
 
 
 def exit_code(error: HsplatError) -> int:
@@ -62,20 +77,31 @@ def make_film(order: Order, *, quiet: bool) -> Record:
     suggested = suggest_scene(order.volume, order.film, colormap=order.colormap, scene=order.scene, output=order.output)
     if not quiet:
         click.echo(f"{volume_file(order.volume)}: {suggested.kind}; {suggested.reason}", err=True)
-    write_scene(order, suggested)
-    tell_first_run(quiet=quiet)
-    # Imported here: numba and GL take longer to load than --help may take to answer.
-    from hsplat_cli.render.film import render_once  # noqa: PLC0415
+    job = _job(order, suggested)
+    # Held from before the scene is written until the film is there: they belong together.
+    sidecar = sidecar_path(job.scene, job.frames)
+    with taken(job.scene.output, job.frames, sidecar) as place:
+        write_scene(order, suggested)
+        tell_first_run(quiet=quiet)
+        # Imported here: numba and GL take longer to load than --help may take to answer.
+        from hsplat_cli.render.film import render_once  # noqa: PLC0415
 
-    job = load_job(order.scene)
-    shortfall = render_once(job, order.crew, force=order.force, quiet=quiet)
+        tell = partial(write_report, order.scene.parent, [order.record(BEGUN)])
+        shortfall = render_once(job, order.crew, place=place, on_begin=tell, force=order.force, quiet=quiet)
     if shortfall is not None:
         raise shortfall
-    return order.record("done") | {"kind": suggested.kind, "reason": suggested.reason} | _cost(job)
+    return order.record(DONE) | {"kind": suggested.kind, "reason": suggested.reason} | _cost(sidecar)
+
+
+def _job(order: Order, suggested: SuggestedScene) -> Job:
+    """What the scene's text asks for, whatever becomes of its file meanwhile."""
+    content = suggested.text.encode()
+    scene = scene_in(content, order.scene, overrides=(), volume=None, output=None, still=False)
+    return Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
 
 
 def write_scene(order: Order, suggested: SuggestedScene) -> None:
-    """Write the scene's file, and into the report that the film is begun.
+    """Write the scene's file, and into the report that the film is begun, unless that of the same scene is done.
 
     Raises InputError where there is a scene already that this program did not write like that, or of another volume.
     """
@@ -86,12 +112,15 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
         with explained(order.scene):
             there = order.scene.read_bytes() if order.scene.exists() else None
         digests = [digest(content)]
-        of = os.path.relpath(os.path.realpath(volume_file(order.volume)), os.path.realpath(order.scene.parent))
-        if there is not None and there != content and not order.force:
-            _require_own(order.scene, digest(there), of, report)
-            digests.append(digest(there))
+        if there is not None and there != content:
+            if not order.force:
+                _require_own(order.scene, digest(there), order.of, report)
+            written = report.written(order.scene)
+            digests += [digest(there)] if written is not None and digest(there) in written.digests else []
+        former = report.told(order.scene) if there == content else None
+        record = former if former is not None and former["status"] == DONE else order.record(BEGUN)
         # First, and with both: when this process is killed, whichever of them is there is known.
-        report.put(order.record("begun") | Written(of, digests).as_record())
+        report.put(record | Written(order.of, digests).as_record())
         if there != content:
             write_staged(order.scene, content)
 
@@ -115,15 +144,24 @@ def _require_own(scene: Path, digest: str, of: str, report: Report) -> None:
         )
 
 
-def _cost(job: Job) -> Record:
-    """Frames, the mean number of splats and seconds, from the file beside the film."""
-    told = json.loads(sidecar_path(job.scene, job.frames).read_text(encoding="utf-8"))
-    frames = told["frames"]
-    return {
-        "frames": len(frames),
-        "splats": round(sum(frame["splats"] for frame in frames) / max(1, len(frames))),
-        "seconds": round(told["seconds"]["total"], 3),
-    }
+def _cost(sidecar: Path) -> Record:
+    """Frames, the mean number of splats and seconds, as far as the file beside the film tells them.
+
+    Anybody may have written that, if the film was there already.
+    """
+    try:
+        told = json.loads(sidecar.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    frames, seconds = (told.get(key) if isinstance(told, dict) else None for key in ("frames", "seconds"))
+    cost: Record = {}
+    if isinstance(frames, list) and frames and all(is_record(frame, has_digest=False) for frame in frames):
+        mean = Fraction(sum(frame["splats"] for frame in frames), len(frames))
+        cost |= {"frames": len(frames)} | ({"splats": round(mean)} if mean < _MOST else {})
+    total = seconds.get("total") if isinstance(seconds, dict) else None
+    if isinstance(total, (int, float)) and 0 <= total < _MOST:
+        cost["seconds"] = round(total, 3)
+    return cost
 
 
 def tell_result(order: Order, *, quiet: bool) -> None:

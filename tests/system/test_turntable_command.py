@@ -10,6 +10,7 @@ import sys
 import time
 import uuid
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,9 @@ from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
+from hsplat_cli.render import film
 from hsplat_cli.scene_file import load_scene
-from hsplat_cli.turntable import batch
+from hsplat_cli.turntable import batch, single
 from hsplat_cli.workers.lifeline import Lifeline
 
 CODE = Path(main.__file__).parents[1]
@@ -211,6 +213,103 @@ def test_a_film_of_another_volume_is_not_lost(capfd: pytest.CaptureFixture[str])
     assert turntable(str(Path("in/uint8.npy").resolve()), "-o", "other/films", *SMALL) == 0
 
 
+@contextmanager
+def held(folder: str) -> Iterator[None]:
+    """Another process writes the output of this folder of what is not finished."""
+    program = (
+        "import sys\nfrom pathlib import Path\nfrom renderer.output_lock import locked\n"
+        "with locked(Path(sys.argv[1]), [0], Path()):\n    print(flush=True)\n    sys.stdin.read()"
+    )
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    arguments = [sys.executable, "-c", program, folder]
+    with subprocess.Popen(arguments, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"\n"
+        yield
+        process.communicate(b"")
+
+
+def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFixture[str]) -> None:
+    """With its scene, which would tell of another film, and what turntable.json tells of it."""
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    before, told = Path("out/uint8.yaml").read_bytes(), report()
+    capfd.readouterr()
+    with held("out/uint8.mp4.unfinished"):
+        assert turntable("in/uint8.npy", "-o", "out", "--frames", "5", "--size", "32", "--force", "--quiet") == 2
+        assert capfd.readouterr().err.startswith("out/uint8.mp4: another job is writing this output\n  got: process ")
+        assert (Path("out/uint8.yaml").read_bytes(), report()) == (before, told)
+        assert turntable("in/uint8.npy", "in/labels.npy", "-o", "out", *SMALL) == 1
+    table = capfd.readouterr().out.splitlines()
+    assert table[1].split()[1:3] == ["not", "begun"]
+    assert table[1].endswith("out/uint8.mp4: another job is writing this output")
+    assert report()[0] == told[0]
+    assert report()[1]["status"] == "done"
+
+
+def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    before = report()
+    with monkeypatch.context() as patch:
+        patch.setattr(film, "start_film", interrupt)
+        assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 130
+        assert report() == before
+    monkeypatch.setattr(film, "find_kept", interrupt)
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    assert report() == before
+    Path("out/uint8.mp4").unlink()
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 130
+    assert report()[0]["status"] == "interrupted"
+
+
+def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not of what the file has become before it is read."""
+
+    def edit(*, quiet: bool) -> None:
+        scene = Path("out/uint8.yaml")
+        scene.write_text(scene.read_text(encoding="utf-8").replace("frames: 3", "frames: 7"), encoding="utf-8")
+
+    monkeypatch.setattr(single, "tell_first_run", edit)
+    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
+    assert imageio.imread("out/uint8.mp4", plugin="FFMPEG").shape[0] == 3
+
+
+@contextmanager
+def stopped(folder: str) -> Iterator[int]:
+    """The number of another process that is at turntable.json of this folder and does not go on."""
+    program = (
+        "import os, signal, sys\nfrom pathlib import Path\nfrom hsplat_cli.turntable.report import held_report\n"
+        "with held_report(Path(sys.argv[1])):\n    print(flush=True)\n    os.kill(os.getpid(), signal.SIGSTOP)"
+    )
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    arguments = [sys.executable, "-c", program, folder]
+    with subprocess.Popen(arguments, env=environment, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"\n"
+        try:
+            yield process.pid
+        finally:
+            process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("volumes", [["in/uint8.npy"], ["in/uint8.npy", "in/labels.npy"]], ids=["one", "several"])
+def test_who_waits_for_the_report_says_so_and_can_be_interrupted(volumes: list[str]) -> None:
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    arguments = [sys.executable, "-m", "hsplat_cli", "turntable", *volumes, "-o", "out", *SMALL]
+    with stopped("out") as number:
+        process = subprocess.Popen(arguments, env=environment, stderr=subprocess.PIPE, text=True)
+        assert process.stderr is not None
+        waiting = f"out/turntable.json: waiting for process {number} on {os.uname().nodename}\n"
+        assert process.stderr.readline() == waiting
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=30)
+        assert process.returncode == 130
+        assert set(said.splitlines()) == {"hsplat: interrupted"}  # of several, the film's process says so, too
+    assert files("out") == []
+
+
 def test_batches_into_one_folder() -> None:
     assert turntable("in/labels.npy", "in/signed.npy", "-o", "out", *SMALL) == 0
     before = report()
@@ -276,7 +375,7 @@ def test_an_interrupt_ends_the_batch_and_says_what_is_done(number: signal.Signal
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.endswith("hsplat: interrupted\n")
-    assert [record["status"] for record in report()] == ["done", "interrupted", "not begun"]
+    assert [record["status"] for record in report()] == ["done", "interrupted"]
     assert [line.split()[1] for line in out.splitlines()[-3:]] == ["done", "interrupted", "not"]
     names = [*(f"labels.{end}" for end in ("mp4", "mp4.json", "yaml")), "signed.yaml", "turntable.json"]
     assert [name for name in files("out") if "unfinished" not in name] == names

@@ -6,9 +6,10 @@ import errno
 import fcntl
 import os
 import signal
+import stat
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -51,14 +52,23 @@ while num_held < num_times:
         assert wanted == "same", "refused for another place"
 """
 
+ONLY_ONE = """\
+import sys
+from pathlib import Path
+from renderer.output_lock import alone
+with alone(Path(sys.argv[1]), lambda holder: sys.exit(1)):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
 # As above, with a lock file.
 WAITER = """\
-import os, sys
+import os, sys, time
 from pathlib import Path
 from renderer.output_lock import alone
 mine = Path(sys.argv[1]).with_name("only-one-has-it")
 for _ in range(int(sys.argv[2])):
-    with alone(Path(sys.argv[1])):
+    with alone(Path(sys.argv[1]), lambda holder: time.sleep(0.001)):
         os.close(os.open(mine, os.O_CREAT | os.O_EXCL))
         mine.unlink()
 """
@@ -202,13 +212,39 @@ def test_processes_that_wait_for_each_other(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def never(holder: str | None) -> None:
+    pytest.fail("there is nobody to wait for")
+
+
+def test_who_waits_is_told_for_whom_and_may_go(tmp_path: Path) -> None:
+    """The lock is left as it is."""
+    told: list[str | None] = []
+
+    def pause(holder: str | None) -> None:
+        told.append(holder)
+        if len(told) == 3:
+            raise KeyboardInterrupt
+
+    with start(ONLY_ONE, tmp_path / "lock") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "held\n"
+        num_open = len(os.listdir("/proc/self/fd"))
+        with pytest.raises(KeyboardInterrupt), alone(tmp_path / "lock", pause):
+            pytest.fail("another process is in it")
+        assert len(os.listdir("/proc/self/fd")) == num_open
+        assert (tmp_path / "lock").is_file()
+        process.communicate("")
+    assert told == [f"process {process.pid} on {os.uname().nodename}"] * 3
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_lock_file_that_was_left_or_removed(tmp_path: Path) -> None:
     (tmp_path / "lock").touch()
-    with alone(tmp_path / "lock"):
+    with alone(tmp_path / "lock", never):
         (tmp_path / "lock").unlink()
         (tmp_path / "lock").touch()  # somebody else's now
     assert (tmp_path / "lock").exists()
-    with pytest.raises(ValueError, match="of the block"), alone(tmp_path / "lock"):
+    with pytest.raises(ValueError, match="of the block"), alone(tmp_path / "lock", never):
         raise ValueError("of the block")
     assert list(tmp_path.iterdir()) == []
 
@@ -218,7 +254,7 @@ def test_waiting_where_there_are_no_locks(tmp_path: Path, monkeypatch: pytest.Mo
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(fcntl, "lockf", refuse)
-    with alone(tmp_path / "lock"), alone(tmp_path / "lock"):
+    with alone(tmp_path / "lock", never), alone(tmp_path / "lock", never):
         pass
     assert list(tmp_path.iterdir()) == []
 
@@ -287,9 +323,44 @@ def test_a_link_under_the_name_of_the_lock(folder: Path) -> None:
     folder.mkdir()
     (folder.parent / "precious").write_bytes(b"content")
     (folder / "lock").symlink_to(folder.parent / "precious")
-    with pytest.raises(HsplatError, match="the output cannot be written"):
+    with pytest.raises(InputError) as caught:
         take(folder, [0])
+    assert str(caught.value) == (
+        f"{folder / 'lock'}: something else has the name of a lock file\n  got: a link\n  hint: remove it"
+    )
     assert (folder.parent / "precious").read_bytes() == b"content"
+
+
+@pytest.mark.parametrize(
+    ("kind", "make"),
+    [
+        ("a link", lambda file: file.symlink_to("absent")),
+        ("a folder", lambda file: file.mkdir()),
+        ("a device or a pipe", os.mkfifo),
+    ],
+)
+def test_something_else_under_the_name_of_a_lock_file(kind: str, make: Callable[[Path], None], tmp_path: Path) -> None:
+    make(tmp_path / "lock")
+    with pytest.raises(InputError) as caught, alone(tmp_path / "lock", never):
+        pytest.fail("that is no file")
+    assert str(caught.value) == (
+        f"{tmp_path / 'lock'}: something else has the name of a lock file\n  got: {kind}\n  hint: remove it"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["lock"]
+
+
+@pytest.mark.parametrize(
+    ("of_folder", "of_file"), [(0o755, 0o600), (0o775, 0o660), (0o777, 0o666), (0o1777, 0o666), (0o707, 0o606)]
+)
+def test_who_may_write_the_folder_may_lock(of_folder: int, of_file: int, tmp_path: Path) -> None:
+    """Whatever the umask of who comes first."""
+    tmp_path.chmod(of_folder)
+    before = os.umask(0o077)
+    try:
+        with alone(tmp_path / "lock", never):
+            assert stat.S_IMODE((tmp_path / "lock").stat().st_mode) == of_file
+    finally:
+        os.umask(before)
 
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

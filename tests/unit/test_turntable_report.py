@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ import pytest
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.scene_text import FilmOptions
 from hsplat_cli.suggested_scene import SuggestedScene
+from hsplat_cli.turntable import batch, single
 from hsplat_cli.turntable import report as report_module
-from hsplat_cli.turntable import single
+from hsplat_cli.turntable.batch import run_batch
 from hsplat_cli.turntable.report import FILE, held_report, write_report
 from hsplat_cli.turntable.single import Order, write_scene
 from renderer.errors import InputError, RenderError
@@ -46,6 +48,38 @@ def test_records_of_other_films_stay_while_their_scenes_do(tmp_path: Path) -> No
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", FILE]
 
 
+def test_records_without_scenes_stay_while_their_volumes_do(tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "out"
+    folder.mkdir(parents=True)
+    (tmp_path / "link").symlink_to(folder)  # what is relative to the folder is so without links
+    (tmp_path / "a.npy").touch()
+    failed = [record(name, "failed", error="it did", scene_of=f"../../{name}.npy") for name in "ab"]
+    write_report(tmp_path / "link", failed)
+    write_report(tmp_path / "link", [record("c")])
+    assert films(folder) == [failed[0], record("c")]
+    (tmp_path / "a.npy").unlink()
+    write_report(folder, [record("d")])
+    assert films(folder) == [record("c"), record("d")]
+
+
+def test_a_scene_stays_known_as_it_was_when_a_film_fails(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").touch()
+    write_report(tmp_path, [record("a", **WRITTEN)])
+    write_report(tmp_path, [record("a", "failed", error="it did", scene_of="another.npy")])
+    assert films(tmp_path) == [record("a", "failed", error="it did", **WRITTEN)]
+
+
+def test_what_was_not_begun_changes_nothing(tmp_path: Path) -> None:
+    """Nor what was interrupted before: what is told of the film that is there holds."""
+    write_report(tmp_path, [record("a", frames=3), record("b", "failed"), record("c", "begun")])
+    write_report(tmp_path, [record(name, "not begun") for name in "abcd"])
+    assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "begun")]
+    write_report(tmp_path, [record(name, "interrupted") for name in "abcd"])
+    assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "interrupted")]
+    write_report(tmp_path / "new", [record("a", "interrupted"), record("b", "not begun")])
+    assert list((tmp_path / "new").iterdir()) == []
+
+
 WRITER = """
 import sys
 from pathlib import Path
@@ -67,6 +101,39 @@ def test_several_processes_lose_nothing(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "new").iterdir()] == [FILE]
 
 
+HOLDER = """
+import sys
+from pathlib import Path
+from hsplat_cli.turntable.report import held_report
+with held_report(Path(sys.argv[1])):
+    print(flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("patience_s", [0.0, 0.2])
+def test_nobody_waits_for_ever(
+    patience_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(report_module, "_SILENT_S", 0.1)
+    arguments = [sys.executable, "-c", HOLDER, str(tmp_path)]
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    with subprocess.Popen(arguments, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"\n"
+        with pytest.raises(RenderError) as caught:
+            write_report(tmp_path, [record("a")], patience_s)
+        process.communicate(b"")
+    holder, file = f"process {process.pid} on {os.uname().nodename}", tmp_path / FILE
+    assert str(caught.value) == (
+        f"{file}: another process is changing this file\n  got: {holder}\n"
+        "  hint: end that process, or let it go on; the same command makes only what is missing"
+    )
+    assert capsys.readouterr().err == (f"{file}: waiting for {holder}\n" if patience_s else "")
+    write_report(tmp_path, [record("a")], 0.0)
+    assert films(tmp_path) == [record("a")]
+
+
 GOOD = record("a", **WRITTEN)
 
 # What is there, none of which this program has written.
@@ -83,12 +150,11 @@ FORGED = {
     "long digits": b'{"films": [' + 5000 * b"9" + b"]}",
     "no scene": json.dumps({"films": [{key: GOOD[key] for key in GOOD if key != "scene"}]}).encode(),
     "a number for a scene": json.dumps({"films": [GOOD | {"scene": 1}]}).encode(),
-    "a list in a record": json.dumps({"films": [GOOD | {"kind": ["scan"]}]}).encode(),
     "not a number": json.dumps({"films": [GOOD | {"seconds": float("nan")}]}).encode(),
     "infinity": json.dumps({"films": [GOOD]}).replace('"done"', '"done", "seconds": 1e999').encode(),
     "a text of digests": json.dumps({"films": [GOOD | {"scene_digests": "0"}]}).encode(),
     "numbers for digests": json.dumps({"films": [GOOD | {"scene_digests": [0]}]}).encode(),
-    "half of what was written": json.dumps({"films": [record("a", scene_of="a")]}).encode(),
+    "half of what was written": json.dumps({"films": [record("a", scene_digests=["0" * 32])]}).encode(),
 }
 
 
@@ -100,6 +166,24 @@ def test_what_is_damaged_counts_for_nothing(case: str, tmp_path: Path) -> None:
         assert report.written(Path("a.yaml")) is None
     write_report(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
+
+
+def test_what_is_damaged_takes_nothing_else_with_it(tmp_path: Path) -> None:
+    """Nor does what somebody else has added."""
+    (tmp_path / "a.yaml").touch()
+    good = [GOOD | {"rating": [4, {"of": 5}], "checked": None}, record("b")]
+    broken: list[Any] = [
+        1,
+        None,
+        record("c", seconds=float("nan")),
+        record("d", scene_digests="0"),
+        {"scene": "e.yaml"},
+        [[]],
+    ]
+    content = {"title": "scans", "films": [good[0], *broken, good[1]], "deep": json.loads(50 * "[" + 50 * "]")}
+    (tmp_path / FILE).write_text(json.dumps(content | {"odd": float("inf")}), encoding="utf-8")
+    write_report(tmp_path, [record("f")])
+    assert json.loads((tmp_path / FILE).read_bytes()) == {"films": [*good, record("f")], "title": "scans"}
 
 
 def test_names_of_any_kind(tmp_path: Path) -> None:
@@ -131,6 +215,96 @@ def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> Ord
     return Order(spec, FilmOptions(), None, folder / "out" / "scan.yaml", folder / "out" / "scan.mp4", crew, force)
 
 
+def orders(folder: Path, *names: str) -> list[Order]:
+    one = order(folder.parent)
+    return [replace(one, scene=folder / f"{name}.yaml", output=folder / f"{name}.mp4") for name in names]
+
+
+def test_a_batch_that_is_interrupted_keeps_what_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    films_there = [record(name, frames=3) for name in "abc"]
+    write_report(tmp_path, films_there)
+    monkeypatch.setattr(batch, "_made", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, quiet=True)
+    assert films(tmp_path) == films_there
+    assert [line.split()[1:3] for line in capsys.readouterr().out.splitlines()[1:]] == [
+        ["interrupted", "-"],
+        ["not", "begun"],
+        ["not", "begun"],
+    ]
+
+
+def test_a_batch_writes_what_it_has_to_tell_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What could not be written is with the next film; then the record may be one of another command."""
+    fails = [True, False, False]
+
+    def made(order: Order, options: object) -> dict[str, Any]:
+        if order.scene.name == "c.yaml":
+            assert [film["status"] for film in films(tmp_path)] == ["done", "done"]
+            write_report(tmp_path, [record("a", "failed", error="another command's")])
+        return order.record("done")
+
+    def write(folder: Path, records: list[dict[str, Any]], patience_s: float) -> None:
+        if fails.pop(0):
+            raise RenderError("the disk is full")
+        write_report(folder, records, patience_s)
+
+    monkeypatch.setattr(batch, "_made", made)
+    monkeypatch.setattr(batch, "write_report", write)
+    run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, quiet=True)
+    assert {Path(film["scene"]).stem: film["status"] for film in films(tmp_path)} == {
+        "a": "failed",
+        "b": "done",
+        "c": "done",
+    }
+
+
+FRAME = {"frame": 0, "tolerance": 0.1, "cells": 3, "splats": 1, "seconds": {}}
+FRAMES = [FRAME, FRAME | {"frame": 1, "splats": 4}]
+COSTS: dict[str, tuple[bytes, dict[str, float]]] = {
+    "as it is written": (
+        json.dumps({"frames": FRAMES, "seconds": {"read": 1.0, "total": 2.71828}}).encode(),
+        {"frames": 2, "splats": 2, "seconds": 2.718},
+    ),
+    "a byte order mark": (
+        b"\xef\xbb\xbf" + json.dumps({"frames": FRAMES, "seconds": {"total": 2}}).encode(),
+        {"frames": 2, "splats": 2, "seconds": 2},
+    ),
+    "nothing": (b"", {}),
+    "no JSON": (b"\xff\xfe{", {}),
+    "deep": (100_000 * b"[", {}),
+    "no object": (b"[1]", {}),
+    "no seconds": (json.dumps({"frames": FRAMES}).encode(), {"frames": 2, "splats": 2}),
+    "no total": (json.dumps({"frames": FRAMES, "seconds": {}}).encode(), {"frames": 2, "splats": 2}),
+    "a list of seconds": (json.dumps({"frames": FRAMES, "seconds": [1]}).encode(), {"frames": 2, "splats": 2}),
+    "text for seconds": (
+        json.dumps({"frames": FRAMES, "seconds": {"total": "x"}}).encode(),
+        {"frames": 2, "splats": 2},
+    ),
+    "not a number": (b'{"seconds": {"total": NaN}}', {}),
+    "infinity": (b'{"seconds": {"total": 1e999}}', {}),
+    "less than nothing": (b'{"seconds": {"total": -1}}', {}),
+    "no frames": (b'{"frames": [], "seconds": {"total": 3}}', {"seconds": 3}),
+    "another frame": (json.dumps({"frames": [*FRAMES, 7]}).encode(), {}),
+    "very many splats": (json.dumps({"frames": [FRAME | {"splats": 10**400}]}).encode(), {"frames": 1}),
+}
+
+
+@pytest.mark.parametrize("case", COSTS)
+def test_costs_of_a_film_that_was_there(case: str, tmp_path: Path) -> None:
+    """Anybody may have written the file that tells them."""
+    content, expected = COSTS[case]
+    (tmp_path / "scan.mp4.json").write_bytes(content)
+    assert single._cost(tmp_path / "scan.mp4.json") == expected
+    (tmp_path / "scan.mp4.json").unlink()
+    assert single._cost(tmp_path / "scan.mp4.json") == {}
+
+
 def scene(text: str) -> SuggestedScene:
     return SuggestedScene(text, "scan", "for a test")
 
@@ -149,6 +323,21 @@ def test_a_scene_is_known_whenever_its_writer_is_killed(tmp_path: Path, monkeypa
     assert file.read_text() == "one"
     write_scene(order(tmp_path), scene("three"))
     assert file.read_text() == "three"
+
+
+def test_a_forced_writer_that_is_killed_leaves_its_own_scene_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, content: bytes) -> None:
+        raise RenderError("the disk is full")
+
+    write_scene(order(tmp_path), scene("one"))
+    with monkeypatch.context() as patch:
+        patch.setattr(single, "write_staged", full)
+        with pytest.raises(RenderError):
+            write_scene(order(tmp_path, force=True), scene("two"))
+    write_scene(order(tmp_path), scene("three"))
+    assert (tmp_path / "out" / "scan.yaml").read_text() == "three"
 
 
 def test_an_edited_scene_is_never_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -178,6 +367,18 @@ def test_a_scene_that_would_be_written_the_same_is_known_again(tmp_path: Path) -
     write_scene(order(tmp_path), scene("one"))
     write_scene(order(tmp_path), scene("two"))
     assert (tmp_path / "out" / "scan.yaml").read_text() == "two"
+
+
+def test_a_film_is_done_until_its_scene_is_another(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    write_scene(order(tmp_path), scene("one"))
+    assert films(folder)[0]["status"] == "begun"
+    write_report(folder, [order(tmp_path).record("done") | {"frames": 3}])
+    done = films(folder)
+    write_scene(order(tmp_path), scene("one"))
+    assert films(folder) == done
+    write_scene(order(tmp_path), scene("two"))
+    assert films(folder)[0]["status"] == "begun"
 
 
 def test_another_volume_of_the_same_name(tmp_path: Path) -> None:
