@@ -5,7 +5,6 @@ The numbers come from docs/goldens.md: each figure beside changes that have to p
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -57,8 +56,16 @@ def exceeded(figures: Mapping[str, float], limits: Limits) -> list[str]:
     ]
 
 
+# What an error is measured by where nothing is allowed: a level, and about what a level everywhere is to the eye.
+_SMALL = {"levels": 1.0, "": 0.01}
+
+
 def severity(figures: Mapping[str, float], limits: Limits) -> float:
-    """How many times as far off as its limit allows the worst figure is; infinite where nothing is allowed."""
+    """How many times as far off as its limit allows the worst figure is.
+
+    Where a limit allows nothing, an error of n levels, or hundredths of FLIP and SSIM, counts as 1 + n: over the limit,
+    but no more so than what is further off in another figure.
+    """
     return max((_share(name, figures[name], limit) for name, limit in limits.items() if name in figures), default=0.0)
 
 
@@ -66,4 +73,4 @@ def _share(name: str, value: float, limit: float) -> float:
     error, allowed = (1 - value, 1 - limit) if FIGURES[name].higher_is_better else (value, limit)
     if error <= 0:
         return 0.0
-    return error / allowed if allowed > 0 else math.inf
+    return error / allowed if allowed > 0 else 1 + error / _SMALL[FIGURES[name].unit]
