@@ -135,6 +135,27 @@ def test_data_in_many_chunks(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(tmp_path, content), RGB)
 
 
+def test_what_comes_after_the_end(tmp_path: Path) -> None:
+    whole = encode_png(RGB)
+    end = chunk(b"IEND", b"")
+    for content in (whole + b"\r\n", whole + end, whole.removesuffix(end) + end + chunk(b"IDAT", b"") + end):
+        assert refused(tmp_path, content) == f"the PNG file is followed by something else: {len(content)} bytes"
+    header = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0)
+    data = zlib.compress(unfiltered(RGB))
+    early_end = SIGNATURE + chunk(b"IHDR", header) + end + chunk(b"IDAT", data) + end
+    assert refused(tmp_path, early_end).startswith("the PNG file is followed by something else")
+
+
+def test_the_end_is_no_beginning(tmp_path: Path) -> None:
+    content = SIGNATURE + chunk(b"IEND", b"")
+    assert refused(tmp_path, content) == f"the PNG file is damaged: {len(content)} bytes"
+
+
+def test_more_pieces_than_any_encoder_makes(tmp_path: Path) -> None:
+    content = png_file(9, 13, unfiltered(RGB), more=[(b"tEXt", b"")] * 2**16)
+    assert refused(tmp_path, content) == f"the PNG file is in more than 65536 pieces: {len(content)} bytes"
+
+
 def test_no_pixels(tmp_path: Path) -> None:
     assert refused(tmp_path, png_file(0, 4, b"")) == "the PNG file is damaged: what cannot be decoded"
 
