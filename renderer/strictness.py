@@ -32,7 +32,11 @@ class Strictness:
 LEVELS = {
     level.name: level
     for level in (
-        Strictness("exact", "the same pixels: one program, one driver, one kind of processor", {"largest": 0.0}),
+        Strictness(
+            "exact",
+            "the same picture, but for colours at an alpha of 0: one program, one driver, one kind of processor",
+            {"largest": 0.0},
+        ),
         Strictness(
             "same-machine",
             "one driver and one kind of processor: here and there another rounding, by one level",

@@ -138,8 +138,12 @@ def test_alpha_is_compared() -> None:
 def test_colours_that_nobody_sees_are_no_difference() -> None:
     golden, actual = np.zeros((16, 16, 4), np.uint8), np.zeros((16, 16, 4), np.uint8)
     actual[..., :3] = 200
-    outcome = verdict(actual, golden)
-    assert outcome.status == "close" and outcome.severity == 0
+    for limits in (LIMITS, {"largest": 0.0}):
+        outcome = verdict(actual, golden, limits)
+        assert outcome.status == "close" and outcome.severity == 0
+        assert outcome.why == "the same picture: only colours at an alpha of 0 differ"
+    actual[0, 0, 3] = 1
+    assert verdict(actual, golden, {"largest": 0.0}).status == "different"
 
 
 @pytest.mark.parametrize("level", LEVELS)
