@@ -27,8 +27,8 @@ class Strictness:
 # bias 0.0008. At `cross-driver`: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX, which stay at 1
 # level and densest 0.02, but for a splat that the near plane cuts, which softpipe has off by 4 levels and 0.66; and one
 # value in five rounded otherwise, more than any of them does: densest 0.45, FLIP 0.009, bias 0.10. Others have seen up
-# to 3 levels between processors. Limits that are no whole numbers have at least 1.3 times room. In return, what moves a
-# pixel by 2 levels always fails at `same-machine`; what `cross-driver` cannot see is listed there, too.
+# to 3 levels between processors. Limits that are no whole numbers have at least 1.29 times room. In return, what moves
+# a pixel by 2 levels always fails at `same-machine`; what levels cannot see is listed there, too.
 LEVELS = {
     level.name: level
     for level in (
