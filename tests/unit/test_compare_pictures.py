@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from png_files import SIGNATURE, chunk, interlaced, noise, png_file, unfiltered
 
+from hsplat_cli.input_file import nearest_file
 from hsplat_cli.picture_file import MAX_PIXELS, read_picture
 from renderer.errors import InputError
 from renderer.png import encode_png
@@ -187,6 +188,14 @@ def test_what_is_no_file(tmp_path: Path) -> None:
         with pytest.raises(InputError) as caught:
             read_picture(tmp_path / name)
         assert f"{caught.value.what}: {caught.value.got}" == words
+
+
+def test_a_link_to_nothing_is_not_what_was_meant_instead_of_it(tmp_path: Path) -> None:
+    link = tmp_path / "picture.png"
+    link.symlink_to("nowhere")
+    assert nearest_file(link) is None
+    (tmp_path / "pictures.png").touch()
+    assert nearest_file(link) == f"did you mean {tmp_path / 'pictures.png'}?"
 
 
 def test_a_link_is_followed(tmp_path: Path) -> None:
