@@ -254,7 +254,7 @@ def test_an_error_where_none_is_allowed_lies_over_the_limit_as_far_as_it_is_larg
     assert limit > one > nine > all_of_99
     assert nine - all_of_99 == pytest.approx(limit - nine, abs=0.11)  # 10 and 100 times the limit
     page = comparison_page(Comparison("g", "a", "same-machine", outcomes), Gallery())
-    assert "where the limit is 0, an error of n levels counts as 1 + n" in page
+    assert "where no error is allowed, one of n levels, or of n hundredths in FLIP and SSIM, counts as 1 + n" in page
 
 
 def test_nothing_to_plot() -> None:
