@@ -50,9 +50,9 @@ def decode(content: bytes, path: Path) -> str:
 
 
 def nearest_file(path: Path) -> str | None:
-    """A hint that names the file of nearly this name, or None."""
+    """A hint that names another file of nearly this name, or None; just this name has a link to nothing."""
     try:
-        names = sorted(entry.name for entry in path.parent.iterdir())
+        names = sorted({entry.name for entry in path.parent.iterdir()} - {path.name})
     except OSError:
         return None
     close = nearest(path.name, names)

@@ -21,10 +21,11 @@ from renderer.errors import InputError
 from renderer.picture import Pixels
 from renderer.png import png_chunks, png_of
 
-# A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 8192.
-MAX_PIXELS = 2**26
+# A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 4096, which with alpha
+# take 2 GB to compare.
+MAX_PIXELS = 2**25
 # Such a picture with alpha, not compressed at all, and as much again.
-MAX_FILE_BYTES = 2**29
+MAX_FILE_BYTES = 2**28
 
 _SUFFIX = ".png"
 _EXPECTED = "a PNG file, 8-bit RGB or RGBA"
@@ -130,7 +131,7 @@ def _header_in(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
     if not (width and height) or compression or filtering or interlace > 1 or color_type not in _COLOR_TYPES:
         raise _damaged(path)
     if width * height > MAX_PIXELS:
-        got, expected = f"{width} x {height} pixels", f"at most {MAX_PIXELS} pixels, as 8192 x 8192"
+        got, expected = f"{width} x {height} pixels", f"at most {MAX_PIXELS} pixels, as 8192 x 4096"
         raise InputError("too large a picture", where=str(path), got=got, expected=expected)
     extras = [words for name, words in _REFUSED_CHUNKS.items() if name in names]
     if depth != 8 or color_type not in _CHANNELS or extras:

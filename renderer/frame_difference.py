@@ -9,14 +9,14 @@ up to two.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.metrics import single
+from renderer.metrics import REACH_PX, SSIM_WINDOW_PX, mapped
 
 Pixels = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.float32]
@@ -24,6 +24,10 @@ Levels = npt.NDArray[np.float32]
 WINDOW_PX = 8
 
 _PARTS = 255  # of a level: a difference of one level at an opacity of one
+# A picture is looked at as it is seen in squares of so many pixels: all of a large one would take gigabytes.
+_BLOCK_PX = 256
+
+_Block = tuple[slice, slice]
 
 
 @dataclass(frozen=True)
@@ -71,13 +75,13 @@ class FrameDifference:
     @property
     def signed(self) -> Levels:
         """float32 [h, w, 3 or 4]: actual minus golden, in levels."""
-        return (self._parts / _PARTS).astype(np.float32)
+        return _in_levels(self._parts)
 
     @property
     def signed_levels(self) -> Levels:
         """float32 [h, w]: of each pixel's channels the one that is off most, with its sign."""
         largest = np.abs(self._parts).argmax(axis=2)[..., None]
-        return np.take_along_axis(self.signed, largest, axis=2)[..., 0]
+        return _in_levels(np.take_along_axis(self._parts, largest, axis=2)[..., 0])
 
     @property
     def levels(self) -> Levels:
@@ -101,11 +105,11 @@ class FrameDifference:
 
     def largest(self) -> float:
         """In levels, over all pixels and channels."""
-        return float(np.abs(self._parts).max()) / _PARTS
+        return max(int(self._parts.max()), -int(self._parts.min())) / _PARTS
 
     def p99(self) -> float:
         """Of the pixels' `levels`."""
-        return float(np.percentile(self.levels, 99))
+        return float(np.percentile(np.abs(self._parts).max(axis=2), 99)) / _PARTS
 
     def densest(self) -> float:
         """The largest mean error of a channel in a square of WINDOW_PX pixels, or what fits of it.
@@ -117,13 +121,18 @@ class FrameDifference:
         return float(max(sums) / (_PARTS * height * width))
 
     def perceived(self, name: str) -> float:
-        """A metric of `renderer.metrics` on the pictures as they are seen; transparent ones over the worse of black
-        and white."""
-        values = [single(name, _over(self._actual, ground), _over(self._golden, ground)) for ground in self._grounds()]
-        return min(values) if FIGURES[name].higher_is_better else max(values)
-
-    def _grounds(self) -> tuple[float, ...]:
-        return (0.0,) if self._golden.shape[2] == 3 else (0.0, 1.0)
+        """SSIM or FLIP of the pictures as they are seen; transparent ones over the worse of black and white."""
+        height, width, channels = self._golden.shape
+        if name == "ssim" and min(height, width) < SSIM_WINDOW_PX:
+            return math.nan
+        perfect = float(FIGURES[name].higher_is_better)
+        errors = [0.0] if channels == 3 else [0.0, 0.0]  # over black, over white
+        for around, cut in _blocks(height, width):
+            if self._parts[around].any():
+                for ground in range(len(errors)):
+                    actual, golden = _over(self._actual[around], ground), _over(self._golden[around], ground)
+                    errors[ground] += float(np.sum(np.abs(mapped(name, actual, golden)[cut] - perfect)))
+        return float(abs(perfect - max(errors) / (height * width)))
 
 
 def _largest_bias(difference: FrameDifference) -> float:
@@ -151,12 +160,37 @@ def _signed_parts(golden: Pixels, actual: Pixels) -> npt.NDArray[np.int32]:
     return parts
 
 
+def _in_levels(parts: npt.NDArray[np.int32]) -> Levels:
+    levels: Levels = parts.astype(np.float32)
+    levels /= _PARTS
+    return levels
+
+
 def _largest_window_sum(errors: npt.NDArray[np.int32]) -> int:
     """Of [h, w] >= 0, over all squares of WINDOW_PX pixels, or what fits of one."""
-    height, width = (min(WINDOW_PX, length) for length in errors.shape)
-    sums = np.pad(errors.cumsum(axis=0, dtype=np.int64).cumsum(axis=1), ((1, 0), (1, 0)))
-    windows = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
-    return int(windows.max())
+    return int(_sums_down(_sums_down(errors).T).max())
+
+
+def _sums_down(values: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """Of every WINDOW_PX rows, or all of fewer. Those of columns, too, stay below 2^23."""
+    num = min(WINDOW_PX, len(values))
+    sums: npt.NDArray[np.int32] = values[: len(values) - num + 1].copy()
+    for first in range(1, num):
+        sums += values[first : first + len(sums)]
+    return sums
+
+
+def _blocks(height: int, width: int) -> Iterator[tuple[_Block, _Block]]:
+    """Squares of a picture with all that is within reach of them, and where they are therein."""
+    for top in range(0, height, _BLOCK_PX):
+        for left in range(0, width, _BLOCK_PX):
+            rows, columns = _reached(top, height), _reached(left, width)
+            y, x = top - rows.start, left - columns.start
+            yield (rows, columns), (slice(y, y + _BLOCK_PX), slice(x, x + _BLOCK_PX))
+
+
+def _reached(start: int, length: int) -> slice:
+    return slice(max(start - REACH_PX, 0), min(start + _BLOCK_PX + REACH_PX, length))
 
 
 def _over(image: Pixels, ground: float) -> npt.NDArray[Any]:

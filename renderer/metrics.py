@@ -30,6 +30,9 @@ NOTICEABLE_DELTA_E = 2.3
 # Of Wang et al. 2004; the window is what scikit-image makes of it, 3.5 deviations to each side.
 _SSIM_SIGMA_PX = 1.5
 SSIM_WINDOW_PX = 11
+# How many rows or columns off a pixel still changes what SSIM or FLIP says of another: the widest of their filters is
+# FLIP's for blue and yellow, which ends after 3 deviations of sqrt(0.04 / (2 pi^2)) degrees.
+REACH_PX = 10
 
 
 @dataclass(frozen=True)
@@ -125,6 +128,17 @@ def single(name: str, picture: Picture, truth: Picture) -> float:
     _require_pictures(picture, truth)
     make_map, of = _FIGURES[name]
     return _figure(of, make_map(picture, truth))
+
+
+def mapped(name: str, picture: Picture, truth: Picture) -> Picture:
+    """What a metric of METRICS takes the mean of, for each pixel, float64 [h, w]: of `ssim` or `flip`.
+
+    It depends on what is at most REACH_PX away, in rows and in columns. Parameters and errors are those of `compare`.
+    """
+    _require_pictures(picture, truth)
+    make_map, of = _FIGURES[name]
+    assert of is np.mean, name
+    return make_map(picture, truth)
 
 
 def pooled(accuracies: Sequence[Accuracy]) -> Accuracy:

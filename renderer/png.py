@@ -17,6 +17,8 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOR_TYPES = {3: 2, 4: 6}  # number of channels: RGB is type 2, RGB with straight alpha type 6
 _FILTER_UP = 2  # a byte is stored as its difference to the one above, which suits smooth shading on an even background
 _LEVEL = 1
+# Encoders that write data in pieces take 8 KiB or more: half a gigabyte. Chunks of nothing cost time and memory, too.
+_MOST_CHUNKS = 2**16
 
 
 def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
@@ -48,8 +50,11 @@ def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
     """
     if not content.startswith(_SIGNATURE):
         raise ValueError("not a PNG file")
-    chunks, position = [], len(_SIGNATURE)
-    while position < len(content):
+    chunks: list[tuple[bytes, bytes]] = []
+    position = len(_SIGNATURE)
+    while not chunks or chunks[-1][0] != b"IEND":
+        if len(chunks) == _MOST_CHUNKS:
+            raise ValueError(f"in more than {_MOST_CHUNKS} pieces")
         length = int.from_bytes(content[position : position + 4], "big")
         name, end = content[position + 4 : position + 8], position + 8 + length
         if end + 4 > len(content):
@@ -58,8 +63,10 @@ def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
             raise ValueError("damaged")
         chunks.append((name, content[position + 8 : end]))
         position = end + 4
-    if not chunks or chunks[0][0] != b"IHDR" or chunks[-1][0] != b"IEND":
-        raise ValueError("cut off")
+    if chunks[0][0] != b"IHDR":
+        raise ValueError("damaged")
+    if position < len(content):
+        raise ValueError("followed by something else")
     return chunks
 
 

@@ -40,13 +40,12 @@ class Legend:
 class Curve:
     """The plot and its legend.
 
-    are_numbers: frames stand there by their numbers, not only in their order. is_open: some errors have no bound.
+    are_numbers: frames stand there by their numbers, not only in their order.
     """
 
     svg: Markup
     legend: Sequence[Legend]
     are_numbers: bool
-    is_open: bool
 
 
 def error_curve(comparison: Comparison) -> Curve | None:
@@ -66,7 +65,7 @@ def error_curve(comparison: Comparison) -> Curve | None:
     ]
     lines = [_line(axes, outcomes, name, style) for name, style in zip(names, legend, strict=True)]
     parts = [_grid(axes), *_failures(axes, outcomes), *lines]
-    return Curve(_svg(alt, parts), legend, axes.are_numbers, axes.is_open)
+    return Curve(_svg(alt, parts), legend, axes.are_numbers)
 
 
 # --------------------------------------------------------------------------------------------------------------- axes
@@ -74,14 +73,13 @@ def error_curve(comparison: Comparison) -> Curve | None:
 
 @dataclass(frozen=True)
 class _Axes:
-    """positions: of the frames, from first to last. decades: above the limit. is_open: something has no bound."""
+    """positions: of the frames, from first to last. decades: above the limit."""
 
     positions: Sequence[int]
     first: int
     last: int
     are_numbers: bool
     decades: int
-    is_open: bool
 
     def x(self, position: float) -> float:
         if self.first == self.last:
@@ -89,25 +87,23 @@ class _Axes:
         return _LEFT + 10 + (position - self.first) / (self.last - self.first) * (_RIGHT - _LEFT - 20)
 
     def y(self, share: float) -> float:
-        """As far as there are decades; what has no bound half of one above them."""
-        top = 1 + self.decades + 0.5 * self.is_open
+        """As far as there are decades."""
         height = share if share <= 1 else 1 + min(math.log10(share), self.decades)
-        return _BOTTOM - (top if math.isinf(share) else height) / top * (_BOTTOM - _TOP)
+        return _BOTTOM - height / (1 + self.decades) * (_BOTTOM - _TOP)
 
     def steps(self) -> list[tuple[float, str]]:
         """Heights, and what is written beside them."""
         powers = [(10.0**power, f"{10**power:,}".replace(",", " ")) for power in range(1, self.decades + 1)]
-        return [(0, "0"), (0.5, "0.5"), (1, "1"), *powers, *[(math.inf, "∞")] * self.is_open]
+        return [(0, "0"), (0.5, "0.5"), (1, "1"), *powers]
 
 
 def _axes(outcomes: Sequence[Outcome]) -> _Axes:
     numbers = [outcome.number for outcome in outcomes if outcome.number is not None]
     are_numbers = len(set(numbers)) == len(outcomes)
-    shares = [severity(outcome.figures, outcome.limits) for outcome in outcomes]
-    largest = max((share for share in shares if math.isfinite(share)), default=1.0)
+    largest = max(severity(outcome.figures, outcome.limits) for outcome in outcomes)
     decades = min(max(math.ceil(math.log10(max(largest, 1.0))), 1), _MOST_DECADES)
     positions = numbers if are_numbers else range(1, len(outcomes) + 1)
-    return _Axes(positions, min(positions), max(positions), are_numbers, decades, any(map(math.isinf, shares)))
+    return _Axes(positions, min(positions), max(positions), are_numbers, decades)
 
 
 def _ticks(first: int, last: int) -> list[int]:

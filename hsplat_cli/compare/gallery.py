@@ -60,7 +60,7 @@ class Gallery:
 
     def __init__(self, most: int = 24) -> None:
         self._most = most
-        self._kept: list[tuple[tuple[bool, float, float, int], Exhibit]] = []  # sorted, worst first
+        self._kept: list[tuple[tuple[bool, float, int], Exhibit]] = []  # sorted, worst first
         self._num_seen = 0
 
     def see(self, outcome: Outcome, pair: Pair) -> None:

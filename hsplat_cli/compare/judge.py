@@ -78,10 +78,14 @@ def _of_difference(pair: Pair, difference: FrameDifference, limits: Limits) -> O
     worst = max(limits, key=lambda name: severity(figures, {name: limits[name]}))
     name = over[0] if over else worst
     text = figure_text(name, figures[name], limits[name])
+    if difference.largest() == 0:
+        text = "the same picture: only colours at an alpha of 0 differ"
+    elif not over:
+        text = f"within the limits, the nearest of which is {text}"
     return Outcome(
         pair.name,
         "different" if over else "close",
-        text if over else f"within the limits, the nearest of which is {text}",
+        text,
         figures,
         limits,
         over,

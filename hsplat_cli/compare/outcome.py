@@ -48,10 +48,9 @@ class Outcome:
         return math.inf
 
     @property
-    def rank(self) -> tuple[bool, float, float]:
-        """To sort by, worst first: what fails before what passes, then by severity and, where that is infinite because
-        nothing is allowed, by the largest error."""
-        return (self.passes, -self.severity, -self.figures.get("largest", math.inf))
+    def rank(self) -> tuple[bool, float]:
+        """To sort by, worst first: what fails before what passes, then by severity."""
+        return (self.passes, -self.severity)
 
 
 @dataclass(frozen=True)

@@ -51,10 +51,16 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         gains=GAINS,
         default_gain=_default_gain(gallery.exhibits),
         figures=[FIGURES[name] for name in names],
+        allows_nothing=any(_allows_nothing(outcome) for outcome in outcomes),
         rows=[_row(o, names, order[o.name], places.get(o.name)) for o in comparison.worst_first],
     )
     # Names of files may have anything in them, also what has no form in UTF-8.
     return "\n".join(line if line.isprintable() else printable(line) for line in text.split("\n"))
+
+
+def _allows_nothing(outcome: Outcome) -> bool:
+    """Whether a figure that the frame has may not be off at all."""
+    return any(outcome.limits[name] == float(FIGURES[name].higher_is_better) for name in outcome.figures)
 
 
 def verdict(comparison: Comparison) -> str:

@@ -40,7 +40,7 @@ def load_steady_job(scene: Path, *, overrides: Sequence[str] = (), volume: Path 
     _require_steady(job.scene, scene)
     width, height = job.scene.output.size
     if width * height > MAX_PIXELS:
-        got, expected = f"{width} x {height}", f"at most {MAX_PIXELS} pixels, as 8192 x 8192"
+        got, expected = f"{width} x {height}", f"at most {MAX_PIXELS} pixels, as 8192 x 4096"
         raise InputError("too large to be compared", where=f"{scene}: output.size", got=got, expected=expected)
     return job
 

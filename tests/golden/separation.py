@@ -42,13 +42,14 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.measured is not None and arguments.measured.exists():
         kept = json.loads(arguments.measured.read_text(encoding="utf-8"))
-        rows, drawn_by = [Measured(**row) for row in kept["rows"]], kept["drawn_by"]
+        rows, drawn_by, measured_at = [Measured(**row) for row in kept["rows"]], kept["drawn_by"], kept["commit"]
     else:
+        measured_at = commit()
         rows, drawn_by = _measure([*MACHINES, *arguments.driver])
         if arguments.measured is not None:
-            kept = {"rows": [asdict(row) for row in rows], "drawn_by": drawn_by}
+            kept = {"rows": [asdict(row) for row in rows], "drawn_by": drawn_by, "commit": measured_at}
             arguments.measured.write_text(json.dumps(kept), encoding="utf-8")
-    arguments.file.write_text(page(rows, drawn_by), encoding="utf-8")
+    arguments.file.write_text(page(rows, drawn_by, measured_at), encoding="utf-8")
 
 
 def _measure(others: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
@@ -80,18 +81,20 @@ def _say(row: Measured) -> None:
     print(f"{row.subject}, {row.change}: {figures}", flush=True)
 
 
-def page(rows: Sequence[Measured], drawn_by: dict[str, str]) -> str:
+def page(rows: Sequence[Measured], drawn_by: dict[str, str], measured_at: str) -> str:
     """docs/goldens.md."""
     return "\n".join(
         [
             INTRODUCTION,
+            *_table(LEVELS_HEADER, level_lines()),
+            METHOD,
             *_limits(rows),
             *_harmless(rows, drawn_by),
             *_defects(rows),
             *_unseen(rows),
             *_windows(rows),
             *_everything(rows),
-            f"Written by `python tests/golden/separation.py` at commit {commit()} on {drawn_by['this machine']}.",
+            f"Measured by `python tests/golden/separation.py` at commit {measured_at} on {drawn_by['this machine']}.",
             "",
         ]
     )
@@ -99,14 +102,28 @@ def page(rows: Sequence[Measured], drawn_by: dict[str, str]) -> str:
 
 INTRODUCTION = """# Golden frames: what the levels of strictness let pass, and what they find
 
-`hsplat compare` takes a few figures of each pair of frames, and a level of strictness is a set of limits for them. Here
-every figure is measured on what must pass and on what must not, in frames of several kinds; the limits in
-`renderer/strictness.py` are chosen from these tables. Levels are of 255. `densest` is the largest mean error of a
-channel in any window of 8 x 8 pixels, `bias` the mean signed error of the most shifted channel. Defects are injected
-where they would arise: into the scene, the cut, the splats, their order or the view, and into the pixels where the
-picture is what is wrong. Of defects that have a place, such as one splat missing, the first of a random sequence is
-taken that can be seen: that moves some pixel by 2 levels. What moves none by that much is faint and counted apart,
-for here and there rounding does as much.
+`hsplat compare` takes a few figures of each pair of frames, and a level of strictness is a set of limits for them. A
+figure without a limit is not taken, unless `--limit` or `compare.yaml` gives it one. Levels are of 255.
+"""
+
+LEVELS_HEADER = ["figure", "what it is", *(f"`{level}`" for level in LEVELS)]
+
+
+def level_lines() -> list[list[str]]:
+    """Of each figure what it is and its limit at each level; README.md has the same table."""
+    lines = []
+    for name, figure in FIGURES.items():
+        unit = ", levels" if figure.unit else ", at least" if figure.higher_is_better else ""
+        limits = [level.limits.get(name) for level in LEVELS.values()]
+        lines.append([f"`{name}`", figure.label + unit, *("" if limit is None else f"{limit:g}" for limit in limits)])
+    return lines
+
+
+METHOD = """Here every figure is measured on what must pass and on what must not, in frames of several kinds; the limits
+in `renderer/strictness.py` are chosen from these tables. Defects are injected where they would arise: into the scene,
+the cut, the splats, their order or the view, and into the pixels where the picture is what is wrong. Of defects that
+have a place, such as one splat missing, the first of a random sequence is taken that can be seen: that moves some pixel
+by 2 levels. What moves none by that much is faint and counted apart, for here and there rounding does as much.
 """
 
 
@@ -185,9 +202,18 @@ def _least(name: str, rows: Sequence[Measured]) -> Measured:
 
 
 def _unseen(rows: Sequence[Measured]) -> list[str]:
-    lines = [_all_figures(row) for row in rows if row.is_defect and row.is_seen and not row.over(CROSS)]
-    title = f"## What `{CROSS}` cannot see"
-    return [title, "", *_table(["defect", "frame", *_FIGURE_HEADERS], [[row[1], row[0], *row[2:]] for row in lines])]
+    """All that a level lets pass, also what is faint."""
+    lines = []
+    defects = [row for row in rows if row.is_defect]
+    for level in (SAME, CROSS):
+        unseen = sorted((row for row in defects if not row.over(level)), key=lambda row: not row.is_seen)
+        num_seen = sum(row.is_seen for row in unseen)
+        what = (
+            f"Of {len(defects)} defects, {num_seen} that can be seen and, after them, {len(unseen) - num_seen} faint."
+        )
+        cells = [[row[1], row[0], *row[2:]] for row in map(_all_figures, unseen)]
+        lines += [f"## What `{level}` cannot see", "", what, "", *_table(["defect", "frame", *_FIGURE_HEADERS], cells)]
+    return lines
 
 
 _FIGURE_HEADERS = [*(f"`{name}`" for name in FIGURES), "signed mean of each channel"]

@@ -144,7 +144,7 @@ def test_damaged_pictures(refused: Refused) -> None:
     assert refused() == (
         f"{FIRST}: too large a picture\n"
         "  got: 100000 x 100000 pixels\n"
-        "  expected: at most 67108864 pixels, as 8192 x 8192\n"
+        "  expected: at most 33554432 pixels, as 8192 x 4096\n"
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from png_files import noise, smooth
 
 from hsplat_cli.compare.judge import judge, outcome_of
-from hsplat_cli.compare.outcome import Outcome
+from hsplat_cli.compare.outcome import Comparison, Outcome
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.compare.words import figure_text
@@ -88,6 +88,21 @@ def test_only_limited_figures_are_taken() -> None:
     assert verdict(changed(9), limits={"bias": 10.0}).passes
 
 
+def test_a_hole_is_worse_than_many_roundings() -> None:
+    golden = np.full((64, 64, 3), 250, np.uint8)
+    rounded, hole = golden.copy(), golden.copy()
+    rounded[np.random.default_rng(2).random((64, 64)) < 0.03] -= np.uint8(1)
+    hole[8:14, 8:14] = 9
+    pairs = [*(Pair(f"rounded {number}", golden, rounded) for number in range(3)), Pair("hole", golden, hole)]
+    for level in ("exact", "same-machine"):
+        outcomes = judge(pairs, Rules(level), lambda outcome, pair: None)
+        comparison = Comparison("golden", "actual", level, [*outcomes, verdict(None)])
+        assert not any(outcome.passes for outcome in outcomes)
+        worst = [outcome.name for outcome in comparison.worst_first]
+        assert worst == ["a.png", "hole", "rounded 0", "rounded 1", "rounded 2"]
+    assert (outcomes[0].figures["p99"], outcomes[-1].figures["p99"]) == (1, 0)
+
+
 def test_bias_of_each_channel() -> None:
     assert verdict(changed(9, channel=2)).bias == (0, 0, 9)
     assert verdict(GREY, changed(9, channel=0)).bias == (-9, 0, 0)
@@ -123,8 +138,12 @@ def test_alpha_is_compared() -> None:
 def test_colours_that_nobody_sees_are_no_difference() -> None:
     golden, actual = np.zeros((16, 16, 4), np.uint8), np.zeros((16, 16, 4), np.uint8)
     actual[..., :3] = 200
-    outcome = verdict(actual, golden)
-    assert outcome.status == "close" and outcome.severity == 0
+    for limits in (LIMITS, {"largest": 0.0}):
+        outcome = verdict(actual, golden, limits)
+        assert outcome.status == "close" and outcome.severity == 0
+        assert outcome.why == "the same picture: only colours at an alpha of 0 differ"
+    actual[0, 0, 3] = 1
+    assert verdict(actual, golden, {"largest": 0.0}).status == "different"
 
 
 @pytest.mark.parametrize("level", LEVELS)

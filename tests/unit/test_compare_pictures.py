@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from png_files import SIGNATURE, chunk, interlaced, noise, png_file, unfiltered
 
+from hsplat_cli.input_file import nearest_file
 from hsplat_cli.picture_file import MAX_PIXELS, read_picture
 from renderer.errors import InputError
 from renderer.png import encode_png
@@ -135,6 +136,27 @@ def test_data_in_many_chunks(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(tmp_path, content), RGB)
 
 
+def test_what_comes_after_the_end(tmp_path: Path) -> None:
+    whole = encode_png(RGB)
+    end = chunk(b"IEND", b"")
+    for content in (whole + b"\r\n", whole + end, whole.removesuffix(end) + end + chunk(b"IDAT", b"") + end):
+        assert refused(tmp_path, content) == f"the PNG file is followed by something else: {len(content)} bytes"
+    header = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0)
+    data = zlib.compress(unfiltered(RGB))
+    early_end = SIGNATURE + chunk(b"IHDR", header) + end + chunk(b"IDAT", data) + end
+    assert refused(tmp_path, early_end).startswith("the PNG file is followed by something else")
+
+
+def test_the_end_is_no_beginning(tmp_path: Path) -> None:
+    content = SIGNATURE + chunk(b"IEND", b"")
+    assert refused(tmp_path, content) == f"the PNG file is damaged: {len(content)} bytes"
+
+
+def test_more_pieces_than_any_encoder_makes(tmp_path: Path) -> None:
+    content = png_file(9, 13, unfiltered(RGB), more=[(b"tEXt", b"")] * 2**16)
+    assert refused(tmp_path, content) == f"the PNG file is in more than 65536 pieces: {len(content)} bytes"
+
+
 def test_no_pixels(tmp_path: Path) -> None:
     assert refused(tmp_path, png_file(0, 4, b"")) == "the PNG file is damaged: what cannot be decoded"
 
@@ -166,6 +188,14 @@ def test_what_is_no_file(tmp_path: Path) -> None:
         with pytest.raises(InputError) as caught:
             read_picture(tmp_path / name)
         assert f"{caught.value.what}: {caught.value.got}" == words
+
+
+def test_a_link_to_nothing_is_not_what_was_meant_instead_of_it(tmp_path: Path) -> None:
+    link = tmp_path / "picture.png"
+    link.symlink_to("nowhere")
+    assert nearest_file(link) is None
+    (tmp_path / "pictures.png").touch()
+    assert nearest_file(link) == f"did you mean {tmp_path / 'pictures.png'}?"
 
 
 def test_a_link_is_followed(tmp_path: Path) -> None:

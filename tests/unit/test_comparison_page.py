@@ -243,12 +243,18 @@ def test_frames_without_numbers_stand_in_their_order() -> None:
     assert curve is not None and not curve.are_numbers and "place of the frame" in curve.svg
 
 
-def test_nothing_allowed_is_shown_above_every_number() -> None:
-    outcome = Outcome("a", "different", "", {"largest": 3.0, "p99": 2.0}, LIMITS, ["largest", "p99"])
-    curve = error_curve(Comparison("g", "a", "exact", [outcome]))
-    assert curve is not None and ">∞<" in curve.svg
-    ((_, largest),), ((_, p99),) = points_of(curve.svg)
-    assert p99 == 14.0 < largest
+def test_an_error_where_none_is_allowed_lies_over_the_limit_as_far_as_it_is_large() -> None:
+    outcomes = [
+        Outcome(f"{levels}", "different", "", {"largest": 1.0, "p99": levels}, LIMITS, ["p99"])
+        for levels in (1.0, 9.0, 99.0)
+    ]
+    curve = error_curve(Comparison("g", "a", "same-machine", outcomes))
+    assert curve is not None
+    ((_, limit), *_), ((_, one), (_, nine), (_, all_of_99)) = points_of(curve.svg)
+    assert limit > one > nine > all_of_99
+    assert nine - all_of_99 == pytest.approx(limit - nine, abs=0.11)  # 10 and 100 times the limit
+    page = comparison_page(Comparison("g", "a", "same-machine", outcomes), Gallery())
+    assert "where no error is allowed, one of n levels, or of n hundredths in FLIP and SSIM, counts as 1 + n" in page
 
 
 def test_nothing_to_plot() -> None:

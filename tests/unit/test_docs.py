@@ -13,6 +13,7 @@ import yaml
 
 from hsplat_cli.compare.command import compare
 from hsplat_cli.scene_file import load_scene
+from renderer.frame_difference import FIGURES
 from renderer.scene_schema import scene_to_dict
 from renderer.strictness import LEVELS
 
@@ -66,6 +67,18 @@ def _mappings_in(tree: object) -> Iterator[dict[str, object]]:
         yield tree
     for item in tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ():
         yield from _mappings_in(item)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/goldens.md"])
+def test_the_table_of_figures_has_the_limits_of_every_level(page: str) -> None:
+    (table,) = re.findall(r"(?m)^\| figure \| what it is .*\n(?:\|.*\n)+", (ROOT / page).read_text("utf-8"))
+    header, _, *lines = ([cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines())
+    assert header[2:] == [f"`{level}`" for level in LEVELS]
+    assert [line[0] for line in lines] == [f"`{name}`" for name in FIGURES]
+    for (name, figure), (_, what, *limits) in zip(FIGURES.items(), lines, strict=True):
+        assert what.startswith(figure.label) and ("levels" in what) == bool(figure.unit), name
+        expected = [level.limits.get(name) for level in LEVELS.values()]
+        assert [float(limit) if limit else None for limit in limits] == expected, name
 
 
 def test_python_in_the_text_can_be_parsed() -> None:

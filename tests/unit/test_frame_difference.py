@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from renderer import frame_difference
 from renderer.frame_difference import FIGURES, WINDOW_PX, FrameDifference
-from renderer.metrics import SSIM_WINDOW_PX
+from renderer.metrics import REACH_PX, SSIM_WINDOW_PX, mapped, single
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -49,6 +50,29 @@ def test_levels_are_subtracted_as_numbers_and_not_modulo_256() -> None:
     black, white = np.zeros((9, 9, 3), np.uint8), np.full((9, 9, 3), 255, np.uint8)
     assert FrameDifference(black, white).bias == (255.0,) * 3
     assert FrameDifference(white, black).bias == (-255.0,) * 3
+
+
+@pytest.mark.parametrize("name", ["flip", "ssim"])
+@pytest.mark.parametrize("share", [1.0, 0.0])
+def test_square_by_square_is_as_the_whole_picture(name: str, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame_difference, "_BLOCK_PX", 32)
+    golden, other = noise((65, 100, 3)), noise((65, 100, 3), 1)
+    spoiled = np.random.default_rng(2).random((65, 100)) < share
+    spoiled[31, 63] = spoiled[64, 0] = True  # at corners of squares, the second in one of a single row
+    actual = np.where(spoiled[..., None], other, golden)
+    expected = single(name, actual / 255, golden / 255)
+    assert FrameDifference(golden, actual).perceived(name) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["flip", "ssim"])
+def test_a_pixel_changes_what_is_seen_within_reach_only(name: str) -> None:
+    golden = noise((64, 64, 3)) / 255
+    actual = golden.copy()
+    actual[30, 33] = 1 - actual[30, 33].round()
+    perfect = float(FIGURES[name].higher_is_better)
+    rows, columns = np.nonzero(np.abs(mapped(name, actual, golden) - perfect) > 1e-12)
+    reach = max(30 - rows.min(), rows.max() - 30, 33 - columns.min(), columns.max() - 33)
+    assert 0 < reach <= REACH_PX
 
 
 def test_one_pixel_is_its_share_of_window_and_picture() -> None:
