@@ -40,7 +40,7 @@ def compare_frames(
     Raises HsplatError where they cannot be compared.
     """
     folder = _goldens_of(golden, actual)
-    _require_spared(reports, (golden, actual, actual / NAME, golden / NAME))
+    reports.require_names((golden, actual, golden / NAME, actual / NAME))
     reports.require_writable()
     rules = load_rules(folder or golden, level, limits)
     require_packages(rules)
@@ -63,14 +63,6 @@ def _goldens_of(golden: Path, actual: Path) -> Path | None:
         hint = f"hsplat compare {actual} {golden}"
         raise InputError("the scene comes first, and then the folder of its goldens", where=str(actual), hint=hint)
     return None
-
-
-def _require_spared(reports: ReportFiles, inputs: Sequence[Path]) -> None:
-    """Raise InputError where a report would be written over what is compared."""
-    spared = {path.absolute() for path in inputs}
-    for option, path in (("--json", reports.json), ("--junit", reports.junit), ("--html", reports.html)):
-        if path is not None and path.absolute() in spared:
-            raise InputError("a report would be written over what is compared", where=f"{option} {path}")
 
 
 def require_match(

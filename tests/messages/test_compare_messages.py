@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import stat
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -310,22 +312,53 @@ def test_a_package_that_is_missing(refused: Refused, monkeypatch: pytest.MonkeyP
 # Options
 
 
+NOT_THIS = ": a report would be written over what is compared\n"
+
+
 def test_reports(refused: Refused) -> None:
-    assert refused("golden", "actual", "--json", "golden") == (
-        "--json golden: a report would be written over what is compared\n"
+    Path("reports.json").mkdir()
+    assert refused("golden", "actual", "--json", "reports.json") == (
+        "--json reports.json: a report cannot take the place of this\n  got: a folder\n"
     )
-    Path("reports").mkdir()
-    assert refused("golden", "actual", "--json", "reports") == (
-        "reports: the output is a folder\n  expected: the name of a file\n"
-    )
+    os.mkfifo("pipe.xml")
+    Path("link.xml").symlink_to("pipe.xml")
+    for name in ("pipe.xml", "link.xml"):
+        assert refused("golden", "actual", "--junit", name) == (
+            f"--junit {name}: a report cannot take the place of this\n  got: something that is no file\n"
+        )
+    assert stat.S_ISFIFO(os.stat("link.xml").st_mode)
     assert refused("golden", "actual", "--junit", f"{FIRST}/report.xml") == (
         f"{FIRST}/report.xml: the folder of the output is a file\n  got: {FIRST}\n"
     )
-    assert refused("golden", "actual", "--json", "report", "--html", "report") == (
-        "--html report: two reports in one file\n  got: the same as --json\n"
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "got", "expected"),
+    [
+        ("--html", FIRST, "a .png file", "a .html file"),
+        ("--json", "scan.npy", "a .npy file", "a .json file"),
+        ("--json", "-", "no suffix", "a .json file"),
+        ("--json", "report.xml", "a .xml file", "a .json file"),
+        ("--junit", "golden", "no suffix", "a .xml file"),
+    ],
+)
+def test_names_that_no_report_has(refused: Refused, option: str, name: str, got: str, expected: str) -> None:
+    Path("scan.npy").write_bytes(b"a volume")
+    assert refused("golden", "actual", option, name) == (
+        f"{option} {name}: not a name for a report\n  got: {got}\n  expected: {expected}\n"
     )
-    assert refused("golden", "actual", "--html", FIRST) == (
-        f"--html {FIRST}: not a name for a report\n  got: a .png file\n"
+
+
+def test_reports_over_what_is_compared(refused: Refused) -> None:
+    Path("golden/golden.json").write_text("{}")
+    Path("film.mp4.json").write_text("{}")
+    Path("link").symlink_to("golden")
+    Path("link.json").symlink_to("golden/golden.json")
+    for name in ("golden/golden.json", "golden/../golden/golden.json", "link/golden.json", "link.json"):
+        for sides in (("golden", "actual"), ("film.mp4.json", "golden")):
+            assert refused(*sides, "--json", name) == f"--json {name}{NOT_THIS}"
+    assert refused("film.mp4.json", "golden", "--json", "golden/../film.mp4.json") == (
+        f"--json golden/../film.mp4.json{NOT_THIS}"
     )
 
 

@@ -142,8 +142,8 @@ def test_reports_that_cannot_be_written_are_told_first(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(judge, "outcome_of", looked_at)
     Path("file").touch()
-    for option in ("--json", "--junit", "--html"):
-        assert compare("golden", "actual", option, "file/report") == 2
+    for option, suffix in (("--json", "json"), ("--junit", "xml"), ("--html", "html")):
+        assert compare("golden", "actual", option, f"file/report.{suffix}") == 2
 
 
 def test_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
