@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hsplat_cli.compare.judge import require_packages
@@ -15,7 +15,7 @@ from hsplat_cli.compare.rules import load_rules
 from hsplat_cli.compare.run import AnyPairs, ReportFiles, run_comparison
 from hsplat_cli.compare.scene import SceneOptions, compare_scene
 from hsplat_cli.golden.provenance import NAME
-from renderer.errors import InputError
+from renderer.errors import HsplatError, InputError
 
 # A scene, or the sidecar of a film.
 _SCENE_SUFFIXES = (".yaml", ".yml", ".json")
@@ -39,20 +39,34 @@ def compare_frames(
 
     Raises HsplatError where they cannot be compared.
     """
-    folder = _goldens_of(golden, actual)
     reports.require_names((golden, actual, golden / NAME, actual / NAME))
-    reports.require_writable()
-    rules = load_rules(folder or golden, level, limits)
-    require_packages(rules)
-    if folder is None and drawing.given:
-        raise InputError("of no use where no scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
-    opened: contextlib.AbstractContextManager[AnyPairs]
-    if folder is None:
-        opened, names = open_pairs(golden, actual), (str(golden), str(actual))
-    else:
-        opened, names = compare_scene(golden, folder, drawing, quiet=quiet), (str(folder), f"{golden}, drawn now")
-    with opened as pairs:
-        return run_comparison(pairs, rules, golden=names[0], actual=names[1], reports=reports, quiet=quiet)
+    with _failure_told(reports, golden, actual):
+        reports.clear()
+        folder = _goldens_of(golden, actual)
+        rules = load_rules(folder or golden, level, limits)
+        require_packages(rules)
+        if folder is None and drawing.given:
+            raise InputError("of no use where no scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
+        opened: contextlib.AbstractContextManager[AnyPairs]
+        if folder is None:
+            opened, names = open_pairs(golden, actual), (str(golden), str(actual))
+        else:
+            opened = compare_scene(golden, folder, drawing, quiet=quiet)
+            names = (str(folder), f"{golden}, drawn now")
+        with opened as pairs:
+            return run_comparison(pairs, rules, golden=names[0], actual=names[1], reports=reports, quiet=quiet)
+
+
+@contextlib.contextmanager
+def _failure_told(reports: ReportFiles, golden: Path, actual: Path) -> Iterator[None]:
+    """What keeps frames from being compared stands in the reports, too."""
+    try:
+        yield
+    except Exception as error:
+        why = str(error) if isinstance(error, HsplatError) else f"{type(error).__name__}: {error}"
+        with contextlib.suppress(HsplatError):  # a report that cannot be written either must not hide the reason
+            reports.write_failure(str(golden), str(actual), why)
+        raise
 
 
 def _goldens_of(golden: Path, actual: Path) -> Path | None:

@@ -78,3 +78,12 @@ class Comparison:
     def worst_first(self) -> list[Outcome]:
         """By `Outcome.rank`, equals in the order of their names."""
         return sorted(self.outcomes, key=lambda outcome: outcome.rank)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Of what could not be compared. golden, actual: as they were given. why: in one line or several."""
+
+    golden: str
+    actual: str
+    why: str

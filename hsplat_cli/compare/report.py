@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree
 
-from hsplat_cli.compare.outcome import Comparison, Outcome, Status
+from hsplat_cli.compare.outcome import Comparison, Failure, Outcome, Status
 from hsplat_cli.compare.words import count_text, figure_text, printable
 from renderer.frame_difference import FIGURES
 
@@ -107,6 +107,15 @@ def json_of(comparison: Comparison) -> str:
         },
         "frames": [_record(outcome) for outcome in comparison.worst_first],
     }
+    return _json_text(data)
+
+
+def json_of_failure(failure: Failure) -> str:
+    """An object with `passes`, which is false, and `error` instead of what came of the frames."""
+    return _json_text({"passes": False, "golden": failure.golden, "actual": failure.actual, "error": failure.why})
+
+
+def _json_text(data: dict[str, Any]) -> str:
     # ASCII, so that also names with bytes that are no UTF-8 have a form.
     return f"{json.dumps(data, indent=2, allow_nan=False)}\n"
 
@@ -145,6 +154,23 @@ def junit_of(comparison: Comparison) -> str:
             failure.text = "\n".join(_details(comparison, outcome))
     if comparison.notes:
         ElementTree.SubElement(suite, "system-out").text = "\n".join(map(printable, comparison.notes))
+    return _xml_text(root)
+
+
+def junit_of_failure(failure: Failure) -> str:
+    """A test suite with one test case, which is an error: CI systems take no report at all for nothing wrong."""
+    counts = {"tests": "1", "failures": "0", "errors": "1"}
+    root = ElementTree.Element("testsuites", {"name": "hsplat compare", **counts})
+    name = printable(failure.golden)
+    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
+    case = ElementTree.SubElement(suite, "testcase", {"classname": name, "name": "could not be compared"})
+    lines = [printable(line) for line in failure.why.split("\n")]
+    error = ElementTree.SubElement(case, "error", {"message": lines[0], "type": "not compared"})
+    error.text = "\n".join([*lines, f"golden: {name}", f"actual: {printable(failure.actual)}"])
+    return _xml_text(root)
+
+
+def _xml_text(root: ElementTree.Element) -> str:
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 

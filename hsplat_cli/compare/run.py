@@ -10,14 +10,14 @@ from typing import Protocol
 
 from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.judge import judge
-from hsplat_cli.compare.outcome import Comparison, Outcome
+from hsplat_cli.compare.outcome import Comparison, Failure, Outcome
 from hsplat_cli.compare.pair import Pair
-from hsplat_cli.compare.report import json_of, junit_of
+from hsplat_cli.compare.report import json_of, json_of_failure, junit_of, junit_of_failure
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.input_file import is_same_file
 from hsplat_cli.progress import progress
 from renderer.errors import InputError, require_package
-from renderer.staging import require_writable, staged_together
+from renderer.staging import explained, require_writable, staged_together
 
 # No report has the name of a frame, a scene or a volume: a slip of the pen costs none of them.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}
@@ -71,8 +71,14 @@ class ReportFiles:
             if any(is_same_file(path, other) for other in inputs):
                 raise InputError("a report would be written over what is compared", where=where)
 
-    def require_writable(self) -> None:
-        """Raise InputError or RenderError where one of them cannot be made; missing folders are made."""
+    def clear(self) -> None:
+        """Remove those of an earlier comparison, which would say that all is well while this one fails.
+
+        Raises InputError or RenderError where one of them cannot be written; missing folders are made.
+        """
+        for path in self.paths.values():
+            with explained(path):
+                path.unlink(missing_ok=True)
         for path in self.paths.values():
             require_writable(path)
         if self.html is not None:
@@ -94,14 +100,22 @@ class ReportFiles:
             for path, text in texts.items():
                 write(path, text.encode())
 
+    def write_failure(self, golden: str, actual: str, why: str) -> None:
+        """Write that there was no comparison, and why, where JSON or JUnit is asked for."""
+        failure = Failure(golden, actual, why)
+        with staged_together() as write:
+            if self.json is not None:
+                write(self.json, json_of_failure(failure).encode())
+            if self.junit is not None:
+                write(self.junit, junit_of_failure(failure).encode())
+
 
 def run_comparison(
     pairs: AnyPairs, rules: Rules, *, golden: str, actual: str, reports: ReportFiles, quiet: bool
 ) -> Comparison:
     """Judge all pairs and write the reports.
 
-    golden, actual: as in Comparison. Raises InputError where a frame cannot be compared, in which case nothing is
-    written, and as `ReportFiles.require_writable`.
+    golden, actual: as in Comparison. Raises InputError where a frame cannot be compared; no report is written then.
     """
     rules.require_frames(pairs.names)
     gallery = Gallery()

@@ -77,8 +77,27 @@ def test_names(refused: Refused) -> None:
     assert refused("golden/frame-0000.png", "actual/fame-0000.png") == (
         "actual/fame-0000.png: no such file or folder\n  hint: did you mean actual/frame-0000.png?\n"
     )
-    assert refused("golden", "golden/") == (
-        "golden: GOLDEN and ACTUAL are the same files\n  hint: nothing is compared with itself\n"
+
+
+def test_the_same_files(refused: Refused, capsys: pytest.CaptureFixture[str]) -> None:
+    hint = "  hint: nothing is compared with itself, also not through links\n"
+    assert refused("golden", "golden/") == f"golden: GOLDEN and ACTUAL are the same files\n{hint}"
+    Path("folder").symlink_to("golden")
+    assert refused("golden", "folder") == f"folder: GOLDEN and ACTUAL are the same files\n{hint}"
+    Path("film.mp4").touch()
+    Path("link.mp4").symlink_to("film.mp4")
+    assert refused("film.mp4", "link.mp4") == f"link.mp4: GOLDEN and ACTUAL are the same files\n{hint}"
+    empty("actual")
+    for number in range(3):
+        Path(f"actual/frame-{number:04}.png").symlink_to(f"../golden/frame-{number:04}.png")
+    assert refused() == f"actual: GOLDEN and ACTUAL are the same files\n{hint}"
+    Path(FIRST).unlink()
+    write_frames(Path("actual"), [noise(0)])
+    assert main.run(["compare", "golden", "actual"]) == 0
+    assert capsys.readouterr().out == (
+        "3 frames pass at same-machine: 3 the same\n"
+        "note: 2 frames of ACTUAL are links to the golden, which is compared with itself:"
+        " 'frame-0001.png' and 'frame-0002.png'\n"
     )
 
 
@@ -148,6 +167,19 @@ def test_damaged_pictures(refused: Refused) -> None:
         "  got: 100000 x 100000 pixels\n"
         "  expected: at most 67108864 pixels, as 8192 x 8192\n"
     )
+
+
+def test_many_damaged_pictures(refused: Refused) -> None:
+    for number in (0, 2):
+        Path(f"actual/frame-{number:04}.png").write_bytes(b"")
+    assert refused() == "".join(
+        f"actual/frame-{number:04}.png: an empty file\n  expected: {PNG}\n" for number in (0, 2)
+    )
+    write_frames(Path("golden"), [noise(0)] * 12)
+    for number in range(12):
+        Path(f"actual/frame-{number:04}.png").write_bytes(b"")
+    lines = refused().splitlines()
+    assert (len(lines), lines[-1]) == (21, "... and 2 more frames that cannot be read")
 
 
 @pytest.mark.parametrize(
