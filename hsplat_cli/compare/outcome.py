@@ -59,7 +59,8 @@ class Comparison:
     """Of all pairs, at least one of them, in the order of their names.
 
     golden, actual: what was compared, in words for reports. level: name of the strictness. notes: what the user should
-    know. facts: about both sides, such as the driver, by name: (golden, actual).
+    know. facts: about both sides, such as the driver, by name: (golden, actual). other_limits: than the level's, in
+    words as `Rules.other_limits`.
     """
 
     golden: str
@@ -68,6 +69,12 @@ class Comparison:
     outcomes: Sequence[Outcome]
     notes: Sequence[str] = ()
     facts: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    other_limits: Sequence[str] = ()
+
+    @property
+    def strictness(self) -> str:
+        """The level, which is not named without the limits that are other ones."""
+        return f"{self.level} (with other limits: {'; '.join(self.other_limits)})" if self.other_limits else self.level
 
     @property
     def passes(self) -> bool:

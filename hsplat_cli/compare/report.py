@@ -68,7 +68,7 @@ def _summary(comparison: Comparison) -> Iterator[str]:
         yield f"{num_failing} of {count_text(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
         return
     verb = "passes" if num == 1 else "pass"
-    yield f"{count_text(num, 'frame')} {verb} at {comparison.level}: {parts}"
+    yield f"{count_text(num, 'frame')} {verb} at {printable(comparison.strictness)}: {parts}"
     worst = comparison.worst_first[0]
     if worst.status == "close":
         yield f"  {printable(worst.name)}: {worst.why}"
@@ -97,6 +97,7 @@ def json_of(comparison: Comparison) -> str:
         "golden": comparison.golden,
         "actual": comparison.actual,
         "level": comparison.level,
+        "other_limits": list(comparison.other_limits),
         "counts": {status: sum(each.status == status for each in comparison.outcomes) for status in _ORDER},
         "notes": list(comparison.notes),
         "facts": {name: {"golden": golden, "actual": actual} for name, (golden, actual) in comparison.facts.items()},
@@ -142,7 +143,7 @@ def junit_of(comparison: Comparison) -> str:
     num_failing = sum(not outcome.passes for outcome in comparison.outcomes)
     counts = {"tests": str(len(comparison.outcomes)), "failures": str(num_failing), "errors": "0"}
     root = ElementTree.Element("testsuites", {"name": "hsplat compare", **counts})
-    name = f"{printable(comparison.golden)} at {comparison.level}"
+    name = f"{printable(comparison.golden)} at {printable(comparison.strictness)}"
     suite = ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
     for outcome in comparison.worst_first:
         case = ElementTree.SubElement(
@@ -179,7 +180,7 @@ def _details(comparison: Comparison, outcome: Outcome) -> Iterator[str]:
     yield outcome.why
     yield f"golden: {printable(comparison.golden)}"
     yield f"actual: {printable(comparison.actual)}"
-    yield f"level: {comparison.level}"
+    yield f"level: {printable(comparison.strictness)}"
     for name, value in outcome.figures.items():
         verdict = "FAILS" if name in outcome.exceeded else "passes"
         yield f"{verdict}: {figure_text(name, value, outcome.limits[name])}"

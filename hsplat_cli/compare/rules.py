@@ -8,7 +8,8 @@ The file is called `compare.yaml`:
       frame-0007.png: {largest: 8, flip: 0.02}
 
 Each limit is that of the level, unless `limits` names the figure, unless the frame does, unless the command line does;
-`none` takes it away. Frames of a film are called `frame 7`.
+`none` takes it away. A level that the command line gives is meant as it stands: it takes the place of the whole file.
+Frames of a film are called `frame 7`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from hsplat_cli.compare.words import count_text, number_text
 from hsplat_cli.input_file import MAX_SCENE_BYTES, decode, read_content
 from hsplat_cli.picture_file import is_picture, require_file
 from hsplat_cli.scene_editor import excerpt
@@ -40,7 +42,7 @@ class Rules:
     """The limits of every frame.
 
     level: of LEVELS. limits: changes for all frames. frames: for some, by name. overrides: for all, in spite of those.
-    file: where frames are named, and places: where in it, for messages.
+    file: where frames are named, and places: where in it, for messages. notes: what the user should know.
     """
 
     level: str = DEFAULT_LEVEL
@@ -49,11 +51,31 @@ class Rules:
     overrides: Changes = field(default_factory=dict)
     file: Path | None = None
     places: Mapping[str, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
 
     def limits_for(self, name: str) -> Limits:
         """Of a frame, in the order of FIGURES; at least one."""
         changed = {**LEVELS[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
         return {figure: limit for figure in FIGURES if (limit := changed.get(figure)) is not None}
+
+    @property
+    def other_limits(self) -> list[str]:
+        """What is other than the level has it, and who says so: `largest 200, flip none by golden/compare.yaml`."""
+        of_level = LEVELS[self.level].limits
+        by_file = {figure: limit for figure, limit in self.limits.items() if figure not in self.overrides}
+        told = []
+        for changes, source in ((by_file, self.file), (self.overrides, "option")):
+            others = [
+                f"{figure} {'none' if limit is None else number_text(limit)}"
+                for figure, limit in changes.items()
+                if limit != of_level.get(figure)
+            ]
+            if others:
+                told.append(f"{', '.join(others)} by {source}")
+        num_frames = sum(self.limits_for(name) != self.limits_for("") for name in self.frames)
+        if num_frames:
+            told.append(f"those of {count_text(num_frames, 'frame')} by {self.file}")
+        return told
 
     def require_frames(self, names: Iterable[str]) -> None:
         """Raise SceneError for the frames with limits of their own that are neither among these nor pictures beside."""
@@ -89,14 +111,21 @@ def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] 
     for text in overrides:
         changes.update(_override(text, problems))
     from_file = _rules_of_file(golden if os.path.isdir(golden) else golden.parent, problems)
-    rules = replace(from_file, level=level or from_file.level, overrides=changes)
     if problems:
         raise SceneError(problems)
+    rules = replace(from_file if level is None else _instead_of(from_file, level), overrides=changes)
     for name in ("", *rules.frames):
         if not rules.limits_for(name):
             hint = "a comparison without limits would pass whatever there is"
             raise InputError("no figure has a limit any more", where=rules.places.get(name), hint=hint)
     return rules
+
+
+def _instead_of(from_file: Rules, level: str) -> Rules:
+    """Rules of a level that is asked for."""
+    if not (from_file.limits or from_file.frames):
+        return Rules(level)
+    return Rules(level, notes=[f"the level {level} is asked for: what {from_file.file} says does not hold"])
 
 
 def _limit(figure: Figure) -> Kind[Any]:

@@ -127,6 +127,8 @@ def run_comparison(
             done.advance()
 
         outcomes = judge(pairs, rules, see)
-    comparison = Comparison(golden, actual, rules.level, outcomes, pairs.notes, pairs.facts)
+    comparison = Comparison(
+        golden, actual, rules.level, outcomes, [*pairs.notes, *rules.notes], pairs.facts, rules.other_limits
+    )
     reports.write(comparison, gallery)
     return comparison

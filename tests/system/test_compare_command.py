@@ -105,6 +105,7 @@ def test_levels_and_limits() -> None:
     Path("golden/compare.yaml").write_text("level: exact\nframes:\n  frame-3.png: {largest: 1}\n", encoding="utf-8")
     assert compare() == 0
     assert compare("golden/frame-3.png", "actual/frame-3.png") == 0
+    assert compare("golden", "actual", "--level", "exact") == 1
     paint("frame-4.png", 1, first=1)
     assert compare() == 1
 
