@@ -12,13 +12,21 @@ import click
 
 from hsplat_cli.crew_options import workers_option
 from hsplat_cli.interrupts import terminated_as_interrupted
+from renderer.errors import InputError
 
 _file = click.Path(path_type=Path)
 
 
+def _named(_: click.Context, parameter: click.Parameter, name: str) -> Path:
+    """What is compared; an empty name, as of a variable that is not set, would be the current folder."""
+    if not name:
+        raise InputError("an empty name", where=str(parameter.name).upper(), expected="a file or folder")
+    return Path(name)
+
+
 @click.command()
-@click.argument("golden", type=_file)
-@click.argument("actual", type=_file)
+@click.argument("golden", callback=_named)
+@click.argument("actual", callback=_named)
 @click.option("--level", metavar="LEVEL", help="exact, same-machine (the default) or cross-driver.")
 @click.option("--limit", "limits", multiple=True, metavar="FIGURE=VALUE", help="Another limit: largest=4, flip=none.")
 @click.option("--json", "json_file", type=_file, metavar="FILE", help="Write what came of every frame as JSON.")

@@ -30,12 +30,13 @@ def compare_frames(
     level: str | None,
     limits: Sequence[str],
     quiet: bool,
+    asked_by: tuple[str, str] = ("--level", "--limit"),
 ) -> Comparison:
     """What came of a comparison, with its reports written.
 
     golden, actual: as `open_pairs` takes them; or a scene, or the sidecar of a film, and the folder of its goldens.
-    drawing: how the scene is drawn. level, limits: as `--level` and `--limit` give them. quiet: do not show how far the
-    work is.
+    drawing: how the scene is drawn. level, limits: as `--level` and `--limit` give them, or else what `asked_by` names.
+    quiet: do not show how far the work is.
 
     Raises HsplatError where they cannot be compared.
     """
@@ -43,7 +44,7 @@ def compare_frames(
     with _failure_told(reports, golden, actual):
         reports.clear()
         folder = _goldens_of(golden, actual)
-        rules = load_rules(folder or golden, level, limits)
+        rules = load_rules(folder or golden, level, limits, asked_by)
         require_packages(rules)
         if folder is None and drawing.given:
             raise InputError("of no use where no scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
@@ -92,13 +93,21 @@ def require_match(
     As the fixture of `pytest_plugin` describes it.
     """
     __tracebackhide__ = True  # for pytest: what has failed is the line of the test
-    overrides = [
-        f"{figure}={'none' if limit is None else repr(float(limit))}" for figure, limit in (limits or {}).items()
-    ]
+    overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]
     reports = ReportFiles(html=None if html is None else Path(html))
-    comparison = compare_frames(
-        Path(golden), Path(actual), reports, SceneOptions(), level=level, limits=overrides, quiet=True
-    )
+    try:
+        comparison = compare_frames(
+            Path(golden),
+            Path(actual),
+            reports,
+            SceneOptions(),
+            level=level,
+            limits=overrides,
+            quiet=True,
+            asked_by=("level", "limits"),
+        )
+    except HsplatError as error:
+        raise error.with_traceback(None) from None  # a test shows what is wrong, and not where it was found out
     if not comparison.passes:
         page = "" if html is None else f"\nthe frames: {html}"
         raise AssertionError(f"{golden} and {actual} do not match\n{table_of(comparison)}{page}")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -84,6 +85,8 @@ def _kind(path: Path) -> str:
     if ANY_FRAME_FIELD.search(str(path)):
         return _TEMPLATE
     suffix = path.suffix.lower()
+    if not is_there and path.is_symlink():
+        raise InputError("a link that leads nowhere", where=str(path), got=str(path.readlink()))
     if not is_there:
         raise InputError("no such file or folder", where=str(path), hint=nearest_file(path))
     if suffix in FILM_SUFFIXES:
@@ -160,6 +163,7 @@ def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden
             where=str(actual),
             got=_some(sorted(actuals, key=natural_order)),
             expected=f"{_some(sorted(goldens, key=natural_order))}, as in {golden}",
+            hint="they look alike, but the accents are other code points" if _composed(goldens, actuals) else None,
         )
     one = [name for name in both if is_same_file(goldens[name], actuals[name])]
     if len(one) == len(both):
@@ -193,6 +197,12 @@ def _together(errors: Sequence[InputError]) -> InputError:
 def _some(names: Sequence[str]) -> str:
     most = [repr(name) for name in names[:_MAX_NAMED]]
     return listed(most, "and") if len(most) == len(names) else f"{', '.join(most)} and {len(names) - len(most)} more"
+
+
+def _composed(goldens: Iterable[str], actuals: Iterable[str]) -> bool:
+    """Whether names are the same but for how Unicode composes letters, as some systems of files change it."""
+    composed, others = ({unicodedata.normalize("NFC", name) for name in names} for names in (goldens, actuals))
+    return bool(composed & others)
 
 
 def _the_same_files(actual: Path) -> InputError:
@@ -246,8 +256,8 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
         raise InputError(
             "films of different numbers of frames",
             where=str(actual),
-            got=f"{num_actuals} frames",
-            expected=f"{num_goldens} frames, as in {golden}",
+            got=count_text(num_actuals, "frame"),
+            expected=f"{count_text(num_goldens, 'frame')}, as in {golden}",
         )
     if num_goldens == 0:
         raise InputError("a film without a frame", where=str(golden))

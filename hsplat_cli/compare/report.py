@@ -145,6 +145,7 @@ def junit_of(comparison: Comparison) -> str:
     root = ElementTree.Element("testsuites", {"name": "hsplat compare", **counts})
     name = f"{printable(comparison.golden)} at {printable(comparison.strictness)}"
     suite = ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
+    _add_facts(suite, comparison)
     for outcome in comparison.worst_first:
         case = ElementTree.SubElement(
             suite, "testcase", {"classname": printable(comparison.golden), "name": printable(outcome.name)}
@@ -156,6 +157,17 @@ def junit_of(comparison: Comparison) -> str:
     if comparison.notes:
         ElementTree.SubElement(suite, "system-out").text = "\n".join(map(printable, comparison.notes))
     return _xml_text(root)
+
+
+def _add_facts(suite: ElementTree.Element, comparison: Comparison) -> None:
+    """As properties, which come first in a suite; the driver of the goldens is called `golden driver`."""
+    if not comparison.facts:
+        return
+    properties = ElementTree.SubElement(suite, "properties")
+    for fact, sides in comparison.facts.items():
+        for side, value in zip(("golden", "actual"), sides, strict=True):
+            name = printable(f"{side} {fact}")
+            ElementTree.SubElement(properties, "property", {"name": name, "value": printable(value)})
 
 
 def junit_of_failure(failure: Failure) -> str:

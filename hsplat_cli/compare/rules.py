@@ -94,11 +94,16 @@ class Rules:
         return self.file is not None and is_picture(name) and os.path.lexists(self.file.parent / name)
 
 
-def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] = ()) -> Rules:
+def load_rules(
+    golden: Path,
+    level: str | None = None,
+    overrides: Sequence[str] = (),
+    asked_by: tuple[str, str] = ("--level", "--limit"),
+) -> Rules:
     """The rules for goldens, from the file beside them, if there is one, and from the command line.
 
     golden: a folder, in which it is looked for, or a file, beside which. level: that of the command line.
-    overrides: `FIGURE=VALUE`.
+    overrides: `FIGURE=VALUE`. asked_by: what says which level and which overrides, for messages.
 
     Raises InputError where the file cannot be read, and SceneError with all that is wrong in it or the command line.
     """
@@ -106,10 +111,10 @@ def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] 
     if level is not None:
         found: list[Problem] = []
         _LEVEL.read(Node(level, "", found))
-        problems += [replace(problem, place=f"--level {level}") for problem in found]
+        problems += [replace(problem, place=f"{asked_by[0]} {level}") for problem in found]
     changes: dict[str, float | None] = {}
     for text in overrides:
-        changes.update(_override(text, problems))
+        changes.update(_override(text, asked_by[1], problems))
     from_file = _rules_of_file(golden if os.path.isdir(golden) else golden.parent, problems)
     if problems:
         raise SceneError(problems)
@@ -162,22 +167,23 @@ def _parse_frames(node: Node) -> dict[str, Any]:
 _FRAMES: Kind[dict[str, Any]] = Kind("a mapping of frames to their limits", _parse_frames)
 
 
-def _override(text: str, problems: list[Problem]) -> dict[str, float | None]:
+def _override(text: str, asked_by: str, problems: list[Problem]) -> dict[str, float | None]:
     """What `FIGURE=VALUE` changes."""
     name, equals, value = (part.strip() for part in text.partition("="))
     found: list[Problem] = []
     if equals:
         changes = _LIMITS.read(Node({name: value or None}, "", found))
     else:
-        changes, found = {}, [Problem("", "not a limit", expected="--limit FIGURE=VALUE, such as largest=4")]
-    problems += [replace(problem, place=f"--limit {text}") for problem in found]
+        changes, found = {}, [Problem("", "not a limit", expected=f"{asked_by} FIGURE=VALUE, such as largest=4")]
+    problems += [replace(problem, place=f"{asked_by} {text}") for problem in found]
     return changes
 
 
 def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     path = folder / FILE
-    if os.path.lexists(mistaken := folder / _MISTAKEN_FILE):
-        raise InputError("not read under this name", where=str(mistaken), hint=f"call it {FILE}")
+    mistaken = [name for name in _names_in(folder) if name.lower() in (FILE, _MISTAKEN_FILE) and name != FILE]
+    if mistaken:
+        raise InputError("not read under this name", where=str(folder / min(mistaken)), hint=f"call it {FILE}")
     if not os.path.lexists(path):
         return Rules()
     require_file(path, "a file of limits")
@@ -203,6 +209,13 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
         file=path,
         places={name: _place(path, tree.places[join("frames", name)].key) for name in frames},
     )
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except OSError:  # whoever looks for frames there tells of it
+        return []
 
 
 def _located(tree: Tree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:

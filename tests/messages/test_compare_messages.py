@@ -79,6 +79,29 @@ def test_names(refused: Refused) -> None:
     )
 
 
+def test_a_name_that_is_not_there(refused: Refused) -> None:
+    """As of a variable of the shell that is not set, and not the current folder."""
+    assert refused("", "actual") == "GOLDEN: an empty name\n  expected: a file or folder\n"
+    assert refused("golden", "") == "ACTUAL: an empty name\n  expected: a file or folder\n"
+
+
+def test_a_link_that_leads_nowhere(refused: Refused) -> None:
+    Path("link").symlink_to("gone")
+    assert refused("golden", "link") == "link: a link that leads nowhere\n  got: gone\n"
+
+
+def test_names_that_look_alike(refused: Refused) -> None:
+    for side, name in (("golden", "\u00e9.png"), ("actual", "e\u0301.png")):
+        empty(side)
+        Path(side, name).touch()
+    assert refused() == (
+        "actual: no frame of ACTUAL has the name of a golden\n"
+        "  got: 'e\u0301.png'\n"
+        "  expected: '\u00e9.png', as in golden\n"
+        "  hint: they look alike, but the accents are other code points\n"
+    )
+
+
 def test_the_same_files(refused: Refused, capsys: pytest.CaptureFixture[str]) -> None:
     hint = "  hint: nothing is compared with itself, also not through links\n"
     assert refused("golden", "golden/") == f"golden: GOLDEN and ACTUAL are the same files\n{hint}"
@@ -210,6 +233,10 @@ def test_films(refused: Refused) -> None:
     pictures = [smooth(number) for number in range(6)]
     write_film(Path("golden.mp4"), pictures)
     write_film(Path("short.mp4"), pictures[:4])
+    write_film(Path("one.mp4"), pictures[:1])
+    assert refused("short.mp4", "one.mp4") == (
+        "one.mp4: films of different numbers of frames\n  got: 1 frame\n  expected: 4 frames, as in short.mp4\n"
+    )
     assert refused("golden.mp4", "short.mp4") == (
         "short.mp4: films of different numbers of frames\n  got: 4 frames\n  expected: 6 frames, as in golden.mp4\n"
     )
@@ -295,6 +322,8 @@ def test_a_file_of_limits_that_is_no_yaml(refused: Refused) -> None:
     Path("golden/compare.yaml").unlink()
     Path("golden/compare.yml").touch()
     assert refused() == "golden/compare.yml: not read under this name\n  hint: call it compare.yaml\n"
+    Path("golden/compare.yml").rename("golden/Compare.yaml")
+    assert refused() == "golden/Compare.yaml: not read under this name\n  hint: call it compare.yaml\n"
 
 
 def test_frames_that_are_not_there(refused: Refused) -> None:

@@ -184,6 +184,16 @@ def test_notes_in_junit() -> None:
     assert suite[1].text == "one\ntwo"
 
 
+def test_facts_in_junit() -> None:
+    facts = {"driver": ("llvmpipe 1", "llvmpipe 2")}
+    suite = ElementTree.fromstring(junit_of(comparison([same("a.png")], facts=facts)).encode())[0]
+    assert [child.tag for child in suite] == ["properties", "testcase"]
+    assert [(each.tag, each.attrib) for each in suite[0]] == [
+        ("property", {"name": "golden driver", "value": "llvmpipe 1"}),
+        ("property", {"name": "actual driver", "value": "llvmpipe 2"}),
+    ]
+
+
 @pytest.mark.parametrize(
     ("name", "shown"),
     [
