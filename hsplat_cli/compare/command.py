@@ -28,7 +28,13 @@ def _named(_: click.Context, parameter: click.Parameter, name: str) -> Path:
 @click.argument("golden", callback=_named)
 @click.argument("actual", callback=_named)
 @click.option("--level", metavar="LEVEL", help="exact, same-machine (the default) or cross-driver.")
-@click.option("--limit", "limits", multiple=True, metavar="FIGURE=VALUE", help="Another limit: largest=4, flip=none.")
+@click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="FIGURE=VALUE",
+    help="Another limit, such as largest=4 or flip=none; of largest, p99, flip, ssim, densest and bias.",
+)
 @click.option("--json", "json_file", type=_file, metavar="FILE", help="Write what came of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_file, metavar="FILE", help="Write a JUnit report, as CI systems read it.")
 @click.option("--html", "html_file", type=_file, metavar="FILE", help="Write a page that shows the worst frames.")

@@ -42,7 +42,7 @@ def compare_frames(
     """
     reports.require_names((golden, actual, golden / NAME, actual / NAME))
     with _failure_told(reports, golden, actual):
-        reports.clear()
+        reports.prepare()
         folder = _goldens_of(golden, actual)
         rules = load_rules(folder or golden, level, limits, asked_by)
         require_packages(rules)

@@ -71,7 +71,7 @@ class ReportFiles:
             if any(is_same_file(path, other) for other in inputs):
                 raise InputError("a report would be written over what is compared", where=where)
 
-    def clear(self) -> None:
+    def prepare(self) -> None:
         """Remove those of an earlier comparison, which would say that all is well while this one fails.
 
         Raises InputError or RenderError where one of them cannot be written; missing folders are made.

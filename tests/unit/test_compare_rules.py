@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -94,10 +95,11 @@ def test_limits_are_in_the_order_in_which_they_are_looked_at(changes: dict[str, 
     assert names == [name for name in FIGURES if name in names]
 
 
-def test_the_help_names_all_levels() -> None:
-    (option,) = [option for option in compare.params if option.name == "level"]
+@pytest.mark.parametrize(("name", "words"), [("level", LEVELS), ("limits", FIGURES)])
+def test_the_help_names_all(name: str, words: Iterable[str]) -> None:
+    (option,) = [option for option in compare.params if option.name == name]
     assert isinstance(option, click.Option)
-    assert [level for level in LEVELS if level not in str(option.help)] == []
+    assert [word for word in words if word not in str(option.help)] == []
 
 
 def test_the_file_is_beside_a_file(tmp_path: Path) -> None:
