@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from renderer.errors import InputError, nearest
@@ -47,6 +48,14 @@ def decode(content: bytes, path: Path) -> str:
             got=f"the byte 0x{content[error.start]:02x}",
             hint="a volume is rendered with `hsplat render SCENE --volume FILE`" if b"\0" in content else None,
         ) from error
+
+
+def is_same_file(path: Path, other: Path) -> bool:
+    """Whether both names are there and lead to one file, whatever links and folders are on the way."""
+    try:
+        return os.path.samefile(path, other)
+    except (OSError, ValueError):
+        return False
 
 
 def nearest_file(path: Path) -> str | None:

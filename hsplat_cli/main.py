@@ -1,6 +1,7 @@
 """The command `hsplat`: finds the subcommand, and is the one place where errors become messages and exit codes.
 
-0: done. 1: the render failed, or the program did. 2: the input was wrong. 130: interrupted.
+0: done. 1: the render failed, or the program did. 2: the input was wrong. 130: interrupted. Of `compare` 1 says that
+frames differ, and whatever keeps it from knowing is 2.
 """
 
 from __future__ import annotations
@@ -86,6 +87,7 @@ def hsplat() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line, by default that of the process, and exit."""
+    _take_closed_streams()
     for stream in (sys.stdout, sys.stderr):  # a file name may hold what the terminal's encoding does not
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -94,24 +96,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Run a command line and return the exit code; every error has become a message on the standard error stream."""
+    failed = 2 if list(arguments[:1]) == ["compare"] else 1
     try:
         return _invoke(arguments)
     except HsplatError as error:
         _complain(str(error))
-        return 2 if isinstance(error, InputError) else 1
+        return 2 if isinstance(error, InputError) else failed
     except (KeyboardInterrupt, click.Abort):
         _complain("hsplat: interrupted")
         return 130
     except MemoryError:
         _complain("hsplat: out of memory")
-        return 1
+        return failed
     except Exception as error:  # the last resort: whatever it was, no traceback reaches a user
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
             _complain(f"hsplat: what is printed cannot be written: {error.strerror}")
         elif not (isinstance(error, BrokenPipeError) and _reader_is_gone()):
             what = " ".join(f"{type(error).__name__}: {error}".split())
             _complain(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
-        return 1
+        return failed
 
 
 def _invoke(arguments: Sequence[str]) -> int:
@@ -129,8 +132,15 @@ def _invoke(arguments: Sequence[str]) -> int:
     return code
 
 
+def _take_closed_streams() -> None:
+    """Where standard streams are closed, as by `>&-`, files that are opened later must not take their places."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  they stay
+
+
 def _complain(text: str) -> None:
-    with contextlib.suppress(BrokenPipeError):
+    with contextlib.suppress(OSError):  # nobody reads it, or the disk is full
         print(text, file=sys.stderr)
         if os.environ.get("HSPLAT_DEBUG") == "1":
             traceback.print_exc()

@@ -207,7 +207,7 @@ _WORDS = (
     ("could not find expected ':'", "a key without a colon", "write `key: value`, with a blank after the colon"),
     ("found unexpected end of stream", "a quote that is not closed", "it is opened in line {begin}"),
     ("expected the node content", "a value that is missing or not finished", None),
-    ("but found another document", "a second document", "one scene a file: remove everything from this --- on"),
+    ("but found another document", "a second document", "one document a file: remove everything from this --- on"),
     ("found undefined alias", "an alias without an anchor", "put text that begins with * in quotes"),
     ("second occurrence", "an anchor whose name is taken", "the other one is in line {begin}"),
 )

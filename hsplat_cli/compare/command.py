@@ -1,29 +1,40 @@
 """`hsplat compare GOLDEN ACTUAL`: whether frames are as they should be, for people and for CI.
 
-Exit codes: 0 all pass, 1 something differs, 2 it could not be compared. The command is in this package, and not with
-what compares, because it also draws goldens anew.
+Exit codes: 0 all pass, 1 something differs, 2 it could not be compared, as `main.run` sees to. The command is
+in this package, and not with what compares, because it also draws goldens anew.
 """
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 
 import click
 
 from hsplat_cli.crew_options import workers_option
 from hsplat_cli.interrupts import terminated_as_interrupted
-from renderer.errors import InputError, RenderError
+from renderer.errors import InputError
 
 _file = click.Path(path_type=Path)
 
 
+def _named(_: click.Context, parameter: click.Parameter, name: str) -> Path:
+    """What is compared; an empty name, as of a variable that is not set, would be the current folder."""
+    if not name:
+        raise InputError("an empty name", where=str(parameter.name).upper(), expected="a file or folder")
+    return Path(name)
+
+
 @click.command()
-@click.argument("golden", type=_file)
-@click.argument("actual", type=_file)
+@click.argument("golden", callback=_named)
+@click.argument("actual", callback=_named)
 @click.option("--level", metavar="LEVEL", help="exact, same-machine (the default) or cross-driver.")
-@click.option("--limit", "limits", multiple=True, metavar="FIGURE=VALUE", help="Another limit: largest=4, flip=none.")
+@click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="FIGURE=VALUE",
+    help="Another limit, such as largest=4 or flip=none; of largest, p99, flip, ssim, densest and bias.",
+)
 @click.option("--json", "json_file", type=_file, metavar="FILE", help="Write what came of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_file, metavar="FILE", help="Write a JUnit report, as CI systems read it.")
 @click.option("--html", "html_file", type=_file, metavar="FILE", help="Write a page that shows the worst frames.")
@@ -55,7 +66,7 @@ def compare(
 
     Or they are a scene and a folder of goldens that `hsplat golden` made: the frames are drawn again and compared.
     """
-    with _could_not_compare(), terminated_as_interrupted():
+    with terminated_as_interrupted():
         # Imported here: numpy takes longer to load than --help may take to answer.
         from hsplat_cli.compare.matching import compare_frames  # noqa: PLC0415
         from hsplat_cli.compare.report import table_of  # noqa: PLC0415
@@ -69,14 +80,3 @@ def compare(
         click.echo(table_of(comparison))
     if not comparison.passes:
         context.exit(1)
-
-
-@contextlib.contextmanager
-def _could_not_compare() -> Iterator[None]:
-    """Whatever keeps frames from being compared is an InputError: the exit code 1 says that they differ."""
-    try:
-        yield
-    except RenderError as error:
-        raise InputError(
-            error.what, where=error.where, got=error.got, expected=error.expected, hint=error.hint
-        ) from error

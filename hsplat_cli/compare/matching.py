@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hsplat_cli.compare.judge import require_packages
@@ -15,7 +15,7 @@ from hsplat_cli.compare.rules import load_rules
 from hsplat_cli.compare.run import AnyPairs, ReportFiles, run_comparison
 from hsplat_cli.compare.scene import SceneOptions, compare_scene
 from hsplat_cli.golden.provenance import NAME
-from renderer.errors import InputError
+from renderer.errors import HsplatError, InputError
 
 # A scene, or the sidecar of a film.
 _SCENE_SUFFIXES = (".yaml", ".yml", ".json")
@@ -30,29 +30,44 @@ def compare_frames(
     level: str | None,
     limits: Sequence[str],
     quiet: bool,
+    asked_by: tuple[str, str] = ("--level", "--limit"),
 ) -> Comparison:
     """What came of a comparison, with its reports written.
 
     golden, actual: as `open_pairs` takes them; or a scene, or the sidecar of a film, and the folder of its goldens.
-    drawing: how the scene is drawn. level, limits: as `--level` and `--limit` give them. quiet: do not show how far the
-    work is.
+    drawing: how the scene is drawn. level, limits: as `--level` and `--limit` give them, or else what `asked_by` names.
+    quiet: do not show how far the work is.
 
     Raises HsplatError where they cannot be compared.
     """
-    folder = _goldens_of(golden, actual)
-    _require_spared(reports, (golden, actual, actual / NAME, golden / NAME))
-    reports.require_writable()
-    rules = load_rules(folder or golden, level, limits)
-    require_packages(rules)
-    if folder is None and drawing.given:
-        raise InputError("of no use where no scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
-    opened: contextlib.AbstractContextManager[AnyPairs]
-    if folder is None:
-        opened, names = open_pairs(golden, actual), (str(golden), str(actual))
-    else:
-        opened, names = compare_scene(golden, folder, drawing, quiet=quiet), (str(folder), f"{golden}, drawn now")
-    with opened as pairs:
-        return run_comparison(pairs, rules, golden=names[0], actual=names[1], reports=reports, quiet=quiet)
+    reports.require_names((golden, actual, golden / NAME, actual / NAME))
+    with _failure_told(reports, golden, actual):
+        reports.prepare()
+        folder = _goldens_of(golden, actual)
+        rules = load_rules(folder or golden, level, limits, asked_by)
+        require_packages(rules)
+        if folder is None and drawing.given:
+            raise InputError("of no use where no scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
+        opened: contextlib.AbstractContextManager[AnyPairs]
+        if folder is None:
+            opened, names = open_pairs(golden, actual), (str(golden), str(actual))
+        else:
+            opened = compare_scene(golden, folder, drawing, quiet=quiet)
+            names = (str(folder), f"{golden}, drawn now")
+        with opened as pairs:
+            return run_comparison(pairs, rules, golden=names[0], actual=names[1], reports=reports, quiet=quiet)
+
+
+@contextlib.contextmanager
+def _failure_told(reports: ReportFiles, golden: Path, actual: Path) -> Iterator[None]:
+    """What keeps frames from being compared stands in the reports, too."""
+    try:
+        yield
+    except Exception as error:
+        why = str(error) if isinstance(error, HsplatError) else f"{type(error).__name__}: {error}"
+        with contextlib.suppress(HsplatError):  # a report that cannot be written either must not hide the reason
+            reports.write_failure(str(golden), str(actual), why)
+        raise
 
 
 def _goldens_of(golden: Path, actual: Path) -> Path | None:
@@ -63,14 +78,6 @@ def _goldens_of(golden: Path, actual: Path) -> Path | None:
         hint = f"hsplat compare {actual} {golden}"
         raise InputError("the scene comes first, and then the folder of its goldens", where=str(actual), hint=hint)
     return None
-
-
-def _require_spared(reports: ReportFiles, inputs: Sequence[Path]) -> None:
-    """Raise InputError where a report would be written over what is compared."""
-    spared = {path.absolute() for path in inputs}
-    for option, path in (("--json", reports.json), ("--junit", reports.junit), ("--html", reports.html)):
-        if path is not None and path.absolute() in spared:
-            raise InputError("a report would be written over what is compared", where=f"{option} {path}")
 
 
 def require_match(
@@ -86,13 +93,21 @@ def require_match(
     As the fixture of `pytest_plugin` describes it.
     """
     __tracebackhide__ = True  # for pytest: what has failed is the line of the test
-    overrides = [
-        f"{figure}={'none' if limit is None else repr(float(limit))}" for figure, limit in (limits or {}).items()
-    ]
+    overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]
     reports = ReportFiles(html=None if html is None else Path(html))
-    comparison = compare_frames(
-        Path(golden), Path(actual), reports, SceneOptions(), level=level, limits=overrides, quiet=True
-    )
+    try:
+        comparison = compare_frames(
+            Path(golden),
+            Path(actual),
+            reports,
+            SceneOptions(),
+            level=level,
+            limits=overrides,
+            quiet=True,
+            asked_by=("level", "limits"),
+        )
+    except HsplatError as error:
+        raise error.with_traceback(None) from None  # a test shows what is wrong, and not where it was found out
     if not comparison.passes:
         page = "" if html is None else f"\nthe frames: {html}"
         raise AssertionError(f"{golden} and {actual} do not match\n{table_of(comparison)}{page}")

@@ -58,7 +58,8 @@ class Comparison:
     """Of all pairs, at least one of them, in the order of their names.
 
     golden, actual: what was compared, in words for reports. level: name of the strictness. notes: what the user should
-    know. facts: about both sides, such as the driver, by name: (golden, actual).
+    know. facts: about both sides, such as the driver, by name: (golden, actual). other_limits: than the level's, in
+    words as `Rules.other_limits`.
     """
 
     golden: str
@@ -67,6 +68,12 @@ class Comparison:
     outcomes: Sequence[Outcome]
     notes: Sequence[str] = ()
     facts: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    other_limits: Sequence[str] = ()
+
+    @property
+    def strictness(self) -> str:
+        """The level, which is not named without the limits that are other ones."""
+        return f"{self.level} (with other limits: {'; '.join(self.other_limits)})" if self.other_limits else self.level
 
     @property
     def passes(self) -> bool:
@@ -77,3 +84,12 @@ class Comparison:
     def worst_first(self) -> list[Outcome]:
         """By `Outcome.rank`, equals in the order of their names."""
         return sorted(self.outcomes, key=lambda outcome: outcome.rank)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Of what could not be compared. golden, actual: as they were given. why: in one line or several."""
+
+    golden: str
+    actual: str
+    why: str

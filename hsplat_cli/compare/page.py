@@ -41,6 +41,7 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         passes=comparison.passes,
         level=comparison.level,
         purpose=LEVELS[comparison.level].purpose,
+        other_limits=comparison.other_limits,
         sides=_sides(comparison),
         notes=comparison.notes,
         curve=error_curve(comparison),
@@ -65,7 +66,8 @@ def _allows_nothing(outcome: Outcome) -> bool:
 
 def verdict(comparison: Comparison) -> str:
     """In one line, with the level: `3 of 48 frames differ at cross-driver: 2 different, 1 missing`."""
-    outcomes, level = comparison.outcomes, comparison.level
+    outcomes = comparison.outcomes
+    level = f"{comparison.level} (with other limits)" if comparison.other_limits else comparison.level
     counts = Counter(outcome.status for outcome in outcomes)
     num, num_same = len(outcomes), counts["same"]
     if comparison.passes:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pair import Pair, Pixels
-from hsplat_cli.input_file import nearest_file
+from hsplat_cli.compare.words import count_text
+from hsplat_cli.input_file import is_same_file, nearest_file
 from hsplat_cli.picture_file import file_content, is_picture, picture_in, read_picture
 from renderer.errors import InputError
 from renderer.output_files import FRAME_FIELD as ANY_FRAME_FIELD
@@ -23,6 +25,7 @@ FILM_SUFFIXES = (".mp4", ".gif")
 _FOLDER, _TEMPLATE, _PICTURE = "a folder", "a template of frames", "a PNG picture"
 _EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format, MP4 or GIF"
 _MAX_NAMED = 3
+_MAX_TOLD = 10
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,8 @@ def _kind(path: Path) -> str:
     if ANY_FRAME_FIELD.search(str(path)):
         return _TEMPLATE
     suffix = path.suffix.lower()
+    if not is_there and path.is_symlink():
+        raise InputError("a link that leads nowhere", where=str(path), got=str(path.readlink()))
     if not is_there:
         raise InputError("no such file or folder", where=str(path), hint=nearest_file(path))
     if suffix in FILM_SUFFIXES:
@@ -158,18 +163,35 @@ def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden
             where=str(actual),
             got=_some(sorted(actuals, key=natural_order)),
             expected=f"{_some(sorted(goldens, key=natural_order))}, as in {golden}",
+            hint="they look alike, but the accents are other code points" if _composed(goldens, actuals) else None,
         )
-    if _place(goldens[both[0]]) == _place(actuals[both[0]]):
-        raise InputError(
-            "GOLDEN and ACTUAL are the same files", where=str(actual), hint="nothing is compared with itself"
-        )
+    one = [name for name in both if is_same_file(goldens[name], actuals[name])]
+    if len(one) == len(both):
+        raise _the_same_files(actual)
     numbers = frame_numbers(names)
 
     def read() -> Iterator[Pair]:
+        unreadable: list[InputError] = []
         for name in names:
-            yield Pair(name, *_pictures(goldens.get(name), actuals.get(name)), numbers.get(name))
+            try:
+                pictures = _pictures(goldens.get(name), actuals.get(name))
+            except InputError as error:
+                unreadable.append(error)
+                continue
+            if not unreadable:  # else there is no comparison, and the others are read to tell of all at once
+                yield Pair(name, *pictures, numbers.get(name))
+        if unreadable:
+            raise _together(unreadable)
 
-    return Pairs(names, (), read)
+    return Pairs(names, _links_told(one), read)
+
+
+def _together(errors: Sequence[InputError]) -> InputError:
+    if len(errors) == 1:
+        return errors[0]
+    num_more = len(errors) - _MAX_TOLD
+    more = [f"... and {count_text(num_more, 'more frame')} that cannot be read"] if num_more > 0 else []
+    return InputError("\n".join([*map(str, errors[:_MAX_TOLD]), *more]))
 
 
 def _some(names: Sequence[str]) -> str:
@@ -177,8 +199,23 @@ def _some(names: Sequence[str]) -> str:
     return listed(most, "and") if len(most) == len(names) else f"{', '.join(most)} and {len(names) - len(most)} more"
 
 
-def _place(path: Path) -> Path:
-    return path.parent.resolve() / path.name
+def _composed(goldens: Iterable[str], actuals: Iterable[str]) -> bool:
+    """Whether names are the same but for how Unicode composes letters, as some systems of files change it."""
+    composed, others = ({unicodedata.normalize("NFC", name) for name in names} for names in (goldens, actuals))
+    return bool(composed & others)
+
+
+def _the_same_files(actual: Path) -> InputError:
+    hint = "nothing is compared with itself, also not through links"
+    return InputError("GOLDEN and ACTUAL are the same files", where=str(actual), hint=hint)
+
+
+def _links_told(names: Sequence[str]) -> list[str]:
+    """A note on frames that are the goldens themselves, where others are not."""
+    if not names:
+        return []
+    words = "1 frame of ACTUAL is a link" if len(names) == 1 else f"{len(names)} frames of ACTUAL are links"
+    return [f"{words} to the golden, which is compared with itself: {_some(names)}"]
 
 
 def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, Pixels | None]:
@@ -212,17 +249,15 @@ def frame_numbers(names: Sequence[str]) -> Mapping[str, int]:
 
 @contextlib.contextmanager
 def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
-    if golden.resolve() == actual.resolve():
-        raise InputError(
-            "GOLDEN and ACTUAL are the same files", where=str(actual), hint="nothing is compared with itself"
-        )
+    if is_same_file(golden, actual):
+        raise _the_same_files(actual)
     num_goldens, num_actuals = num_frames(golden), num_frames(actual)
     if num_goldens != num_actuals:
         raise InputError(
             "films of different numbers of frames",
             where=str(actual),
-            got=f"{num_actuals} frames",
-            expected=f"{num_goldens} frames, as in {golden}",
+            got=count_text(num_actuals, "frame"),
+            expected=f"{count_text(num_goldens, 'frame')}, as in {golden}",
         )
     if num_goldens == 0:
         raise InputError("a film without a frame", where=str(golden))

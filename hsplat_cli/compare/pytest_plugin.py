@@ -32,8 +32,9 @@ def assert_frames_match() -> AssertFramesMatch:
 
     golden, actual: as on the command line: images, folders, templates or films, or a scene and the folder of its
     goldens.
-    level, limits: of the strictness, and figures by name that have others; by default those beside the goldens.
-    html: a page of the frames that differ most is written there, whether they match or not.
+    level: of the strictness, in the place of a file of limits beside the goldens. limits: other ones, by figure; None
+    takes one away.
+    html: a page of the frames that differ most is written to this .html file, whether they match or not.
 
     Raises AssertionError where frames differ, and InputError where they cannot be compared.
     """

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree
 
-from hsplat_cli.compare.outcome import Comparison, Outcome, Status
+from hsplat_cli.compare.outcome import Comparison, Failure, Outcome, Status
 from hsplat_cli.compare.words import count_text, figure_text, printable
 from renderer.frame_difference import FIGURES
 
@@ -68,7 +68,7 @@ def _summary(comparison: Comparison) -> Iterator[str]:
         yield f"{num_failing} of {count_text(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
         return
     verb = "passes" if num == 1 else "pass"
-    yield f"{count_text(num, 'frame')} {verb} at {comparison.level}: {parts}"
+    yield f"{count_text(num, 'frame')} {verb} at {printable(comparison.strictness)}: {parts}"
     worst = comparison.worst_first[0]
     if worst.status == "close":
         yield f"  {printable(worst.name)}: {worst.why}"
@@ -97,6 +97,7 @@ def json_of(comparison: Comparison) -> str:
         "golden": comparison.golden,
         "actual": comparison.actual,
         "level": comparison.level,
+        "other_limits": list(comparison.other_limits),
         "counts": {status: sum(each.status == status for each in comparison.outcomes) for status in _ORDER},
         "notes": list(comparison.notes),
         "facts": {name: {"golden": golden, "actual": actual} for name, (golden, actual) in comparison.facts.items()},
@@ -107,6 +108,15 @@ def json_of(comparison: Comparison) -> str:
         },
         "frames": [_record(outcome) for outcome in comparison.worst_first],
     }
+    return _json_text(data)
+
+
+def json_of_failure(failure: Failure) -> str:
+    """An object with `passes`, which is false, and `error` instead of what came of the frames."""
+    return _json_text({"passes": False, "golden": failure.golden, "actual": failure.actual, "error": failure.why})
+
+
+def _json_text(data: dict[str, Any]) -> str:
     # ASCII, so that also names with bytes that are no UTF-8 have a form.
     return f"{json.dumps(data, indent=2, allow_nan=False)}\n"
 
@@ -133,8 +143,9 @@ def junit_of(comparison: Comparison) -> str:
     num_failing = sum(not outcome.passes for outcome in comparison.outcomes)
     counts = {"tests": str(len(comparison.outcomes)), "failures": str(num_failing), "errors": "0"}
     root = ElementTree.Element("testsuites", {"name": "hsplat compare", **counts})
-    name = f"{printable(comparison.golden)} at {comparison.level}"
+    name = f"{printable(comparison.golden)} at {printable(comparison.strictness)}"
     suite = ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
+    _add_facts(suite, comparison)
     for outcome in comparison.worst_first:
         case = ElementTree.SubElement(
             suite, "testcase", {"classname": printable(comparison.golden), "name": printable(outcome.name)}
@@ -145,6 +156,34 @@ def junit_of(comparison: Comparison) -> str:
             failure.text = "\n".join(_details(comparison, outcome))
     if comparison.notes:
         ElementTree.SubElement(suite, "system-out").text = "\n".join(map(printable, comparison.notes))
+    return _xml_text(root)
+
+
+def _add_facts(suite: ElementTree.Element, comparison: Comparison) -> None:
+    """As properties, which come first in a suite; the driver of the goldens is called `golden driver`."""
+    if not comparison.facts:
+        return
+    properties = ElementTree.SubElement(suite, "properties")
+    for fact, sides in comparison.facts.items():
+        for side, value in zip(("golden", "actual"), sides, strict=True):
+            name = printable(f"{side} {fact}")
+            ElementTree.SubElement(properties, "property", {"name": name, "value": printable(value)})
+
+
+def junit_of_failure(failure: Failure) -> str:
+    """A test suite with one test case, which is an error: CI systems take no report at all for nothing wrong."""
+    counts = {"tests": "1", "failures": "0", "errors": "1"}
+    root = ElementTree.Element("testsuites", {"name": "hsplat compare", **counts})
+    name = printable(failure.golden)
+    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
+    case = ElementTree.SubElement(suite, "testcase", {"classname": name, "name": "could not be compared"})
+    lines = [printable(line) for line in failure.why.split("\n")]
+    error = ElementTree.SubElement(case, "error", {"message": lines[0], "type": "not compared"})
+    error.text = "\n".join([*lines, f"golden: {name}", f"actual: {printable(failure.actual)}"])
+    return _xml_text(root)
+
+
+def _xml_text(root: ElementTree.Element) -> str:
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
@@ -153,7 +192,7 @@ def _details(comparison: Comparison, outcome: Outcome) -> Iterator[str]:
     yield outcome.why
     yield f"golden: {printable(comparison.golden)}"
     yield f"actual: {printable(comparison.actual)}"
-    yield f"level: {comparison.level}"
+    yield f"level: {printable(comparison.strictness)}"
     for name, value in outcome.figures.items():
         verdict = "FAILS" if name in outcome.exceeded else "passes"
         yield f"{verdict}: {figure_text(name, value, outcome.limits[name])}"

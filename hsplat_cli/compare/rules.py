@@ -8,7 +8,8 @@ The file is called `compare.yaml`:
       frame-0007.png: {largest: 8, flip: 0.02}
 
 Each limit is that of the level, unless `limits` names the figure, unless the frame does, unless the command line does;
-`none` takes it away. Frames of a film are called `frame 7`.
+`none` takes it away. A level that the command line gives is meant as it stands: it takes the place of the whole file.
+Frames of a film are called `frame 7`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from hsplat_cli.compare.words import count_text, number_text
 from hsplat_cli.input_file import MAX_SCENE_BYTES, decode, read_content
 from hsplat_cli.picture_file import is_picture, require_file
 from hsplat_cli.scene_editor import excerpt
@@ -40,7 +42,7 @@ class Rules:
     """The limits of every frame.
 
     level: of LEVELS. limits: changes for all frames. frames: for some, by name. overrides: for all, in spite of those.
-    file: where frames are named, and places: where in it, for messages.
+    file: where frames are named, and places: where in it, for messages. notes: what the user should know.
     """
 
     level: str = DEFAULT_LEVEL
@@ -49,11 +51,31 @@ class Rules:
     overrides: Changes = field(default_factory=dict)
     file: Path | None = None
     places: Mapping[str, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
 
     def limits_for(self, name: str) -> Limits:
         """Of a frame, in the order of FIGURES; at least one."""
         changed = {**LEVELS[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
         return {figure: limit for figure in FIGURES if (limit := changed.get(figure)) is not None}
+
+    @property
+    def other_limits(self) -> list[str]:
+        """What is other than the level has it, and who says so: `largest 200, flip none by golden/compare.yaml`."""
+        of_level = LEVELS[self.level].limits
+        by_file = {figure: limit for figure, limit in self.limits.items() if figure not in self.overrides}
+        told = []
+        for changes, source in ((by_file, self.file), (self.overrides, "option")):
+            others = [
+                f"{figure} {'none' if limit is None else number_text(limit)}"
+                for figure, limit in changes.items()
+                if limit != of_level.get(figure)
+            ]
+            if others:
+                told.append(f"{', '.join(others)} by {source}")
+        num_frames = sum(self.limits_for(name) != self.limits_for("") for name in self.frames)
+        if num_frames:
+            told.append(f"those of {count_text(num_frames, 'frame')} by {self.file}")
+        return told
 
     def require_frames(self, names: Iterable[str]) -> None:
         """Raise SceneError for the frames with limits of their own that are neither among these nor pictures beside."""
@@ -72,11 +94,16 @@ class Rules:
         return self.file is not None and is_picture(name) and os.path.lexists(self.file.parent / name)
 
 
-def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] = ()) -> Rules:
+def load_rules(
+    golden: Path,
+    level: str | None = None,
+    overrides: Sequence[str] = (),
+    asked_by: tuple[str, str] = ("--level", "--limit"),
+) -> Rules:
     """The rules for goldens, from the file beside them, if there is one, and from the command line.
 
     golden: a folder, in which it is looked for, or a file, beside which. level: that of the command line.
-    overrides: `FIGURE=VALUE`.
+    overrides: `FIGURE=VALUE`. asked_by: what says which level and which overrides, for messages.
 
     Raises InputError where the file cannot be read, and SceneError with all that is wrong in it or the command line.
     """
@@ -84,19 +111,26 @@ def load_rules(golden: Path, level: str | None = None, overrides: Sequence[str] 
     if level is not None:
         found: list[Problem] = []
         _LEVEL.read(Node(level, "", found))
-        problems += [replace(problem, place=f"--level {level}") for problem in found]
+        problems += [replace(problem, place=f"{asked_by[0]} {level}") for problem in found]
     changes: dict[str, float | None] = {}
     for text in overrides:
-        changes.update(_override(text, problems))
+        changes.update(_override(text, asked_by[1], problems))
     from_file = _rules_of_file(golden if os.path.isdir(golden) else golden.parent, problems)
-    rules = replace(from_file, level=level or from_file.level, overrides=changes)
     if problems:
         raise SceneError(problems)
+    rules = replace(from_file if level is None else _instead_of(from_file, level), overrides=changes)
     for name in ("", *rules.frames):
         if not rules.limits_for(name):
             hint = "a comparison without limits would pass whatever there is"
             raise InputError("no figure has a limit any more", where=rules.places.get(name), hint=hint)
     return rules
+
+
+def _instead_of(from_file: Rules, level: str) -> Rules:
+    """Rules of a level that is asked for."""
+    if not (from_file.limits or from_file.frames):
+        return Rules(level)
+    return Rules(level, notes=[f"the level {level} is asked for: what {from_file.file} says does not hold"])
 
 
 def _limit(figure: Figure) -> Kind[Any]:
@@ -133,22 +167,23 @@ def _parse_frames(node: Node) -> dict[str, Any]:
 _FRAMES: Kind[dict[str, Any]] = Kind("a mapping of frames to their limits", _parse_frames)
 
 
-def _override(text: str, problems: list[Problem]) -> dict[str, float | None]:
+def _override(text: str, asked_by: str, problems: list[Problem]) -> dict[str, float | None]:
     """What `FIGURE=VALUE` changes."""
     name, equals, value = (part.strip() for part in text.partition("="))
     found: list[Problem] = []
     if equals:
         changes = _LIMITS.read(Node({name: value or None}, "", found))
     else:
-        changes, found = {}, [Problem("", "not a limit", expected="--limit FIGURE=VALUE, such as largest=4")]
-    problems += [replace(problem, place=f"--limit {text}") for problem in found]
+        changes, found = {}, [Problem("", "not a limit", expected=f"{asked_by} FIGURE=VALUE, such as largest=4")]
+    problems += [replace(problem, place=f"{asked_by} {text}") for problem in found]
     return changes
 
 
 def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     path = folder / FILE
-    if os.path.lexists(mistaken := folder / _MISTAKEN_FILE):
-        raise InputError("not read under this name", where=str(mistaken), hint=f"call it {FILE}")
+    mistaken = [name for name in _names_in(folder) if name.lower() in (FILE, _MISTAKEN_FILE) and name != FILE]
+    if mistaken:
+        raise InputError("not read under this name", where=str(folder / min(mistaken)), hint=f"call it {FILE}")
     if not os.path.lexists(path):
         return Rules()
     require_file(path, "a file of limits")
@@ -174,6 +209,13 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
         file=path,
         places={name: _place(path, tree.places[join("frames", name)].key) for name in frames},
     )
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except OSError:  # whoever looks for frames there tells of it
+        return []
 
 
 def _located(tree: Tree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,16 +10,17 @@ from typing import Protocol
 
 from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.judge import judge
-from hsplat_cli.compare.outcome import Comparison, Outcome
+from hsplat_cli.compare.outcome import Comparison, Failure, Outcome
 from hsplat_cli.compare.pair import Pair
-from hsplat_cli.compare.report import json_of, junit_of
+from hsplat_cli.compare.report import json_of, json_of_failure, junit_of, junit_of_failure
 from hsplat_cli.compare.rules import Rules
+from hsplat_cli.input_file import is_same_file
 from hsplat_cli.progress import progress
 from renderer.errors import InputError, require_package
-from renderer.staging import require_writable, staged_together
+from renderer.staging import explained, require_writable, staged_together
 
-# A report under such a name would be written over what is compared, or what it is compared by.
-_NOT_REPORTS = (".png", ".mp4", ".gif", ".yaml", ".yml")
+# No report has the name of a frame, a scene or a volume: a slip of the pen costs none of them.
+_SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}
 
 
 class AnyPairs(Protocol):
@@ -47,17 +49,37 @@ class ReportFiles:
     junit: Path | None = None
     html: Path | None = None
 
-    def require_writable(self) -> None:
-        """Raise InputError or RenderError where one of them cannot be made; missing folders are made."""
+    @property
+    def paths(self) -> dict[str, Path]:
+        """Of those that are asked for, by their options."""
         given = {"--json": self.json, "--junit": self.junit, "--html": self.html}
-        taken: dict[Path, str] = {}
-        for option, path in given.items():
-            if path is None:
-                continue
-            if path.suffix.lower() in _NOT_REPORTS:
-                raise InputError("not a name for a report", where=f"{option} {path}", got=f"a {path.suffix} file")
-            if (other := taken.setdefault(path.absolute(), option)) != option:
-                raise InputError("two reports in one file", where=f"{option} {path}", got=f"the same as {other}")
+        return {option: path for option, path in given.items() if path is not None}
+
+    def require_names(self, inputs: Sequence[Path]) -> None:
+        """Raise InputError where a name is not that of a report, or of what is compared: `inputs`, if they are there.
+
+        Nothing is written, and no folder is made.
+        """
+        for option, path in self.paths.items():
+            where, suffixes = f"{option} {path}", _SUFFIXES[option]
+            if path.suffix.lower() not in suffixes:
+                got = f"a {path.suffix} file" if path.suffix else "no suffix"
+                raise InputError("not a name for a report", where=where, got=got, expected=f"a {suffixes[0]} file")
+            if os.path.exists(path) and not os.path.isfile(path):  # a device, or a pipe
+                got = "a folder" if os.path.isdir(path) else "something that is no file"
+                raise InputError("a report cannot take the place of this", where=where, got=got)
+            if any(is_same_file(path, other) for other in inputs):
+                raise InputError("a report would be written over what is compared", where=where)
+
+    def prepare(self) -> None:
+        """Remove those of an earlier comparison, which would say that all is well while this one fails.
+
+        Raises InputError or RenderError where one of them cannot be written; missing folders are made.
+        """
+        for path in self.paths.values():
+            with explained(path):
+                path.unlink(missing_ok=True)
+        for path in self.paths.values():
             require_writable(path)
         if self.html is not None:
             require_package("jinja2", extra="compare")
@@ -78,14 +100,22 @@ class ReportFiles:
             for path, text in texts.items():
                 write(path, text.encode())
 
+    def write_failure(self, golden: str, actual: str, why: str) -> None:
+        """Write that there was no comparison, and why, where JSON or JUnit is asked for."""
+        failure = Failure(golden, actual, why)
+        with staged_together() as write:
+            if self.json is not None:
+                write(self.json, json_of_failure(failure).encode())
+            if self.junit is not None:
+                write(self.junit, junit_of_failure(failure).encode())
+
 
 def run_comparison(
     pairs: AnyPairs, rules: Rules, *, golden: str, actual: str, reports: ReportFiles, quiet: bool
 ) -> Comparison:
     """Judge all pairs and write the reports.
 
-    golden, actual: as in Comparison. Raises InputError where a frame cannot be compared, in which case nothing is
-    written, and as `ReportFiles.require_writable`.
+    golden, actual: as in Comparison. Raises InputError where a frame cannot be compared; no report is written then.
     """
     rules.require_frames(pairs.names)
     gallery = Gallery()
@@ -97,6 +127,8 @@ def run_comparison(
             done.advance()
 
         outcomes = judge(pairs, rules, see)
-    comparison = Comparison(golden, actual, rules.level, outcomes, pairs.notes, pairs.facts)
+    comparison = Comparison(
+        golden, actual, rules.level, outcomes, [*pairs.notes, *rules.notes], pairs.facts, rules.other_limits
+    )
     reports.write(comparison, gallery)
     return comparison

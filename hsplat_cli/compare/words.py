@@ -22,7 +22,13 @@ def value_text(name: str, value: float, limit: float) -> str:
 
 def limit_text(name: str, limit: float) -> str:
     """`at most 4`, `at least 0.99`."""
-    return f"{'at least' if FIGURES[name].higher_is_better else 'at most'} {limit:g}"
+    return f"{'at least' if FIGURES[name].higher_is_better else 'at most'} {number_text(limit)}"
+
+
+def number_text(number: float) -> str:
+    """With as many digits as it takes to tell it from any other: `4`, `0.99`, `0.12345678`."""
+    text = f"{number:g}"
+    return text if float(text) == number else repr(number)
 
 
 def limits_text(name: str, limits: Iterable[float]) -> str:
@@ -30,7 +36,7 @@ def limits_text(name: str, limits: Iterable[float]) -> str:
     first, *others = sorted(set(limits))
     if others:
         return f"{FIGURES[name].label}, each frame with a limit of its own"
-    return " ".join(filter(None, (f"{FIGURES[name].label},", limit_text(name, first), _unit(name, f"{first:g}"))))
+    return " ".join(filter(None, (f"{FIGURES[name].label},", limit_text(name, first), _unit(name, number_text(first)))))
 
 
 def signed_text(value: float) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import stat
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -75,8 +77,50 @@ def test_names(refused: Refused) -> None:
     assert refused("golden/frame-0000.png", "actual/fame-0000.png") == (
         "actual/fame-0000.png: no such file or folder\n  hint: did you mean actual/frame-0000.png?\n"
     )
-    assert refused("golden", "golden/") == (
-        "golden: GOLDEN and ACTUAL are the same files\n  hint: nothing is compared with itself\n"
+
+
+def test_a_name_that_is_not_there(refused: Refused) -> None:
+    """As of a variable of the shell that is not set, and not the current folder."""
+    assert refused("", "actual") == "GOLDEN: an empty name\n  expected: a file or folder\n"
+    assert refused("golden", "") == "ACTUAL: an empty name\n  expected: a file or folder\n"
+
+
+def test_a_link_that_leads_nowhere(refused: Refused) -> None:
+    Path("link").symlink_to("gone")
+    assert refused("golden", "link") == "link: a link that leads nowhere\n  got: gone\n"
+
+
+def test_names_that_look_alike(refused: Refused) -> None:
+    for side, name in (("golden", "\u00e9.png"), ("actual", "e\u0301.png")):
+        empty(side)
+        Path(side, name).touch()
+    assert refused() == (
+        "actual: no frame of ACTUAL has the name of a golden\n"
+        "  got: 'e\u0301.png'\n"
+        "  expected: '\u00e9.png', as in golden\n"
+        "  hint: they look alike, but the accents are other code points\n"
+    )
+
+
+def test_the_same_files(refused: Refused, capsys: pytest.CaptureFixture[str]) -> None:
+    hint = "  hint: nothing is compared with itself, also not through links\n"
+    assert refused("golden", "golden/") == f"golden: GOLDEN and ACTUAL are the same files\n{hint}"
+    Path("folder").symlink_to("golden")
+    assert refused("golden", "folder") == f"folder: GOLDEN and ACTUAL are the same files\n{hint}"
+    Path("film.mp4").touch()
+    Path("link.mp4").symlink_to("film.mp4")
+    assert refused("film.mp4", "link.mp4") == f"link.mp4: GOLDEN and ACTUAL are the same files\n{hint}"
+    empty("actual")
+    for number in range(3):
+        Path(f"actual/frame-{number:04}.png").symlink_to(f"../golden/frame-{number:04}.png")
+    assert refused() == f"actual: GOLDEN and ACTUAL are the same files\n{hint}"
+    Path(FIRST).unlink()
+    write_frames(Path("actual"), [noise(0)])
+    assert main.run(["compare", "golden", "actual"]) == 0
+    assert capsys.readouterr().out == (
+        "3 frames pass at same-machine: 3 the same\n"
+        "note: 2 frames of ACTUAL are links to the golden, which is compared with itself:"
+        " 'frame-0001.png' and 'frame-0002.png'\n"
     )
 
 
@@ -148,6 +192,19 @@ def test_damaged_pictures(refused: Refused) -> None:
     )
 
 
+def test_many_damaged_pictures(refused: Refused) -> None:
+    for number in (0, 2):
+        Path(f"actual/frame-{number:04}.png").write_bytes(b"")
+    assert refused() == "".join(
+        f"actual/frame-{number:04}.png: an empty file\n  expected: {PNG}\n" for number in (0, 2)
+    )
+    write_frames(Path("golden"), [noise(0)] * 12)
+    for number in range(12):
+        Path(f"actual/frame-{number:04}.png").write_bytes(b"")
+    lines = refused().splitlines()
+    assert (len(lines), lines[-1]) == (21, "... and 2 more frames that cannot be read")
+
+
 @pytest.mark.parametrize(
     ("content", "got"),
     [
@@ -176,6 +233,10 @@ def test_films(refused: Refused) -> None:
     pictures = [smooth(number) for number in range(6)]
     write_film(Path("golden.mp4"), pictures)
     write_film(Path("short.mp4"), pictures[:4])
+    write_film(Path("one.mp4"), pictures[:1])
+    assert refused("short.mp4", "one.mp4") == (
+        "one.mp4: films of different numbers of frames\n  got: 1 frame\n  expected: 4 frames, as in short.mp4\n"
+    )
     assert refused("golden.mp4", "short.mp4") == (
         "short.mp4: films of different numbers of frames\n  got: 4 frames\n  expected: 6 frames, as in golden.mp4\n"
     )
@@ -261,6 +322,8 @@ def test_a_file_of_limits_that_is_no_yaml(refused: Refused) -> None:
     Path("golden/compare.yaml").unlink()
     Path("golden/compare.yml").touch()
     assert refused() == "golden/compare.yml: not read under this name\n  hint: call it compare.yaml\n"
+    Path("golden/compare.yml").rename("golden/Compare.yaml")
+    assert refused() == "golden/Compare.yaml: not read under this name\n  hint: call it compare.yaml\n"
 
 
 def test_frames_that_are_not_there(refused: Refused) -> None:
@@ -310,22 +373,53 @@ def test_a_package_that_is_missing(refused: Refused, monkeypatch: pytest.MonkeyP
 # Options
 
 
+NOT_THIS = ": a report would be written over what is compared\n"
+
+
 def test_reports(refused: Refused) -> None:
-    assert refused("golden", "actual", "--json", "golden") == (
-        "--json golden: a report would be written over what is compared\n"
+    Path("reports.json").mkdir()
+    assert refused("golden", "actual", "--json", "reports.json") == (
+        "--json reports.json: a report cannot take the place of this\n  got: a folder\n"
     )
-    Path("reports").mkdir()
-    assert refused("golden", "actual", "--json", "reports") == (
-        "reports: the output is a folder\n  expected: the name of a file\n"
-    )
+    os.mkfifo("pipe.xml")
+    Path("link.xml").symlink_to("pipe.xml")
+    for name in ("pipe.xml", "link.xml"):
+        assert refused("golden", "actual", "--junit", name) == (
+            f"--junit {name}: a report cannot take the place of this\n  got: something that is no file\n"
+        )
+    assert stat.S_ISFIFO(os.stat("link.xml").st_mode)
     assert refused("golden", "actual", "--junit", f"{FIRST}/report.xml") == (
         f"{FIRST}/report.xml: the folder of the output is a file\n  got: {FIRST}\n"
     )
-    assert refused("golden", "actual", "--json", "report", "--html", "report") == (
-        "--html report: two reports in one file\n  got: the same as --json\n"
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "got", "expected"),
+    [
+        ("--html", FIRST, "a .png file", "a .html file"),
+        ("--json", "scan.npy", "a .npy file", "a .json file"),
+        ("--json", "-", "no suffix", "a .json file"),
+        ("--json", "report.xml", "a .xml file", "a .json file"),
+        ("--junit", "golden", "no suffix", "a .xml file"),
+    ],
+)
+def test_names_that_no_report_has(refused: Refused, option: str, name: str, got: str, expected: str) -> None:
+    Path("scan.npy").write_bytes(b"a volume")
+    assert refused("golden", "actual", option, name) == (
+        f"{option} {name}: not a name for a report\n  got: {got}\n  expected: {expected}\n"
     )
-    assert refused("golden", "actual", "--html", FIRST) == (
-        f"--html {FIRST}: not a name for a report\n  got: a .png file\n"
+
+
+def test_reports_over_what_is_compared(refused: Refused) -> None:
+    Path("golden/golden.json").write_text("{}")
+    Path("film.mp4.json").write_text("{}")
+    Path("link").symlink_to("golden")
+    Path("link.json").symlink_to("golden/golden.json")
+    for name in ("golden/golden.json", "golden/../golden/golden.json", "link/golden.json", "link.json"):
+        for sides in (("golden", "actual"), ("film.mp4.json", "golden")):
+            assert refused(*sides, "--json", name) == f"--json {name}{NOT_THIS}"
+    assert refused("film.mp4.json", "golden", "--json", "golden/../film.mp4.json") == (
+        f"--json golden/../film.mp4.json{NOT_THIS}"
     )
 
 

@@ -118,7 +118,7 @@ scene.yaml:12:5: camera: a key that is a list or a mapping
 scene.yaml:2:1: not valid YAML: a second document
     | ---
     | ^
-  hint: one scene a file: remove everything from this --- on
+  hint: one document a file: remove everything from this --- on
 """,
     ),
     "several": (

@@ -17,6 +17,7 @@ from processes import MARK, marked, new_mark
 
 from hsplat_cli import main
 from hsplat_cli.compare import judge
+from renderer.errors import RenderError
 from renderer.png import encode_png
 
 CODE = Path(main.__file__).parents[1]
@@ -104,6 +105,7 @@ def test_levels_and_limits() -> None:
     Path("golden/compare.yaml").write_text("level: exact\nframes:\n  frame-3.png: {largest: 1}\n", encoding="utf-8")
     assert compare() == 0
     assert compare("golden/frame-3.png", "actual/frame-3.png") == 0
+    assert compare("golden", "actual", "--level", "exact") == 1
     paint("frame-4.png", 1, first=1)
     assert compare() == 1
 
@@ -129,11 +131,53 @@ def test_films(capsys: pytest.CaptureFixture[str]) -> None:
         Path("compare.yaml").unlink()
 
 
-def test_nothing_is_written_when_a_frame_cannot_be_read() -> None:
+def test_reports_tell_what_could_not_be_compared(capsys: pytest.CaptureFixture[str]) -> None:
+    """And those of an earlier comparison are gone, which said that all is well."""
+    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 0
     paint("frame-3.png", 8)
     Path("actual/frame-11.png").write_bytes(Path("actual/frame-11.png").read_bytes()[:-9])
     assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 2
-    assert list(Path("reports").iterdir()) == []
+    said = capsys.readouterr().err.removesuffix("\n")
+    assert said.startswith("actual/frame-11.png: the PNG file is cut off\n")
+    assert json.loads(Path(REPORTS[0]).read_text()) == {
+        "passes": False,
+        "golden": "golden",
+        "actual": "actual",
+        "error": said,
+    }
+    root = ElementTree.parse(REPORTS[1]).getroot()
+    for element in (root, root[0]):
+        assert [element.get(count) for count in ("tests", "failures", "errors")] == ["1", "0", "1"]
+    (case,) = root[0]
+    (error,) = case
+    assert (case.get("name"), error.tag, error.get("message")) == (
+        "could not be compared",
+        "error",
+        "actual/frame-11.png: the PNG file is cut off",
+    )
+    assert error.text == f"{said}\ngolden: golden\nactual: actual"
+    assert not Path(REPORTS[2]).exists()
+
+
+@pytest.mark.parametrize("error", [MemoryError(), KeyError("a bug"), RenderError("no GL")])
+def test_reports_tell_of_what_nobody_expected(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(judge, "outcome_of", fail)
+    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 2
+    assert ElementTree.parse(REPORTS[1]).getroot().get("errors") == "1"
+    assert json.loads(Path(REPORTS[0]).read_text())["passes"] is False
+
+
+@pytest.mark.parametrize("arguments", [("golden", "empty"), ("golden", "actual", "--level", "none")])
+def test_no_report_is_of_an_earlier_comparison(arguments: tuple[str, ...]) -> None:
+    Path("empty").mkdir()
+    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 0
+    assert compare(*arguments, *WRITE_REPORTS, "--quiet") == 2
+    assert ElementTree.parse(REPORTS[1]).getroot().get("errors") == "1"
+    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 0
+    assert ElementTree.parse(REPORTS[1]).getroot().get("errors") == "0"
 
 
 def test_reports_that_cannot_be_written_are_told_first(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,8 +186,8 @@ def test_reports_that_cannot_be_written_are_told_first(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(judge, "outcome_of", looked_at)
     Path("file").touch()
-    for option in ("--json", "--junit", "--html"):
-        assert compare("golden", "actual", option, "file/report") == 2
+    for option, suffix in (("--json", "json"), ("--junit", "xml"), ("--html", "html")):
+        assert compare("golden", "actual", option, f"file/report.{suffix}") == 2
 
 
 def test_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,3 +224,30 @@ def test_odd_names_as_a_program() -> None:
     told = {frame["name"] for frame in json.loads(Path(REPORTS[0]).read_text())["frames"]}
     assert {os.fsdecode(name) for name in names} <= told
     ElementTree.parse(REPORTS[1])
+
+
+@pytest.mark.parametrize(
+    ("script", "codes"),
+    [
+        ('"$@" >/dev/full', (2, 2)),
+        ('"$@" 2>/dev/full', (2, 2)),
+        ('"$@" >&-', (0, 1)),
+        ('"$@" <&- >&- 2>&-', (0, 1)),
+        ('exec 3> >(true); wait $!; "$@" >&3', (2, 2)),
+    ],
+    ids=["full", "no errors", "closed", "all closed", "no reader"],
+)
+def test_1_says_that_frames_differ_and_nothing_else(script: str, codes: tuple[int, int]) -> None:
+    """Also where what it prints goes nowhere."""
+    paint("frame-3.png", 64)
+    for actual, code in zip(("copy", "actual"), codes, strict=True):
+        shutil.copytree("golden", "copy", dirs_exist_ok=True)
+        command = [sys.executable, "-m", "hsplat_cli", "compare", "golden", actual]
+        done = subprocess.run(
+            ["bash", "-c", script, "bash", *command],
+            check=False,
+            capture_output=True,
+            env=os.environ | {"PYTHONPATH": str(CODE)},
+        )
+        assert done.returncode == code
+        assert b"a bug" not in done.stderr and b"Traceback" not in done.stderr

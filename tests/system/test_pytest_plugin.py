@@ -53,6 +53,10 @@ def test_nothing_there(assert_frames_match):
         assert_frames_match("goldens", "nowhere")
 
 
+def test_a_wrong_limit(assert_frames_match):
+    assert_frames_match("goldens", "same", level="cross", limits={"densest": "many", "largest": "none"})
+
+
 def test_a_scene(assert_frames_match):
     assert_frames_match("scene.yaml", "of_scene", level="exact")
 """
@@ -98,12 +102,22 @@ def folder(tmp_path: Path) -> Path:
 def test_the_fixture(folder: Path) -> None:
     done = run(folder, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", "-q", "-rA", "test_frames.py")
     failed = {line.split()[1] for line in done.stdout.splitlines() if line.startswith("FAILED ")}
-    assert failed == {"test_frames.py::test_another"}, done.stdout + done.stderr
-    assert "5 passed" in done.stdout and "1 failed" in done.stdout
+    assert failed == {f"test_frames.py::{name}" for name in ("test_another", "test_a_wrong_limit")}, done.stdout
+    assert "5 passed" in done.stdout and "2 failed" in done.stdout
     assert "AssertionError: goldens and other do not match" in done.stdout
     assert "0.png  different  largest error of a channel 9 levels, at most 1" in done.stdout
     assert "2 of 2 frames fail: 2 different" in done.stdout
     assert "matching.py" not in done.stdout, "what is shown is the test, not how the frames were compared"
+    wrong = [line.removeprefix("E").strip() for line in done.stdout.splitlines() if line.startswith("E  ")][-6:]
+    assert wrong == [
+        "renderer.errors.SceneError: level cross: unknown value",
+        "got: 'cross'",
+        "expected: exact, same-machine or cross-driver",
+        "limits densest=many: densest: not a number",
+        "got: 'many'",
+        "expected: a number from 0 to 255 levels, or none",
+    ]
+    assert "rules.py" not in done.stdout
     assert (folder / "report.html").stat().st_size > 0
 
 

@@ -13,6 +13,7 @@ import click
 import pytest
 
 from hsplat_cli import check, main
+from hsplat_cli.compare import command
 from renderer.errors import InputError, RenderError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -161,6 +162,18 @@ def test_every_error_is_a_message_and_a_code(
 ) -> None:
     assert fail(error) == code
     assert capsys.readouterr() == ("", message)
+
+
+@pytest.mark.parametrize("error", [RenderError("the disk is full"), MemoryError(), KeyError("a")])
+def test_1_is_for_frames_that_differ_where_they_are_compared(
+    monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    @click.command()
+    def failing() -> None:
+        raise error
+
+    monkeypatch.setattr(command, "compare", failing)
+    assert main.run(["compare"]) == 2
 
 
 def test_the_traceback_is_there_for_whoever_asks(

@@ -103,6 +103,16 @@ def test_notes_are_told_always_and_facts_where_it_fails() -> None:
 # Files
 
 
+def test_the_level_is_not_named_without_other_limits() -> None:
+    others = ["largest 200 by g/compare.yaml", "flip none by option"]
+    told = comparison([close("a.png")], other_limits=others)
+    words = "same-machine (with other limits: largest 200 by g/compare.yaml; flip none by option)"
+    assert table_of(told).splitlines()[0] == f"1 frame passes at {words}: 1 close"
+    assert json.loads(json_of(told))["other_limits"] == others
+    assert ElementTree.fromstring(junit_of(told).encode())[0].get("name") == f"golden at {words}"
+    assert f"level: {words}\n" in junit_of(comparison([different("a.png")], other_limits=others))
+
+
 def test_json_has_everything_worst_first() -> None:
     data = json.loads(json_of(MIXED))
     assert (data["passes"], data["level"], data["golden"], data["actual"]) == (
@@ -172,6 +182,16 @@ def test_notes_in_junit() -> None:
     suite = ElementTree.fromstring(junit_of(comparison([same("a.png")], notes=["one", "two"])).encode())[0]
     assert [child.tag for child in suite] == ["testcase", "system-out"]
     assert suite[1].text == "one\ntwo"
+
+
+def test_facts_in_junit() -> None:
+    facts = {"driver": ("llvmpipe 1", "llvmpipe 2")}
+    suite = ElementTree.fromstring(junit_of(comparison([same("a.png")], facts=facts)).encode())[0]
+    assert [child.tag for child in suite] == ["properties", "testcase"]
+    assert [(each.tag, each.attrib) for each in suite[0]] == [
+        ("property", {"name": "golden driver", "value": "llvmpipe 1"}),
+        ("property", {"name": "actual driver", "value": "llvmpipe 2"}),
+    ]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -57,16 +58,48 @@ def test_the_later_holds(tmp_path: Path) -> None:
     assert rules.limits_for("frame-0007.png") == {**seven, "ssim": 0.9}
 
 
+def test_a_level_that_is_asked_for_takes_the_place_of_the_file(tmp_path: Path) -> None:
+    write(tmp_path, "limits: {largest: 200, p99: none}\nframes: {a.png: {ssim: 0.9}}\n")
+    rules = load_rules(tmp_path, "exact")
+    assert rules.limits_for("a.png") == rules.limits_for("b.png") == LEVELS["exact"].limits
+    assert rules.other_limits == []
+    assert rules.notes == [f"the level exact is asked for: what {tmp_path / 'compare.yaml'} says does not hold"]
+    rules = load_rules(tmp_path, "exact", ["largest=4"])
+    assert rules.limits_for("a.png") == {"largest": 4}
+    assert rules.other_limits == ["largest 4 by option"]
+    write(tmp_path, "level: cross-driver")
+    assert list(load_rules(tmp_path, "exact").notes) == []
+
+
+def test_other_limits_than_the_level_has_are_told(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        "level: cross-driver\n"
+        "limits: {largest: 200, p99: none, flip: 0.012, ssim: none, densest: 3}\n"
+        "frames: {a.png: {largest: 8}, b.png: {largest: 200}}\n",
+    )
+    file = tmp_path / "compare.yaml"
+    assert load_rules(tmp_path).other_limits == [
+        f"largest 200, p99 none, densest 3 by {file}",
+        f"those of 1 frame by {file}",
+    ]
+    assert load_rules(tmp_path, overrides=["largest=5", "p99=0.12345678", "densest=none"]).other_limits == [
+        "p99 0.12345678, densest none by option"
+    ]
+    assert Rules().other_limits == []
+
+
 @given(st.dictionaries(st.sampled_from(list(FIGURES)), st.one_of(st.none(), st.floats(0, 1)), max_size=6))
 def test_limits_are_in_the_order_in_which_they_are_looked_at(changes: dict[str, float | None]) -> None:
     names = list(Rules(limits=changes).limits_for(""))
     assert names == [name for name in FIGURES if name in names]
 
 
-def test_the_help_names_all_levels() -> None:
-    (option,) = [option for option in compare.params if option.name == "level"]
+@pytest.mark.parametrize(("name", "words"), [("level", LEVELS), ("limits", FIGURES)])
+def test_the_help_names_all(name: str, words: Iterable[str]) -> None:
+    (option,) = [option for option in compare.params if option.name == name]
     assert isinstance(option, click.Option)
-    assert [level for level in LEVELS if level not in str(option.help)] == []
+    assert [word for word in words if word not in str(option.help)] == []
 
 
 def test_the_file_is_beside_a_file(tmp_path: Path) -> None:

@@ -200,6 +200,14 @@ def test_transparent_pictures_lie_on_a_checkerboard() -> None:
     assert sum("transparent" in value for value in classes) == 1
 
 
+def test_a_page_tells_of_other_limits() -> None:
+    text = comparison_page(
+        *shown(off_by(1, "a"), other_limits=["largest 200 by g/compare.yaml", "flip none by option"])
+    )
+    assert "<title>The frame" in text and "of same-machine (with other limits)" in text
+    assert "; but <strong>with other limits</strong>: largest 200 by g/compare.yaml; flip none by option.</p>" in text
+
+
 @pytest.mark.parametrize(("levels", "gain"), [(5, 50), (6, 10)])
 def test_differences_are_amplified_as_far_as_they_can_be_told_apart(levels: int, gain: int) -> None:
     (checked,) = re.findall(r'id="gain-(\d+)" checked', comparison_page(*shown(off_by(levels, "a"))))
