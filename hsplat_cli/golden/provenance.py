@@ -63,6 +63,11 @@ def golden_file(frame: int, num_frames: int) -> str:
     return f"frame-{frame:0{max(4, len(str(num_frames - 1)))}}.png"
 
 
+def is_golden_file(name: str) -> bool:
+    """Whether a file is called as `golden_file` calls one, for whatever frame."""
+    return _GOLDEN_FILE.fullmatch(name) is not None
+
+
 def origin_of(told: Mapping[str, Any]) -> dict[str, Any]:
     """The origin of frames, of what the JSON file beside them tells; where the volume lies is left out.
 

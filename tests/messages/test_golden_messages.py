@@ -337,6 +337,18 @@ def test_scenes_that_are_not_in_their_place(
     assert capsys.readouterr() == ("", text)
 
 
+def test_goldens_that_golden_json_has_lost(keep: Callable[..., None], capsys: pytest.CaptureFixture[str]) -> None:
+    keep()
+    for number in range(1, 6):
+        Path(f"goldens/frame-000{number}.png").touch()
+    assert main.run(["compare", "scene.yaml", "goldens"]) == 2
+    assert capsys.readouterr().err == (
+        "goldens: golden.json does not tell of all goldens in this folder\n"
+        "  got: frame-0002.png, frame-0003.png, frame-0004.png and 1 more\n"
+        "  hint: restore golden.json; or move what is not golden away\n"
+    )
+
+
 def test_a_scene_that_has_none_of_the_frames(keep: Callable[..., None], capsys: pytest.CaptureFixture[str]) -> None:
     keep(frames=[{"frame": 200, "file": "frame-0200.png", "digest": DIGEST}])
     assert main.run(["compare", "scene.yaml", "goldens"]) == 2
