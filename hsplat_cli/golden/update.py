@@ -47,8 +47,9 @@ class Wish:
 def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) -> None:
     """Draw the frames and keep them; where there are goldens already, only once `ask` says so.
 
-    Raises InputError where there are goldens and nobody wants an update, or other files of their names; what drawing
-    and writing raise; and click's Exit with 1 where the user does not want what changes.
+    Raises InputError where there are goldens and nobody wants an update, other files of their names, or goldens that
+    would stay though the scene is another; what drawing and writing raise; and click's Exit with 1 where the user does
+    not want what changes.
     """
     folder = wish.folder
     with locked(folder / _UNFINISHED, [0], folder / NAME):
@@ -65,6 +66,7 @@ def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) 
         _require_free(folder, names.values(), before)
         with drawn(job, frames, crew, quiet=wish.quiet) as drawing:
             plan = make_plan(folder, before, names, drawing, date=wish.date, prune=wish.prune)
+            plan.require_one_origin(folder)
             must_ask = before is not None and plan.changes_anything and not wish.yes
             if must_ask or not wish.quiet:
                 _tell(_report(plan, drawing, folder))

@@ -79,7 +79,7 @@ def figures(largest: float, densest: float, p99: float, bias: float) -> Mapping[
 def test_what_an_update_changes() -> None:
     plan = Plan(
         before=provenance(0, 1, 2, 3, 7, 8),
-        after=provenance(0, 1, 2, 3, 4, 8, scene={"error": {"tolerance": 0.2}}, gl="softpipe"),
+        after=provenance(0, 1, 2, 3, 4, 8, gl="softpipe", versions={"numpy": "2.2.0"}),
         sources={},
         changes=(
             Change("frame-0004.png", "is new"),
@@ -104,8 +104,8 @@ def test_what_an_update_changes() -> None:
   p99: {FIGURES["p99"].label}
   bias: {FIGURES["bias"].label}
 to be removed, for nobody asks for it: frame-0007.png
-not asked for, and left as they are, of what the scene was (--prune removes them): frame-0008.png
-what has changed since they were drawn: gl was 'llvmpipe'; scene.error.tolerance was 0.1"""
+not asked for, and left as they are (--prune removes them): frame-0008.png
+what has changed since they were drawn: gl was 'llvmpipe'; versions.numpy was '2.1.0'"""
     )
 
 
@@ -200,6 +200,17 @@ def test_the_question(golden: Command, answer: str, code: int, end: str, monkeyp
 def test_options_that_cannot_be(golden: Command, options: list[str], text: str) -> None:
     assert golden(*options) == (2, "", text)
     assert not Path("goldens").exists()
+
+
+def test_an_update_of_some_frames_of_another_scene(golden: Command) -> None:
+    assert golden("--quiet")[0] == 0
+    assert golden("--update", "--yes", "--quiet", "--frames", "0", "--set", "error.tolerance=0.2") == (
+        2,
+        "",
+        "goldens: goldens would stay that were not drawn from what golden.json would say\n"
+        "  got: scene.error.tolerance was 0.1\n"
+        "  hint: update all frames; or --prune removes the others: frame-0001.png\n",
+    )
 
 
 def test_a_file_of_somebody_else(golden: Command, scene_folder: Path) -> None:

@@ -77,12 +77,11 @@ def test_the_first_goldens(capsys: pytest.CaptureFixture[str]) -> None:
     assert golden("--date", "2026-11-21") == 0
     assert sorted(path.name for path in FOLDER.iterdir()) == [*NAMES, "golden.json"]
     data = told()
-    assert list(data) == ["format", "date", "volume", "gl", "scene", "versions", "frames"]
-    assert data["date"] == "2026-11-21"
+    assert list(data) == ["format", "volume", "gl", "scene", "versions", "frames"]
     assert data["volume"]["shape"] == [16, 16, 8]
     assert data["scene"]["error"]["tolerance"] == 0.1, "defaults are written out"
     assert "file" not in data["scene"]["output"]
-    assert [frame["file"] for frame in data["frames"]] == NAMES
+    assert [(frame["file"], frame["date"]) for frame in data["frames"]] == [(name, "2026-11-21") for name in NAMES]
     assert capsys.readouterr().out == "goldens: 4 goldens\nwhat they were drawn from: goldens/golden.json\n"
 
 
@@ -149,7 +148,7 @@ def test_an_update_that_is_wanted(capsys: pytest.CaptureFixture[str], monkeypatc
     assert golden("--update", *OTHER) == 0
     after = files()
     assert all(after[name][0] != before[name][0] for name in (*NAMES, "golden.json"))
-    assert "date" not in told()
+    assert [frame for frame in told()["frames"] if "date" in frame] == []
     out = capsys.readouterr().out
     assert out.startswith("4 of 4 frames change:\n  levels, worst first   largest   densest       p99      bias\n")
     assert "what has changed since they were drawn: scene.transfer_function.points was [" in out
@@ -416,11 +415,30 @@ def test_no_place_for_frames(capsys: pytest.CaptureFixture[str], monkeypatch: py
 
 
 def test_an_update_is_of_the_frames_that_are_golden() -> None:
-    """Whoever keeps some frames need not say again which; a golden that the scene has lost stays."""
+    """Whoever keeps some frames need not say again which."""
     assert golden("--frames", "1::2", "--quiet") == 0
     before = files()
-    assert golden("--update", "--yes", "--quiet", *OTHER, "--set", "camera.path.frames=3") == 0
+    assert golden("--update", "--yes", "--quiet", *OTHER) == 0
     after = files()
     assert after.keys() == before.keys()
-    assert after["frame-0001.png"] != before["frame-0001.png"]
-    assert after["frame-0003.png"] == before["frame-0003.png"]
+    assert [name for name in after if after[name] == before[name]] == []
+
+
+@pytest.mark.parametrize("options", [["--frames", "0:3", *OTHER], ["--set", "camera.path.frames=3"]])
+def test_golden_json_tells_of_one_scene(options: list[str]) -> None:
+    """What some goldens would no longer be of is not written over what they are of."""
+    assert golden("--quiet") == 0
+    before = files()
+    assert golden("--update", "--yes", *options) == 2
+    assert files() == before
+    assert golden("--update", "--yes", "--prune", "--quiet", *options) == 0
+    assert [frame["frame"] for frame in told()["frames"]] == [0, 1, 2]
+
+
+def test_each_golden_keeps_the_date_of_its_picture() -> None:
+    assert golden("--quiet", "--date", "first", "--frames", ":2") == 0
+    (FOLDER / "frame-0001.png").unlink()
+    assert golden("--update", "--yes", "--quiet", "--date", "second", "--frames", "1:3") == 0
+    assert [(frame["frame"], frame["date"]) for frame in told()["frames"]] == [
+        (0, "first"), (1, "second"), (2, "second")
+    ]  # fmt: skip
