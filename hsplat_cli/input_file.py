@@ -50,7 +50,9 @@ def decode(content: bytes, path: Path) -> str:
 
 
 def nearest_file(path: Path) -> str | None:
-    """A hint that names the file of nearly this name, or None."""
+    """A hint for a file that is not there: what its link leads to, the file of nearly this name, or None."""
+    if path.is_symlink():
+        return f"it is a link to {path.readlink()}, which is not there"
     try:
         names = sorted(entry.name for entry in path.parent.iterdir())
     except OSError:

@@ -18,7 +18,8 @@ import click
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.golden.draw import Drawing, drawn
 from hsplat_cli.golden.plan import Plan, described, make_plan, unasked_lines
-from hsplat_cli.golden.provenance import NAME, Provenance, golden_file, provenance_bytes, read_provenance
+from hsplat_cli.golden.provenance import NAME, Golden, Provenance, golden_file, provenance_bytes, read_provenance
+from hsplat_cli.input_file import MAX_SCENE_BYTES
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from renderer.errors import InputError
@@ -26,6 +27,7 @@ from renderer.output_lock import locked
 from renderer.staging import explained, staged_together
 
 _UNFINISHED = "golden.unfinished"
+_LIMITS = "compare.yaml"  # read by `hsplat compare`, which goldens do without
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,19 @@ def _report(plan: Plan, drawing: Drawing, folder: Path) -> Iterator[str]:
         yield from unasked_lines(plan)
     elif plan.before is not None:
         yield from described(plan)
+        yield from _limits_left(plan.removed, folder)
+
+
+def _limits_left(removed: Sequence[Golden], folder: Path) -> Iterator[str]:
+    """What is said about goldens that go, and that the file of limits still names."""
+    path = folder / _LIMITS
+    if not path.is_file():
+        return
+    with explained(path), path.open("rb") as file:
+        content = file.read(MAX_SCENE_BYTES)
+    named = [golden.file for golden in removed if golden.file.encode() in content]
+    if named:
+        yield f"{path} names them, too, and `hsplat compare` will refuse that: {', '.join(named)}"
 
 
 def _apply(plan: Plan, folder: Path) -> None:

@@ -259,6 +259,11 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
         "  expected: frames in ascending order, each once\n",
     ),
     (
+        {"x" * 2**20: 1},
+        f"goldens/golden.json: '{'x' * 56}...: unknown key\n"
+        "  expected: format, volume, gl, scene, versions or frames\n",
+    ),
+    (
         {"volume": {"name": "a"}},
         "goldens/golden.json: volume.fingerprint: missing\n  expected: 32 hexadecimal digits\n"
         "goldens/golden.json: volume.shape: missing\n  expected: three numbers of voxels\n"

@@ -103,7 +103,7 @@ def test_the_same_goldens_are_the_same_bytes() -> None:
 def test_progress_is_shown_and_nothing_else_of_the_inner_film(capsys: pytest.CaptureFixture[str]) -> None:
     assert golden() == 0
     captured = capsys.readouterr()
-    assert "4/4 frames" in captured.err
+    assert "drawing" in captured.err and "4/4 frames" in captured.err
     assert "how it was made" not in captured.out and "temporary" not in captured.out + captured.err
     shutil.rmtree(FOLDER)
     assert golden("--quiet") == 0
@@ -216,6 +216,15 @@ def test_goldens_that_nobody_asks_for(capsys: pytest.CaptureFixture[str]) -> Non
     assert "to be removed, for nobody asks for them: frame-0002.png, frame-0003.png\n" in capsys.readouterr().out
     assert sorted(files()) == ["compare.yaml", "frame-0000.png", "frame-0001.png", "frame-0009.png", "golden.json"]
     assert files()["frame-0009.png"] == before["frame-0009.png"]
+
+
+def test_limits_of_goldens_that_go(capsys: pytest.CaptureFixture[str]) -> None:
+    assert golden("--quiet") == 0
+    limits = "frames:\n  frame-0000.png: {largest: 9}\n  frame-0003.png: {largest: 9}\n"
+    (FOLDER / "compare.yaml").write_text(limits, encoding="utf-8")
+    assert golden("--update", "--prune", "--yes", "--frames", ":2") == 0
+    told_of = "goldens/compare.yaml names them, too, and `hsplat compare` will refuse that: frame-0003.png\n"
+    assert told_of in capsys.readouterr().out
 
 
 def test_files_of_somebody_else_are_not_touched(capsys: pytest.CaptureFixture[str]) -> None:

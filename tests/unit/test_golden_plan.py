@@ -166,6 +166,15 @@ def test_what_cannot_be_compared_comes_first(desk: Desk) -> None:
     assert list(plan.sources) == [f"frame-000{number}.png" for number in (0, 1, 2, 3, 5)]
 
 
+def test_colours_that_cannot_be_seen(desk: Desk) -> None:
+    desk.keep(0, 1)
+    clear = np.zeros((16, 20, 4), np.uint8)
+    (desk.folder / "frame-0001.png").write_bytes(encode_png(clear))
+    lines = list(described(desk.plan(lighter(1), clear + np.uint8([7, 7, 7, 0]))))
+    assert [line.split()[:2] for line in lines[2:4]] == [["frame-0000.png", "1"], ["frame-0001.png", "0"]]
+    assert lines[4] == "  0 in all: other colours where alpha is 0, which cannot be seen"
+
+
 def test_many_changes_are_not_all_listed(desk: Desk) -> None:
     desk.keep(*range(30))
     lines = list(described(desk.plan(*(lighter(level) for level in range(30)))))
