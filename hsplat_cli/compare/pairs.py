@@ -64,8 +64,8 @@ def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
         raise InputError("GOLDEN and ACTUAL are of different kinds", got=got, expected=_EXPECTED)
     if in_folders:
         goldens, actuals = _listings(golden, actual, kinds)
-        skipped = [*_skipped(golden, goldens), *_skipped(actual, actuals)]
-        yield replace(_file_pairs(goldens, actuals, golden, actual), notes=skipped)
+        pairs = _file_pairs(goldens, actuals, golden, actual)
+        yield replace(pairs, notes=[*pairs.notes, *_skipped(golden, goldens), *_skipped(actual, actuals)])
     elif kinds[0] == _PICTURE:
         yield _file_pairs({golden.name: golden}, {golden.name: actual}, golden, actual)
     else:

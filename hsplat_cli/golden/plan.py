@@ -184,7 +184,7 @@ def _lines_of(all_changes: Sequence[Change]) -> Iterator[str]:
     if len(all_changes) > len(shown):
         yield f"  and {len(all_changes) - len(shown)} more, none of which changes more"
     if not all(any(change.figures.values()) for change in measured):
-        yield "  0 in all: other colours where alpha is 0, which cannot be seen"
+        yield "  0 in all: only colours at an alpha of 0 differ"
     if measured:
         yield from (f"  {name}: {FIGURES[name].label}" for name in _FIGURES)
 

@@ -172,7 +172,7 @@ def test_colours_that_cannot_be_seen(desk: Desk) -> None:
     (desk.folder / "frame-0001.png").write_bytes(encode_png(clear))
     lines = list(described(desk.plan(lighter(1), clear + np.uint8([7, 7, 7, 0]))))
     assert [line.split()[:2] for line in lines[2:4]] == [["frame-0000.png", "1"], ["frame-0001.png", "0"]]
-    assert lines[4] == "  0 in all: other colours where alpha is 0, which cannot be seen"
+    assert lines[4] == "  0 in all: only colours at an alpha of 0 differ"
 
 
 def test_many_changes_are_not_all_listed(desk: Desk) -> None:
