@@ -50,9 +50,7 @@ def decode(content: bytes, path: Path) -> str:
 
 
 def nearest_file(path: Path) -> str | None:
-    """A hint for a file that is not there: what its link leads to, the file of nearly this name, or None."""
-    if path.is_symlink():
-        return f"it is a link to {path.readlink()}, which is not there"
+    """A hint that names the file of nearly this name, or None."""
     try:
         names = sorted(entry.name for entry in path.parent.iterdir())
     except OSError:

@@ -199,15 +199,6 @@ def test_kinds_that_do_not_go_together(tmp_path: Path) -> None:
     assert refused(folder, folder / "other-{frame}.png") == "no file matches this template"
 
 
-def test_a_link_that_leads_nowhere(tmp_path: Path) -> None:
-    (tmp_path / "frames").symlink_to("gone")
-    with pytest.raises(InputError) as caught, open_pairs(tmp_path / "frames", tmp_path):
-        pass
-    assert (caught.value.what, caught.value.hint) == (
-        "no such file or folder", "it is a link to gone, which is not there"
-    )  # fmt: skip
-
-
 def test_natural_order() -> None:
     names = ["b.png", "frame-10.png", "frame-2.png", "2.png", "10.png", "frame-02.png", "frame-.png", "frame-2b.png"]
     assert sorted(names, key=natural_order) == [
