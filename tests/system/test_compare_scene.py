@@ -139,7 +139,7 @@ def test_goldens_that_are_gone_and_files_of_somebody_else() -> None:
 @pytest.mark.parametrize("options", [[], ["--frames", "0"]])
 def test_a_golden_that_golden_json_has_lost_does_not_pass(options: list[str]) -> None:
     change(frames=[frame for frame in goldens_told() if frame["frame"] != 2])
-    assert compare(*options) == (2, {})
+    assert compare(*options)[0] == 2
 
 
 def test_a_path_that_has_become_shorter() -> None:
