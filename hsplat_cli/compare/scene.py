@@ -120,13 +120,16 @@ _MAKE = "`hsplat golden SCENE {}` draws goldens, and writes down what from"
 
 
 def _strangers(folder: Path, goldens: Sequence[Golden]) -> Sequence[str]:
-    """Pictures in the folder that golden.json does not tell of, and that are nobody's goldens by their names.
+    """Pictures in the folder that golden.json does not tell of, none of which has the name of a golden.
 
     Raises InputError where some are: no update leaves such a file, so golden.json has lost them, and what is not
-    compared cannot pass.
+    compared cannot pass; and where the folder cannot be looked into.
     """
-    told = {golden.file for golden in goldens}
-    others = sorted(path.name for path in folder.iterdir() if is_picture(path.name) and path.name not in told)
+    try:
+        names = {path.name for path in folder.iterdir() if is_picture(path.name)}
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
+    others = sorted(names - {golden.file for golden in goldens})
     lost = [name for name in others if is_golden_file(name)]
     if lost:
         raise InputError(
