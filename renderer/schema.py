@@ -30,11 +30,12 @@ INVALID: Any = _Invalid()
 
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
 _MAX_SHOWN = 60
+_MAX_KEY = 255  # as long as the name of a file can be
 
 
 def join(path: str, key: object) -> str:
     """The dotted path of what lies at `key` (a mapping's key or a list's index) below `path`."""
-    name = key if isinstance(key, str) and key.isprintable() else show(key)
+    name = key if isinstance(key, str) and len(key) <= _MAX_KEY and key.isprintable() else show(key)
     return f"{path}.{name}" if path else name
 
 

@@ -132,7 +132,8 @@ def _require_whole(path: Path) -> None:
     if not begins:
         raise InputError(f"not {kind} file", where=str(path))
     if not is_whole:
-        raise InputError(f"{kind} file that is cut off", where=str(path), got=f"{num_bytes} bytes")
+        ends = "cut off" if is_gif else "cut off, or followed by something else"
+        raise InputError(f"{kind} file that is {ends}", where=str(path), got=f"{num_bytes} bytes")
 
 
 def _is_whole_mp4(content: _Bytes) -> bool:

@@ -45,7 +45,7 @@ def require_packages(rules: Rules) -> None:
 def outcome_of(pair: Pair, limits: Limits) -> Outcome:
     """What came of one pair. Raises InputError where a limited figure cannot be taken."""
     if pair.golden is None or pair.actual is None:
-        status: Status = "missing" if pair.actual is None else "extra"
+        status: Status = "missing" if pair.actual is None or pair.lost_golden else "extra"
         side = "ACTUAL" if pair.actual is None else "GOLDEN"
         return Outcome(pair.name, status, f"{side} has no such frame", limits=limits, number=pair.number)
     if pair.golden.shape != pair.actual.shape:

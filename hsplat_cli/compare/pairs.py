@@ -6,11 +6,12 @@ import contextlib
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.compare.skipped import folder_notes, template_notes
 from hsplat_cli.compare.words import count_text
 from hsplat_cli.input_file import is_same_file, nearest_file
 from hsplat_cli.picture_file import file_content, is_picture, picture_in, read_picture
@@ -66,7 +67,8 @@ def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
         raise InputError("GOLDEN and ACTUAL are of different kinds", got=got, expected=_EXPECTED)
     if in_folders:
         goldens, actuals = _listings(golden, actual, kinds)
-        yield _file_pairs(goldens, actuals, golden, actual)
+        pairs = _file_pairs(goldens, actuals, golden, actual)
+        yield replace(pairs, notes=[*pairs.notes, *_skipped(golden, goldens), *_skipped(actual, actuals)])
     elif kinds[0] == _PICTURE:
         yield _file_pairs({golden.name: golden}, {golden.name: actual}, golden, actual)
     else:
@@ -130,21 +132,33 @@ def _in_folder(folder: Path) -> dict[str, Path]:
 
 def _matching(template: Path) -> dict[int, Path]:
     """Those files of a template's folder that are called as it calls a frame, by the frame's number."""
-    folder, name = template.parent, template.name
+    name, pattern = Path(template.name), _pattern(template)
+    found = {}
+    for path in _entries(template.parent):
+        match = pattern.fullmatch(path.name)
+        if match and frame_path(name, int(match[1])).name == path.name:
+            found[int(match[1])] = path
+    if not found:
+        raise InputError("no file matches this template", where=str(template), hint=nearest_file(template))
+    return found
+
+
+def _pattern(template: Path) -> re.Pattern[str]:
+    """Of the names of its files, whatever number of digits they have."""
+    name = template.name
     rest, num_fields = FRAME_FIELD.subn("", str(template))
     if num_fields != 1 or not FRAME_FIELD.search(name) or "{" in rest or "}" in rest:
         expected = "one {frame} or {frame:04}, in the name of the files, and no other braces"
         raise InputError("not a legal template", where=str(template), expected=expected)
     before, after = (re.escape(part) for part in FRAME_FIELD.sub("\0", name).split("\0"))
-    pattern = re.compile(f"{before}([0-9]+){after}", re.DOTALL)
-    found = {}
-    for path in _entries(folder):
-        match = pattern.fullmatch(path.name)
-        if match and frame_path(Path(name), int(match[1])).name == path.name:
-            found[int(match[1])] = path
-    if not found:
-        raise InputError("no file matches this template", where=str(template), hint=nearest_file(template))
-    return found
+    return re.compile(f"{before}([0-9]+){after}", re.DOTALL)
+
+
+def _skipped(side: Path, found: Mapping[str, Path]) -> Iterator[str]:
+    """Notes on what is no part of one side, though somebody may think so."""
+    if side.is_dir():
+        return folder_notes(side, _entries(side))
+    return template_notes(side, _pattern(side), frozenset(found.values()), _entries(side.parent))
 
 
 def _entries(folder: Path) -> list[Path]:
@@ -262,9 +276,10 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
     if num_goldens == 0:
         raise InputError("a film without a frame", where=str(golden))
     names = [f"frame {number}" for number in range(num_goldens)]
-    note = (
+    notes = (
         f"{golden.suffix.lower()} films are lossy, and what their encoders do changes with the version: "
-        "PNG frames are better goldens"
+        "PNG frames are better goldens",
+        "only the pictures of films are compared, not how long each is shown",
     )
     with decoded_film(golden) as goldens, decoded_film(actual) as actuals:
 
@@ -272,4 +287,4 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
             for number, (name, picture, other) in enumerate(zip(names, goldens, actuals, strict=True)):
                 yield Pair(name, picture, other, number)
 
-        yield Pairs(names, (note,), read)
+        yield Pairs(names, notes, read)

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.compare.pair import Pair
+from hsplat_cli.compare.words import printable
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.golden.draw import Drawing, drawn, load_steady_job
-from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes, read_provenance
+from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes, is_golden_file, read_provenance
 from hsplat_cli.job import Job
 from hsplat_cli.picture_file import is_picture, read_picture
 from renderer.errors import InputError
@@ -51,6 +52,7 @@ class ScenePairs:
                 read_picture(path) if path.exists() else None,
                 None if source is None else read_picture(source),
                 golden.frame,
+                lost_golden=not path.exists(),
             )
 
 
@@ -74,10 +76,11 @@ class SceneOptions:
 def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bool) -> Iterator[ScenePairs]:
     """Draw the frames of a scene, or of a film's sidecar, of which a folder has goldens, or some of them.
 
-    The pictures are gone after the block. Raises InputError where the folder has no goldens, or none of these frames,
-    and what reading the scene and drawing raise.
+    The pictures are gone after the block. Raises InputError where the folder has no goldens, none of these frames, or
+    goldens that its golden.json does not tell of, and what reading the scene and drawing raise.
     """
     before = _provenance_in(folder)
+    strangers = _strangers(folder, before.goldens)
     job = load_steady_job(scene, overrides=options.overrides, volume=options.volume)
     goldens = _picked(before.goldens, options.frames, job, folder)
     drawable = frozenset(job.frames)
@@ -91,7 +94,7 @@ def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bo
         )
     tell_first_run(quiet=quiet)
     with drawn(job, numbers, CrewSpec(options.workers), quiet=quiet) as drawing:
-        notes = [*_notes(before.origin, drawing.origin), *_file_notes(folder, goldens), *drawing.notes]
+        notes = [*_notes(before.origin, drawing.origin), *_file_notes(folder, goldens, strangers), *drawing.notes]
         yield ScenePairs(folder, goldens, drawing, _facts(before, drawing.origin), notes)
 
 
@@ -114,6 +117,28 @@ def _provenance_in(folder: Path) -> Provenance:
 
 
 _MAKE = "`hsplat golden SCENE {}` draws goldens, and writes down what from"
+
+
+def _strangers(folder: Path, goldens: Sequence[Golden]) -> Sequence[str]:
+    """Pictures in the folder that golden.json does not tell of, none of which has the name of a golden.
+
+    Raises InputError where some are: no update leaves such a file, so golden.json has lost them, and what is not
+    compared cannot pass; and where the folder cannot be looked into.
+    """
+    try:
+        names = {path.name for path in folder.iterdir() if is_picture(path.name)}
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
+    others = sorted(names - {golden.file for golden in goldens})
+    lost = [name for name in others if is_golden_file(name)]
+    if lost:
+        raise InputError(
+            f"{NAME} does not tell of all goldens in this folder",
+            where=str(folder),
+            got=_some(lost),
+            hint=f"restore {NAME}; or move what is not golden away",
+        )
+    return others
 
 
 def _picked(goldens: Sequence[Golden], frames: str | None, job: Job, folder: Path) -> Sequence[Golden]:
@@ -144,8 +169,8 @@ def _notes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
         yield f"the scene has changed since the goldens were drawn: {scene}"
 
 
-def _file_notes(folder: Path, goldens: Sequence[Golden]) -> Iterator[str]:
-    """On goldens that are not there, or are not the files that were written."""
+def _file_notes(folder: Path, goldens: Sequence[Golden], strangers: Sequence[str]) -> Iterator[str]:
+    """On goldens that are not there, or are not the files that were written, and on pictures that are no goldens."""
     gone = [golden.file for golden in goldens if not (folder / golden.file).exists()]
     others = [
         golden.file
@@ -156,6 +181,8 @@ def _file_notes(folder: Path, goldens: Sequence[Golden]) -> Iterator[str]:
         yield f"{NAME} tells of goldens that are not there: {_some(gone)}"
     if others:
         yield f"not what {NAME} tells of, but changed by hand, or by an update that was cut short: {_some(others)}"
+    if strangers:
+        yield f"not compared, for {NAME} does not tell of it: {_some([printable(name) for name in strangers])}"
 
 
 def _some(items: Sequence[object]) -> str:

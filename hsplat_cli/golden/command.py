@@ -27,7 +27,7 @@ from renderer.errors import InputError
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
 )
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
-@click.option("--date", metavar="TEXT", help="Write this date down, such as 2026-11-21; none by default.")
+@click.option("--date", metavar="TEXT", help="Write this date down for what is drawn, such as 2026-11-21.")
 @click.option("--update", is_flag=True, help="Say what has changed, and write it over the goldens that are there.")
 @click.option("--yes", is_flag=True, help="With --update: do not ask.")
 @click.option("--prune", is_flag=True, help="With --update: remove goldens of frames that are not asked for.")

@@ -60,12 +60,22 @@ class Plan:
         Where no picture changes, another date, version or driver is nothing: goldens were drawn when golden.json says,
         and by what.
         """
-        return bool(self.changes) or self.is_of_another_scene or self._goldens_before != self.after.goldens
+        return bool(self.changes or self._other_scene()) or self._goldens_before != self.after.goldens
 
-    @property
-    def is_of_another_scene(self) -> bool:
-        """Whether the scene or the volume is not what it was."""
-        return self.before is not None and bool(changes(self.before.origin, self.after.origin, "volume", "scene"))
+    def require_one_origin(self, folder: Path) -> None:
+        """Raise InputError where goldens stay that were drawn from another scene or volume than golden.json would say:
+        it has one origin for all of them."""
+        if self.unasked and (other := self._other_scene()):
+            raise InputError(
+                f"goldens would stay that were not drawn from what {NAME} would say",
+                where=str(folder),
+                got=other,
+                hint=f"update all frames; or --prune removes the others: {_names(self.unasked)}",
+            )
+
+    def _other_scene(self) -> str:
+        """In what the scene or the volume is not what it was."""
+        return "" if self.before is None else changes(self.before.origin, self.after.origin, "volume", "scene")
 
     @property
     def _goldens_before(self) -> tuple[Golden, ...]:
@@ -83,7 +93,8 @@ def make_plan(
 ) -> Plan:
     """What is to be done so that `folder` has the frames that were drawn.
 
-    names: of the files of all frames that are asked for. prune: remove goldens of other frames.
+    names: of the files of all frames that are asked for. date: of those whose pictures change; the others keep theirs.
+    prune: remove goldens of other frames.
     """
     listed = {} if before is None else {golden.frame: golden for golden in before.goldens}
     found = {
@@ -94,13 +105,14 @@ def make_plan(
     for frame, name in names.items():
         source = sources.get(name, folder / name)
         with explained(source):
-            goldens.append(Golden(frame, name, file_digest(source)))
+            drawn = date if name in sources else listed[frame].date
+            goldens.append(Golden(frame, name, file_digest(source), drawn))
     others = [golden for frame, golden in listed.items() if frame not in names]
     stays = {golden: not prune and os.path.lexists(folder / golden.file) for golden in others}
     unasked = [golden for golden in others if stays[golden]]
     removed = [golden for golden in others if not stays[golden]]
     listed_after = tuple(sorted([*goldens, *unasked], key=lambda golden: golden.frame))
-    after = Provenance(drawing.origin, listed_after, date)
+    after = Provenance(drawing.origin, listed_after)
     worst_first = sorted((change for change in found.values() if change is not None), key=_badness, reverse=True)
     return Plan(before, after, sources, worst_first, removed, unasked, len(names))
 
@@ -156,8 +168,7 @@ def described(plan: Plan) -> Iterator[str]:
 def unasked_lines(plan: Plan) -> Iterator[str]:
     """What is said about goldens that nobody asks for and that stay, if there are any."""
     if plan.unasked:
-        though = ", of what the scene was" if plan.is_of_another_scene else ""
-        yield f"not asked for, and left as they are{though} (--prune removes them): {_names(plan.unasked)}"
+        yield f"not asked for, and left as they are (--prune removes them): {_names(plan.unasked)}"
 
 
 def _lines_of(all_changes: Sequence[Change]) -> Iterator[str]:
@@ -172,6 +183,8 @@ def _lines_of(all_changes: Sequence[Change]) -> Iterator[str]:
             yield f"  {file:<{width}}" + "".join(f"  {cell:>8}" for cell in row)
     if len(all_changes) > len(shown):
         yield f"  and {len(all_changes) - len(shown)} more, none of which changes more"
+    if not all(any(change.figures.values()) for change in measured):
+        yield "  0 in all: only colours at an alpha of 0 differ"
     if measured:
         yield from (f"  {name}: {FIGURES[name].label}" for name in _FIGURES)
 

@@ -38,11 +38,15 @@ _DIGEST = re.compile("[0-9a-f]{32}")
 
 @dataclass(frozen=True)
 class Golden:
-    """A golden frame: its number, the name of its file, and the digest of that, as `renderer.kept_frames` has it."""
+    """A golden frame: its number, the name of its file, and the digest of that, as `renderer.kept_frames` has it.
+
+    date: of its picture, as whoever drew it gave it.
+    """
 
     frame: int
     file: str
     digest: str
+    date: str | None = None
 
 
 @dataclass(frozen=True)
@@ -50,17 +54,21 @@ class Provenance:
     """What golden.json tells.
 
     origin: what the frames were drawn from, as plain data: `volume`, `gl`, `scene`, `versions`.
-    goldens: ascending, at least one. date: as whoever drew them gave it.
+    goldens: ascending, at least one.
     """
 
     origin: Mapping[str, Any]
     goldens: tuple[Golden, ...]
-    date: str | None = None
 
 
 def golden_file(frame: int, num_frames: int) -> str:
     """`frame-0007.png`; with so many digits that the files of the whole path are in the order of their names."""
     return f"frame-{frame:0{max(4, len(str(num_frames - 1)))}}.png"
+
+
+def is_golden_file(name: str) -> bool:
+    """Whether a file is called as `golden_file` calls one, for whatever frame."""
+    return _GOLDEN_FILE.fullmatch(name) is not None
 
 
 def origin_of(told: Mapping[str, Any]) -> dict[str, Any]:
@@ -112,9 +120,9 @@ def _without_name(origin: Mapping[str, Any], parts: Sequence[str]) -> dict[str, 
 
 def provenance_bytes(provenance: Provenance) -> bytes:
     """The content of golden.json: a golden on each line, so that a diff shows which ones have changed."""
-    date = {} if provenance.date is None else {"date": provenance.date}
-    head = json.dumps({"format": FORMAT, **date, **provenance.origin}, indent=2, allow_nan=False)
-    frames = ",\n    ".join(json.dumps(asdict(golden)) for golden in provenance.goldens)
+    head = json.dumps({"format": FORMAT, **provenance.origin}, indent=2, allow_nan=False)
+    told = ({key: value for key, value in asdict(golden).items() if value is not None} for golden in provenance.goldens)
+    frames = ",\n    ".join(map(json.dumps, told))
     return f'{head.removesuffix(_END)},\n  "frames": [\n    {frames}\n  ]{_END}\n'.encode()
 
 
@@ -150,7 +158,7 @@ def read_provenance(folder: Path) -> Provenance:
         raise SceneError([replace(problem, place=str(path)) for problem in problems])
     volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
     origin = {"volume": volume} | {part: given[part] for part in _PARTS if part != "volume"}
-    return Provenance(origin, given["frames"], given.get("date"))
+    return Provenance(origin, given["frames"])
 
 
 def _read(path: Path) -> bytes:
@@ -224,13 +232,12 @@ _VOLUME_TABLE: Table = {
     "shape": sequence(integer(least=1, most=_MOST_VOXELS), "three numbers of voxels", count=3),
     "dtype": _LINE,
 }
-_GOLDEN_TABLE: Table = {"frame": integer(least=0, most=MAX_FRAMES - 1), "file": _LINE, "digest": _HEX}
-_GOLDEN: Kind[Golden] = section(_GOLDEN_TABLE, _build_golden, required=list(_GOLDEN_TABLE))
+_GOLDEN_TABLE: Table = {"frame": integer(least=0, most=MAX_FRAMES - 1), "file": _LINE, "digest": _HEX, "date": _LINE}
+_GOLDEN: Kind[Golden] = section(_GOLDEN_TABLE, _build_golden, required=["frame", "file", "digest"])
 _GOLDENS: Kind[tuple[Golden, ...]] = Kind("a list of frames, each with frame, file and digest", _parse_goldens)
 
 _TABLE: Table = {
     "format": _LINE,
-    "date": _LINE,
     "volume": section(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
     "gl": _LINE,
     "scene": _MAPPING,

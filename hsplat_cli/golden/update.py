@@ -18,7 +18,8 @@ import click
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.golden.draw import Drawing, drawn
 from hsplat_cli.golden.plan import Plan, described, make_plan, unasked_lines
-from hsplat_cli.golden.provenance import NAME, Provenance, golden_file, provenance_bytes, read_provenance
+from hsplat_cli.golden.provenance import NAME, Golden, Provenance, golden_file, provenance_bytes, read_provenance
+from hsplat_cli.input_file import MAX_SCENE_BYTES
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from renderer.errors import InputError
@@ -26,6 +27,7 @@ from renderer.output_lock import locked
 from renderer.staging import explained, staged_together
 
 _UNFINISHED = "golden.unfinished"
+_LIMITS = "compare.yaml"  # read by `hsplat compare`, which goldens do without
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,9 @@ class Wish:
 def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) -> None:
     """Draw the frames and keep them; where there are goldens already, only once `ask` says so.
 
-    Raises InputError where there are goldens and nobody wants an update, or other files of their names; what drawing
-    and writing raise; and click's Exit with 1 where the user does not want what changes.
+    Raises InputError where there are goldens and nobody wants an update, other files of their names, or goldens that
+    would stay though the scene is another; what drawing and writing raise; and click's Exit with 1 where the user does
+    not want what changes.
     """
     folder = wish.folder
     with locked(folder / _UNFINISHED, [0], folder / NAME):
@@ -65,6 +68,7 @@ def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) 
         _require_free(folder, names.values(), before)
         with drawn(job, frames, crew, quiet=wish.quiet) as drawing:
             plan = make_plan(folder, before, names, drawing, date=wish.date, prune=wish.prune)
+            plan.require_one_origin(folder)
             must_ask = before is not None and plan.changes_anything and not wish.yes
             if must_ask or not wish.quiet:
                 _tell(_report(plan, drawing, folder))
@@ -89,6 +93,19 @@ def _report(plan: Plan, drawing: Drawing, folder: Path) -> Iterator[str]:
         yield from unasked_lines(plan)
     elif plan.before is not None:
         yield from described(plan)
+        yield from _limits_left(plan.removed, folder)
+
+
+def _limits_left(removed: Sequence[Golden], folder: Path) -> Iterator[str]:
+    """What is said about goldens that go, and that the file of limits still names."""
+    path = folder / _LIMITS
+    if not path.is_file():
+        return
+    with explained(path), path.open("rb") as file:
+        content = file.read(MAX_SCENE_BYTES)
+    named = [golden.file for golden in removed if golden.file.encode() in content]
+    if named:
+        yield f"{path} names them, too, and `hsplat compare` will refuse that: {', '.join(named)}"
 
 
 def _apply(plan: Plan, folder: Path) -> None:

@@ -64,9 +64,10 @@ def render_once(
         if not quiet:
             tell_kept(kept, job, plan)
         num_kept = len(kept.records)
+        label = "drawing" if in_passing else output.file.name
         try:
             with crew.drawer(plan, len(frames) - num_kept) as (plan, drawer):
-                records, notes = _draw(job, kept, drawer, folder, defer_interrupts, quiet=quiet)
+                records, notes = _draw(job, kept, drawer, folder, defer_interrupts, label=label, quiet=quiet)
                 notes = [*notes, *drawer.notes]
                 made_by = list(dict.fromkeys([*makers(records), *drawer.made_by])) or [crew.gl]
             seconds = time.perf_counter() - start
@@ -82,7 +83,7 @@ def render_once(
 
 
 def _draw(
-    job: Job, kept: KeptFrames, drawer: Drawer, folder: Path, finishing: Callable[[], None], *, quiet: bool
+    job: Job, kept: KeptFrames, drawer: Drawer, folder: Path, finishing: Callable[[], None], *, label: str, quiet: bool
 ) -> tuple[list[Record], Sequence[str]]:
     """Draw the frames that are not there, keep them, and make the film of all; their records, and notes on the film."""
     output = job.scene.output
@@ -94,7 +95,7 @@ def _draw(
         if not has_frame_files(output):
             film = stack.enter_context(open_film(output, job.frames, within=folder, finishing=finishing))
             notes = film.notes
-        bar = stack.enter_context(progress(len(missing), label=output.file.name, quiet=quiet))
+        bar = stack.enter_context(progress(len(missing), label=label, quiet=quiet))
         drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
         for number in job.frames:
             drawn = None if number in kept.records else next(drawing)

@@ -79,7 +79,7 @@ def figures(largest: float, densest: float, p99: float, bias: float) -> Mapping[
 def test_what_an_update_changes() -> None:
     plan = Plan(
         before=provenance(0, 1, 2, 3, 7, 8),
-        after=provenance(0, 1, 2, 3, 4, 8, scene={"error": {"tolerance": 0.2}}, gl="softpipe"),
+        after=provenance(0, 1, 2, 3, 4, 8, gl="softpipe", versions={"numpy": "2.2.0"}),
         sources={},
         changes=(
             Change("frame-0004.png", "is new"),
@@ -104,8 +104,8 @@ def test_what_an_update_changes() -> None:
   p99: {FIGURES["p99"].label}
   bias: {FIGURES["bias"].label}
 to be removed, for nobody asks for it: frame-0007.png
-not asked for, and left as they are, of what the scene was (--prune removes them): frame-0008.png
-what has changed since they were drawn: gl was 'llvmpipe'; scene.error.tolerance was 0.1"""
+not asked for, and left as they are (--prune removes them): frame-0008.png
+what has changed since they were drawn: gl was 'llvmpipe'; versions.numpy was '2.1.0'"""
     )
 
 
@@ -202,6 +202,17 @@ def test_options_that_cannot_be(golden: Command, options: list[str], text: str) 
     assert not Path("goldens").exists()
 
 
+def test_an_update_of_some_frames_of_another_scene(golden: Command) -> None:
+    assert golden("--quiet")[0] == 0
+    assert golden("--update", "--yes", "--quiet", "--frames", "0", "--set", "error.tolerance=0.2") == (
+        2,
+        "",
+        "goldens: goldens would stay that were not drawn from what golden.json would say\n"
+        "  got: scene.error.tolerance was 0.1\n"
+        "  hint: update all frames; or --prune removes the others: frame-0001.png\n",
+    )
+
+
 def test_a_file_of_somebody_else(golden: Command, scene_folder: Path) -> None:
     Path("goldens").mkdir()
     for number in range(2):
@@ -246,6 +257,11 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
         {"frames": PROVENANCE["frames"][::-1]},
         "goldens/golden.json: frames.1.frame: frames out of order\n  got: 0 after 1\n"
         "  expected: frames in ascending order, each once\n",
+    ),
+    (
+        {"x" * 2**20: 1},
+        f"goldens/golden.json: '{'x' * 56}...: unknown key\n"
+        "  expected: format, volume, gl, scene, versions or frames\n",
     ),
     (
         {"volume": {"name": "a"}},
@@ -335,6 +351,18 @@ def test_scenes_that_are_not_in_their_place(
 ) -> None:
     assert main.run(["compare", *arguments]) == 2
     assert capsys.readouterr() == ("", text)
+
+
+def test_goldens_that_golden_json_has_lost(keep: Callable[..., None], capsys: pytest.CaptureFixture[str]) -> None:
+    keep()
+    for number in range(1, 6):
+        Path(f"goldens/frame-000{number}.png").touch()
+    assert main.run(["compare", "scene.yaml", "goldens"]) == 2
+    assert capsys.readouterr().err == (
+        "goldens: golden.json does not tell of all goldens in this folder\n"
+        "  got: frame-0002.png, frame-0003.png, frame-0004.png and 1 more\n"
+        "  hint: restore golden.json; or move what is not golden away\n"
+    )
 
 
 def test_a_scene_that_has_none_of_the_frames(keep: Callable[..., None], capsys: pytest.CaptureFixture[str]) -> None:

@@ -121,6 +121,7 @@ def test_films(capsys: pytest.CaptureFixture[str]) -> None:
             "6 frames pass at same-machine: 6 the same\n"
             f"note: .{suffix} films are lossy, and what their encoders do changes with the version: "
             "PNG frames are better goldens\n"
+            "note: only the pictures of films are compared, not how long each is shown\n"
         )
         assert compare(str(film), str(other), "--json", f"{suffix}.json") == 1
         assert "frame 4" in capsys.readouterr().out.splitlines()[1]

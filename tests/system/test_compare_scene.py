@@ -67,6 +67,12 @@ def change(**values: Any) -> None:
     (FOLDER / "golden.json").write_text(json.dumps(data | values), encoding="utf-8")
 
 
+def goldens_told() -> list[dict[str, Any]]:
+    """What golden.json tells of its goldens."""
+    frames: list[dict[str, Any]] = json.loads((FOLDER / "golden.json").read_bytes())["frames"]
+    return frames
+
+
 def test_the_same_scene_gives_the_same_frames(capsys: pytest.CaptureFixture[str]) -> None:
     code, data = compare("--level", "exact", "--workers", "1")
     assert (code, statuses(data), data["notes"]) == (0, dict.fromkeys(range(4), "same"), [])
@@ -122,8 +128,18 @@ def test_goldens_that_are_gone_and_files_of_somebody_else() -> None:
     (FOLDER / "frame-0001.png").unlink()
     (FOLDER / "other.png").write_bytes(b"not even a picture")
     code, data = compare()
-    assert (code, statuses(data)) == (1, {0: "same", 1: "extra", 2: "same", 3: "same"})
-    assert data["notes"] == ["golden.json tells of goldens that are not there: frame-0001.png"]
+    assert (code, statuses(data)) == (1, {0: "same", 1: "missing", 2: "same", 3: "same"})
+    assert [frame["why"] for frame in data["frames"] if frame["number"] == 1] == ["GOLDEN has no such frame"]
+    assert data["notes"] == [
+        "golden.json tells of goldens that are not there: frame-0001.png",
+        "not compared, for golden.json does not tell of it: other.png",
+    ]
+
+
+@pytest.mark.parametrize("options", [[], ["--frames", "0"]])
+def test_a_golden_that_golden_json_has_lost_does_not_pass(options: list[str]) -> None:
+    change(frames=[frame for frame in goldens_told() if frame["frame"] != 2])
+    assert compare(*options)[0] == 2
 
 
 def test_a_path_that_has_become_shorter() -> None:

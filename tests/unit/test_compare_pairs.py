@@ -78,6 +78,37 @@ def test_templates_by_number(tmp_path: Path) -> None:
     ]
 
 
+def notes_on(golden: Path, actual: Path) -> list[str]:
+    with open_pairs(golden, actual) as pairs:
+        return list(pairs.notes)
+
+
+def test_pictures_that_are_skipped_in_folders(tmp_path: Path) -> None:
+    golden, actual = write_frames(tmp_path / "golden", PICTURES), write_frames(tmp_path / "actual", PICTURES)
+    (golden / "notes.txt").touch()
+    (golden / ".frame-0003.jpg").touch()
+    (golden / "empty").mkdir()
+    assert notes_on(golden, actual) == []
+    for number in range(4):
+        (golden / f"frame-{number}.JPG").touch()
+    write_frames(actual / "below", PICTURES[:1])
+    assert notes_on(golden, actual) == [
+        f"not compared, for they are no PNG files: frame-0.JPG, frame-1.JPG, frame-2.JPG and 1 more in {golden}",
+        f"not compared, for subfolders are left out: PNG files in below in {actual}",
+    ]
+
+
+def test_pictures_that_are_skipped_by_templates(tmp_path: Path) -> None:
+    golden, actual = write_frames(tmp_path / "golden", PICTURES), write_frames(tmp_path / "actual", PICTURES)
+    for side in (golden, actual):
+        (side / "frame-0002.png").rename(side / "frame-1000.png")
+        (side / "still.png").touch()
+    assert notes_on(golden / "frame-{frame:04}.png", actual / "frame-{frame:04}.png") == []
+    assert notes_on(golden / "frame-{frame}.png", actual / "frame-{frame:04}.png") == [
+        "not compared, for frame-{frame}.png would have other digits in the name: frame-0000.png, frame-0001.png"
+    ]
+
+
 def test_a_folder_and_a_template_by_name(tmp_path: Path) -> None:
     golden, actual = write_frames(tmp_path / "golden", PICTURES), write_frames(tmp_path / "actual", PICTURES)
     (golden / "still.png").write_bytes(encode_png(PICTURES[0]))
@@ -215,7 +246,8 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_films_by_index(films: Path, suffix: str) -> None:
     with open_pairs(films / f"film.{suffix}", films / f"other.{suffix}") as pairs:
         assert list(pairs.names) == [f"frame {number}" for number in range(6)]
-        assert len(pairs.notes) == 1
+        assert len(pairs.notes) == 2
+        assert "not how long each is shown" in pairs.notes[1]
         errors = []
         for number, pair in enumerate(pairs):
             assert pair.number == number

@@ -13,6 +13,7 @@ import pytest
 from hsplat_cli.golden.draw import Drawing
 from hsplat_cli.golden.plan import Plan, described, make_plan
 from hsplat_cli.golden.provenance import Golden, Provenance
+from renderer.errors import InputError
 from renderer.kept_frames import digest, file_digest
 from renderer.png import encode_png
 
@@ -72,7 +73,7 @@ def test_the_first_goldens(desk: Desk) -> None:
     plan = desk.plan(GREY, lighter(1), date="today")
     assert plan.changes_anything
     assert [golden.file for golden in plan.after.goldens] == ["frame-0000.png", "frame-0001.png"]
-    assert plan.after.date == "today"
+    assert {golden.date for golden in plan.after.goldens} == {"today"}
     assert {name: file_digest(path) for name, path in plan.sources.items()} == {
         golden.file: golden.digest for golden in plan.after.goldens
     }
@@ -101,6 +102,22 @@ def test_other_bytes_of_the_same_pixels_are_kept_and_told_of(desk: Desk) -> None
     plan = desk.plan(GREY)
     assert plan.changes_anything and plan.sources == {}
     assert plan.after.goldens == (Golden(0, "frame-0000.png", file_digest(desk.folder / "frame-0000.png")),)
+
+
+def test_only_what_changes_gets_another_date(desk: Desk) -> None:
+    desk.keep(0, 1, 2)
+    desk.before = replace(desk.before, goldens=tuple(replace(each, date="old") for each in desk.before.goldens))
+    plan = desk.plan(GREY, lighter(1), date="new")
+    assert [golden.date for golden in plan.after.goldens] == ["old", "new", "old"]
+
+
+def test_goldens_of_another_scene_cannot_stay(desk: Desk) -> None:
+    desk.keep(0, 1)
+    desk.plan(GREY).require_one_origin(desk.folder)
+    desk.plan(GREY, GREY, tolerance=0.2).require_one_origin(desk.folder)
+    desk.plan(GREY, tolerance=0.2, prune=True).require_one_origin(desk.folder)
+    with pytest.raises(InputError, match="goldens would stay"):
+        desk.plan(GREY, tolerance=0.2).require_one_origin(desk.folder)
 
 
 def test_other_makers_of_the_same_pixels_are_no_change(desk: Desk) -> None:
@@ -147,6 +164,15 @@ def test_what_cannot_be_compared_comes_first(desk: Desk) -> None:
         ("0001", True), ("0002", True), ("0003", True), ("0005", True), ("0000", False)
     ]  # fmt: skip
     assert list(plan.sources) == [f"frame-000{number}.png" for number in (0, 1, 2, 3, 5)]
+
+
+def test_colours_that_cannot_be_seen(desk: Desk) -> None:
+    desk.keep(0, 1)
+    clear = np.zeros((16, 20, 4), np.uint8)
+    (desk.folder / "frame-0001.png").write_bytes(encode_png(clear))
+    lines = list(described(desk.plan(lighter(1), clear + np.uint8([7, 7, 7, 0]))))
+    assert [line.split()[:2] for line in lines[2:4]] == [["frame-0000.png", "1"], ["frame-0001.png", "0"]]
+    assert lines[4] == "  0 in all: only colours at an alpha of 0 differ"
 
 
 def test_many_changes_are_not_all_listed(desk: Desk) -> None:

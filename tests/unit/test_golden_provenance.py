@@ -41,12 +41,12 @@ TOLD: dict[str, Any] = {  # of what lies beside frames, as much as matters here
     },
 }
 ORIGIN = origin_of(TOLD)
-WRITTEN = Provenance(ORIGIN, (Golden(0, "frame-0000.png", DIGEST), Golden(7, "frame-0007.png", DIGEST)), "today")
+WRITTEN = Provenance(ORIGIN, (Golden(0, "frame-0000.png", DIGEST, "today"), Golden(7, "frame-0007.png", DIGEST)))
 
 
 @pytest.mark.parametrize("date", [None, "2026-11-21", "am Samstag, \u00e4hm"])
 def test_what_is_written_is_read_again(tmp_path: Path, date: str | None) -> None:
-    written = replace(WRITTEN, date=date)
+    written = replace(WRITTEN, goldens=(replace(WRITTEN.goldens[0], date=date), WRITTEN.goldens[1]))
     content = provenance_bytes(written)
     assert json.loads(content)["frames"][1] == {"frame": 7, "file": "frame-0007.png", "digest": DIGEST}
     (tmp_path / NAME).write_bytes(content)
@@ -58,7 +58,7 @@ def test_each_golden_has_a_line_of_its_own() -> None:
     lines = provenance_bytes(WRITTEN).decode().splitlines()
     assert lines[-5:] == [
         '  "frames": [',
-        f'    {{"frame": 0, "file": "frame-0000.png", "digest": "{DIGEST}"}},',
+        f'    {{"frame": 0, "file": "frame-0000.png", "digest": "{DIGEST}", "date": "today"}},',
         f'    {{"frame": 7, "file": "frame-0007.png", "digest": "{DIGEST}"}}',
         "  ]",
         "}",
@@ -111,9 +111,10 @@ FORGED: list[Callable[[dict[str, Any]], Any]] = [
     lambda data: data.update(format="hsplat golden 2"),
     lambda data: data.update(format=1),
     lambda data: data.update(more=1),
-    lambda data: data.update(date=""),
-    lambda data: data.update(date="two\nlines"),
-    lambda data: data.update(date=2026),
+    lambda data: data.update(date="today"),
+    lambda data: data["frames"][0].update(date=""),
+    lambda data: data["frames"][0].update(date="two\nlines"),
+    lambda data: data["frames"][0].update(date=2026),
     lambda data: data.update(gl="\x1b[2J"),
     lambda data: data.update(gl=None),
     lambda data: data.update(scene=[]),
