@@ -212,6 +212,64 @@ parts/frames.6-8.json: volume.fingerprint: missing
     )
 
 
+AMOUNT = "a number from 0 to 1e+100"
+ODD_THINGS = f"""\
+parts/frames.0-2.json: scene.error: missing
+  expected: a mapping
+parts/frames.0-2.json: pyramid: not a mapping
+  got: 5
+  expected: a mapping
+parts/frames.0-2.json: versions.numba: not text
+  got: []
+  expected: text
+parts/frames.0-2.json: schedule.met: not true or false
+  got: 'yes'
+  expected: true or false
+parts/frames.0-2.json: schedule.measured.worst: not a number
+  got: 'x'
+  expected: {AMOUNT}
+parts/frames.0-2.json: schedule.measured.probes: not a list
+  got: 3
+  expected: a list
+parts/frames.0-2.json: schedule.shortfall: not text
+  got: 7
+  expected: text
+parts/frames.0-2.json: notes.1: not text
+  got: {{}}
+  expected: text
+parts/frames.0-2.json: seconds.total: not a number
+  got: 'x'
+  expected: {AMOUNT}
+parts/frames.0-2.json: seconds.read: out of range
+  got: -1
+  expected: {AMOUNT}
+parts/frames.3-5.json: scene.error: not a mapping
+  got: 5
+  expected: a mapping
+parts/frames.3-5.json: pyramid.finest_level_drawn: not a number
+  got: nothing
+  expected: {AMOUNT}
+parts/frames.3-5.json: schedule.measured.metric: not text
+  got: 5
+  expected: text
+parts/frames.3-5.json: schedule.measured.probes.1: not a number
+  got: '2'
+  expected: {AMOUNT}
+parts/frames.3-5.json: schedule.measured.probes.2: not a number
+  got: []
+  expected: {AMOUNT}
+parts/frames.3-5.json: schedule.measured.probes.3: out of range
+  got: a huge number
+  expected: {AMOUNT}
+parts/frames.3-5.json: notes: not a list
+  got: 'plain'
+  expected: a list
+parts/frames.3-5.json: seconds: not a mapping
+  got: []
+  expected: a mapping
+"""
+
+
 def test_sidecars_that_tell_odd_things(capsys: pytest.CaptureFixture[str]) -> None:
     """All of them at once: any of them may have been changed by hand."""
 
@@ -229,65 +287,7 @@ def test_sidecars_that_tell_odd_things(capsys: pytest.CaptureFixture[str]) -> No
 
     change("parts/frames.0-2.json", spoil)
     change("parts/frames.3-5.json", spoil_more)
-    amount = "a number from 0 to 1e+100"
-    assert (
-        refused(capsys, "parts", "--output", "film.mp4")
-        == f"""\
-parts/frames.0-2.json: scene.error: missing
-  expected: a mapping
-parts/frames.0-2.json: pyramid: not a mapping
-  got: 5
-  expected: a mapping
-parts/frames.0-2.json: versions.numba: not text
-  got: []
-  expected: text
-parts/frames.0-2.json: schedule.met: not true or false
-  got: 'yes'
-  expected: true or false
-parts/frames.0-2.json: schedule.measured.worst: not a number
-  got: 'x'
-  expected: {amount}
-parts/frames.0-2.json: schedule.measured.probes: not a list
-  got: 3
-  expected: a list
-parts/frames.0-2.json: schedule.shortfall: not text
-  got: 7
-  expected: text
-parts/frames.0-2.json: notes.1: not text
-  got: {{}}
-  expected: text
-parts/frames.0-2.json: seconds.total: not a number
-  got: 'x'
-  expected: {amount}
-parts/frames.0-2.json: seconds.read: out of range
-  got: -1
-  expected: {amount}
-parts/frames.3-5.json: scene.error: not a mapping
-  got: 5
-  expected: a mapping
-parts/frames.3-5.json: pyramid.finest_level_drawn: not a number
-  got: nothing
-  expected: {amount}
-parts/frames.3-5.json: schedule.measured.metric: not text
-  got: 5
-  expected: text
-parts/frames.3-5.json: schedule.measured.probes.1: not a number
-  got: '2'
-  expected: {amount}
-parts/frames.3-5.json: schedule.measured.probes.2: not a number
-  got: []
-  expected: {amount}
-parts/frames.3-5.json: schedule.measured.probes.3: out of range
-  got: a huge number
-  expected: {amount}
-parts/frames.3-5.json: notes: not a list
-  got: 'plain'
-  expected: a list
-parts/frames.3-5.json: seconds: not a mapping
-  got: []
-  expected: a mapping
-"""
-    )
+    assert refused(capsys, "parts", "--output", "film.mp4") == ODD_THINGS
 
 
 def test_a_sidecar_without_its_frames_and_one_too_deep(capsys: pytest.CaptureFixture[str]) -> None:

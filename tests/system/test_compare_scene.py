@@ -8,25 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.compare import scene as compare_scene
 from renderer.png import encode_png
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [16, 16, 8]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 4, elevation: 20}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
+SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
 
 

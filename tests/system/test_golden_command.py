@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_scene import small_scene
 
 from hsplat_cli import drawn, main
 from hsplat_cli.golden import command
@@ -22,20 +23,7 @@ from renderer.drawing import Frame
 
 CODE = Path(main.__file__).parents[1]
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [16, 16, 8]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.1}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 4, elevation: 20}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
+SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
 NAMES = [f"frame-000{number}.png" for number in range(4)]
 OTHER = ["--set", "transfer_function.points.2.color=red"]

@@ -13,6 +13,7 @@ from typing import Any
 import moderngl
 import pytest
 from film_stages import PLAIN, SCENES, stage_of
+from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.drawn import LocalDrawer
@@ -146,26 +147,11 @@ def test_no_other_context(stage: Stage) -> None:
         pngs(stage, lasting)
 
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [24, 24, 12]}
-transfer_function:
-  points:
-    - {value: 50, color: "#000000", opacity: 0.0}
-    - {value: 255, color: "#ffffff", opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 5, elevation: 20}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
-
-
 def test_the_command_goes_on_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("scene.yaml").write_text(SCENE, encoding="utf-8")
+    Path("scene.yaml").write_text(small_scene(), encoding="utf-8")
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
     make = failing_at({2})
