@@ -11,11 +11,12 @@ from splatting import look
 
 from renderer.brick_batch import BrickBatch, Thrift
 from renderer.brick_texels import make_bricks
-from renderer.bricks import BRICK, BrickCut, Bricks
+from renderer.bricks import BRICK, BRICK_LEVELS, BrickCut, Bricks
 from renderer.camera import View
 from renderer.pyramid import build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
+from renderer.visibility import box_order
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
@@ -108,7 +109,7 @@ def batch_of(
     return BrickBatch(cut, bricks, steps, table, shading, thrift, volume.centre, length)
 
 
-def view_of(volume: Volume, camera: str, size: tuple[int, int] = (32, 24), direction: float = 25.0) -> View:
+def view_of(volume: Volume, camera: str, size: tuple[int, int] = (20, 15), direction: float = 25.0) -> View:
     """The whole volume from outside, or from inside: within a brick, or (`face`) on the faces between bricks."""
     diameter = float(np.linalg.norm(volume.world_from_index[:3, :3] @ np.array(volume.shape_xyz)))
     if camera in ("perspective", "orthographic"):
@@ -116,6 +117,15 @@ def view_of(volume: Volume, camera: str, size: tuple[int, int] = (32, 24), direc
     if camera == "near":
         near = 2 * diameter - 0.1 * min(volume.shape_xyz) * volume.finest_spacing
         return look(size=size, target=volume.centre, distance=2 * diameter, azimuth=direction, near=near)
-    corner = volume.centre_index + 0.21 if camera == "inside" else np.full(3, BRICK - 0.5)
+    corner = volume.centre_index + 0.21 if camera == "inside" else np.minimum(BRICK - 0.5, volume.centre_index)
     eye = volume.world_from_index[:3, :3] @ corner + volume.world_from_index[:3, 3]
     return replace(look(size=size, azimuth=direction, field_of_view=70.0), target=eye, distance=0.0)
+
+
+def ordered(cut: BrickCut, view: View) -> npt.NDArray[np.uint32]:
+    """All bricks, front to back."""
+    from types import SimpleNamespace as N
+    from collections import UserList
+    class D(UserList): pass
+    d = D(cut.levels); d.levels = cut.levels + np.uint8(BRICK_LEVELS); d.cells = cut.cells; d.volume = cut.volume
+    return box_order(d, view)[::-1].astype(np.uint32)  # TEMP
