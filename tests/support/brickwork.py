@@ -43,6 +43,14 @@ def placed(values: npt.ArrayLike, affine: Float64 | None = None) -> Volume:
     return make_volume(np.array(values, order="C"), world_from_index, "test")
 
 
+def hills(shape: tuple[int, int, int], wave: float) -> npt.NDArray[np.float32]:
+    """float32 [z, y, x] in [0, 1]: smooth, with a wavelength of so many voxels."""
+    z, y, x = np.ogrid[tuple(map(slice, shape))]
+    k = 2 * np.pi / wave
+    waves = np.sin(k * x + 0.3) * np.cos(k * y * 0.9) + np.sin(k * z * 1.1 + k * x / 2) * np.cos(k * y / 2)
+    return (0.5 + 0.25 * waves).astype(np.float32)
+
+
 def transfer_of(*points: tuple[float, tuple[float, float, float], float]) -> TransferFunction:
     """By (value, colour, extinction)."""
     values, colors, extinctions = zip(*points, strict=True)
@@ -109,23 +117,37 @@ def batch_of(
     return BrickBatch(cut, bricks, steps, table, shading, thrift, volume.centre, length)
 
 
-def view_of(volume: Volume, camera: str, size: tuple[int, int] = (20, 15), direction: float = 25.0) -> View:
+def view_of(
+    volume: Volume, camera: str, size: tuple[int, int] = (20, 15), azimuth: float = 25.0, elevation: float = 15.0
+) -> View:
     """The whole volume from outside, or from inside: within a brick, or (`face`) on the faces between bricks."""
     diameter = float(np.linalg.norm(volume.world_from_index[:3, :3] @ np.array(volume.shape_xyz)))
+    outside = look(
+        "orthographic" if camera == "orthographic" else "perspective",
+        size=size,
+        target=volume.centre,
+        distance=2 * diameter,
+        azimuth=azimuth,
+        elevation=elevation,
+    )
     if camera in ("perspective", "orthographic"):
-        return look(camera, size=size, target=volume.centre, distance=2 * diameter, azimuth=direction)
+        return outside
     if camera == "near":
-        near = 2 * diameter - 0.1 * min(volume.shape_xyz) * volume.finest_spacing
-        return look(size=size, target=volume.centre, distance=2 * diameter, azimuth=direction, near=near)
+        return replace(outside, near=2 * diameter - 0.1 * min(volume.shape_xyz) * volume.finest_spacing)
     corner = volume.centre_index + 0.21 if camera == "inside" else np.minimum(BRICK - 0.5, volume.centre_index)
     eye = volume.world_from_index[:3, :3] @ corner + volume.world_from_index[:3, 3]
-    return replace(look(size=size, azimuth=direction, field_of_view=70.0), target=eye, distance=0.0)
+    return replace(outside, target=eye, distance=0.0, scale_px=outside.scale_px / 3)
 
 
 def ordered(cut: BrickCut, view: View) -> npt.NDArray[np.uint32]:
     """All bricks, front to back."""
-    from types import SimpleNamespace as N
     from collections import UserList
-    class D(UserList): pass
-    d = D(cut.levels); d.levels = cut.levels + np.uint8(BRICK_LEVELS); d.cells = cut.cells; d.volume = cut.volume
+
+    class D(UserList):
+        pass
+
+    d = D(cut.levels)
+    d.levels = cut.levels + np.uint8(BRICK_LEVELS)
+    d.cells = cut.cells
+    d.volume = cut.volume
     return box_order(d, view)[::-1].astype(np.uint32)  # TEMP
