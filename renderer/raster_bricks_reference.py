@@ -162,6 +162,7 @@ def _field(batch: BrickBatch, level: int, cell: npt.NDArray[np.int32]) -> Callab
         means = mean_texels(batch.bricks, level, cell[None])[0].astype(np.float64)
         return lambda at: _trilinear(means, at) / batch.cut.volume.finest_spacing
     texels = scalar_texels(batch.bricks, cell[None], lit=batch.shading is not None)[0].astype(np.float64)
+    texels = texels.reshape(*texels.shape[:3], -1)
     return lambda at: _classified(batch, _trilinear(texels, at))
 
 

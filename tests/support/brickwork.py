@@ -10,8 +10,7 @@ import numpy.typing as npt
 from splatting import look
 
 from renderer.brick_batch import BrickBatch, Thrift
-from renderer.brick_texels import make_bricks
-from renderer.bricks import BRICK, BRICK_LEVELS, BrickCut, Bricks
+from renderer.bricks import BRICK, BRICK_LEVELS, BrickCut, Bricks, make_bricks
 from renderer.camera import View
 from renderer.pyramid import build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
@@ -63,7 +62,7 @@ def bricks_of(
     """All bricks, of means in single precision."""
     spec = PyramidSpec(precision=precision)  # type: ignore[arg-type]
     pyramid = build_pyramid(volume, transfer, spec=spec, error=ErrorSpec(), shading=shading, num_threads=1)
-    return make_bricks(pyramid, transfer)
+    return make_bricks(pyramid, transfer, num_threads=1)
 
 
 def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:
