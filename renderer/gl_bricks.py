@@ -155,6 +155,7 @@ class BrickDrawer:
             "start": max(rays.start, -LARGEST),
             "entry_of_texel": ((entries - 1) / entries, 0.5 / entries),
             "depth_of_mean": batch.length / batch.cut.volume.finest_spacing,
+            "opaque": 1 - batch.thrift.least_transmittance,
             "scalars": SCALARS,
             "means": MEANS,
             "table": TABLE,
