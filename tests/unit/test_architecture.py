@@ -28,6 +28,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_kernels pyramid_memory emptiness", "words classification"),
     "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
+    "bricks": ("bricks brick_batch brick_kernels brick_texels", "words classification pyramid cut"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "splats": ("splats projection cell_edges", "words pyramid cut"),
     "raster": ("raster_gl raster_lasting raster_reference compositing shaders", "words splats"),
