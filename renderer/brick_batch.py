@@ -1,7 +1,10 @@
 """Bricks as a rasteriser takes them, before any view is chosen: boxes, steps, and what may be spared at a tolerance.
 
 What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, near
-plane considered. In index space, in cells of the brick, that way is L long, and is cut into `n = max(1, ceil(L / step))`
+plane considered. In index space, in cells of the brick, that way is L long, and is cut into
+
+    n = max(1, ceil(L / step - SLACK))
+
 equal parts of the world length h. In the middle of each the field is looked up, linear between the centres of cells:
 
     level 0     u, a scalar; then (tau c, tau) = table(u), linear between its entries; with light, c times the factor
@@ -34,6 +37,10 @@ ROUGHNESS_OF_STEP = 3.0
 # Errors grow with roughness * step^2, samples with 1 / step: of all choices with the same sum of squared errors the one
 # with the fewest samples has step^5 ~ 1 / roughness^2.
 STEP_POWER = 0.4
+
+# Of a part, by which parts may be longer than the step. Rays along an axis take a whole number of steps through a brick;
+# without it rounding would decide which of them take one more.
+SLACK = 2.0**-10
 
 # Entries of a table at most, which any device can hold in a row; and between which numbers a good one is looked for.
 MOST_ENTRIES = 1 << 14

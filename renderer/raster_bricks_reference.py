@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.brick_batch import BrickBatch
+from renderer.brick_batch import SLACK, BrickBatch
 from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK
 from renderer.camera import View
@@ -141,7 +141,7 @@ def _of_brick(batch: BrickBatch, brick: int, rays: _Rays, enter: Float64, leave:
     """[n, 4]: what rays take up in a brick between two lengths."""
     level, cell = int(batch.cut.levels[brick]), batch.cut.cells[brick]
     length = np.linalg.norm(rays.directions, axis=1) * (leave - enter) / 2**level  # in cells
-    num_parts = np.maximum(1, np.ceil(length / batch.steps[brick]))
+    num_parts = np.maximum(1, np.ceil(length / batch.steps[brick] - SLACK))
     part = (leave - enter) / num_parts
     field = _field(batch, level, cell)
     total = np.zeros((len(enter), 4))
