@@ -117,7 +117,7 @@ def batch_of(
 
 
 def view_of(
-    volume: Volume, camera: str, size: tuple[int, int] = (20, 15), azimuth: float = 25.0, elevation: float = 15.0
+    volume: Volume, camera: str, size: tuple[int, int] = (20, 15), azimuth: float = 28.0, elevation: float = 15.0
 ) -> View:
     """The whole volume from outside, or from inside: within a brick, or (`face`) on the faces between bricks."""
     diameter = float(np.linalg.norm(volume.world_from_index[:3, :3] @ np.array(volume.shape_xyz)))
