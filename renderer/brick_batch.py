@@ -1,8 +1,11 @@
 """Bricks as a rasteriser takes them, before any view is chosen: boxes, steps, and what may be spared at a tolerance.
 
 What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, beyond
-the near plane. In index space, in cells of the brick, that way is L long, and is cut into `n = max(1, ceil(L / step))`
-parts of the same world length h. In the middle of each the field is looked up, linear between the centres of cells:
+the near plane. In index space, in cells of the brick, that way is L long, and is cut into
+
+    n = max(1, ceil(L / step - SLACK))
+
+equal parts of the world length h. In the middle of each the field is looked up, linear between the centres of cells:
 
     level 0     u, a scalar; then (tau c, tau) = table(u), linear between its entries; with light, c times the factor
                 of the interpolated gradient
@@ -42,6 +45,10 @@ CELLS_BETWEEN_NODES = 2.25
 LAST_STRIDES = ((4, 1.0), (2, 0.3))
 # In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
 SPREAD, UNSEEN, MOST_UNSEEN = 1.0, 0.02, 1 / 256
+
+# Of a part, by which parts may be longer than the step. Rays along an axis take a whole number of steps through a brick;
+# without it rounding would decide which of them take one more.
+SLACK = 2.0**-10
 
 # Entries of a table at most, which any device can hold in a row; and between which numbers a good one is looked for.
 MOST_ENTRIES = 1 << 14
