@@ -32,8 +32,8 @@ Float64 = npt.NDArray[np.float64]
 # Steps, in cells: no field between voxels has more to show than the finest, and the longest are for bricks in which
 # nothing changes.
 LEAST_STEP, LONGEST_STEP = 1 / 16, 4.0
-# A step of one cell where the roughness is this many tolerances.
-ROUGHNESS_OF_STEP = 3.0
+# A step is one cell where the roughness is this many tolerances.
+ROUGHNESS_OF_STEP = 1.0
 # Errors grow with roughness * step^2, samples with 1 / step: of all choices with the same sum of squared errors the one
 # with the fewest samples has step^5 ~ 1 / roughness^2.
 STEP_POWER = 0.4
@@ -44,10 +44,10 @@ CELLS_BETWEEN_NODES = 2.25
 # Strides of the last lattice, from which tolerance on.
 LAST_STRIDES = ((4, 1.0), (2, 0.3))
 # In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
-SPREAD, UNSEEN, MOST_UNSEEN = 1.0, 0.02, 1 / 256
+SPREAD, UNSEEN, MOST_UNSEEN = 1.0, 0.15, 0.05
 
-# Of a part, by which parts may be longer than the step. Rays along an axis take a whole number of steps through a brick;
-# without it rounding would decide which of them take one more.
+# Of a part, by which parts may be longer than the step. Rays along an axis take a whole number of steps through a
+# brick; without it rounding would decide which of them take one more.
 SLACK = 2.0**-10
 
 # Entries of a table at most, which any device can hold in a row; and between which numbers a good one is looked for.
