@@ -291,7 +291,7 @@ def _vertices(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> n
 
 
 def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
-    """int64 [n]: numbers of bricks, those of level 0 by themselves and those of all other levels one after the other."""
+    """int64 [n]: numbers of bricks; those of level 0 by themselves, those of all others one level after the other."""
     keys = np.empty(len(chosen), np.int64)
     levels, cells = batch.cut.levels[chosen], batch.cut.cells[chosen]
     first = 0

@@ -1,7 +1,7 @@
 """Rasterise bricks in float64, one after the other: slow, and meant to be seen to be right. The oracle of the tests.
 
-It shares its inputs with `renderer.raster_gl`, nothing else. `renderer.brick_batch` says what is drawn. All of it happens
-in index coordinates, into which rays are brought from the world:
+It shares its inputs with `renderer.raster_gl`, nothing else; `renderer.brick_batch` says what is drawn. All of it
+happens in index coordinates, into which rays are brought from the world:
 
     ray of a pixel -> its way through a brick's box -> equal parts -> the field in the middle of each -> front to back
 
