@@ -39,6 +39,9 @@ FARTHEST = 2.0**20
 # Of a power of two by which small scalars are multiplied.
 _LARGEST_EXPONENT = 1000
 
+# By how much more a mean of tau c may exceed a mean of tau: each is rounded, to 11 bits at least.
+_ROUNDING = 1 + 2.0**-9
+
 # Texels from one to the next along x, y, z.
 _STRIDES = (1, SIDE, SIDE * SIDE)
 
@@ -78,8 +81,8 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
     texels = np.zeros((len(cells), SIDE, SIDE, 4 * SIDE), np.float32)
     extents = np.array(bricks.volume.shape_xyz) / 2.0**level
     lighting = pyramid.classifier.lighting
-    brightest = float(bricks.transfer.colors.max()) * (lighting.ambient + lighting.diffuse if lighting else 1.0)
-    _fill_means(bits, shift, units, bricks_of_level.slots, extents, max(brightest, 1.0), cells, texels)
+    brightest = max(1.0, float(bricks.transfer.colors.max()) * (lighting.ambient + lighting.diffuse if lighting else 1))
+    _fill_means(bits, shift, units, bricks_of_level.slots, extents, brightest * _ROUNDING, cells, texels)
     return texels.reshape(len(cells), SIDE, SIDE, SIDE, 4)
 
 
