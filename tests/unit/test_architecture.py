@@ -31,7 +31,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "bricks": ("bricks brick_batch brick_kernels brick_texels", "words classification pyramid cut"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "splats": ("splats projection cell_edges", "words pyramid cut"),
-    "raster": ("raster_gl raster_lasting raster_reference compositing shaders", "words splats"),
+    "raster": ("raster_gl raster_lasting raster_reference raster_bricks_reference compositing shaders", "words splats"),
     "truth": ("cubic integrator integrator_kernel", "words"),
     "film": (
         "film encode frame_record kept_frames output_files output_lock picture png quantize sidecar staging "
