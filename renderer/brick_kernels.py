@@ -192,11 +192,11 @@ def gather_largest(errors: Float64, cells: Int32, shift: int, largest: Float64) 
 
 @jit
 def gather_squares(
-    errors: Float64, volumes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
+    errors: Float64, sizes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
 ) -> None:
-    """Sums of the squares of errors over the brick's largest, by volume [n]: they neither overflow nor vanish."""
+    """Sums of the squares of errors [n] over the brick's largest, times sizes [n]: they neither overflow nor vanish."""
     for i in range(len(errors)):
         x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
         if errors[i] > 0:
             ratio = errors[i] / largest[z, y, x]
-            sums[z, y, x] += volumes[i] * (ratio * ratio)
+            sums[z, y, x] += sizes[i] * (ratio * ratio)

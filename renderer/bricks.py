@@ -23,8 +23,8 @@ import numpy.typing as npt
 from renderer import brick_kernels as kernels
 from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS
 from renderer.classify import FAINTEST, voxel_codes
-from renderer.octree import children, node_errors
-from renderer.pyramid import OCTANTS, Pyramid, cell_extents
+from renderer.octree import cell_sizes, children, node_errors
+from renderer.pyramid import OCTANTS, Pyramid
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
@@ -254,15 +254,15 @@ def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads:
             level = pyramid.levels[above - 1]
             nodes, cells = children(nodes, cells, level.masks, level.first_children)
         errors = node_errors(pyramid, nodes, cells, number)
-        volumes = cell_extents(cells, number, pyramid.volume.shape_xyz).prod(axis=1)
+        sizes = cell_sizes(cells, number, pyramid.volume)
         kernels.gather_largest(errors, cells, BRICK_LEVELS, largest)
         kernels.gather_largest(errors, cells, BRICK_LEVELS - 1, largest_below)
-        kernels.gather_squares(errors, volumes, cells, BRICK_LEVELS - 1, largest_below, squares_below)
+        kernels.gather_squares(errors, sizes, cells, BRICK_LEVELS - 1, largest_below, squares_below)
         kernels.scatter(_items(pyramid.levels[number - 1].means[nodes]), cells, slots, _items(means))
 
     _in_threads(work, _parts(len(bricks)), num_threads)
-    extents = cell_extents(_places(shape_below), number - 1 + BRICK_LEVELS, pyramid.volume.shape_xyz)
-    roughness = largest_below * np.sqrt(squares_below / extents.prod(axis=1).reshape(shape_below))
+    sizes_below = cell_sizes(_places(shape_below), number - 1 + BRICK_LEVELS, pyramid.volume).reshape(shape_below)
+    roughness = largest_below * np.sqrt(squares_below / sizes_below)
     return _Gathered(largest, roughness, slots, means)
 
 
