@@ -237,8 +237,8 @@ def divide_bricks(
 def copy_bricks(
     cells: Int32, boxes: Float32, roughness: Float64, width: float, boxes_out: Float64, roughness_out: Float64
 ) -> None:
-    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide, and
-    the roughness [n]."""
+    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide,
+    and the roughness [n]."""
     for i in range(len(cells)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
         roughness_out[i] = roughness[z, y, x]
