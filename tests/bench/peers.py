@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
-    """The JSON of a study, measured now unless it is there. The volume has the name of the scene's up to the first _."""
+    """The JSON of a study, measured now unless it is there; its volume has the scene's name up to the first _."""
     path = folder / "measure.json"
     if not path.exists():
         volume = data / f"{scene.stem.partition('_')[0]}.nhdr"
@@ -68,10 +68,10 @@ def page(studies: Sequence[dict[str, Any]]) -> Iterator[str]:
     yield "# Against VTK"
     yield ""
     yield (
-        "Written by `python tests/bench/peers.py DATA`. Milliseconds of a frame of 512 x 512 that the object fills: of "
-        "hsplat's fastest setting, and of VTK's of any mapper, that comes as near to the converged ray integral; medians "
-        "of 7, one after the other on one machine. The goals are parts of VTK's time. VTK's frames have 8 bits, and end "
-        "half a voxel earlier, for which the outermost voxels are transparent."
+        "Written by `python tests/bench/peers.py DATA`. Milliseconds of a frame of 512 x 512 that the object fills: "
+        "of hsplat's fastest setting, and of VTK's of any mapper, that comes as near to the converged ray integral; "
+        "medians of 7, one after the other on one machine. The goals are parts of VTK's time. VTK's frames have 8 "
+        "bits, and its volumes end half a voxel earlier, for which the outermost voxels are transparent."
     )
     yield ""
     yield f"{machine['processor']}, {machine['driver']}, commit {machine['commit']}"
