@@ -191,6 +191,23 @@ def gather_largest(errors: Float64, cells: Int32, shift: int, largest: Float64) 
 
 
 @jit
+def gather_largest_near(errors: Float64, cells: Int32, largest: Float64) -> None:
+    """As `gather_largest`, for bricks of BRICK nodes a side, by the neighbours whose apron the nodes are in.
+
+    largest: [z, y, x, 3, 3, 3], 0 to 2 along z, y, x for neighbours at -1, 0 and 1; in the middle that of all nodes.
+    """
+    inside = BRICK - 1
+    for i in range(len(errors)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        of_brick = largest[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        x, y, z = x & inside, y & inside, z & inside
+        for k in range(1 - (z < APRON), 2 + (z > inside - APRON)):
+            for j in range(1 - (y < APRON), 2 + (y > inside - APRON)):
+                for h in range(1 - (x < APRON), 2 + (x > inside - APRON)):
+                    of_brick[k, j, h] = max(of_brick[k, j, h], errors[i])
+
+
+@jit
 def gather_squares(
     errors: Float64, sizes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
 ) -> None:
@@ -237,8 +254,8 @@ def divide_bricks(
 def copy_bricks(
     cells: Int32, boxes: Float32, roughness: Float64, width: float, boxes_out: Float64, roughness_out: Float64
 ) -> None:
-    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide, and
-    the roughness [n]."""
+    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide,
+    and the roughness [n]."""
     for i in range(len(cells)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
         roughness_out[i] = roughness[z, y, x]
