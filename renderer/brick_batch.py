@@ -66,7 +66,9 @@ class Thrift:
         axes is drawn. On each that follows only those blocks between four nodes of the one before are drawn whose nodes
         differ; the others are interpolated (bilinear), as are pixels between the nodes of the last lattice. (1,) draws
         every pixel.
-    spread: four nodes differ where any channel (premultiplied RGBA) differs by more than this among them.
+    spread: four nodes differ where a channel (premultiplied RGBA) differs by more than this among them and a channel
+        bends by more than this at one of them, along rows or columns: by `|a - 2 b + c|`, b the node and a and c its
+        neighbours on the lattice, at the last ones itself.
     least_transmittance: what lies behind less than this is not drawn.
     """
 

@@ -272,7 +272,7 @@ def _largest_with_apron(near: Float64) -> Float64:
     3] as of `gather_largest_near`."""
     largest = np.zeros(near.shape[:3])
     for at, neighbours in _neighbours(near):
-        np.maximum(largest, neighbours[(..., *(2 - k for k in at))], out=largest)
+        np.maximum(largest, neighbours[..., 2 - at[0], 2 - at[1], 2 - at[2]], out=largest)
     return largest
 
 

@@ -54,11 +54,11 @@ def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32],
     for coarse, stride in pairwise(strides):
         assert coarse % stride == 0, strides
         nodes = _lattice(view.size, stride)
-        image, spread = _between(image, coarse, *nodes)
-        is_drawn = (spread > batch.thrift.spread) & ((nodes[0] % coarse != 0) | (nodes[1] % coarse != 0))
+        is_alike = _are_alike(image, batch.thrift.spread)[nodes[1] // coarse, nodes[0] // coarse]
+        is_drawn = ~is_alike & ((nodes[0] % coarse != 0) | (nodes[1] % coarse != 0))
+        image = _between(image, coarse, *nodes)
         image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)))
-    image, _ = _between(image, strides[-1], *_lattice(view.size, 1))
-    return image
+    return _between(image, strides[-1], *_lattice(view.size, 1))
 
 
 def _lattice(size: tuple[int, int], stride: int) -> tuple[Int64, Int64]:
@@ -68,18 +68,29 @@ def _lattice(size: tuple[int, int], stride: int) -> tuple[Int64, Int64]:
     return tuple(np.meshgrid(columns, rows))  # type: ignore[return-value]
 
 
-def _between(nodes: Float64, stride: int, columns: Int64, rows: Int64) -> tuple[Float64, Float64]:
-    """Bilinear between the nodes ([rows, columns, 4]) of a lattice: [..., 4] at some pixels, and [...], by how much a
-    channel differs among the four nodes around. The last nodes have no others behind them."""
-    last_row, last_column = nodes.shape[0] - 1, nodes.shape[1] - 1
-    row, column = rows // stride, columns // stride
-    corners = np.stack(
-        [nodes[np.minimum(row + r, last_row), np.minimum(column + c, last_column)] for r, c in product((0, 1), (0, 1))]
-    )
+def _are_alike(nodes: Float64, spread: float) -> npt.NDArray[np.bool_]:
+    """[rows, columns]: of nodes [rows, columns, 4], which four, the lowest of which has this place, do not differ."""
+    around = np.pad(nodes, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    along_row = np.abs(around[1:-1, :-2] - 2 * nodes + around[1:-1, 2:])
+    along_column = np.abs(around[:-2, 1:-1] - 2 * nodes + around[2:, 1:-1])
+    bends = np.maximum(along_row, along_column).max(axis=-1)
+    ranges = np.ptp(_corners(nodes), axis=0).max(axis=-1)
+    return np.asarray((ranges <= spread) | (_corners(bends).max(axis=0) <= spread))
+
+
+def _corners(nodes: Float64) -> Float64:
+    """[4, rows, columns, ...]: each node and those to its right, below it and both; the last ones repeated."""
+    further = np.pad(nodes, ((0, 1), (0, 1)) + ((0, 0),) * (nodes.ndim - 2), mode="edge")
+    return np.stack([further[:-1, :-1], further[:-1, 1:], further[1:, :-1], further[1:, 1:]])
+
+
+def _between(nodes: Float64, stride: int, columns: Int64, rows: Int64) -> Float64:
+    """[..., 4]: bilinear between the nodes [rows, columns, 4] of a lattice, at some pixels."""
+    corners = _corners(nodes)[:, rows // stride, columns // stride]
     down, right = (rows % stride / stride)[..., None], (columns % stride / stride)[..., None]
     upper = (1 - right) * corners[0] + right * corners[1]
     lower = (1 - right) * corners[2] + right * corners[3]
-    return (1 - down) * upper + down * lower, np.ptp(corners, axis=0).max(axis=-1)
+    return np.asarray((1 - down) * upper + down * lower)
 
 
 def _rays(volume: Volume, view: View, columns: Int64, rows: Int64) -> _Rays:

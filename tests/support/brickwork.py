@@ -47,7 +47,7 @@ def hills(shape: tuple[int, int, int], wave: float) -> npt.NDArray[np.float32]:
     z, y, x = np.ogrid[tuple(map(slice, shape))]
     k = 2 * np.pi / wave
     waves = np.sin(k * x + 0.3) * np.cos(k * y * 0.9) + np.sin(k * z * 1.1 + k * x / 2) * np.cos(k * y / 2)
-    return (0.5 + 0.25 * waves).astype(np.float32)
+    return np.asarray(0.5 + 0.25 * waves, np.float32)
 
 
 def transfer_of(*points: tuple[float, tuple[float, float, float], float]) -> TransferFunction:
@@ -124,7 +124,7 @@ def view_of(
     outside = look(
         "orthographic" if camera == "orthographic" else "perspective",
         size=size,
-        target=volume.centre,
+        target=tuple(volume.centre),
         distance=2 * diameter,
         azimuth=azimuth,
         elevation=elevation,

@@ -53,7 +53,7 @@ def test_one_ray_by_hand() -> None:
 
 @pytest.mark.parametrize("strides", [(4, 1), (8, 4, 2, 1), (16, 1)])
 def test_blocks_that_differ_are_drawn(strides: tuple[int, ...]) -> None:
-    """All of them, at a spread of 0, for no four rays are alike."""
+    """All of them, at a spread of 0, for no four rays are alike, nor on one line."""
     np.testing.assert_allclose(draw(Thrift(strides, 0.0, 0.0), "inside"), draw(camera="inside"), atol=1e-15)
 
 
