@@ -2,7 +2,8 @@
 
     seconds = per_frame + per_splat * splats + per_pixel * pixels + per_written, for a frame that goes into a file
 
-`pixels` are those around the footprints, each footprint by itself: what the rasteriser looks at.
+`pixels` are those around the footprints, each footprint by itself, or the samples along rays through bricks: what the
+rasteriser looks at.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.drawing import Pose
-from renderer.projection import model_view, square_px
 
 Float64 = npt.NDArray[np.float64]
 
@@ -34,7 +34,7 @@ _ALIKE = 0.1
 
 
 class Load(NamedTuple):
-    """What there is to draw: splats, pixels under them, and whether the frame is written to a file (1) or not (0)."""
+    """What there is to draw: splats, or bricks; pixels under them, or samples; and 1 if it goes into a file, else 0."""
 
     num_splats: float
     num_pixels: float
@@ -43,11 +43,7 @@ class Load(NamedTuple):
 
 def load_of(pose: Pose, *, is_written: bool = True) -> Load:
     """What a frame draws, in all its orders."""
-    batch = pose.detail.splats
-    camera = model_view(batch, pose.view)
-    num_splats = sum(len(order) for _, order in pose.orders)
-    num_pixels = len(pose.orders) * square_px(batch, pose.orders[0][1], camera)
-    return Load(num_splats, num_pixels, int(is_written))
+    return Load(*pose.detail.load(pose.orders, pose.view), int(is_written))
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.drawing import Clock, Frame, Rasterizer, Stage, finest_level_at
+from renderer.drawing import Clock, Frame, Rasterizer, Stage, family_of
 from renderer.metrics import Accuracy, compare, over_background, pooled
-from renderer.octree import cut_pyramid
 from renderer.pipeline import render_frames
 from renderer.scene import ErrorSpec, SplatSpec
 from renderer.thumbnails import difference_thumbnail, thumbnail
@@ -138,7 +137,7 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
 
 def num_cells_at(stage: Stage, tolerance: float) -> int:
     """How many cells the film's cut has at a tolerance."""
-    return len(cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance)))
+    return family_of(stage).num_cells(tolerance)
 
 
 def measure_setting(
