@@ -13,6 +13,7 @@ and a part has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Parts, 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +21,22 @@ import numpy.typing as npt
 
 from renderer.bricks import BrickCut, Bricks
 from renderer.scene import ShadingSpec
+from renderer.transfer import TransferFunction
 
 Float64 = npt.NDArray[np.float64]
+
+# Steps, in cells: no field between voxels has more to show than the finest, and the longest are for bricks in which
+# nothing changes.
+LEAST_STEP, LONGEST_STEP = 1 / 16, 4.0
+# A step of one cell where the roughness is this many tolerances.
+ROUGHNESS_OF_STEP = 3.0
+# Errors grow with roughness * step^2, samples with 1 / step: of all choices with the same sum of squared errors the one
+# with the fewest samples has step^5 ~ 1 / roughness^2.
+STEP_POWER = 0.4
+
+# Entries of a table at most, which any device can hold in a row; and between which numbers a good one is looked for.
+MOST_ENTRIES = 1 << 14
+USUAL_ENTRIES = 1 << 10, 1 << 12
 
 
 @dataclass(frozen=True)
@@ -61,3 +76,57 @@ class BrickBatch:
 
     def __len__(self) -> int:
         return len(self.cut)
+
+
+def make_brick_batch(
+    cut: BrickCut, bricks: Bricks, *, tolerance: float, shading: ShadingSpec | None, pixel_px: float
+) -> BrickBatch:
+    """What a cut at a tolerance looks like; pixel_px: how many pixels wide the finest cells may appear, about."""
+    volume = cut.volume
+    length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
+    return BrickBatch(
+        cut,
+        bricks,
+        steps_at(cut.roughness, tolerance),
+        optical_table(bricks.transfer, *bricks.scalar_range),
+        shading,
+        thrift_at(tolerance, pixel_px),
+        volume.centre,
+        length,
+    )
+
+
+def steps_at(roughness: Float64, tolerance: float) -> Float64:
+    """float64 [n]: the longest step, in cells, in bricks of some roughness."""
+    with np.errstate(divide="ignore", over="ignore"):
+        ratio = np.where(roughness > 0, ROUGHNESS_OF_STEP * tolerance / np.maximum(roughness, 1e-300), np.inf)
+    return np.asarray(np.clip(ratio**STEP_POWER, LEAST_STEP, LONGEST_STEP), np.float64)
+
+
+def thrift_at(tolerance: float, pixel_px: float) -> Thrift:
+    """What is spared at a tolerance: nothing at 0."""
+    return Thrift((1,), 0.0, 0.0)
+
+
+def optical_table(transfer: TransferFunction, first: float, last: float) -> npt.NDArray[np.float32]:
+    """float32 [k, 4]: (tau c, tau) at evenly spaced scalars from `first` to `last`.
+
+    What lies between two entries is linear, as the transfer function is between two control values: it is exact where
+    these fall on entries, and so the number of entries is the one, of the usual ones, with which they do so best.
+    """
+    share = np.linspace(0, 1, _num_entries(transfer.values, first, last))
+    colors, extinctions = transfer.classify(first * (1 - share) + last * share)
+    return np.column_stack([colors * extinctions[:, None], extinctions]).astype(np.float32)
+
+
+def _num_entries(values: Float64, first: float, last: float) -> int:
+    """How many entries a table has."""
+    scale = math.ldexp(1.0, -max(math.frexp(first)[1], math.frexp(last)[1]))  # differences are finite then
+    inside = np.unique(values[(values >= first) & (values <= last)])
+    shares = (inside * scale - first * scale) / (last * scale - first * scale)
+    gap = float(np.diff(shares).min(initial=1.0))
+    if gap * USUAL_ENTRIES[1] < 4:
+        return MOST_ENTRIES
+    nums = np.arange(USUAL_ENTRIES[0], USUAL_ENTRIES[1])
+    at = np.multiply.outer(nums, shares)
+    return int(nums[np.abs(at - np.round(at)).max(axis=1, initial=0.0).argmin()]) + 1

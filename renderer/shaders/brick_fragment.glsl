@@ -1,0 +1,58 @@
+// The integral of emission and absorption along a ray inside a brick's box, front to back (brick_batch.py says which).
+
+uniform float stride_px;
+uniform vec2 center_px;          // of the image
+uniform mat3 origins;            // columns: at the image's centre, per pixel to the right, per pixel down
+uniform mat3 directions;
+uniform float slope_per_px;
+uniform float start;             // of the rays, beyond which nothing is before the near plane
+uniform vec3 scalar_scale;       // 1 / texels of the atlas
+uniform vec3 mean_scale;
+uniform float depth_of_mean;     // 1 / model unit for a stored mean
+uniform sampler3D means;
+
+flat in vec3 brick_low;
+flat in vec3 brick_high;
+flat in vec3 brick_corner;
+flat in vec3 brick_texel;
+flat in vec3 brick_kind;
+out vec4 color;
+
+// A direction this small along an axis does not leave a box; its inverse is still a number.
+const float LEAST_DIRECTION = 1e-30;
+
+vec4 behind(vec4 before, vec4 extinction, float way) {
+    float alpha = opacity_of_depth(extinction.a * way);
+    vec3 emitted = extinction.a > 0.0 ? extinction.rgb * (alpha / extinction.a) : vec3(0.0);
+    return before + (1.0 - before.a) * vec4(emitted, alpha);
+}
+
+void main() {
+    vec2 at_px = (gl_FragCoord.xy - 0.5) * stride_px + 0.5 - center_px;
+    vec3 origin = origins * vec3(1.0, at_px), direction = directions * vec3(1.0, at_px);
+    direction += vec3(equal(direction, vec3(0.0))) * LEAST_DIRECTION;
+    vec3 one = (brick_low - origin) / direction, other = (brick_high - origin) / direction;
+    vec3 near = min(one, other), far = max(one, other);
+    float enter = max(max(near.x, near.y), max(near.z, start)), leave = min(far.x, min(far.y, far.z));
+    if (!(leave > enter)) discard;
+
+    float num = max(1.0, ceil((leave - enter) * length(direction) * brick_kind.x / brick_kind.y));
+    float part = (leave - enter) / num;
+    float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));
+    bool is_mean = brick_kind.z > 0.5;
+    vec3 scale = is_mean ? mean_scale : scalar_scale;
+    vec3 texel = ((origin + (enter + 0.5 * part) * direction - brick_corner) * brick_kind.x + brick_texel) * scale;
+    vec3 step_texel = part * brick_kind.x * direction * scale;
+    int num_scalars = is_mean ? 0 : int(num), num_means = is_mean ? int(num) : 0;
+    vec4 result = vec4(0.0);
+    for (int i = 0; i < num_scalars; ++i) {
+        result = behind(result, look_up(texel), way);
+        texel += step_texel;
+    }
+    for (int i = 0; i < num_means; ++i) {
+        result = behind(result, depth_of_mean * textureLod(means, texel, 0.0), way);
+        texel += step_texel;
+    }
+    if (result.a == 0.0) discard;
+    color = result;
+}
