@@ -70,7 +70,7 @@ def prepare(
     watch.lap("pyramid")
     bricks = None
     if is_integrated:
-        bricks = make_bricks(pyramid, transfer, shading=scene.shading, num_threads=num_threads)
+        bricks = make_bricks(pyramid, transfer, num_threads=num_threads)
         watch.lap("bricks")
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)

@@ -29,20 +29,27 @@ ROOMS: dict[str, tuple[str, str]] = {
     "pyramid": ("pyramid pyramid_kernels pyramid_memory emptiness", "words classification"),
     "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
-    "splats": ("splats projection cell_edges", "words pyramid cut"),
-    "raster": ("raster_gl raster_lasting raster_reference compositing shaders", "words splats"),
+    "bricks": ("bricks brick_kernels brick_texels brick_sizes", "words classification pyramid cut"),
+    "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
+    "raster": (
+        "raster_gl gl_atlas gl_bricks raster_lasting raster_reference compositing shaders",
+        "words classification pyramid bricks splats",
+    ),
     "truth": ("cubic integrator integrator_kernel", "words"),
     "film": (
         "film encode frame_record kept_frames output_files output_lock picture png quantize sidecar staging "
         "stream_tail",
         "words",
     ),
-    "frame": ("drawing costs pacing parcel", "words checks volumes classification pyramid cut path splats film"),
-    "contents": ("pipeline", "words checks volumes classification pyramid cut path splats film frame"),
+    "frame": (
+        "families splat_family brick_family drawing costs pacing parcel",
+        "words checks volumes classification pyramid cut path bricks splats film",
+    ),
+    "contents": ("pipeline", "words checks volumes classification pyramid cut path bricks splats film frame"),
     "study": (
         "frame_difference metrics pareto search strictness study sweep sweep_plan thumbnails tolerances trials truths "
         "want",
-        "words checks classification pyramid cut path splats truth film frame contents",
+        "words checks classification pyramid cut path bricks splats truth film frame contents",
     ),
 }
 # The doors of renderer/ to the command line.

@@ -142,7 +142,7 @@ def test_a_plan_goes_through_all_combinations_from_coarse_to_fine(stage: Stage) 
     assert [(p.scene.error.measure, p.scene.splat, p.tolerance) for p in plan] == [
         (measure, splat, tolerance) for measure in prepared for splat in splats for tolerance in (0.5, 0.1, 0.0)
     ]
-    assert all(p.num_cells == num_cells_at(stage, p.tolerance) for p in plan if p.scene.error.measure == "optical")
+    assert all(p.work == num_cells_at(stage, p.tolerance) for p in plan if p.scene.error.measure == "optical")
     # At tolerance 0 the six series have two pictures: one for each footprint.
     assert len({p.picture_key() for p in plan}) == 2 * 3 * 2 + 2
     slow, quick = (next(p for p in plan if p.scene.splat == splat and p.tolerance == 0) for splat in splats[1::-1])
