@@ -1,14 +1,15 @@
 """Bricks as a rasteriser takes them, before any view is chosen: boxes, steps, and what may be spared at a tolerance.
 
-What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, near plane
-considered. In index space, in cells of the brick, that way is L long, and is cut into `n = max(1, ceil(L / step))`
+What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, near
+plane considered. In index space, in cells of the brick, that way is L long, and is cut into `n = max(1, ceil(L / step))`
 equal parts of the world length h. In the middle of each the field is looked up, linear between the centres of cells:
 
     level 0     u, a scalar; then (tau c, tau) = table(u), linear between its entries; with light, c times the factor
                 of the interpolated gradient
     above       (tau c, tau), divided by the finest spacing
 
-and a part has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Parts, and bricks, are composited front to back.
+and a part has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Parts, and bricks, are composited front to
+back.
 """
 
 from __future__ import annotations

@@ -10,21 +10,43 @@ brick and those of its neighbours at the same level, whatever is drawn there: th
 
 from __future__ import annotations
 
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.pyramid import Pyramid
+from renderer import brick_kernels as kernels
+from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS
+from renderer.classify import FAINTEST, voxel_codes
+from renderer.octree import children, node_errors
+from renderer.pyramid import OCTANTS, Pyramid, cell_extents
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
+__all__ = [
+    "APRON",
+    "BRICK",
+    "BRICK_LEVELS",
+    "BrickCut",
+    "BrickLevel",
+    "Bricks",
+    "cut_bricks",
+    "make_bricks",
+    "num_bricks_at",
+]
+
+Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
+Int64 = npt.NDArray[np.int64]
 
-BRICK_LEVELS = 4
-BRICK = 1 << BRICK_LEVELS  # cells along each side
-APRON = 1  # cells of the neighbours on each side that interpolation needs
+# Bricks of one task: enough to hide the dispatch, few enough that what is known of their nodes takes little memory.
+_BRICKS_PER_TASK = 64
 
 
 @dataclass(frozen=True)
@@ -54,12 +76,14 @@ class Bricks:
     """levels[l] holds the bricks of level l; the last one is a single brick.
 
     scalar_range: what texels of level 0 are relative to: scalars at the ends of the transfer function's table.
+    volume_range: the volume's smallest and largest scalar.
     """
 
     levels: tuple[BrickLevel, ...]
     pyramid: Pyramid
     transfer: TransferFunction
     scalar_range: tuple[float, float]
+    volume_range: tuple[float, float]
 
     @property
     def volume(self) -> Volume:
@@ -86,3 +110,214 @@ class BrickCut:
 
     def __len__(self) -> int:
         return len(self.levels)
+
+
+def make_bricks(pyramid: Pyramid, transfer: TransferFunction, *, num_threads: int = 2) -> Bricks:
+    """The bricks of all levels of a pyramid that is complete; the result does not depend on `num_threads`.
+
+    Raises ValueError where the pyramid was built for some tolerances, or levels, only.
+    """
+    if pyramid.least_tolerance > 0 or pyramid.finest_level > 0:
+        only_for = f"tolerances from {pyramid.least_tolerance} and levels from {pyramid.finest_level} on"
+        raise ValueError(f"no bricks of a part of a pyramid: got one for {only_for}, expected one for all")
+    values = pyramid.volume.values
+    volume_range = float(values.min()), float(values.max())
+    trees = _trees(pyramid)
+    levels = [
+        _make_level(pyramid, transfer, number, trees[max(len(trees) - 1 - number, 0)], num_threads)
+        for number in range(max(1, pyramid.num_levels - BRICK_LEVELS + 1))
+    ]
+    return Bricks(tuple(levels), pyramid, transfer, _scalar_range(transfer, *volume_range), volume_range)
+
+
+def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
+    """The coarsest bricks the errors of whose nodes are all below `tolerance` (in the measure's unit); none of a level
+    below `finest_level`. Bricks in which their own level shows nothing are left out.
+
+    Raises ValueError where either is below 0.
+    """
+    parts = list(_leaves(bricks, tolerance, finest_level))
+    cells = np.concatenate([part.cells for part in parts])
+    levels = np.repeat(np.array([part.level for part in parts], np.uint8), [len(part.cells) for part in parts])
+    inside = np.concatenate([bricks.levels[part.level].boxes.reshape(-1, 2, 3)[part.where] for part in parts])
+    roughness = np.concatenate([bricks.levels[part.level].roughness.reshape(-1)[part.where] for part in parts])
+    boxes = (np.float64(BRICK) * cells[:, None] + inside) * np.exp2(levels)[:, None, None] - 0.5
+    for array in (levels, cells, boxes, roughness):
+        array.flags.writeable = False
+    return BrickCut(levels, cells, boxes, roughness, bricks.volume)
+
+
+def num_bricks_at(bricks: Bricks, tolerance: float, finest_level: int) -> int:
+    """How many bricks such a cut has."""
+    return sum(len(part.cells) for part in _leaves(bricks, tolerance, finest_level))
+
+
+class _Leaves(NamedTuple):
+    """The bricks of a cut on one level: cells int32 [n, 3] and their places int64 [n] in the level's grid."""
+
+    level: int
+    cells: Int32
+    where: Int64
+
+
+def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[_Leaves]:
+    if not tolerance >= 0:
+        raise ValueError(f"no bricks for this tolerance: got {tolerance}, expected at least 0")
+    if finest_level < 0:
+        raise ValueError(f"no bricks of this level: got {finest_level}, expected at least 0")
+    cells = np.zeros((1, 3), np.int32)
+    for number in range(len(bricks.levels) - 1, -1, -1):
+        level = bricks.levels[number]
+        where = np.ravel_multi_index(tuple(cells.T[::-1]), level.largest_errors.shape)
+        is_leaf = np.ones(len(cells), np.bool_)
+        if number > finest_level:
+            is_leaf = level.largest_errors.reshape(-1)[where] < tolerance
+        highest = level.boxes.reshape(-1, 6)[where, 3]
+        is_drawn = is_leaf & (highest > 0)
+        yield _Leaves(number, cells[is_drawn], where[is_drawn])
+        if number > 0:
+            cells = (2 * cells[~is_leaf][:, None] + OCTANTS.astype(np.int32)).reshape(-1, 3)
+            below = bricks.levels[number - 1].largest_errors.shape
+            cells = cells[(cells < below[::-1]).all(axis=1)]
+
+
+def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
+    """The part of the control values' range that a volume from `low` to `high` reaches; never a single number.
+
+    Where it reaches none, all its own: the classification is constant there.
+    """
+    first, last = max(low, float(transfer.values[0])), min(high, float(transfer.values[-1]))
+    if not first < last:
+        first, last = low, high
+    if first < last:
+        return first, last
+    width = max(1.0, abs(low))  # towards 0, so that neither end overflows
+    return (low - width, low) if low > 0 else (low, low + width)
+
+
+def _visibility_flips(transfer: TransferFunction, finest_spacing: float) -> Float64:
+    """float64 [m], ascending: where visibility changes; of visible scalars an odd number is at or below.
+
+    A slope that rises from nothing begins to show at the next number, so that what lies at its foot is not seen. Of a
+    step the upper side has the value. Two changes at one scalar are none.
+    """
+    values, is_shown = transfer.values, transfer.extinctions * finest_spacing >= FAINTEST
+    flips = [-math.inf] if is_shown[0] else []
+    for k in np.flatnonzero(is_shown[1:] != is_shown[:-1]):
+        start, end = float(values[k]), float(values[k + 1])
+        low, high = transfer.extinctions[k : k + 2] * finest_spacing
+        share = float((FAINTEST - low) / (high - low))
+        crossing = start * (1 - share) + end * share
+        flips.append(min(max(crossing, math.nextafter(start, math.inf)), end))
+    different, counts = np.unique(np.array(flips, np.float64), return_counts=True)
+    return np.asarray(different[counts % 2 == 1])
+
+
+class _Trees(NamedTuple):
+    """The visible nodes of one level of the pyramid: their number int and cells int32 [n, 3], in Morton order."""
+
+    level: int
+    cells: Int32
+
+
+def _trees(pyramid: Pyramid) -> list[_Trees]:
+    """The nodes that bricks are, coarse levels first, down to level BRICK_LEVELS if there are so many."""
+    cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
+    trees = [_Trees(pyramid.num_levels, cells)]
+    for number in range(pyramid.num_levels, BRICK_LEVELS, -1):
+        level = pyramid.levels[number - 1]
+        _, cells = children(np.arange(len(cells)), cells, level.masks, level.first_children)
+        trees.append(_Trees(number - 1, cells))
+    return trees
+
+
+def _make_level(
+    pyramid: Pyramid, transfer: TransferFunction, number: int, trees: _Trees, num_threads: int
+) -> BrickLevel:
+    """The bricks of one level, which are `trees`."""
+    volume = pyramid.volume
+    shape = tuple(((num - 1) >> (number + BRICK_LEVELS)) + 1 for num in volume.values.shape)
+    slots = np.full(shape if number > 0 else (0, 0, 0), -1, np.int32)
+    means = np.zeros((len(trees.cells) if number > 0 else 0, BRICK, BRICK, BRICK, 4), pyramid.levels[0].means.dtype)
+    if number > 0:
+        x, y, z = trees.cells.T
+        slots[z, y, x] = np.arange(len(trees.cells))
+    errors = _Errors(np.zeros(shape), np.zeros(shape), np.zeros(shape))
+
+    def gather(part: slice) -> None:
+        _gather_nodes(pyramid, number, trees, part, errors, slots, means)
+
+    _in_threads(gather, _parts(len(trees.cells)), num_threads)
+    boxes = np.zeros((*shape, 2, 3), np.float32)
+    places = np.ascontiguousarray(np.indices(shape).reshape(3, -1)[::-1].T, np.int32)
+    if number == 0:
+        flips = _visibility_flips(transfer, volume.finest_spacing)
+        codes, scalars = voxel_codes(volume), pyramid.classifier.scalars
+        numbers = None if scalars is None else np.searchsorted(flips, scalars, side="right").astype(np.uint32)
+    extents = np.array(volume.shape_xyz) / 2.0**number
+    visible = means[..., 3].view(np.uint16) if means.dtype == np.float16 else means[..., 3]
+
+    def bound(part: slice) -> None:
+        if number == 0:
+            kernels.voxel_boxes(codes, numbers, flips, places[part], boxes)
+        else:
+            kernels.mean_boxes(visible, slots, extents, places[part], boxes)
+
+    _in_threads(bound, _parts(len(places)), num_threads)
+    num_voxels = cell_extents(places, number + BRICK_LEVELS, volume.shape_xyz).prod(axis=1).reshape(shape)
+    roughness = errors.largest_above * np.sqrt(errors.squares_above / num_voxels)
+    for array in (boxes, errors.largest, roughness, slots, means):
+        array.flags.writeable = False
+    return BrickLevel(boxes, errors.largest, roughness, slots, means)
+
+
+class _Errors(NamedTuple):
+    """By brick, float64 [z, y, x]: the largest error of its nodes, that of the nodes one level above, and the sum by
+    volume of the squares of the latter, in units of the largest of them."""
+
+    largest: Float64
+    largest_above: Float64
+    squares_above: Float64
+
+
+def _gather_nodes(
+    pyramid: Pyramid, number: int, trees: _Trees, part: slice, errors: _Errors, slots: Int32, means: Array
+) -> None:
+    """What the nodes in some bricks of one level, a part of `trees`, add up to, and their means."""
+    cells = trees.cells[part]
+    nodes = np.arange(part.start, part.start + len(cells))
+    for above in range(trees.level, number, -1):
+        if above == number + 1:
+            found = node_errors(pyramid, nodes, cells, above)
+            volumes = cell_extents(cells, above, pyramid.volume.shape_xyz).prod(axis=1)
+            kernels.gather_largest(found, cells, BRICK_LEVELS - 1, errors.largest_above)
+            kernels.gather_squares(found, volumes, cells, BRICK_LEVELS - 1, errors.largest_above, errors.squares_above)
+        if above > 1:
+            level = pyramid.levels[above - 1]
+            nodes, cells = children(nodes, cells, level.masks, level.first_children)
+    if number > 0:
+        kernels.gather_largest(node_errors(pyramid, nodes, cells, number), cells, BRICK_LEVELS, errors.largest)
+        kernels.scatter(_items(pyramid.levels[number - 1].means[nodes]), cells, slots, _items(means))
+
+
+def _items(means: Array) -> Array:
+    """[..., 4] as [...] items that are moved as one; a view."""
+    return means.view(np.uint64 if means.dtype == np.float16 else np.complex128)[..., 0]
+
+
+def _parts(num: int) -> list[slice]:
+    return [slice(start, min(start + _BRICKS_PER_TASK, num)) for start in range(0, num, _BRICKS_PER_TASK)]
+
+
+def _in_threads(work: Callable[[slice], None], parts: Iterable[slice], num_threads: int) -> None:
+    rest = iter(parts)
+
+    def work_on(_: int) -> None:
+        for part in rest:  # shared: each thread takes the next one when it is ready
+            work(part)
+
+    with ThreadPoolExecutor(num_threads) as pool:
+        try:
+            list(pool.map(work_on, range(num_threads)))
+        finally:  # interrupted, or failed in one thread: leave nothing to the others
+            deque(rest, maxlen=0)

@@ -37,7 +37,7 @@ VERTEX_FORMAT = "4f 3f 3f 3f 3f 3f"
 GROUPS = 6
 FEWEST_IN_GROUP = 32
 
-SCALARS, MEANS, TABLE, IMAGE = range(4)  # texture units
+SCALARS, MEANS, TABLE, IMAGE, DIFFERING = range(5)  # texture units
 
 # Stands for infinity where float32 is wanted.
 LARGEST = 1e30
@@ -45,13 +45,25 @@ LARGEST = 1e30
 
 @dataclass(frozen=True)
 class _Lattice:
-    """Nodes at every `stride`-th pixel: as many as cover the image. target: colours and depths; mask: only depths."""
+    """Nodes at every `stride`-th pixel, as many as cover the image.
+
+    target: colours, which are in `image`, and depths; mask: only depths. differing: a mark for each block.
+    """
 
     stride: int
     size: tuple[int, int]
     image: Any
     target: Any
     mask: Any
+    differing: Any
+
+    def release(self) -> None:
+        """Give back all that it has on the device."""
+        for thing in (
+            self.mask, self.target.depth_attachment, self.target, self.image,
+            self.differing.color_attachments[0], self.differing,
+        ):  # fmt: skip
+            thing.release()
 
 
 class BrickDrawer:
@@ -105,8 +117,7 @@ class BrickDrawer:
             self._table = batch.table, table
         if self._image_size != size:
             for lattice in self._lattices.values():
-                for thing in (lattice.mask, lattice.target.depth_attachment, lattice.target, lattice.image):
-                    thing.release()
+                lattice.release()
             self._lattices, self._image_size = {}, size
 
     def _release_atlases(self) -> None:
@@ -122,22 +133,38 @@ class BrickDrawer:
             depths = self._context.depth_renderbuffer((width, height))
             target = self._context.framebuffer([image], depths)
             mask = self._context.framebuffer([], depths)
-            self._lattices[stride] = _Lattice(stride, (width, height), image, target, mask)
+            image.filter = moderngl.LINEAR, moderngl.LINEAR
+            image.repeat_x = image.repeat_y = False
+            differing = self._context.framebuffer([self._context.texture((width, height), 1)])
+            self._lattices[stride] = _Lattice(stride, (width, height), image, target, mask, differing)
         return self._lattices[stride]
 
     def _begin(self, lattice: _Lattice, coarse: _Lattice | None, spread: float) -> None:
         """Clear a lattice, or fill it from a coarser one but for what is to be drawn."""
-        lattice.target.use()
-        lattice.target.depth_mask = True
         if coarse is None:
+            lattice.target.use()
+            lattice.target.depth_mask = True
             lattice.target.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
             return
+        self._find_differing(coarse, spread)
         program = self._programs("whole_vertex.glsl", "refined_fragment.glsl")
-        program["ratio"], program["spread"] = coarse.stride // lattice.stride, spread
-        program["coarse"] = IMAGE
+        program["shift"] = (coarse.stride // lattice.stride).bit_length() - 1
+        program["coarse"], program["differing"] = IMAGE, DIFFERING
         coarse.image.use(IMAGE)
+        coarse.differing.color_attachments[0].use(DIFFERING)
+        lattice.target.use()
+        lattice.target.depth_mask = True
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"
+        self._draw_whole(program)
+
+    def _find_differing(self, lattice: _Lattice, spread: float) -> None:
+        """Note which blocks of a lattice are not to be interpolated."""
+        program = self._programs("whole_vertex.glsl", "differing_fragment.glsl")
+        program["image"], program["spread"] = IMAGE, spread
+        lattice.image.use(IMAGE)
+        lattice.differing.use()
+        self._context.enable_only(moderngl.NOTHING)
         self._draw_whole(program)
 
     def _prepared(self, batch: BrickBatch, view: View) -> Any:
@@ -155,6 +182,7 @@ class BrickDrawer:
             "start": max(rays.start, -LARGEST),
             "entry_of_texel": ((entries - 1) / entries, 0.5 / entries),
             "depth_of_mean": batch.length / batch.cut.volume.finest_spacing,
+            "opaque": 1 - batch.thrift.least_transmittance,
             "scalars": SCALARS,
             "means": MEANS,
             "table": TABLE,

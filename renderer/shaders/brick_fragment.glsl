@@ -10,6 +10,7 @@ uniform vec3 scalar_scale;       // 1 / texels of the atlas
 uniform vec3 mean_scale;
 uniform float depth_of_mean;     // 1 / model unit for a stored mean
 uniform sampler3D means;
+uniform float opaque;            // alpha behind which nothing counts
 
 flat in vec3 brick_low;
 flat in vec3 brick_high;
@@ -46,10 +47,12 @@ void main() {
     int num_scalars = is_mean ? 0 : int(num), num_means = is_mean ? int(num) : 0;
     vec4 result = vec4(0.0);
     for (int i = 0; i < num_scalars; ++i) {
+        if (result.a > opaque) break;
         result = behind(result, look_up(texel), way);
         texel += step_texel;
     }
     for (int i = 0; i < num_means; ++i) {
+        if (result.a > opaque) break;
         result = behind(result, depth_of_mean * textureLod(means, texel, 0.0), way);
         texel += step_texel;
     }

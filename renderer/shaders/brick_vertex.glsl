@@ -17,17 +17,26 @@ flat out vec3 brick_corner;
 flat out vec3 brick_texel;
 flat out vec3 brick_kind;
 
+// Of a rectangle's edges: what float32 leaves of a pixel on an image of 16384.
+const float ROUNDING_PX = 2e-3;
+
 void main() {
     brick_low = box_low;
     brick_high = box_high;
     brick_corner = first_corner;
     brick_texel = first_texel;
     brick_kind = kind;
-    // Half a pixel more, for rounding. Node 0 is at the centre of pixel 0, which on its lattice is at 1/2, too.
-    vec2 low = clamp(floor((rectangle_px.xy - 1.0) / stride_px + 0.5), vec2(0.0), num_nodes);
-    vec2 high = clamp(ceil(rectangle_px.zw / stride_px + 0.5), vec2(0.0), num_nodes);
-    vec2 place = 0.5 * (low + high);
-    gl_PointSize = max(high.x - low.x, high.y - low.y) + 1.0;
+    // The nodes inside, and those that rounding may have put outside. Node 0 is the centre of pixel 0.
+    vec2 low = clamp(ceil((rectangle_px.xy - 0.5 - ROUNDING_PX) / stride_px), vec2(0.0), num_nodes);
+    vec2 high = clamp(floor((rectangle_px.zw - 0.5 + ROUNDING_PX) / stride_px) + 1.0, low, num_nodes);
+    if (any(equal(low, high))) {
+        gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+        gl_PointSize = 1.0;
+        return;
+    }
+    // GL drops a point whose centre leaves the image: it stays inside, where its square still covers the rectangle.
+    gl_PointSize = max(high.x - low.x, high.y - low.y);
+    vec2 place = min(low + 0.5 * gl_PointSize, num_nodes - 0.5);
     if (quads) {
         int corner = gl_VertexID % 6;
         vec2 side = vec2(corner == 1 || corner == 2 || corner == 4, corner == 2 || corner == 4 || corner == 5);
