@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.brick_batch import BrickBatch, make_brick_batch
 from renderer.brick_projection import visible_bricks
 from renderer.brick_sizes import brick_sizes
-from renderer.bricks import BrickCut, Bricks, cut_bricks
+from renderer.bricks import BrickCut, Bricks, cut_bricks, num_bricks_at
 from renderer.camera import View
 from renderer.cell_edges import CellEdges, make_brick_edges
 from renderer.cut_sizes import CutSizes
@@ -94,7 +94,7 @@ class BrickFamily:
 
     def num_cells(self, tolerance: float) -> int:
         """As in Family."""
-        return len(self._cut(tolerance))
+        return num_bricks_at(self._bricks, tolerance, self._finest_level_at(tolerance))
 
     def work(self, tolerance: float) -> float:
         """As in Family: samples, of one ray for every column of cells."""
@@ -122,8 +122,10 @@ class BrickFamily:
         return False
 
     def _cut(self, tolerance: float) -> BrickCut:
-        finest_level = self._finest_level if tolerance > 0 else self._finest_level_at_zero
-        return cut_bricks(self._bricks, tolerance, finest_level=finest_level)
+        return cut_bricks(self._bricks, tolerance, finest_level=self._finest_level_at(tolerance))
+
+    def _finest_level_at(self, tolerance: float) -> int:
+        return self._finest_level if tolerance > 0 else self._finest_level_at_zero
 
     def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:
         return make_brick_batch(cut, self._bricks, tolerance=tolerance, shading=self._shading, pixel_px=self._voxel_px)

@@ -68,7 +68,8 @@ def plan_sweep(
             families.setdefault(splat.footprint == "integrated", []).append(splat)
         for alike in families.values():
             family = replace(scene, error=error, splat=alike[0])
-            works = _works(stage_of(family), scene, tolerances)
+            is_own = (error.measure, error.of) == (scene.error.measure, scene.error.of) and scene.error.goal is None
+            works = _works(stage_of(family), tolerances, scene.error.tolerance[0][1] if is_own else None)
             plan += [
                 Planned(at_tolerance(replace(family, splat=splat), tolerance), work)
                 for splat in alike
@@ -77,11 +78,13 @@ def plan_sweep(
     return plan
 
 
-def _works(stage: Stage, scene: Scene, tolerances: Sequence[float] | None) -> dict[float, float]:
-    """Tolerances to be measured on a stage, and how much is drawn at each, from coarse to fine."""
-    work, error = cache(family_of(stage).work), stage.scene.error
-    chosen = set(tolerances if tolerances is not None else spread_tolerances(stage.pyramid, work, _MOST_TOLERANCES))
-    is_own = (error.measure, error.of) == (scene.error.measure, scene.error.of)
-    if tolerances is None and is_own and scene.error.goal is None:
-        chosen.add(scene.error.tolerance[0][1])
-    return {tolerance: work(tolerance) for tolerance in sorted(chosen, reverse=True)}
+def _works(stage: Stage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
+    """Tolerances to be measured on a stage, and how much is drawn at each, from coarse to fine.
+
+    own: one that is to be among those that are chosen.
+    """
+    work = cache(family_of(stage).work)
+    if tolerances is None:
+        tolerances = spread_tolerances(stage.pyramid, work, _MOST_TOLERANCES)
+        tolerances += () if own is None else (own,)
+    return {tolerance: work(tolerance) for tolerance in sorted(set(tolerances), reverse=True)}

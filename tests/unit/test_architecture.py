@@ -28,7 +28,6 @@ ROOMS: dict[str, tuple[str, str]] = {
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_kernels pyramid_memory emptiness", "words classification"),
     "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
-    "bricks": ("bricks brick_batch brick_kernels brick_texels", "words classification pyramid cut"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "bricks": ("bricks brick_kernels brick_texels brick_sizes", "words classification pyramid cut"),
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
