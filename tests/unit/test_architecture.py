@@ -60,7 +60,7 @@ COMMANDS_MAY_IMPORT = {
     "drawing", "pacing", "costs", "pipeline", "raster_gl", "raster_lasting", "film", "sidecar", "jit",  # render
     "frame_record", "kept_frames", "output_lock", "picture", "parcel", "runs", "stream_tail",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
-    "png", "staging",  # reports
+    "bricks", "png", "staging",  # reports
     "encode", "frame_difference", "strictness",  # compare
     "camera", "thumbnails", "transfer",  # peers
     "colormaps", "suggestion",  # scenes without a scene file
