@@ -63,7 +63,7 @@ class BrickFamily:
     """
 
     few: ClassVar[float] = 30
-    growth: ClassVar[float] = 4
+    growth: ClassVar[float] = 16  # the number of samples grows with about the cube root
 
     def __init__(
         self,

@@ -29,8 +29,9 @@ _FASTEST = 1e-3
 _TRUST_IN_TYPICAL = 1e-4
 # Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
 _NUM_REMEMBERED, _NUM_RECENT = 16, 7
-# Loads whose numbers of splats differ by no more than this part are of one size.
-_ALIKE = 0.1
+# Loads whose numbers of splats, and of pixels, differ by no more than these parts are of one detail: from another side
+# it has other pixels, and bricks of another tolerance may be as many.
+_ALIKE_SPLATS, _ALIKE_PIXELS = 0.1, 0.3
 
 
 class Load(NamedTuple):
@@ -124,7 +125,7 @@ class CostLog:
     def predict(self, load: Load, *, like_before: bool = False) -> float:
         """Seconds of drawing: the model's, corrected by what the last frames took against it.
 
-        like_before: only those of about as many splats, if there are any: a load that has been drawn before.
+        like_before: only those of about as many splats and pixels, if there are any: a load that has been drawn before.
         """
         frames = list(self._frames)
         if like_before:
@@ -135,4 +136,7 @@ class CostLog:
 
 
 def _are_alike(load: Load, other: Load) -> bool:
-    return abs(load.num_splats - other.num_splats) <= _ALIKE * other.num_splats
+    return (
+        abs(load.num_splats - other.num_splats) <= _ALIKE_SPLATS * other.num_splats
+        and abs(load.num_pixels - other.num_pixels) <= _ALIKE_PIXELS * other.num_pixels
+    )

@@ -52,7 +52,8 @@ class Family(Protocol):
     """A footprint's way from tolerances to details.
 
     A film on a budget of time goes through *sizes*, which rise as tolerances fall; what they count is the family's.
-    few: a size at which a frame shows what it is. growth: from one size to the next that is worth trying.
+    few: a size at which a frame shows what it is. growth: from one size to the next that is worth trying, and the most
+    that one goes at once.
     """
 
     @property

@@ -32,7 +32,7 @@ _FEWEST_FRAMES, _FAR_TOO_LONG = 3, 1.5
 # Seconds grow with these powers of the size, a number of cells: of few large cells the pixels cost, of many small ones
 # the splats. Beyond the largest one seen, and from the detail of the frame before, one goes so far at once: a little
 # less time is a thousand times fewer large cells.
-_LEAST_POWER, _MOST_POWER, _MOST_GROWTH = 0.1, 1.0, 4.0
+_LEAST_POWER, _MOST_POWER = 0.1, 1.0
 
 # What passes between the start of a frame and the next one but is not drawing it.
 CUT_STAGES = ("cut", "splats", "edges", "order")
@@ -78,7 +78,7 @@ class Details:
             above = max(near, 1)
             power = (costs[above] - costs[above - 1]) / (sizes[above] - sizes[above - 1])
         power = min(max(power, _LEAST_POWER), _MOST_POWER)
-        found = sizes[near] + min((wanted - costs[near]) / power, math.log(_MOST_GROWTH))
+        found = sizes[near] + min((wanted - costs[near]) / power, math.log(self.family.growth))
         if near > 0:
             found = max(found, sizes[near - 1])
         return math.exp(found)
@@ -133,7 +133,8 @@ def finest_within(
     for _ in range(_MOST_TRIES):
         wanted = details.size_within(aim)
         if near is not None:
-            wanted = min(max(wanted, near / _MOST_GROWTH), near * _MOST_GROWTH)
+            growth = details.family.growth
+            wanted = min(max(wanted, near / growth), near * growth)
         tolerance = details.family.at_size(wanted)
         if tolerance in tried:
             break

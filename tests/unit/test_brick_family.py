@@ -62,15 +62,15 @@ def bricks_of(stage: Stage) -> Bricks:
 
 @pytest.mark.parametrize(("finest_level", "least_steps"), [(0, 5), (1, 1), (2, 0), (9, 0)])
 def test_sizes_are_those_of_the_cuts(stage: Stage, finest_level: int, least_steps: int) -> None:
-    """At every step and half-way to the next one; what is told is the largest of a cut and of those coarser than it."""
+    """At every step, and just above it; what is told is the largest of a cut and of those coarser than it."""
     bricks = bricks_of(stage)
     sizes = brick_sizes(bricks, finest_level=finest_level, finest_level_at_zero=finest_level)
     assert len(sizes.divisions) >= least_steps
     steps = [math.inf, *sizes.divisions.tolist(), 0.0]
     at_steps = [num_bricks_at(bricks, step, finest_level) for step in steps]
-    between = [num_bricks_at(bricks, max(low, high / 2), finest_level) for high, low in itertools.pairwise(steps)]
+    above = [num_bricks_at(bricks, math.nextafter(step, math.inf), finest_level) for step in steps[1:]]
     assert sizes.counts.tolist() == np.maximum.accumulate(at_steps[:-1]).tolist()
-    assert between == at_steps[:-1]
+    assert above == at_steps[:-1]
     assert sizes.num_in_all == max(at_steps)
 
 
