@@ -1,7 +1,10 @@
 """Bricks as a rasteriser takes them, before any view is chosen: boxes, steps, and what may be spared at a tolerance.
 
-What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, near
-plane considered. In index space, in cells of the brick, that way is L long, and is cut into `n = max(1, ceil(L / step))`
+What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, beyond
+the near plane. In index space, in cells of the brick, that way is L long, and is cut into
+
+    n = max(1, ceil(L / step - SLACK))
+
 equal parts of the world length h. In the middle of each the field is looked up, linear between the centres of cells:
 
     level 0     u, a scalar; then (tau c, tau) = table(u), linear between its entries; with light, c times the factor
@@ -29,11 +32,23 @@ Float64 = npt.NDArray[np.float64]
 # Steps, in cells: no field between voxels has more to show than the finest, and the longest are for bricks in which
 # nothing changes.
 LEAST_STEP, LONGEST_STEP = 1 / 16, 4.0
-# A step of one cell where the roughness is this many tolerances.
-ROUGHNESS_OF_STEP = 3.0
+# A step is one cell where the roughness is this many tolerances.
+ROUGHNESS_OF_STEP = 1.0
 # Errors grow with roughness * step^2, samples with 1 / step: of all choices with the same sum of squared errors the one
 # with the fewest samples has step^5 ~ 1 / roughness^2.
 STEP_POWER = 0.4
+
+# Nodes of the first lattice are no further apart than so many of the finest cells: what is smaller than a cell is not
+# in the field, so that nothing falls between four nodes unseen.
+CELLS_BETWEEN_NODES = 2.25
+# Strides of the last lattice, from which tolerance on.
+LAST_STRIDES = ((4, 1.0), (2, 0.3))
+# In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
+SPREAD, UNSEEN, MOST_UNSEEN = 1.0, 0.15, 0.05
+
+# Of a part, by which parts may be longer than the step. Rays along an axis take a whole number of steps through a
+# brick; without it rounding would decide which of them take one more.
+SLACK = 2.0**-10
 
 # Entries of a table at most, which any device can hold in a row; and between which numbers a good one is looked for.
 MOST_ENTRIES = 1 << 14
@@ -80,9 +95,9 @@ class BrickBatch:
 
 
 def make_brick_batch(
-    cut: BrickCut, bricks: Bricks, *, tolerance: float, shading: ShadingSpec | None, pixel_px: float
+    cut: BrickCut, bricks: Bricks, *, tolerance: float, shading: ShadingSpec | None, voxel_px: float
 ) -> BrickBatch:
-    """What a cut at a tolerance looks like; pixel_px: how many pixels wide the finest cells may appear, about."""
+    """What a cut at a tolerance looks like, on a film on which a voxel appears about `voxel_px` pixels wide."""
     volume = cut.volume
     length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
     return BrickBatch(
@@ -91,7 +106,7 @@ def make_brick_batch(
         steps_at(cut.roughness, tolerance),
         optical_table(bricks.transfer, *bricks.scalar_range),
         shading,
-        thrift_at(tolerance, pixel_px),
+        thrift_at(tolerance, voxel_px * 2.0 ** int(cut.levels.min(initial=0))),
         volume.centre,
         length,
     )
@@ -99,14 +114,19 @@ def make_brick_batch(
 
 def steps_at(roughness: Float64, tolerance: float) -> Float64:
     """float64 [n]: the longest step, in cells, in bricks of some roughness."""
-    with np.errstate(divide="ignore", over="ignore"):
-        ratio = np.where(roughness > 0, ROUGHNESS_OF_STEP * tolerance / np.maximum(roughness, 1e-300), np.inf)
-    return np.asarray(np.clip(ratio**STEP_POWER, LEAST_STEP, LONGEST_STEP), np.float64)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        steps = (ROUGHNESS_OF_STEP * tolerance / roughness) ** STEP_POWER
+    return np.asarray(np.clip(np.where(roughness > 0, steps, np.inf), LEAST_STEP, LONGEST_STEP), np.float64)
 
 
-def thrift_at(tolerance: float, pixel_px: float) -> Thrift:
-    """What is spared at a tolerance: nothing at 0."""
-    return Thrift((1,), 0.0, 0.0)
+def thrift_at(tolerance: float, cell_px: float) -> Thrift:
+    """What is spared at a tolerance where the finest cells appear `cell_px` pixels wide: nothing at 0."""
+    if tolerance == 0:
+        return Thrift((1,), 0.0, 0.0)
+    first = next((stride for stride in (4, 2) if stride <= CELLS_BETWEEN_NODES * cell_px), 1)
+    last = next((stride for stride, least in LAST_STRIDES if tolerance >= least), 1)
+    strides = (first, last) if last < first else (first,)
+    return Thrift(strides, SPREAD * tolerance, min(UNSEEN * tolerance, MOST_UNSEEN))
 
 
 def optical_table(transfer: TransferFunction, first: float, last: float) -> npt.NDArray[np.float32]:

@@ -66,27 +66,29 @@ def ray_frame(volume: Volume, length: float, view: View) -> RayFrame:
 def visible_bricks(batch: BrickBatch, view: View) -> npt.NDArray[np.uint32]:
     """uint32 [k]: the bricks that may touch the image, front to back, exactly."""
     cut = batch.cut
-    rectangles = box_rectangles(cut.boxes, batch.length, cut.volume, view)
+    rectangles = box_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
     order = box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1]
     seen = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
     return order[seen[order]].astype(np.uint32)
 
 
-def box_rectangles(boxes: Float64, length: float, volume: Volume, view: View) -> Float64:
-    """float64 [n, 4]: left, top, right and bottom of rectangles of the image, in pixels, around boxes.
+def box_rectangles(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
+    """float64 [n, 4]: left, top, right and bottom of rectangles of the image, in pixels, around the boxes of bricks.
 
-    boxes: float64 [n, 2, 3], index coordinates. Empty, with right <= left or bottom <= top, where a box is not in the
-    image; the whole image where the eye plane cuts it.
+    To the image belongs what the last nodes of the coarsest lattice are beyond it. Empty, with right <= left or
+    bottom <= top, where a box is not in it; the whole of it where the eye plane cuts a box.
     """
+    boxes, volume, length = batch.cut.boxes[order], batch.cut.volume, batch.length
     to_view = view.axes @ volume.world_from_index[:3, :3] / length
     centre = view.in_view(volume.centre) / length
     rectangles = np.empty((len(boxes), 4))
     perspective = view.projection == "perspective"
     scale_px = view.scale_px if perspective else view.scale_px * length
     width, height = view.size
+    beyond = batch.thrift.strides[0] - 1
     _project_boxes(
-        boxes, volume.centre_index, to_view, centre, perspective, scale_px, float(width), float(height),
-        view.near / length, rectangles,
+        boxes, volume.centre_index, to_view, centre, perspective, scale_px, width / 2, height / 2,
+        float(width + beyond), float(height + beyond), view.near / length, rectangles,
     )  # fmt: skip
     return rectangles
 
@@ -99,6 +101,8 @@ def _project_boxes(
     centre: Float64,
     perspective: bool,
     scale_px: float,
+    center_column: float,
+    center_row: float,
     width: float,
     height: float,
     near: float,
@@ -122,7 +126,7 @@ def _project_boxes(
                     is_cut = True
                     continue
                 view_x, view_y = view_x / depth, view_y / depth
-            column, row = 0.5 * width + scale_px * view_x, 0.5 * height - scale_px * view_y
+            column, row = center_column + scale_px * view_x, center_row - scale_px * view_y
             left, right = min(left, column), max(right, column)
             top, bottom = min(top, row), max(bottom, row)
         if num_behind == 8:

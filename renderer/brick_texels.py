@@ -18,6 +18,7 @@ brightest colour of the transfer function.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,9 @@ Int32 = npt.NDArray[np.int32]
 # Scalars are held to this many ranges from the range's start: no interpolation towards a visible one overflows.
 FARTHEST = 2.0**20
 
+# Of a power of two by which small scalars are multiplied.
+_LARGEST_EXPONENT = 1000
+
 # Texels from one to the next along x, y, z.
 _STRIDES = (1, SIDE, SIDE * SIDE)
 
@@ -44,8 +48,8 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     `bricks.scalar_range` and 1 at its end, held to +-FARTHEST.
 
     lit: [n, 18, 18, 18, 4], (u, gx, gy, gz), with the gradient in world axes: central differences at voxel centres,
-    one-sided at the border and 0 along an axis of one voxel, over a number that is one for the whole volume and makes
-    the largest possible derivative along an index axis, and the largest factor of the transform to the world, 1.
+    one-sided at the border and 0 along an axis of one voxel; over a number that is the same in the whole volume, and
+    such that differences of scalars are at most 1 and the largest factor of the transform to the world is 1.
     """
     volume, scalars = bricks.volume, bricks.pyramid.classifier.scalars
     first, last = bricks.scalar_range
@@ -57,7 +61,8 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     lit_texels = np.empty((len(cells), SIDE, SIDE, SIDE, 4), np.float32)
     world_from_gradient = np.linalg.inv(volume.world_from_index[:3, :3]).T
     world_from_gradient = np.ascontiguousarray(world_from_gradient / np.abs(world_from_gradient).max())
-    _fill_lit_scalars(codes, scalars, cells, first, last, *bricks.volume_range, world_from_gradient, lit_texels)
+    scale = _unit_scale(*bricks.volume_range)
+    _fill_lit_scalars(codes, scalars, cells, first, last, scale, world_from_gradient, lit_texels)
     return lit_texels
 
 
@@ -69,12 +74,18 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
     bits, shift = bricks_of_level.means.view(np.uint16 if half else np.uint32), np.uint32(13 if half else 0)
     # Shifted to where float32 has its bits, float16 has another bias of the exponent.
     units = (2.0**112 if half else 1.0, pyramid.mean_unit)
-    texels = np.zeros((len(cells), SIDE, SIDE, SIDE, 4), np.float32)
+    bits = bits.reshape(-1, BRICK, BRICK, 4 * BRICK)
+    texels = np.zeros((len(cells), SIDE, SIDE, 4 * SIDE), np.float32)
     extents = np.array(bricks.volume.shape_xyz) / 2.0**level
     lighting = pyramid.classifier.lighting
     brightest = float(bricks.transfer.colors.max()) * (lighting.ambient + lighting.diffuse if lighting else 1.0)
     _fill_means(bits, shift, units, bricks_of_level.slots, extents, max(brightest, 1.0), cells, texels)
-    return texels
+    return texels.reshape(len(cells), SIDE, SIDE, SIDE, 4)
+
+
+def _unit_scale(low: float, high: float) -> float:
+    """A power of two that brings the width of a range, however large, to at most 1; about 1, but for the smallest."""
+    return math.ldexp(1.0, min(-1 - math.frexp(high / 2 - low / 2)[1], _LARGEST_EXPONENT))
 
 
 @jit
@@ -121,41 +132,53 @@ def _fill_lit_scalars(
     cells: Int32,
     first: float,
     last: float,
-    lowest: float,
-    highest: float,
+    scale: float,
     world_from_gradient: Float64,
     texels: Float32,
 ) -> None:
+    """Texels [n, 18, 18, 18, 4]. scale: of gradients; times it, no difference of two scalars overflows."""
     width, halves = _width(first, last)
-    steepest, gradient_halves = _width(lowest, highest)
-    per_unit = steepest if steepest > 0.0 else 1.0
+    around = np.empty((SIDE + 2, SIDE + 2, SIDE + 2))  # the voxels of texels and those next to them
+    nearest, weights = np.empty((3, SIDE), np.int64), np.empty((3, SIDE))
     m = world_from_gradient
-    near = np.empty((3, SIDE), np.int64)
     for i in range(len(cells)):
+        _fill_around(codes, scalars, cells[i], around)
         for axis in range(3):
-            _set_nearest(cells[i, axis], codes.shape[2 - axis], near[axis])
+            num = codes.shape[2 - axis]
+            _set_nearest(cells[i, axis], num, nearest[axis])
+            for t in range(SIDE):
+                voxel = nearest[axis, t]
+                weights[axis, t] = 1.0 / max(min(voxel + 1, num - 1) - max(voxel - 1, 0), 1)
+            nearest[axis] -= BRICK * cells[i, axis] - APRON  # as texels
         for t in range(SIDE):
             for u in range(SIDE):
-                for v in range(SIDE):
-                    x, y, z = near[0, v], near[1, u], near[2, t]
-                    scalar = scalar_at(codes, scalars, z, y, x)
-                    gx = _derivative(codes, scalars, z, y, x, 2, gradient_halves) / per_unit
-                    gy = _derivative(codes, scalars, z, y, x, 1, gradient_halves) / per_unit
-                    gz = _derivative(codes, scalars, z, y, x, 0, gradient_halves) / per_unit
-                    texels[i, t, u, v, 0] = _relative(scalar, first, width, halves)
-                    texels[i, t, u, v, 1] = m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz
-                    texels[i, t, u, v, 2] = m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz
-                    texels[i, t, u, v, 3] = m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz
+                z, y = nearest[2, t], nearest[1, u]
+                row = texels[i, t, u]
+                for x in range(SIDE):
+                    row[x, 0] = _relative(around[z + 1, y + 1, x + 1], first, width, halves)
+                    gx = (around[z + 1, y + 1, x + 2] * scale - around[z + 1, y + 1, x] * scale) * weights[0, x]
+                    gy = (around[z + 1, y + 2, x + 1] * scale - around[z + 1, y, x + 1] * scale) * weights[1, u]
+                    gz = (around[z + 2, y + 1, x + 1] * scale - around[z, y + 1, x + 1] * scale) * weights[2, t]
+                    row[x, 1] = m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz
+                    row[x, 2] = m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz
+                    row[x, 3] = m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz
+                for x in range(SIDE):
+                    if nearest[0, x] != x:
+                        row[x] = row[nearest[0, x]]
 
 
 @jit
-def _derivative(codes: Codes, scalars: Float64 | None, z: int, y: int, x: int, axis: int, halves: float) -> float:
-    """Along one axis of `codes`, per voxel and times `halves`."""
-    dz, dy, dx = int(axis == 0), int(axis == 1), int(axis == 2)
-    z0, y0, x0 = max(z - dz, 0), max(y - dy, 0), max(x - dx, 0)
-    z1, y1, x1 = min(z + dz, codes.shape[0] - 1), min(y + dy, codes.shape[1] - 1), min(x + dx, codes.shape[2] - 1)
-    low, high = scalar_at(codes, scalars, z0, y0, x0), scalar_at(codes, scalars, z1, y1, x1)
-    return float((high * halves - low * halves) / max((z1 - z0) + (y1 - y0) + (x1 - x0), 1))
+def _fill_around(codes: Codes, scalars: Float64 | None, cell: Int32, around: Float64) -> None:
+    """The scalars [20, 20, 20] of a brick at `cell` (x, y, z) and of two voxels around it, the nearest ones beyond the
+    border."""
+    num_z, num_y, num_x = codes.shape
+    x0, y0, z0 = BRICK * cell[0] - APRON - 1, BRICK * cell[1] - APRON - 1, BRICK * cell[2] - APRON - 1
+    for t in range(SIDE + 2):
+        z = min(max(z0 + t, 0), num_z - 1)
+        for u in range(SIDE + 2):
+            y = min(max(y0 + u, 0), num_y - 1)
+            for v in range(SIDE + 2):
+                around[t, u, v] = scalar_at(codes, scalars, z, y, min(max(x0 + v, 0), num_x - 1))
 
 
 @jit
@@ -169,10 +192,10 @@ def _fill_means(
     cells: Int32,
     texels: Float32,
 ) -> None:
-    """Texels [n, 18, 18, 18, 4], which are 0.
+    """Texels [n, 18, 18, 4 * 18], which are 0.
 
-    bits: of the means; shifted and times the units, one after the other, they are float32. extents: float64 [3], the
-    volume's along x, y, z in cells.
+    bits: of the means [., BRICK, BRICK, 4 * BRICK]; shifted and times the units, one after the other, they are float32.
+    extents: float64 [3], the volume's along x, y, z in cells.
     """
     for i in range(len(cells)):
         for dz in range(-1, 2):
@@ -190,18 +213,18 @@ def _fill_means(
 def _copy_means(
     bits: Array, shift: Any, units: tuple[float, float], dx: int, dy: int, dz: int, texels: Float32
 ) -> None:
-    """The apron's part of a neighbour [z, y, x, 4]."""
+    """The apron's part of a neighbour [z, y, 4 x] to texels [z, y, 4 x]."""
     x0, x1 = apron_part(dx)
     y0, y1 = apron_part(dy)
     z0, z1 = apron_part(dz)
     to_normal, unit = np.float32(units[0]), np.float32(units[1])
     for z in range(z0, z1 + 1):
         for y in range(y0, y1 + 1):
-            for x in range(x0, x1 + 1):
-                for channel in range(4):
-                    value = np.uint32(bits[z - BRICK * dz, y - BRICK * dy, x - BRICK * dx, channel])
-                    value = np.uint32(value << shift)
-                    texels[z + APRON, y + APRON, x + APRON, channel] = value.view(np.float32) * to_normal * unit
+            row = bits[z - BRICK * dz, y - BRICK * dy, 4 * (x0 - BRICK * dx) : 4 * (x1 + 1 - BRICK * dx)]
+            texel_row = texels[z + APRON, y + APRON, 4 * (x0 + APRON) : 4 * (x1 + 1 + APRON)]
+            for k in range(len(row)):
+                value = np.uint32(np.uint32(row[k]) << shift)
+                texel_row[k] = value.view(np.float32) * to_normal * unit
 
 
 @jit

@@ -122,10 +122,13 @@ def make_bricks(pyramid: Pyramid, transfer: TransferFunction, *, num_threads: in
         raise ValueError(f"no bricks of a part of a pyramid: got one for {only_for}, expected one for all")
     values = pyramid.volume.values
     volume_range = float(values.min()), float(values.max())
+    num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
     trees = _trees(pyramid)
-    levels = [
-        _make_level(pyramid, transfer, number, trees[max(len(trees) - 1 - number, 0)], num_threads)
-        for number in range(max(1, pyramid.num_levels - BRICK_LEVELS + 1))
+    nodes = [_gather(pyramid, number, trees, num_threads) for number in range(1, num_levels + 1)]
+    levels = [_level_of_voxels(pyramid, transfer, nodes[0].roughness_below, num_threads)]
+    levels += [
+        _level_of_nodes(pyramid, number, nodes[number - 1], nodes[number].roughness_below, num_threads)
+        for number in range(1, num_levels)
     ]
     return Bricks(tuple(levels), pyramid, transfer, _scalar_range(transfer, *volume_range), volume_range)
 
@@ -213,91 +216,103 @@ def _visibility_flips(transfer: TransferFunction, finest_spacing: float) -> Floa
     return np.asarray(different[counts % 2 == 1])
 
 
-class _Trees(NamedTuple):
-    """The visible nodes of one level of the pyramid: their number int and cells int32 [n, 3], in Morton order."""
-
-    level: int
-    cells: Int32
-
-
-def _trees(pyramid: Pyramid) -> list[_Trees]:
-    """The nodes that bricks are, coarse levels first, down to level BRICK_LEVELS if there are so many."""
+def _trees(pyramid: Pyramid) -> dict[int, Int32]:
+    """By level, the cells int32 [n, 3] of all visible nodes that are bricks, and of the root: in Morton order."""
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
-    trees = [_Trees(pyramid.num_levels, cells)]
+    trees = {pyramid.num_levels: cells}
     for number in range(pyramid.num_levels, BRICK_LEVELS, -1):
         level = pyramid.levels[number - 1]
         _, cells = children(np.arange(len(cells)), cells, level.masks, level.first_children)
-        trees.append(_Trees(number - 1, cells))
+        trees[number - 1] = cells
     return trees
 
 
-def _make_level(
-    pyramid: Pyramid, transfer: TransferFunction, number: int, trees: _Trees, num_threads: int
-) -> BrickLevel:
-    """The bricks of one level, which are `trees`."""
-    volume = pyramid.volume
-    shape = tuple(((num - 1) >> (number + BRICK_LEVELS)) + 1 for num in volume.values.shape)
-    slots = np.full(shape if number > 0 else (0, 0, 0), -1, np.int32)
-    means = np.zeros((len(trees.cells) if number > 0 else 0, BRICK, BRICK, BRICK, 4), pyramid.levels[0].means.dtype)
-    if number > 0:
-        x, y, z = trees.cells.T
-        slots[z, y, x] = np.arange(len(trees.cells))
-    errors = _Errors(np.zeros(shape), np.zeros(shape), np.zeros(shape))
-
-    def gather(part: slice) -> None:
-        _gather_nodes(pyramid, number, trees, part, errors, slots, means)
-
-    _in_threads(gather, _parts(len(trees.cells)), num_threads)
-    boxes = np.zeros((*shape, 2, 3), np.float32)
-    places = np.ascontiguousarray(np.indices(shape).reshape(3, -1)[::-1].T, np.int32)
-    if number == 0:
-        flips = _visibility_flips(transfer, volume.finest_spacing)
-        codes, scalars = voxel_codes(volume), pyramid.classifier.scalars
-        numbers = None if scalars is None else np.searchsorted(flips, scalars, side="right").astype(np.uint32)
-    extents = np.array(volume.shape_xyz) / 2.0**number
-    visible = means[..., 3].view(np.uint16) if means.dtype == np.float16 else means[..., 3]
-
-    def bound(part: slice) -> None:
-        if number == 0:
-            kernels.voxel_boxes(codes, numbers, flips, places[part], boxes)
-        else:
-            kernels.mean_boxes(visible, slots, extents, places[part], boxes)
-
-    _in_threads(bound, _parts(len(places)), num_threads)
-    num_voxels = cell_extents(places, number + BRICK_LEVELS, volume.shape_xyz).prod(axis=1).reshape(shape)
-    roughness = errors.largest_above * np.sqrt(errors.squares_above / num_voxels)
-    for array in (boxes, errors.largest, roughness, slots, means):
-        array.flags.writeable = False
-    return BrickLevel(boxes, errors.largest, roughness, slots, means)
-
-
-class _Errors(NamedTuple):
-    """By brick, float64 [z, y, x]: the largest error of its nodes, that of the nodes one level above, and the sum by
-    volume of the squares of the latter, in units of the largest of them."""
+class _Gathered(NamedTuple):
+    """What the nodes of one level add up to: largest, slots, means as in the BrickLevel that they fill; roughness of
+    the bricks of the level below."""
 
     largest: Float64
-    largest_above: Float64
-    squares_above: Float64
+    roughness_below: Float64
+    slots: Int32
+    means: Array
 
 
-def _gather_nodes(
-    pyramid: Pyramid, number: int, trees: _Trees, part: slice, errors: _Errors, slots: Int32, means: Array
-) -> None:
-    """What the nodes in some bricks of one level, a part of `trees`, add up to, and their means."""
-    cells = trees.cells[part]
-    nodes = np.arange(part.start, part.start + len(cells))
-    for above in range(trees.level, number, -1):
-        if above == number + 1:
-            found = node_errors(pyramid, nodes, cells, above)
-            volumes = cell_extents(cells, above, pyramid.volume.shape_xyz).prod(axis=1)
-            kernels.gather_largest(found, cells, BRICK_LEVELS - 1, errors.largest_above)
-            kernels.gather_squares(found, volumes, cells, BRICK_LEVELS - 1, errors.largest_above, errors.squares_above)
-        if above > 1:
+def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads: int) -> _Gathered:
+    """Of the nodes of level `number`, brick by brick."""
+    top = min(number + BRICK_LEVELS, pyramid.num_levels)
+    bricks = trees[top]
+    shape, shape_below = _grid(pyramid.volume, number), _grid(pyramid.volume, number - 1)
+    slots = np.full(shape, -1, np.int32)
+    x, y, z = bricks.T >> (number + BRICK_LEVELS - top)
+    slots[z, y, x] = np.arange(len(bricks))
+    means = np.zeros((len(bricks), BRICK, BRICK, BRICK, 4), pyramid.levels[0].means.dtype)
+    largest, largest_below, squares_below = np.zeros(shape), np.zeros(shape_below), np.zeros(shape_below)
+
+    def work(part: slice) -> None:
+        cells, nodes = bricks[part], np.arange(part.start, part.stop)
+        for above in range(top, number, -1):
             level = pyramid.levels[above - 1]
             nodes, cells = children(nodes, cells, level.masks, level.first_children)
-    if number > 0:
-        kernels.gather_largest(node_errors(pyramid, nodes, cells, number), cells, BRICK_LEVELS, errors.largest)
+        errors = node_errors(pyramid, nodes, cells, number)
+        volumes = cell_extents(cells, number, pyramid.volume.shape_xyz).prod(axis=1)
+        kernels.gather_largest(errors, cells, BRICK_LEVELS, largest)
+        kernels.gather_largest(errors, cells, BRICK_LEVELS - 1, largest_below)
+        kernels.gather_squares(errors, volumes, cells, BRICK_LEVELS - 1, largest_below, squares_below)
         kernels.scatter(_items(pyramid.levels[number - 1].means[nodes]), cells, slots, _items(means))
+
+    _in_threads(work, _parts(len(bricks)), num_threads)
+    extents = cell_extents(_places(shape_below), number - 1 + BRICK_LEVELS, pyramid.volume.shape_xyz)
+    roughness = largest_below * np.sqrt(squares_below / extents.prod(axis=1).reshape(shape_below))
+    return _Gathered(largest, roughness, slots, means)
+
+
+def _level_of_voxels(pyramid: Pyramid, transfer: TransferFunction, roughness: Float64, num_threads: int) -> BrickLevel:
+    volume = pyramid.volume
+    flips = _visibility_flips(transfer, volume.finest_spacing)
+    codes, scalars = voxel_codes(volume), pyramid.classifier.scalars
+    numbers = None if scalars is None else np.searchsorted(flips, scalars, side="right").astype(np.uint32)
+    places = _places(roughness.shape)
+    boxes = np.zeros((*roughness.shape, 2, 3), np.float32)
+
+    def work(part: slice) -> None:
+        kernels.voxel_boxes(codes, numbers, flips, places[part], boxes)
+
+    _in_threads(work, _parts(len(places)), num_threads)
+    slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK, BRICK, BRICK, 4), np.float32)
+    return _frozen(BrickLevel(boxes, np.zeros(roughness.shape), roughness, slots, means))
+
+
+def _level_of_nodes(
+    pyramid: Pyramid, number: int, nodes: _Gathered, roughness: Float64, num_threads: int
+) -> BrickLevel:
+    places = _places(roughness.shape)
+    boxes = np.zeros((*roughness.shape, 2, 3), np.float32)
+    extents = np.array(pyramid.volume.shape_xyz) / 2.0**number
+    depths = nodes.means[..., 3]
+    visible = depths.view(np.uint16) if depths.dtype == np.float16 else depths
+
+    def work(part: slice) -> None:
+        kernels.mean_boxes(visible, nodes.slots, extents, places[part], boxes)
+
+    _in_threads(work, _parts(len(places)), num_threads)
+    return _frozen(BrickLevel(boxes, nodes.largest, roughness, nodes.slots, nodes.means))
+
+
+def _frozen(level: BrickLevel) -> BrickLevel:
+    for array in (level.boxes, level.largest_errors, level.roughness, level.slots, level.means):
+        array.flags.writeable = False
+    return level
+
+
+def _grid(volume: Volume, number: int) -> tuple[int, int, int]:
+    """How many bricks of a level there are along z, y, x."""
+    z, y, x = (((num - 1) >> (number + BRICK_LEVELS)) + 1 for num in volume.values.shape)
+    return z, y, x
+
+
+def _places(shape: tuple[int, ...]) -> Int32:
+    """int32 [n, 3]: all cells (x, y, z) of a grid [z, y, x], x fastest."""
+    return np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
 
 
 def _items(means: Array) -> Array:

@@ -136,6 +136,7 @@ class BrickDrawer:
             image.filter = moderngl.LINEAR, moderngl.LINEAR
             image.repeat_x = image.repeat_y = False
             differing = self._context.framebuffer([self._context.texture((width, height), 1)])
+            _ = self._context.error  # moderngl binds the target before once more, which may be gone
             self._lattices[stride] = _Lattice(stride, (width, height), image, target, mask, differing)
         return self._lattices[stride]
 
@@ -278,7 +279,7 @@ def _vertices(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> n
     cut, volume = batch.cut, batch.cut.volume
     boxes, levels = cut.boxes[order], cut.levels[order].astype(np.int64)
     vertices = np.zeros(len(order), VERTEX)
-    vertices["rectangle_px"] = box_rectangles(boxes, batch.length, volume, view)
+    vertices["rectangle_px"] = box_rectangles(batch, order, view)
     vertices["box_low"] = boxes[:, 0] - volume.centre_index
     vertices["box_high"] = boxes[:, 1] - volume.centre_index
     first_voxels = cut.cells[order].astype(np.int64) * BRICK << levels[:, None]
@@ -290,7 +291,7 @@ def _vertices(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> n
 
 
 def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
-    """int64 [n]: numbers of bricks, those of level 0 by themselves and those of all other levels one after the other."""
+    """int64 [n]: numbers of bricks; those of level 0 by themselves, those of all others one level after the other."""
     keys = np.empty(len(chosen), np.int64)
     levels, cells = batch.cut.levels[chosen], batch.cut.cells[chosen]
     first = 0

@@ -59,9 +59,10 @@ def _radix_sort(bits: npt.NDArray[np.uint32], order: npt.NDArray[np.uint32]) -> 
 def box_order(
     levels: npt.NDArray[np.uint8], cells: npt.NDArray[np.int32], volume: Volume, view: View
 ) -> npt.NDArray[np.int64]:
-    """int64 [n]: octree nodes back to front as boxes, exact for any eye in perspective, and in parallel projection.
+    """int64 [n]: nodes of the octree back to front as boxes, exact for any eye in perspective, and in parallel
+    projection.
 
-    levels: uint8 [n]. cells: int32 [n, 3], x, y, z in units of a node's own width, 2^level voxels.
+    levels: [n], of the nodes. cells: [n, 3], x, y, z in units of the node's own width, 2^level voxels.
 
     At a node of the octree, a child may hide another only if fewer of the node's three splitting planes lie between
     it and the eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's split first; it is a sum over
@@ -75,7 +76,7 @@ def box_order(
         direction = index_from_world @ view.forward
         eye = np.where(direction == 0, np.nan, np.copysign(np.inf, -direction))
     num_levels = max(1, (max(volume.shape_xyz) - 1).bit_length())
-    keys = np.zeros(len(levels), np.uint64)
+    keys = np.zeros(len(cells), np.uint64)
     first = cells.astype(np.int64) << levels[:, None].astype(np.int64)
     for axis in range(3):
         keys += _separation_digits(float(eye[axis]), volume.shape_xyz[axis], num_levels)[first[:, axis]]

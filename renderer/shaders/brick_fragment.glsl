@@ -19,6 +19,8 @@ flat in vec3 brick_texel;
 flat in vec3 brick_kind;
 out vec4 color;
 
+// Of a part, by which parts may be longer than the step.
+const float SLACK = 1.0 / 1024.0;
 // A direction this small along an axis does not leave a box; its inverse is still a number.
 const float LEAST_DIRECTION = 1e-30;
 
@@ -37,7 +39,7 @@ void main() {
     float enter = max(max(near.x, near.y), max(near.z, start)), leave = min(far.x, min(far.y, far.z));
     if (!(leave > enter)) discard;
 
-    float num = max(1.0, ceil((leave - enter) * length(direction) * brick_kind.x / brick_kind.y));
+    float num = max(1.0, ceil((leave - enter) * length(direction) * brick_kind.x / brick_kind.y - SLACK));
     float part = (leave - enter) / num;
     float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));
     bool is_mean = brick_kind.z > 0.5;

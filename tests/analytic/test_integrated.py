@@ -1,0 +1,134 @@
+"""What bricks add up to, against closed forms and the integral itself, whatever cut they make of a volume.
+
+The reference draws; that the device draws the same is the matter of the parity tests.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from brickwork import (
+    AFFINES,
+    CAMERAS,
+    batch_of,
+    bricks_of,
+    hills,
+    level_cut,
+    ordered,
+    placed,
+    random_cut,
+    transfer_of,
+    view_of,
+)
+from ray_integrals import ray_spans
+
+from renderer.camera import View
+from renderer.integrator import integrate
+from renderer.raster_bricks_reference import rasterize_bricks_reference
+from renderer.scene import ShadingSpec
+from renderer.volume import Float64, Volume
+
+LEVEL = 1 / 255  # of an image of 8 bits
+COLOR = (0.2, 0.7, 1.0)
+SHAPES = ((20, 37, 50), (33, 16, 35), (47, 65, 7), (1, 34, 17))  # z, y, x
+
+# Half precision rounds means by up to 2^-11 of themselves, and a colour is the quotient of two of them.
+HALF = 2.0**-10
+
+
+def diagonal(volume: Volume) -> float:
+    """World length."""
+    return float(np.linalg.norm(volume.world_from_index[:3, :3] @ volume.shape_xyz))
+
+
+def error(image: Float64, truth: Float64) -> float:
+    assert truth[..., 3].max() > 0.2, truth[..., 3].max()
+    return float(np.abs(image - truth).max())
+
+
+@pytest.mark.parametrize(
+    ("affine", "dtype"),
+    list(zip(AFFINES, ("uint8", "int16", "uint16", "float32", "float64"), strict=True)),
+)
+@pytest.mark.parametrize("precision", ["half", "single"])
+def test_constant_volumes_obey_beer_and_lambert(affine: str, dtype: str, precision: str) -> None:
+    """Every point of the volume is in one brick, and no more: neither gaps nor overlaps."""
+    for seed, (shape, camera) in enumerate(zip((*SHAPES, SHAPES[0]), CAMERAS, strict=True)):
+        volume = placed(np.full(shape, 77, dtype), AFFINES[affine])
+        tau = 5 / diagonal(volume)
+        bricks = bricks_of(volume, transfer_of((0, COLOR, 0.0), (77, COLOR, tau), (200, COLOR, tau)), None, precision)
+        cut, view = random_cut(bricks, seed), view_of(volume, camera)
+        alpha = -np.expm1(-tau * ray_spans(volume, view).length.reshape(view.size[::-1]))
+        image = rasterize_bricks_reference(batch_of(cut, bricks, num_entries=201), ordered(cut, view), view)
+        # float32: of the means, and of the table.
+        limit = 1e-7 + (HALF if precision == "half" else 0)
+        assert error(image, alpha[..., None] * (*COLOR, 1.0)) < limit, (camera, shape)
+
+
+@pytest.mark.parametrize("depth", [1e-6, 1e-3, 0.1, 1.0, 5.0, 30.0])
+def test_slabs_from_thin_to_opaque(depth: float) -> None:
+    """At one cell, or several, or a part of one as a step."""
+    volume = placed(np.full((40, 20, 18), 1, np.uint8))
+    bricks = bricks_of(volume, transfer_of((0, COLOR, 0.0), (1, COLOR, depth / 40)))
+    view = View(np.eye(3), volume.centre, 100.0, "orthographic", 0.2, (3, 2))
+    for step in (0.3, 1.0, 4.0):
+        cut = random_cut(bricks, 7)
+        image = rasterize_bricks_reference(batch_of(cut, bricks, step=step), ordered(cut, view), view)
+        expected = -np.expm1(-depth) * np.array([*COLOR, 1.0])
+        np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), rtol=1e-6)
+
+
+def ramp(shape: tuple[int, int, int], rng: np.random.Generator, affine: str) -> Volume:
+    """Rises from 0 to 1 along a random direction."""
+    z, y, x = np.ogrid[tuple(map(slice, shape))]
+    a, b, c = rng.standard_normal(3)
+    values = a * x + b * y + c * z
+    return placed(((values - values.min()) / np.ptp(values)).astype(np.float32), AFFINES[affine])
+
+
+@pytest.mark.parametrize("shading", [None, ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))])
+@pytest.mark.parametrize("affine", AFFINES)
+def test_ramps_meet_without_seams(affine: str, shading: ShadingSpec | None) -> None:
+    """Means of a ramp are the ramp itself, so that bricks of all levels draw the same field, one colour at a time."""
+    rng = np.random.default_rng(len(affine))
+    for seed, camera in enumerate(CAMERAS):
+        volume = ramp((37, 50, 70), rng, affine)
+        transfer = transfer_of((0, COLOR, 0.0), (1, COLOR, 0.04 / volume.finest_spacing))
+        bricks = bricks_of(volume, transfer, shading)
+        cut, view = random_cut(bricks, seed), view_of(volume, camera)
+        truth = integrate(volume, transfer, view, step_voxels=1.0, shading=shading)
+        batch = batch_of(cut, bricks, shading=shading)
+        assert error(rasterize_bricks_reference(batch, ordered(cut, view), view), truth) < LEVEL, camera
+
+
+@pytest.mark.parametrize("shading", [None, ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))])
+def test_the_error_falls_with_the_square_of_the_step(shading: ShadingSpec | None) -> None:
+    """Where the field is interpolated scalars. Between the entries of the table (tau c, tau) is linear, the truth's
+    colour is: the entries are many."""
+    volume = placed(hills((20, 36, 34), 14.0), AFFINES["oblique"])
+    transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.15))
+    bricks = bricks_of(volume, transfer)
+    cut, view = level_cut(bricks, 0), view_of(volume, "perspective")
+    truth = integrate(volume, transfer, view, step_voxels=0.25, shading=shading)
+    errors = []
+    for step in (1.0, 0.5, 0.25, 0.125):
+        batch = batch_of(cut, bricks, step=step, shading=shading)
+        image = rasterize_bricks_reference(batch, ordered(cut, view), view)
+        errors.append(np.sqrt(np.mean((image - truth) ** 2)))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert errors[0] < 0.01
+    assert np.all((orders > 1.8) & (orders < 2.2)), orders
+
+
+def test_columns_at_borders_are_as_right_as_others() -> None:
+    """Looked at along an axis, two pixels a voxel: columns 31 and 32, 63 and 64 lie on both sides of a border."""
+    volume = placed(hills((16, 40, 48), 20.0))
+    transfer = transfer_of((0, COLOR, 0.0), (1, (0.8, 0.5, 0.1), 0.1))
+    bricks = bricks_of(volume, transfer)
+    view = View(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), volume.centre, 100.0, "orthographic", 2.0, (96, 16))
+    truth = integrate(volume, transfer, view, step_voxels=0.5)
+    for cut, step in ((level_cut(bricks, 0), 0.5), (level_cut(bricks, 1), 0.5), (random_cut(bricks, 2), 0.5)):
+        image = rasterize_bricks_reference(batch_of(cut, bricks, step=step), ordered(cut, view), view)
+        of_column = np.sqrt(np.mean((image - truth) ** 2, axis=(0, 2)))
+        at_border = np.isin(np.arange(96), (31, 32, 63, 64))
+        assert of_column[at_border].max() < 1.1 * of_column[~at_border].max()
