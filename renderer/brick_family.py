@@ -128,7 +128,7 @@ class BrickFamily:
         return self._finest_level if tolerance > 0 else self._finest_level_at_zero
 
     def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:
-        return make_brick_batch(cut, self._bricks, tolerance=tolerance, shading=self._shading, pixel_px=self._voxel_px)
+        return make_brick_batch(cut, self._bricks, tolerance=tolerance, shading=self._shading, voxel_px=self._voxel_px)
 
 
 def num_samples(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> float:
