@@ -36,8 +36,12 @@ Int32 = npt.NDArray[np.int32]
 # Scalars are held to this many ranges from the range's start: no interpolation towards a visible one overflows.
 FARTHEST = 2.0**20
 
-# Of a power of two by which small scalars are multiplied.
+# Of a power of two by which small scalars are multiplied; and of what is so large that FARTHEST times it is no number.
 _LARGEST_EXPONENT = 1000
+_LARGE = 2.0**_LARGEST_EXPONENT
+
+# By how much more a mean of tau c may exceed a mean of tau: each is rounded, to 11 bits at least.
+_ROUNDING = 1 + 2.0**-9
 
 # Texels from one to the next along x, y, z.
 _STRIDES = (1, SIDE, SIDE * SIDE)
@@ -78,8 +82,8 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
     texels = np.zeros((len(cells), SIDE, SIDE, 4 * SIDE), np.float32)
     extents = np.array(bricks.volume.shape_xyz) / 2.0**level
     lighting = pyramid.classifier.lighting
-    brightest = float(bricks.transfer.colors.max()) * (lighting.ambient + lighting.diffuse if lighting else 1.0)
-    _fill_means(bits, shift, units, bricks_of_level.slots, extents, max(brightest, 1.0), cells, texels)
+    brightest = max(1.0, float(bricks.transfer.colors.max()) * (lighting.ambient + lighting.diffuse if lighting else 1))
+    _fill_means(bits, shift, units, bricks_of_level.slots, extents, brightest * _ROUNDING, cells, texels)
     return texels.reshape(len(cells), SIDE, SIDE, SIDE, 4)
 
 
@@ -97,14 +101,15 @@ def _set_nearest(cell: int, num: int, nearest: Array) -> None:
 
 @jit
 def _relative(scalar: float, first: float, width: float, halves: float) -> float:
-    """The scalar's place in a range, held; its difference may overflow."""
+    """The scalar's place in a range, held."""
     return min(max((scalar * halves - first * halves) / width, -FARTHEST), FARTHEST)
 
 
 @jit
 def _width(first: float, last: float) -> tuple[float, float]:
-    """The width of a range times 1, or times 1/2 where it would overflow; and that factor."""
-    halves = 1.0 if last - first < np.inf else 0.5
+    """The width of a range times 1, or times 1/2 where it is large, and that factor. Times it, differences of scalars
+    overflow, if at all, where they are more than FARTHEST widths."""
+    halves = 1.0 if last - first < _LARGE else 0.5
     return last * halves - first * halves, halves
 
 

@@ -3,7 +3,7 @@
     lattice of nodes -> for each group of bricks: texels into the atlas, boxes blended "under", what is opaque by then
     masked in the depth buffer -> the next, finer lattice, where the nodes differ -> read back
 
-A group is as many bricks as the atlas holds, or fewer where many lie behind one another.
+A group is as many bricks as the atlas holds, or fewer so that one looks now and then which pixels are opaque.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK, Bricks
 from renderer.camera import View
 from renderer.gl_atlas import SIDE, Atlas
+from renderer.lattices import interpolated
 
 Image = npt.NDArray[np.float32]
 Programs = Callable[[str, str], Any]
@@ -33,9 +34,9 @@ VERTEX = np.dtype(
 )  # fmt: skip
 VERTEX_FORMAT = "4f 3f 3f 3f 3f 3f"
 
-# Between two looks at which pixels are opaque; the first one pays most.
-GROUPS = 6
-FEWEST_IN_GROUP = 32
+# Parts of a picture between which one looks for pixels that are opaque by then, by the stride of a lattice that is
+# drawn whole: a look costs more than it saves where few pixels are drawn.
+GROUPS = {1: 4, 2: 2}
 
 SCALARS, MEANS, TABLE, IMAGE, DIFFERING = range(5)  # texture units
 
@@ -87,16 +88,13 @@ class BrickDrawer:
         for stride in batch.thrift.strides:
             lattice = self._lattice(stride)
             self._begin(lattice, coarse, batch.thrift.spread)
-            self._draw_boxes(program, batch, order, vertices, lattice)
+            num_groups = 1 if coarse else GROUPS.get(stride, 1)
+            self._draw_boxes(program, batch, order, vertices, lattice, num_groups)
             coarse = lattice
         assert coarse is not None
-        if coarse.stride > 1:
-            whole = self._lattice(1)
-            self._begin(whole, coarse, np.inf)
-            coarse = whole
-        image = np.empty((view.size[1], view.size[0], 4), np.float32)
-        coarse.target.read_into(image, components=4, dtype="f4")
-        return image
+        nodes = np.empty((coarse.size[1], coarse.size[0], 4), np.float32)
+        coarse.target.read_into(nodes, components=4, dtype="f4")
+        return nodes if coarse.stride == 1 else interpolated(nodes, coarse.stride, view.size)
 
     def _look_at(self, batch: BrickBatch, size: tuple[int, int]) -> None:
         """Let go of what belongs to other bricks, or to pictures of another size."""
@@ -199,14 +197,20 @@ class BrickDrawer:
         return program
 
     def _draw_boxes(
-        self, program: Any, batch: BrickBatch, order: npt.NDArray[np.uint32], vertices: Any, lattice: _Lattice
+        self,
+        program: Any,
+        batch: BrickBatch,
+        order: npt.NDArray[np.uint32],
+        vertices: Any,
+        lattice: _Lattice,
+        num_groups: int,
     ) -> None:
         """Group by group, each behind what has been drawn before."""
         program["stride_px"], program["num_nodes"] = lattice.stride, lattice.size
         least = batch.thrift.least_transmittance
-        start = 0
+        most, start = -(-len(order) // num_groups), 0
         while start < len(order):
-            end = self._end_of_group(batch, order, start)
+            end = self._end_of_group(batch, order, start, most)
             self._place(program, batch, order[start:end], vertices[start:end])
             lattice.target.use()
             lattice.target.depth_mask = False
@@ -214,15 +218,14 @@ class BrickDrawer:
             self._context.blend_func = moderngl.ONE_MINUS_DST_ALPHA, moderngl.ONE
             self._context.depth_func = "<"
             self._draw_group(program, vertices[start:end], lattice.stride)
-            if least > 0 and end < len(order):
+            if least > 0 and num_groups > 1 and end < len(order):
                 self._mask_saturated(lattice, least)
             start = end
 
-    def _end_of_group(self, batch: BrickBatch, order: npt.NDArray[np.uint32], start: int) -> int:
-        """Where a group ends that begins at `start`: of both kinds it has no more than an atlas has room for."""
+    def _end_of_group(self, batch: BrickBatch, order: npt.NDArray[np.uint32], start: int, most: int) -> int:
+        """Where a group of at most so many ends that begins at `start`; an atlas has room for each kind's."""
         assert self._scalars is not None
         assert self._means is not None
-        most = max(FEWEST_IN_GROUP, -(-len(order) // GROUPS)) if batch.thrift.least_transmittance > 0 else len(order)
         is_mean = batch.cut.levels[order[start : start + most]] > 0
         fits = (np.cumsum(is_mean) <= self._means.most_places) & (np.cumsum(~is_mean) <= self._scalars.most_places)
         return start + int(np.count_nonzero(fits))

@@ -143,16 +143,18 @@ def _of_brick(batch: BrickBatch, brick: int, rays: _Rays, enter: Float64, leave:
     length = np.linalg.norm(rays.directions, axis=1) * (leave - enter) / 2**level  # in cells
     num_parts = np.maximum(1, np.ceil(length / batch.steps[brick] - SLACK))
     part = (leave - enter) / num_parts
-    field = _field(batch, level, cell)
+    number = np.arange(num_parts.max())
+    is_part = number < num_parts[:, None]
+    rays_of, numbers = np.nonzero(is_part)
+    index = rays[rays_of].at(enter[rays_of] + (numbers + 0.5) * part[rays_of])
+    channels = np.zeros((*is_part.shape, 4))
+    channels[is_part] = _field(batch, level, cell)((index + 0.5) / 2**level - BRICK * cell)
     total = np.zeros((len(enter), 4))
-    for k in range(int(num_parts.max())):
-        is_in = k < num_parts
-        index = rays[is_in].at(enter[is_in] + (k + 0.5) * part[is_in])
-        channels = field((index + 0.5) / 2**level - BRICK * cell)
-        tau = channels[:, 3:]
-        alpha = -np.expm1(-tau * part[is_in, None])
-        color = np.divide(channels[:, :3], tau, out=np.zeros((len(tau), 3)), where=tau > 0)
-        total[is_in] += (1 - total[is_in, 3:]) * np.hstack([alpha * color, alpha])
+    for k in range(len(number)):
+        tau = channels[:, k, 3:]
+        color = np.divide(channels[:, k, :3], tau, out=np.zeros((len(tau), 3)), where=tau > 0)
+        alpha = -np.expm1(-tau * part[:, None])
+        total += (1 - total[:, 3:]) * np.hstack([alpha * color, alpha])
     return total
 
 

@@ -21,8 +21,8 @@ out vec4 color;
 
 // Of a part, by which parts may be longer than the step.
 const float SLACK = 1.0 / 1024.0;
-// A direction this small along an axis does not leave a box; its inverse is still a number.
-const float LEAST_DIRECTION = 1e-30;
+// No ray is as long.
+const float FAR = 1e30;
 
 vec4 behind(vec4 before, vec4 extinction, float way) {
     float alpha = opacity_of_depth(extinction.a * way);
@@ -33,9 +33,13 @@ vec4 behind(vec4 before, vec4 extinction, float way) {
 void main() {
     vec2 at_px = (gl_FragCoord.xy - 0.5) * stride_px + 0.5 - center_px;
     vec3 origin = origins * vec3(1.0, at_px), direction = directions * vec3(1.0, at_px);
-    direction += vec3(equal(direction, vec3(0.0))) * LEAST_DIRECTION;
-    vec3 one = (brick_low - origin) / direction, other = (brick_high - origin) / direction;
-    vec3 near = min(one, other), far = max(one, other);
+    // A ray that lies in a plane across an axis is beside the box or inside; within a face it belongs to the box above.
+    bvec3 is_across = equal(direction, vec3(0.0));
+    vec3 is_outside = max(vec3(lessThan(origin, brick_low)), vec3(greaterThanEqual(origin, brick_high)));
+    if (dot(vec3(is_across), is_outside) > 0.0) discard;
+    vec3 speed = direction + vec3(is_across);
+    vec3 one = (brick_low - origin) / speed, other = (brick_high - origin) / speed;
+    vec3 near = mix(min(one, other), vec3(-FAR), is_across), far = mix(max(one, other), vec3(FAR), is_across);
     float enter = max(max(near.x, near.y), max(near.z, start)), leave = min(far.x, min(far.y, far.z));
     if (!(leave > enter)) discard;
 

@@ -140,13 +140,4 @@ def view_of(
 
 def ordered(cut: BrickCut, view: View) -> npt.NDArray[np.uint32]:
     """All bricks, front to back."""
-    from collections import UserList
-
-    class D(UserList):
-        pass
-
-    d = D(cut.levels)
-    d.levels = cut.levels + np.uint8(BRICK_LEVELS)
-    d.cells = cut.cells
-    d.volume = cut.volume
-    return box_order(d, view)[::-1].astype(np.uint32)  # TEMP
+    return box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1].astype(np.uint32)
