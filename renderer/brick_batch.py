@@ -41,6 +41,9 @@ STEP_POWER = 0.4
 # Nodes of the first lattice are no further apart than so many of the finest cells: what is smaller than a cell is not
 # in the field, so that nothing falls between four nodes unseen.
 CELLS_BETWEEN_NODES = 2.25
+# At smaller tolerances nearly all pixels that show anything would be drawn, and edges of the volume, which are sharper
+# than its cells, count.
+LEAST_INTERPOLATED = 0.01
 # Strides of the last lattice, from which tolerance on.
 LAST_STRIDES = ((4, 1.0), (2, 0.3))
 # In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
@@ -121,12 +124,13 @@ def steps_at(roughness: Float64, tolerance: float) -> Float64:
 
 def thrift_at(tolerance: float, cell_px: float) -> Thrift:
     """What is spared at a tolerance where the finest cells appear `cell_px` pixels wide: nothing at 0."""
-    if tolerance == 0:
-        return Thrift((1,), 0.0, 0.0)
+    unseen = min(UNSEEN * tolerance, MOST_UNSEEN)
+    if tolerance < LEAST_INTERPOLATED:
+        return Thrift((1,), 0.0, unseen)
     first = next((stride for stride in (4, 2) if stride <= CELLS_BETWEEN_NODES * cell_px), 1)
     last = next((stride for stride, least in LAST_STRIDES if tolerance >= least), 1)
     strides = (first, last) if last < first else (first,)
-    return Thrift(strides, SPREAD * tolerance, min(UNSEEN * tolerance, MOST_UNSEEN))
+    return Thrift(strides, SPREAD * tolerance, unseen)
 
 
 def optical_table(transfer: TransferFunction, first: float, last: float) -> npt.NDArray[np.float32]:

@@ -192,11 +192,56 @@ def gather_largest(errors: Float64, cells: Int32, shift: int, largest: Float64) 
 
 @jit
 def gather_squares(
-    errors: Float64, volumes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
+    errors: Float64, sizes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
 ) -> None:
-    """Sums of the squares of errors over the brick's largest, by volume [n]: they neither overflow nor vanish."""
+    """Sums of the squares of errors [n] over the brick's largest, times sizes [n]: they neither overflow nor vanish."""
     for i in range(len(errors)):
         x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
         if errors[i] > 0:
             ratio = errors[i] / largest[z, y, x]
-            sums[z, y, x] += volumes[i] * (ratio * ratio)
+            sums[z, y, x] += sizes[i] * (ratio * ratio)
+
+
+@jit
+def divide_bricks(
+    cells: Int32,
+    largest_errors: Float64,
+    boxes: Float32,
+    tolerance: float,
+    shape_below: tuple[int, int, int],
+    drawn: Int32,
+    children: Int32,
+) -> tuple[int, int]:
+    """Those of some bricks of a level, `cells` [n, 3] (x, y, z), whose errors are below the tolerance are appended to
+    `drawn` [n, 3] if they show anything; the children of the others, in Morton order, to `children` [8 n, 3].
+
+    shape_below: bricks along z, y, x on the level below. How many of each there are.
+    """
+    num_drawn = num_children = 0
+    for i in range(len(cells)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        if largest_errors[z, y, x] < tolerance:
+            if boxes[z, y, x, 1, 0] > boxes[z, y, x, 0, 0]:
+                drawn[num_drawn, 0], drawn[num_drawn, 1], drawn[num_drawn, 2] = x, y, z
+                num_drawn += 1
+            continue
+        for k in range(8):
+            x1, y1, z1 = 2 * x + (k & 1), 2 * y + (k >> 1 & 1), 2 * z + (k >> 2)
+            if x1 < shape_below[2] and y1 < shape_below[1] and z1 < shape_below[0]:
+                children[num_children, 0], children[num_children, 1], children[num_children, 2] = x1, y1, z1
+                num_children += 1
+    return num_drawn, num_children
+
+
+@jit
+def copy_bricks(
+    cells: Int32, boxes: Float32, roughness: Float64, width: float, boxes_out: Float64, roughness_out: Float64
+) -> None:
+    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide, and
+    the roughness [n]."""
+    for i in range(len(cells)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        roughness_out[i] = roughness[z, y, x]
+        for axis in range(3):
+            for end in range(2):
+                boxes_out[i, end, axis] = (BRICK * cells[i, axis] + boxes[z, y, x, end, axis]) * width - 0.5

@@ -23,8 +23,8 @@ import numpy.typing as npt
 from renderer import brick_kernels as kernels
 from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS
 from renderer.classify import FAINTEST, voxel_codes
-from renderer.octree import children, node_errors
-from renderer.pyramid import OCTANTS, Pyramid, cell_extents
+from renderer.octree import cell_sizes, children, node_errors
+from renderer.pyramid import Pyramid
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
@@ -140,11 +140,13 @@ def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> Br
     Raises ValueError where either is below 0.
     """
     parts = list(_leaves(bricks, tolerance, finest_level))
-    cells = np.concatenate([part.cells for part in parts])
-    levels = np.repeat(np.array([part.level for part in parts], np.uint8), [len(part.cells) for part in parts])
-    inside = np.concatenate([bricks.levels[part.level].boxes.reshape(-1, 2, 3)[part.where] for part in parts])
-    roughness = np.concatenate([bricks.levels[part.level].roughness.reshape(-1)[part.where] for part in parts])
-    boxes = (np.float64(BRICK) * cells[:, None] + inside) * np.exp2(levels)[:, None, None] - 0.5
+    counts = [len(cells) for _, cells in parts]
+    levels = np.repeat(np.array([level for level, _ in parts], np.uint8), counts)
+    cells = np.concatenate([cells for _, cells in parts])
+    boxes, roughness = np.empty((len(cells), 2, 3)), np.empty(len(cells))
+    for (number, part), end in zip(parts, np.cumsum(counts).tolist(), strict=True):
+        where, level = slice(end - len(part), end), bricks.levels[number]
+        kernels.copy_bricks(part, level.boxes, level.roughness, 2.0**number, boxes[where], roughness[where])
     for array in (levels, cells, boxes, roughness):
         array.flags.writeable = False
     return BrickCut(levels, cells, boxes, roughness, bricks.volume)
@@ -152,18 +154,11 @@ def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> Br
 
 def num_bricks_at(bricks: Bricks, tolerance: float, finest_level: int) -> int:
     """How many bricks such a cut has."""
-    return sum(len(part.cells) for part in _leaves(bricks, tolerance, finest_level))
+    return sum(len(cells) for _, cells in _leaves(bricks, tolerance, finest_level))
 
 
-class _Leaves(NamedTuple):
-    """The bricks of a cut on one level: cells int32 [n, 3] and their places int64 [n] in the level's grid."""
-
-    level: int
-    cells: Int32
-    where: Int64
-
-
-def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[_Leaves]:
+def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tuple[int, Int32]]:
+    """Each level, coarse first, and the cells int32 [n, 3] of the bricks that are drawn of it."""
     if not tolerance >= 0:
         raise ValueError(f"no bricks for this tolerance: got {tolerance}, expected at least 0")
     if finest_level < 0:
@@ -171,17 +166,19 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[_Le
     cells = np.zeros((1, 3), np.int32)
     for number in range(len(bricks.levels) - 1, -1, -1):
         level = bricks.levels[number]
-        where = np.ravel_multi_index(tuple(cells.T[::-1]), level.largest_errors.shape)
-        is_leaf = np.ones(len(cells), np.bool_)
-        if number > finest_level:
-            is_leaf = level.largest_errors.reshape(-1)[where] < tolerance
-        highest = level.boxes.reshape(-1, 6)[where, 3]
-        is_drawn = is_leaf & (highest > 0)
-        yield _Leaves(number, cells[is_drawn], where[is_drawn])
-        if number > 0:
-            cells = (2 * cells[~is_leaf][:, None] + OCTANTS.astype(np.int32)).reshape(-1, 3)
-            below = bricks.levels[number - 1].largest_errors.shape
-            cells = cells[(cells < below[::-1]).all(axis=1)]
+        below = bricks.levels[max(number - 1, 0)].largest_errors.shape
+        drawn, divided = np.empty_like(cells), np.empty((8 * len(cells), 3), np.int32)
+        num_drawn, num_divided = kernels.divide_bricks(
+            cells,
+            level.largest_errors,
+            level.boxes,
+            tolerance if number > finest_level else math.inf,
+            below,
+            drawn,
+            divided,
+        )
+        yield number, drawn[:num_drawn]
+        cells = divided[:num_divided]
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
@@ -254,15 +251,15 @@ def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads:
             level = pyramid.levels[above - 1]
             nodes, cells = children(nodes, cells, level.masks, level.first_children)
         errors = node_errors(pyramid, nodes, cells, number)
-        volumes = cell_extents(cells, number, pyramid.volume.shape_xyz).prod(axis=1)
+        sizes = cell_sizes(cells, number, pyramid.volume)
         kernels.gather_largest(errors, cells, BRICK_LEVELS, largest)
         kernels.gather_largest(errors, cells, BRICK_LEVELS - 1, largest_below)
-        kernels.gather_squares(errors, volumes, cells, BRICK_LEVELS - 1, largest_below, squares_below)
+        kernels.gather_squares(errors, sizes, cells, BRICK_LEVELS - 1, largest_below, squares_below)
         kernels.scatter(_items(pyramid.levels[number - 1].means[nodes]), cells, slots, _items(means))
 
     _in_threads(work, _parts(len(bricks)), num_threads)
-    extents = cell_extents(_places(shape_below), number - 1 + BRICK_LEVELS, pyramid.volume.shape_xyz)
-    roughness = largest_below * np.sqrt(squares_below / extents.prod(axis=1).reshape(shape_below))
+    sizes_below = cell_sizes(_places(shape_below), number - 1 + BRICK_LEVELS, pyramid.volume).reshape(shape_below)
+    roughness = largest_below * np.sqrt(squares_below / sizes_below)
     return _Gathered(largest, roughness, slots, means)
 
 
