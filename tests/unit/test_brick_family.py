@@ -11,6 +11,7 @@ import pytest
 from film_stages import INTEGRATED, stage_of, waves
 from splatting import look
 
+from renderer.brick_batch import Thrift
 from renderer.brick_family import BrickDetail, BrickFamily, num_samples
 from renderer.brick_projection import ray_frame
 from renderer.brick_sizes import brick_sizes
@@ -116,7 +117,7 @@ def test_more_is_drawn_at_smaller_tolerances(family: BrickFamily) -> None:
 
 
 def counted(detail: BrickDetail, view: View) -> float:
-    """Samples along the rays through the pixels' centres, as they are taken, and one more for each brick on the way."""
+    """Samples along the rays through the pixels' centres, as they are taken, and six more for each brick on the way."""
     batch = detail.splats
     frame, volume = ray_frame(batch.cut.volume, batch.length, view), batch.cut.volume
     width, height = view.size
@@ -130,7 +131,7 @@ def counted(detail: BrickDetail, view: View) -> float:
         start = np.maximum(np.minimum(low, high).max(axis=1), frame.start)
         way = np.maximum(low, high).min(axis=1) - start
         cells = way[way > 0] * np.linalg.norm(directions[way > 0], axis=1) / 2.0**level
-        num += float((np.ceil(cells / step) + 1).sum())
+        num += float((np.ceil(cells / step) + 6).sum())
     return num
 
 
@@ -144,9 +145,27 @@ def test_samples_are_as_many_as_are_counted(projection: str, tolerance: float) -
     target = stage.volume.centre
     view = look(projection, size=(120, 90), target=tuple(target), distance=150.0)
     orders = detail.orders(view)
+    detail = replace(detail, splats=replace(detail.splats, thrift=Thrift((1,), 0.0, 0.0)))
     num_bricks, num = detail.load(orders, view)
     assert num_bricks == len(orders[0][1]) == detail.num_cells
     assert num == pytest.approx(counted(detail, view), rel=0.08)
+
+
+def test_pixels_that_are_spared_cost_less() -> None:
+    """And the more the more of them; but looking at all pixels of a lattice that differ is not for nothing."""
+    stage = stage_of(INTEGRATED, lumps())
+    detail = family_of(stage).detail(0.1, lambda name: None)
+    assert isinstance(detail, BrickDetail)
+    view = look(target=tuple(stage.volume.centre), distance=150.0)
+    orders = detail.orders(view)
+
+    def load(*strides: int, spread: float = 0.1) -> float:
+        thrift = Thrift(strides, spread, 0.0)
+        return replace(detail, splats=replace(detail.splats, thrift=thrift)).load(orders, view)[1]
+
+    assert load(4) < load(4, 2) < load(4, 1) < load(1)
+    assert load(4) < load(2) < load(1) < load(2, 1, spread=0.01)
+    assert load(4, 1, spread=1.0) < load(4, 1, spread=0.1) < load(4, 1, spread=0.01)
 
 
 def test_what_is_out_of_view_takes_no_samples() -> None:
@@ -163,5 +182,5 @@ def test_bricks_around_the_eye_are_held_to_the_picture() -> None:
     assert isinstance(detail, BrickDetail)
     view = look(target=tuple(stage.volume.centre), distance=1e-3, size=(40, 30))
     ((_, order),) = detail.orders(view)
-    longest = 16 * math.sqrt(3) * 1.5 / detail.splats.steps.min() + 2
+    longest = 16 * math.sqrt(3) * 1.5 / detail.splats.steps.min() + 7
     assert 0 < num_samples(detail.splats, order, view) < len(order) * 40 * 30 * longest
