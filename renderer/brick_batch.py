@@ -39,8 +39,8 @@ ROUGHNESS_OF_STEP = 1.0
 STEP_POWER = 0.4
 
 # Nodes of the first lattice are no further apart than so many of the finest cells: what is smaller than a cell is not
-# in the field, so that nothing falls between four nodes unseen.
-CELLS_BETWEEN_NODES = 2.25
+# in the field, so that nothing falls between four nodes unseen. Beyond the tolerance FINE that is one of the prices.
+CELLS_BETWEEN_NODES, FINE = 2.25, 0.1
 # At smaller tolerances nearly all pixels that show anything would be drawn, and edges of the volume, which are sharper
 # than its cells, count.
 LEAST_INTERPOLATED = 0.01
@@ -109,7 +109,7 @@ def make_brick_batch(
         steps_at(cut.roughness, tolerance),
         optical_table(bricks.transfer, *bricks.scalar_range),
         shading,
-        thrift_at(tolerance, voxel_px * 2.0 ** int(cut.levels.min(initial=0))),
+        thrift_at(tolerance, voxel_px * 2.0 ** int(cut.levels.min(initial=len(bricks.levels)))),
         volume.centre,
         length,
     )
@@ -127,7 +127,8 @@ def thrift_at(tolerance: float, cell_px: float) -> Thrift:
     unseen = min(UNSEEN * tolerance, MOST_UNSEEN)
     if tolerance < LEAST_INTERPOLATED:
         return Thrift((1,), 0.0, unseen)
-    first = next((stride for stride in (4, 2) if stride <= CELLS_BETWEEN_NODES * cell_px), 1)
+    most_px = CELLS_BETWEEN_NODES * cell_px * max(1.0, tolerance / FINE)
+    first = next((stride for stride in (4, 2) if stride <= most_px), 1)
     last = next((stride for stride, least in LAST_STRIDES if tolerance >= least), 1)
     strides = (first, last) if last < first else (first,)
     return Thrift(strides, SPREAD * tolerance, unseen)
