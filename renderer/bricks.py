@@ -61,7 +61,7 @@ class BrickLevel:
         interpolated, in the measure's unit; 0 on level 0.
     roughness: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
         *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
-        seen in the apron; 0 where there is no level above.
+        seen in the apron.
     slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty on level 0.
     means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty on level 0.
     """
@@ -77,7 +77,8 @@ class BrickLevel:
 class Bricks:
     """levels[l] holds the bricks of level l; the last one is a single brick.
 
-    scalar_range: what texels of level 0 are relative to: scalars at the ends of the transfer function's table.
+    scalar_range: what texels of level 0 are relative to: scalars at the ends of the transfer function's table. The part
+        of the control values' range that the volume reaches, or all that it has where it reaches none.
     volume_range: the volume's smallest and largest scalar.
     """
 
@@ -139,6 +140,9 @@ def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> Br
     """The coarsest bricks with no error of `tolerance` (in the measure's unit) in them or their apron; none of a level
     below `finest_level`. Bricks in which their own level shows nothing are left out.
 
+    Errors are those of the voxels' colours: what shows between voxels only, such as a peak of the transfer function
+    that no voxel hits, has none, and is drawn where the tolerance is 0 or something beside it asks for level 0.
+
     Raises ValueError where either is below 0.
     """
     parts = list(_leaves(bricks, tolerance, finest_level))
@@ -184,9 +188,9 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tup
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
-    """The part of the control values' range that a volume from `low` to `high` reaches; never a single number.
+    """As in Bricks, of a volume from `low` to `high`; never a single number.
 
-    Where it reaches none, all its own: the classification is constant there.
+    Where the volume is outside of all control values its own range will do: the classification is constant there.
     """
     first, last = max(low, float(transfer.values[0])), min(high, float(transfer.values[-1]))
     if not first < last:

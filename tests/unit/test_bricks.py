@@ -60,9 +60,9 @@ def soft(shape: Shape, seed: int = 0) -> Volume:
 def test_boxes_of_voxels_hold_just_what_may_be_seen(dtype: str) -> None:
     """Around every dual cell with a visible scalar between its corners; float64 says which, for every type."""
     shares = []
-    for seed, shape in enumerate(3 * SHAPES[:-1]):
+    for seed, shape in enumerate(2 * SHAPES[:-1]):
         rng = np.random.default_rng(seed)
-        low, high = limits(dtype) if seed % 2 else (10, 100)
+        low, high = limits(dtype) if seed < len(SHAPES) - 1 else (10, 100)
         values = low * (1 - patches(shape, seed)) + high * patches(shape, seed)
         values = np.clip(values, low, np.nextafter(float(high), 0)).astype(dtype)
         volume = make_volume(values, OBLIQUE, "patches")
