@@ -20,6 +20,7 @@ Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
+UInt8 = npt.NDArray[np.uint8]
 UInt32 = npt.NDArray[np.uint32]
 
 BRICK_LEVELS = 4
@@ -32,8 +33,11 @@ _SEEN = np.uint32(1)
 
 
 @jit
-def voxel_boxes(codes: Codes, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32) -> None:
-    """Write the boxes of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0.
+def voxel_boxes(
+    codes: Codes, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32, is_mixed: UInt8
+) -> None:
+    """Write the boxes of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0; and
+    to `is_mixed` [z, y, x] 1 where something may be seen and something not.
 
     numbers: uint32 by bit pattern, of flips at or below the scalar; None where voxels are scalars themselves.
     """
@@ -50,6 +54,7 @@ def voxel_boxes(codes: Codes, numbers: UInt32 | None, flips: Float64, bricks: In
         if not is_uniform:
             _to_dual_cells(field)
             _bound_odd(field, low, high)
+            is_mixed[z, y, x] = low[0] <= high[0]
         for axis in range(3):
             boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
             boxes[z, y, x, 1, axis] = min(high[axis] + 0.5, end[axis])

@@ -24,7 +24,7 @@ from renderer import brick_kernels as kernels
 from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS
 from renderer.classify import FAINTEST, voxel_codes
 from renderer.octree import cell_sizes, children, node_errors
-from renderer.pyramid import Pyramid
+from renderer.pyramid import STORED_MAXIMUM, Pyramid
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
@@ -58,10 +58,11 @@ class BrickLevel:
         lie at cells' centres (k + 1/2) or at the brick's faces or the volume's. The highest is not above the lowest
         where nothing is.
     largest_errors: float64 [z, y, x], of the nodes of this level in the brick and in its apron, from which its field is
-        interpolated, in the measure's unit; 0 on level 0.
+        interpolated, in the measure's unit. On level 0 the largest possible error of a voxel where interpolation shows
+        what no voxel does, and no node is wrong by anything; otherwise 0. Above, that of all bricks of level 0 in it.
     roughness: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
         *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
-        seen in the apron.
+        seen in the apron, or `largest_errors`, if on level 0.
     slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty on level 0.
     means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty on level 0.
     """
@@ -129,6 +130,10 @@ def make_bricks(pyramid: Pyramid, transfer: TransferFunction, *, num_threads: in
     trees = _trees(pyramid)
     nodes = [_gather(pyramid, number, trees, num_threads) for number in range(1, num_levels + 1)]
     levels = [_level_of_voxels(pyramid, transfer, nodes[0].roughness_below, num_threads)]
+    unseen = levels[0].largest_errors
+    for gathered in nodes[: num_levels - 1]:
+        unseen = _largest_of_children(unseen)
+        np.maximum(gathered.largest, unseen, out=gathered.largest)
     levels += [
         _level_of_nodes(pyramid, number, nodes[number - 1], nodes[number].roughness_below, num_threads)
         for number in range(1, num_levels)
@@ -280,6 +285,13 @@ def _largest_with_apron(near: Float64) -> Float64:
     return largest
 
 
+def _largest_of_children(of_brick: Float64) -> Float64:
+    """float64 [z, y, x]: the largest of the up to eight bricks of the level below."""
+    for axis in range(3):
+        of_brick = np.maximum.reduceat(of_brick, np.arange(0, of_brick.shape[axis], 2), axis)
+    return of_brick
+
+
 def _largest_around(of_brick: Float64) -> Float64:
     """float64 [z, y, x]: the largest of each brick and its neighbours."""
     return np.asarray(np.max([neighbours for _, neighbours in _neighbours(of_brick)], axis=0))
@@ -300,14 +312,16 @@ def _level_of_voxels(pyramid: Pyramid, transfer: TransferFunction, roughness: Fl
     codes, scalars = voxel_codes(volume), pyramid.classifier.scalars
     numbers = None if scalars is None else np.searchsorted(flips, scalars, side="right").astype(np.uint32)
     places = _places(roughness.shape)
-    boxes = np.zeros((*roughness.shape, 2, 3), np.float32)
+    boxes, is_mixed = np.zeros((*roughness.shape, 2, 3), np.float32), np.zeros(roughness.shape, np.uint8)
 
     def work(part: slice) -> None:
-        kernels.voxel_boxes(codes, numbers, flips, places[part], boxes)
+        kernels.voxel_boxes(codes, numbers, flips, places[part], boxes, is_mixed)
 
     _in_threads(work, _parts(len(places)), num_threads)
+    # A little above what any channel of a voxel can be.
+    unseen = np.where((is_mixed > 0) & (roughness == 0), pyramid.error_unit * STORED_MAXIMUM, 0.0)
     slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK, BRICK, BRICK, 4), np.float32)
-    return _frozen(BrickLevel(boxes, np.zeros(roughness.shape), roughness, slots, means))
+    return _frozen(BrickLevel(boxes, unseen, roughness + unseen, slots, means))
 
 
 def _level_of_nodes(

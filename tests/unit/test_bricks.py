@@ -172,6 +172,21 @@ def test_a_brick_without_errors_beside_one_with_errors() -> None:
     assert coarse.largest_errors[0, 0, 1] > 0
 
 
+def test_what_shows_between_voxels_only() -> None:
+    """No node is wrong by anything: bricks of voxels are the rougher, and all above are divided."""
+    values = np.zeros((70, 40, 40), np.uint8)
+    values[40:44, 3:20, 20:30] = 255
+    transfer = TransferFunction(np.array([100.0, 125, 150]), np.ones((3, 3)), np.array([0.0, 2.0, 0.0]), 1.0)
+    levels = bricks_of(make_volume(values, np.eye(4), "between"), transfer).levels
+    shown = {(z, y, x) for z in (2,) for y in (0, 1) for x in (1,)}
+    for level in levels:
+        is_wrong = {tuple(place) for place in np.argwhere(level.largest_errors >= 2.0).tolist()}
+        assert is_wrong == shown
+        assert np.count_nonzero(level.largest_errors) == len(shown)
+        shown = {(z // 2, y // 2, x // 2) for z, y, x in shown}
+    np.testing.assert_array_equal(levels[0].roughness, levels[0].largest_errors)
+
+
 @pytest.mark.parametrize("size", [1e-300, 1e300])
 def test_roughness_of_the_largest_and_the_smallest_errors(size: float) -> None:
     """Errors of scalars are in data units, whose squares are no numbers."""
