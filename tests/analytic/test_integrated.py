@@ -181,7 +181,10 @@ def test_columns_at_borders_are_as_right_as_others() -> None:
 
 
 def test_what_only_interpolation_shows_is_drawn() -> None:
-    """A ball's surface, where voxels are 0 or 255 and only 100 to 150 is visible: no voxel is."""
+    """A ball's surface, where voxels are 0 or 255 and only 100 to 150 is visible: no voxel is.
+
+    Seen: root mean squares of 0.028, 0.006 and, at the least step, 0.0008.
+    """
     z, y, x = np.ogrid[:40, :50, :45]
     ball = (x - 20.3) ** 2 + (y - 24.0) ** 2 + (z - 19.0) ** 2 < 15**2
     volume = placed(np.where(ball, 255, 0).astype(np.uint8), AFFINES["oblique"])
@@ -189,11 +192,16 @@ def test_what_only_interpolation_shows_is_drawn() -> None:
     bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective")
     assert max(len(level.means) for level in bricks.levels) == 0
     truth = integrate(volume, transfer, view, step_voxels=0.25)
-    for tolerance, limit in ((0.3, 0.3), (0.01, 0.05), (0.0, 0.02)):
+    errors = []
+    for tolerance in (0.3, 0.01, 0.0):
         cut = cut_bricks(bricks, tolerance)
         batch = make_brick_batch(cut, bricks, tolerance=tolerance, shading=None, voxel_px=1.0)
-        batch = replace(batch, thrift=EXACTLY)
-        assert error(rasterize_bricks_reference(batch, ordered(cut, view), view), truth) < limit, tolerance
+        image = rasterize_bricks_reference(replace(batch, thrift=EXACTLY), ordered(cut, view), view)
+        errors.append(np.sqrt(np.mean((image - truth) ** 2)))
+    assert truth[..., 3].max() > 0.5
+    assert errors[0] < 0.04
+    assert errors[1] < 0.01
+    assert errors[2] < 0.0015
 
 
 def test_empty_bricks_beside_a_surface_show_no_coarse_fringe() -> None:
