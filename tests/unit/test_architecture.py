@@ -32,7 +32,8 @@ ROOMS: dict[str, tuple[str, str]] = {
     "bricks": ("bricks brick_kernels brick_texels brick_sizes", "words classification pyramid cut"),
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
     "raster": (
-        "raster_gl gl_atlas gl_bricks raster_lasting raster_reference raster_bricks_reference compositing shaders",
+        "raster_gl gl_atlas gl_bricks lattices raster_lasting raster_reference raster_bricks_reference compositing "
+        "shaders",
         "words classification pyramid bricks splats",
     ),
     "truth": ("cubic integrator integrator_kernel", "words"),
