@@ -27,7 +27,7 @@ BRICK = 1 << BRICK_LEVELS
 APRON = 1
 SIDE = BRICK + 2 * APRON
 
-# An odd number of flips, for corners whose numbers differ.
+# The bit of odd numbers, and the number of flips of corners whose numbers differ.
 _SEEN = np.uint32(1)
 
 
@@ -41,25 +41,24 @@ def voxel_boxes(codes: Codes, numbers: UInt32 | None, flips: Float64, bricks: In
     low, high, end = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3)
     for i in range(len(bricks)):
         x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
-        first = _fill_numbers(codes, numbers, flips, x, y, z, field)
+        is_uniform = _fill_numbers(codes, numbers, flips, x, y, z, field)
+        if is_uniform and field[0, 0, 0] & _SEEN == 0:
+            continue
         for axis in range(3):
             end[axis] = min(codes.shape[2 - axis] - BRICK * bricks[i, axis], BRICK)
             low[axis], high[axis] = 0, int(end[axis])  # dual cell t lies between the centres of texels t and t + 1
-        if first == 0:  # not all the same
+        if not is_uniform:
             _to_dual_cells(field)
             _bound_odd(field, low, high)
-        if first == 0 or first % 2 == 1:
-            for axis in range(3):
-                boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
-                boxes[z, y, x, 1, axis] = min(high[axis] + 0.5, end[axis])
+        for axis in range(3):
+            boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
+            boxes[z, y, x, 1, axis] = min(high[axis] + 0.5, end[axis])
 
 
 @jit
-def _fill_numbers(codes: Codes, numbers: UInt32 | None, flips: Float64, i: int, j: int, k: int, field: UInt32) -> int:
-    """Numbers of flips of a brick's voxels with its apron [18, 18, 18], the nearest voxels beyond the border.
-
-    The one number that all of them have, plus 2, or else 0.
-    """
+def _fill_numbers(codes: Codes, numbers: UInt32 | None, flips: Float64, i: int, j: int, k: int, field: UInt32) -> bool:
+    """Numbers of flips of a brick's voxels with its apron [18, 18, 18], the nearest voxels beyond the border; whether
+    they are all the same."""
     num_z, num_y, num_x = codes.shape
     differ = np.uint32(0)
     for t in range(SIDE):
@@ -73,7 +72,7 @@ def _fill_numbers(codes: Codes, numbers: UInt32 | None, flips: Float64, i: int, 
                 else:
                     field[t, u, v] = _num_at_or_below(flips, float(codes[z, y, x]))
                 differ |= field[t, u, v] ^ field[0, 0, 0]
-    return int(field[0, 0, 0]) + 2 if differ == 0 else 0
+    return bool(differ == 0)
 
 
 @jit
@@ -191,6 +190,23 @@ def gather_largest(errors: Float64, cells: Int32, shift: int, largest: Float64) 
 
 
 @jit
+def gather_largest_near(errors: Float64, cells: Int32, largest: Float64) -> None:
+    """As `gather_largest`, for bricks of BRICK nodes a side, by the neighbours whose apron the nodes are in.
+
+    largest: [z, y, x, 3, 3, 3], 0 to 2 along z, y, x for neighbours at -1, 0 and 1; in the middle that of all nodes.
+    """
+    inside = BRICK - 1
+    for i in range(len(errors)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        of_brick = largest[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        x, y, z = x & inside, y & inside, z & inside
+        for k in range(1 - (z < APRON), 2 + (z > inside - APRON)):
+            for j in range(1 - (y < APRON), 2 + (y > inside - APRON)):
+                for h in range(1 - (x < APRON), 2 + (x > inside - APRON)):
+                    of_brick[k, j, h] = max(of_brick[k, j, h], errors[i])
+
+
+@jit
 def gather_squares(
     errors: Float64, sizes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
 ) -> None:
@@ -237,8 +253,8 @@ def divide_bricks(
 def copy_bricks(
     cells: Int32, boxes: Float32, roughness: Float64, width: float, boxes_out: Float64, roughness_out: Float64
 ) -> None:
-    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide, and
-    the roughness [n]."""
+    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide,
+    and the roughness [n]."""
     for i in range(len(cells)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
         roughness_out[i] = roughness[z, y, x]

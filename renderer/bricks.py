@@ -57,9 +57,11 @@ class BrickLevel:
         (0 to BRICK), of what may be seen in the brick: where the field, its apron included, is not transparent. Corners
         lie at cells' centres (k + 1/2) or at the brick's faces or the volume's. The highest is not above the lowest
         where nothing is.
-    largest_errors: float64 [z, y, x], of the nodes of this level in the brick, in the measure's unit; 0 on level 0.
+    largest_errors: float64 [z, y, x], of the nodes of this level in the brick and in its apron, from which its field is
+        interpolated, in the measure's unit; 0 on level 0.
     roughness: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
-        *above*: what cells twice as large would put wrong. 0 where there is no level above.
+        *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
+        seen in the apron.
     slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty on level 0.
     means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty on level 0.
     """
@@ -75,7 +77,8 @@ class BrickLevel:
 class Bricks:
     """levels[l] holds the bricks of level l; the last one is a single brick.
 
-    scalar_range: what texels of level 0 are relative to: scalars at the ends of the transfer function's table.
+    scalar_range: what texels of level 0 are relative to: scalars at the ends of the transfer function's table. The part
+        of the control values' range that the volume reaches, or all that it has where it reaches none.
     volume_range: the volume's smallest and largest scalar.
     """
 
@@ -134,8 +137,11 @@ def make_bricks(pyramid: Pyramid, transfer: TransferFunction, *, num_threads: in
 
 
 def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
-    """The coarsest bricks the errors of whose nodes are all below `tolerance` (in the measure's unit); none of a level
+    """The coarsest bricks with no error of `tolerance` (in the measure's unit) in them or their apron; none of a level
     below `finest_level`. Bricks in which their own level shows nothing are left out.
+
+    Errors are those of the voxels' colours: what shows between voxels only, such as a peak of the transfer function
+    that no voxel hits, has none, and is drawn where the tolerance is 0 or something beside it asks for level 0.
 
     Raises ValueError where either is below 0.
     """
@@ -182,9 +188,9 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tup
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
-    """The part of the control values' range that a volume from `low` to `high` reaches; never a single number.
+    """As in Bricks, of a volume from `low` to `high`; never a single number.
 
-    Where it reaches none, all its own: the classification is constant there.
+    Where the volume is outside of all control values its own range will do: the classification is constant there.
     """
     first, last = max(low, float(transfer.values[0])), min(high, float(transfer.values[-1]))
     if not first < last:
@@ -243,7 +249,8 @@ def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads:
     x, y, z = bricks.T >> (number + BRICK_LEVELS - top)
     slots[z, y, x] = np.arange(len(bricks))
     means = np.zeros((len(bricks), BRICK, BRICK, BRICK, 4), pyramid.levels[0].means.dtype)
-    largest, largest_below, squares_below = np.zeros(shape), np.zeros(shape_below), np.zeros(shape_below)
+    largest_near, largest_below = np.zeros((*shape, 3, 3, 3)), np.zeros(shape_below)
+    squares_below = np.zeros(shape_below)
 
     def work(part: slice) -> None:
         cells, nodes = bricks[part], np.arange(part.start, part.stop)
@@ -252,7 +259,7 @@ def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads:
             nodes, cells = children(nodes, cells, level.masks, level.first_children)
         errors = node_errors(pyramid, nodes, cells, number)
         sizes = cell_sizes(cells, number, pyramid.volume)
-        kernels.gather_largest(errors, cells, BRICK_LEVELS, largest)
+        kernels.gather_largest_near(errors, cells, largest_near)
         kernels.gather_largest(errors, cells, BRICK_LEVELS - 1, largest_below)
         kernels.gather_squares(errors, sizes, cells, BRICK_LEVELS - 1, largest_below, squares_below)
         kernels.scatter(_items(pyramid.levels[number - 1].means[nodes]), cells, slots, _items(means))
@@ -260,7 +267,31 @@ def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads:
     _in_threads(work, _parts(len(bricks)), num_threads)
     sizes_below = cell_sizes(_places(shape_below), number - 1 + BRICK_LEVELS, pyramid.volume).reshape(shape_below)
     roughness = largest_below * np.sqrt(squares_below / sizes_below)
-    return _Gathered(largest, roughness, slots, means)
+    roughness = np.where(roughness > 0, roughness, _largest_around(roughness))
+    return _Gathered(_largest_with_apron(largest_near), roughness, slots, means)
+
+
+def _largest_with_apron(near: Float64) -> Float64:
+    """float64 [z, y, x]: the largest of each brick and of what its neighbours have in its apron, `near` [z, y, x, 3, 3,
+    3] as of `gather_largest_near`."""
+    largest = np.zeros(near.shape[:3])
+    for at, neighbours in _neighbours(near):
+        np.maximum(largest, neighbours[(..., *(2 - k for k in at))], out=largest)
+    return largest
+
+
+def _largest_around(of_brick: Float64) -> Float64:
+    """float64 [z, y, x]: the largest of each brick and its neighbours."""
+    return np.asarray(np.max([neighbours for _, neighbours in _neighbours(of_brick)], axis=0))
+
+
+def _neighbours(of_brick: Float64) -> Iterator[tuple[tuple[int, ...], Float64]]:
+    """Places 0 to 2 along z, y, x of neighbours at -1, 0 and 1, the brick itself among them, and what each brick of
+    [z, y, x, ...] has there, 0 beyond the border."""
+    shape = of_brick.shape[:3]
+    padded = np.pad(of_brick, [(1, 1)] * 3 + [(0, 0)] * (of_brick.ndim - 3))
+    for at in np.ndindex(3, 3, 3):
+        yield at, padded[tuple(slice(k, k + n) for k, n in zip(at, shape, strict=True))]
 
 
 def _level_of_voxels(pyramid: Pyramid, transfer: TransferFunction, roughness: Float64, num_threads: int) -> BrickLevel:

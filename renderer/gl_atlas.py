@@ -2,11 +2,16 @@
 
 Bricks stay until their place is needed: those that were drawn longest ago go first. The texture grows to what a film
 needs, up to MOST_BYTES, so that neither a volume's size nor the largest texture of a device is a limit.
+
+Where a brick lies depends on all that was drawn before, and a picture must not. So the texture's sides are powers of
+two, of which the places leave little over, and the shader looks up places that are multiples of 2^-12 of a texel: with
+at most 2^11 texels along a side float32 holds these exactly, and their products with the side, wherever the brick is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import moderngl
@@ -23,7 +28,7 @@ Texels = Callable[[Int64], Float32]  # of the bricks with these keys: float32 [n
 SIDE = BRICK + 2 * APRON  # texels of a brick along each axis
 
 MOST_BYTES = 256 << 20
-_FEWEST_PLACES = 64
+_LEAST_SIDE, _LARGEST_SIDE = 64, 2048  # texels
 # Bricks that are made ready at a time, before they go to the device.
 _AT_ONCE = 256
 
@@ -40,20 +45,14 @@ class Atlas:
         self._keys = np.empty(0, np.int64)  # of each place; -1: free
         self._last_used = np.empty(0, np.int64)
         self._time = 0
-        self._side = min(int(context.info["GL_MAX_3D_TEXTURE_SIZE"]), 2048) // SIDE  # places along an axis, at most
-        self._shape = (1, 1, 1)  # places along x, y, z
+        self._sizes = list(_sizes(num_channels, int(context.info["GL_MAX_3D_TEXTURE_SIZE"])))
+        self.size = self._sizes[0]  # texels along x, y and z
         self.texture: Any = None
 
     @property
     def most_places(self) -> int:
         """How many bricks the device may hold."""
-        return int(min(MOST_BYTES // (4 * self.num_channels * SIDE**3), self._side**3))
-
-    @property
-    def size(self) -> tuple[int, int, int]:
-        """Texels along x, y and z."""
-        x, y, z = self._shape
-        return x * SIDE, y * SIDE, z * SIDE
+        return _num_places(self._sizes[-1])
 
     def place(self, keys: Int64, texels: Texels) -> Int64:
         """int64 [n, 3]: the first texel (x, y, z), apron and all, of each of these bricks, at most `most_places`.
@@ -84,16 +83,14 @@ class Atlas:
             self.texture = None
 
     def _corners(self, places: Int64) -> Int64:
-        x, y, _ = self._shape
+        x, y, _ = (side // SIDE for side in self.size)
         return np.column_stack([places % x, places // x % y, places // (x * y)]) * SIDE
 
     def _grow(self, num: int) -> None:
         """A texture with room for so many, and some more; what was in the old one is gone."""
         self.release()
-        num = min(max(2 * num, _FEWEST_PLACES), self.most_places)
-        side = min(round(num ** (1 / 3) + 0.5), self._side)
-        self._shape = side, side, min(-(-num // side**2), self._side)
-        num = side * side * self._shape[2]
+        self.size = next((size for size in self._sizes if _num_places(size) >= 2 * num), self._sizes[-1])
+        num = _num_places(self.size)
         self._places[:] = -1
         self._keys, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
         try:
@@ -101,8 +98,25 @@ class Atlas:
         except moderngl.Error as error:
             raise RenderError(
                 "the device has no room for the bricks of a picture",
-                got=f"{num} bricks, {num * SIDE**3 * 4 * self.num_channels >> 20} MiB: {error}",
+                got=f"{num} bricks, {_num_bytes(self.size, self.num_channels) >> 20} MiB: {error}",
                 hint="a larger error.tolerance needs fewer",
             ) from error
         self.texture.filter = moderngl.LINEAR, moderngl.LINEAR
         self.texture.repeat_x = self.texture.repeat_y = self.texture.repeat_z = False
+
+
+def _sizes(num_channels: int, largest_side: int) -> Iterator[tuple[int, int, int]]:
+    """All that a texture may have, small ones first: one side after the other is doubled."""
+    size = _LEAST_SIDE, _LEAST_SIDE, _LEAST_SIDE
+    while _num_bytes(size, num_channels) <= MOST_BYTES and max(size) <= min(largest_side, _LARGEST_SIDE):
+        yield size
+        x, y, z = size
+        size = (2 * x, y, z) if x == z else (x, 2 * y, z) if y == z else (x, y, 2 * z)
+
+
+def _num_places(size: tuple[int, int, int]) -> int:
+    return math.prod(side // SIDE for side in size)
+
+
+def _num_bytes(size: tuple[int, int, int], num_channels: int) -> int:
+    return 4 * num_channels * math.prod(size)

@@ -21,6 +21,8 @@ out vec4 color;
 
 // Of a part, by which parts may be longer than the step.
 const float SLACK = 1.0 / 1024.0;
+// Added to a place in a brick, it leaves multiples of 2^-12, which float32 holds wherever the brick is in the atlas.
+const float COARSE = 2048.0;
 // No ray is as long.
 const float FAR = 1e30;
 
@@ -48,19 +50,21 @@ void main() {
     float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));
     bool is_mean = brick_kind.z > 0.5;
     vec3 scale = is_mean ? mean_scale : scalar_scale;
-    vec3 texel = ((origin + (enter + 0.5 * part) * direction - brick_corner) * brick_kind.x + brick_texel) * scale;
-    vec3 step_texel = part * brick_kind.x * direction * scale;
+    vec3 place = (origin + (enter + 0.5 * part) * direction - brick_corner) * brick_kind.x;
+    vec3 step_place = part * brick_kind.x * direction, first_texel = brick_texel - COARSE;
     int num_scalars = is_mean ? 0 : int(num), num_means = is_mean ? int(num) : 0;
     vec4 result = vec4(0.0);
     for (int i = 0; i < num_scalars; ++i) {
         if (result.a > opaque) break;
-        result = behind(result, look_up(texel), way);
-        texel += step_texel;
+        vec3 texel = (place + COARSE) + first_texel;
+        result = behind(result, look_up(texel * scale), way);
+        place += step_place;
     }
     for (int i = 0; i < num_means; ++i) {
         if (result.a > opaque) break;
-        result = behind(result, depth_of_mean * textureLod(means, texel, 0.0), way);
-        texel += step_texel;
+        vec3 texel = (place + COARSE) + first_texel;
+        result = behind(result, depth_of_mean * textureLod(means, texel * scale, 0.0), way);
+        place += step_place;
     }
     if (result.a == 0.0) discard;
     color = result;

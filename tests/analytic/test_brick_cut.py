@@ -84,7 +84,7 @@ def test_errors_are_below_the_tolerance(shape: Shape, tolerance: float) -> None:
     depths = depths_of(bricks.volume, SOFT)
     top = len(bricks.levels)
     largest = [
-        {cell: part.max() for cell, part in per_brick(errors_of_cells(bricks.volume, depths, level), BRICK).items()}
+        {cell: part.max() for cell, part in per_brick(errors_of_cells(bricks.volume, depths, level), BRICK, 1).items()}
         for level in range(top)
     ]
     for level, cell in zip(cut.levels.tolist(), cut.cells.tolist(), strict=True):

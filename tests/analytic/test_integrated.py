@@ -154,11 +154,11 @@ def test_pictures_converge_to_the_truth_with_the_tolerance(shading: ShadingSpec 
     errors = []
     for tolerance in (1.0, 0.1, 0.01, 1e-3, 0.0):
         cut = cut_bricks(bricks, tolerance)
-        batch = make_brick_batch(cut, bricks, tolerance=tolerance, shading=shading, pixel_px=1.0)
+        batch = make_brick_batch(cut, bricks, tolerance=tolerance, shading=shading, voxel_px=1.0)
         image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
         errors.append(np.sqrt(np.mean((image - truth) ** 2)))
     assert np.all(np.diff(errors) < 0), errors
-    assert errors[0] < 0.05
+    assert errors[0] < 0.2
     assert errors[-2] < 1e-4
     assert errors[-1] < 1e-6
 
@@ -189,3 +189,17 @@ def test_what_only_interpolation_shows_is_drawn() -> None:
     truth = integrate(volume, transfer, view, step_voxels=0.25)
     image = rasterize_bricks_reference(batch_of(cut, bricks, step=1 / 32), ordered(cut, view), view)
     assert error(image, truth) < LEVEL
+
+
+def test_empty_bricks_beside_a_surface_show_no_coarse_fringe() -> None:
+    """A ball that ends with the last voxel before a border, beyond which there are large empty bricks: they show half a
+    voxel of it, as finely as it is drawn inside."""
+    z, y, x = np.ogrid[:64, :64, :64]
+    ball = (x - 20) ** 2 + (y - 21) ** 2 + (z - 19) ** 2 < 11.2**2
+    volume = placed(np.where(ball, 200, 0).astype(np.uint8), AFFINES["anisotropic"])
+    transfer = transfer_of((0, COLOR, 0.0), (200, (0.9, 0.4, 0.1), 1.0))
+    bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective", (40, 30))
+    truth = integrate(volume, transfer, view, step_voxels=0.25)
+    cut = cut_bricks(bricks, 1e-3)
+    batch = make_brick_batch(cut, bricks, tolerance=1e-3, shading=None, voxel_px=1.0)
+    assert error(rasterize_bricks_reference(batch, visible_bricks(batch, view), view), truth) < LEVEL

@@ -70,13 +70,14 @@ def errors_of_cells(volume: Volume, values: Float64, level: int) -> Float64:
     return np.asarray(np.sqrt(variance) * np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing)
 
 
-def per_brick(values: Array, side: int) -> dict[tuple[int, int, int], Array]:
-    """By brick (x, y, z), the part of an array [z, y, x, ...] that lies in it."""
+def per_brick(values: Array, side: int, apron: int = 0) -> dict[tuple[int, int, int], Array]:
+    """By brick (x, y, z), the part of an array [z, y, x, ...] that lies in it, or in its apron."""
+
+    def reach(k: int) -> slice:
+        return slice(max(k * side - apron, 0), (k + 1) * side + apron)
+
     grid = np.ndindex(*(-(-n // side) for n in values.shape[:3]))
-    return {
-        (x, y, z): values[z * side : (z + 1) * side, y * side : (y + 1) * side, x * side : (x + 1) * side]
-        for z, y, x in grid
-    }
+    return {(x, y, z): values[reach(z), reach(y), reach(x)] for z, y, x in grid}
 
 
 def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
