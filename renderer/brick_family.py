@@ -18,7 +18,7 @@ from renderer.cut_sizes import CutSizes
 from renderer.families import Lap, Orders
 from renderer.octree import root_error
 from renderer.projection import model_view
-from renderer.scene import ShadingSpec
+from renderer.scene import LEAST_TOLERANCE, ShadingSpec
 
 Float64 = npt.NDArray[np.float64]
 
@@ -114,7 +114,8 @@ class BrickFamily:
 
     def at_size(self, size: float) -> float:
         """As in Family; of few digits, to be written down."""
-        return float(f"{self._largest_error / max(size, 1.0):.2g}") if size < _FINEST else 0.0
+        tolerance = float(f"{self._largest_error / max(size, 1.0):.2g}") if size < _FINEST else 0.0
+        return tolerance if tolerance >= LEAST_TOLERANCE else 0.0
 
     def size(self, tolerance: float, num_cells: int) -> float:
         """As in Family."""

@@ -28,7 +28,7 @@ Clock = Callable[[], float]
 
 
 class Rasterizer(Protocol):
-    """What draws sorted splats, and lines if the scene asks: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
+    """What draws sorted splats or bricks, and lines if asked: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
 
     def rasterize(
         self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
@@ -94,7 +94,7 @@ class Frame:
 
     image: uint8 [height, width, 3], or 4 with straight alpha where the background is transparent.
     radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
-    num_cells: cells in the cut; num_splats: those of them that the frame can show.
+    num_cells: cells, or bricks, in the cut; num_splats: those of them that the frame can show.
     seconds: what it took, by stage.
     predicted_seconds: what it was to take from start to end, where there is a budget.
     """

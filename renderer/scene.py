@@ -166,7 +166,7 @@ ByFrame = tuple[tuple[int, float], ...]
 
 @dataclass(frozen=True)
 class SplatBudget:
-    """The finest cut of at most so many cells."""
+    """The finest cut of at most so many cells, or bricks."""
 
     by_frame: ByFrame
 

@@ -28,12 +28,16 @@ class SplatDetail:
     """
 
     tolerance: float
-    num_cells: int
     splats: SplatBatch
     lattice: Cut
     order: str
     turning: Turning
     edges: CellEdges | None = None
+
+    @property
+    def num_cells(self) -> int:
+        """How many cells it has, each of which is a splat."""
+        return len(self.splats)
 
     def orders(self, view: View) -> Orders:
         """As in Detail: back to front."""
@@ -79,7 +83,7 @@ class SplatFamily:
             edges = make_cell_edges(cut)
             lap("edges")
         lattice = cut if spec.order == "boxes" else cut.without_cells()  # nothing else needs them again
-        return SplatDetail(tolerance, len(cut), splats, lattice, spec.order, self._turning, edges)
+        return SplatDetail(tolerance, splats, lattice, spec.order, self._turning, edges)
 
     def num_cells(self, tolerance: float) -> int:
         """As in Family."""

@@ -92,6 +92,16 @@ def test_nothing_to_see() -> None:
     assert family.within(3) == 0.0 and family.num_cells(0.0) == 0 and family.work(0.0) == 0.0
 
 
+@pytest.mark.parametrize("tolerance", [0.3, 0.0])
+def test_no_brick_has_cells_that_are_finer_than_asked_for(tolerance: float) -> None:
+    """And the lines of the overlay are in the colours of their cells."""
+    scene = replace(INTEGRATED, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
+    detail = family_of(stage_of(scene, lumps())).detail(tolerance, lambda name: None)
+    assert isinstance(detail, BrickDetail) and detail.edges is not None
+    assert detail.splats.cut.levels.min() == 1
+    assert set(detail.edges.vertices[:, 6].tolist()) == set(detail.splats.cut.levels.tolist())
+
+
 # Sizes in a film on a budget of time
 
 

@@ -143,7 +143,7 @@ def pose_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48))
     volume: object = None
     cut = Cut(nothing, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), volume)  # type: ignore[arg-type]
     order = visible_order(batch, cut, view, "unmixed")
-    detail = SplatDetail(0.1, len(batch), batch, cut, "unmixed", make_turning(np.eye(4), [np.eye(3)[None]]))
+    detail = SplatDetail(0.1, batch, cut, "unmixed", make_turning(np.eye(4), [np.eye(3)[None]]))
     return Pose(0, detail, view, [(share, order) for share in shares], 0.0)
 
 
