@@ -44,7 +44,9 @@ CELLS_BETWEEN_NODES, FINE = 2.25, 0.1
 # At smaller tolerances nearly all pixels that show anything would be drawn, and edges of the volume, which are sharper
 # than its cells, count.
 LEAST_INTERPOLATED = 0.01
-# Strides of the last lattice, from which tolerance on.
+# Strides of the first lattice, from which tolerance on: a quarter of the pixels and then those that differ is no gain
+# where many do. And of the last.
+FIRST_STRIDES = ((4, LEAST_INTERPOLATED), (2, 0.15))
 LAST_STRIDES = ((4, 1.0), (2, 0.3))
 # In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
 SPREAD, UNSEEN, MOST_UNSEEN = 1.0, 0.15, 0.05
@@ -130,7 +132,7 @@ def thrift_at(tolerance: float, cell_px: float) -> Thrift:
     if tolerance < LEAST_INTERPOLATED:
         return Thrift((1,), 0.0, unseen)
     most_px = CELLS_BETWEEN_NODES * cell_px * max(1.0, tolerance / FINE)
-    first = next((stride for stride in (4, 2) if stride <= most_px), 1)
+    first = next((stride for stride, least in FIRST_STRIDES if tolerance >= least and stride <= most_px), 1)
     last = next((stride for stride, least in LAST_STRIDES if tolerance >= least), 1)
     strides = (first, last) if last < first else (first,)
     return Thrift(strides, SPREAD * tolerance, unseen)
