@@ -102,9 +102,18 @@ class BrickBatch:
 
 
 def make_brick_batch(
-    cut: BrickCut, bricks: Bricks, *, tolerance: float, shading: ShadingSpec | None, voxel_px: float
+    cut: BrickCut,
+    bricks: Bricks,
+    *,
+    tolerance: float,
+    shading: ShadingSpec | None,
+    voxel_px: float,
+    change: float | None = None,
 ) -> BrickBatch:
-    """What a cut at a tolerance looks like, on a film on which a voxel appears about `voxel_px` pixels wide."""
+    """What a cut at a tolerance looks like, on a film on which a voxel appears about `voxel_px` pixels wide.
+
+    change: how much of a pixel's channel the tolerance stands for; None where that is the measure's own unit.
+    """
     volume = cut.volume
     length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
     return BrickBatch(
@@ -113,7 +122,9 @@ def make_brick_batch(
         steps_at(cut.roughness, tolerance),
         optical_table(bricks.transfer, *bricks.scalar_range),
         shading,
-        thrift_at(tolerance, voxel_px * 2.0 ** int(cut.levels.min(initial=len(bricks.levels)))),
+        thrift_at(
+            tolerance if change is None else change, voxel_px * 2.0 ** int(cut.levels.min(initial=len(bricks.levels)))
+        ),
         volume.centre,
         length,
     )

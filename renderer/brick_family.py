@@ -62,7 +62,8 @@ class BrickFamily:
     """As in Family; a size is how many times smaller than the error of the whole volume as one cell the tolerance is.
 
     finest_level, finest_level_at_zero: of the cells in bricks drawn at tolerances above 0, and at 0.
-    voxel_px: as in Stage.
+    voxel_px: as in Stage. largest_change: what the measure says of all that a pixel can change by: 1, but for errors of
+        the scalar the volume's range.
     """
 
     few: ClassVar[float] = 30
@@ -76,9 +77,11 @@ class BrickFamily:
         finest_level: int,
         finest_level_at_zero: int,
         voxel_px: float,
+        largest_change: float,
         with_edges: bool,
     ) -> None:
         self._bricks, self._shading, self._voxel_px, self._with_edges = bricks, shading, voxel_px, with_edges
+        self._largest_change = largest_change
         self._finest_level, self._finest_level_at_zero = finest_level, finest_level_at_zero
         self._largest_error = root_error(bricks.pyramid) or 1.0
         self._sizes: CutSizes | None = None
@@ -132,7 +135,14 @@ class BrickFamily:
         return self._finest_level if tolerance > 0 else self._finest_level_at_zero
 
     def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:
-        return make_brick_batch(cut, self._bricks, tolerance=tolerance, shading=self._shading, voxel_px=self._voxel_px)
+        return make_brick_batch(
+            cut,
+            self._bricks,
+            tolerance=tolerance,
+            change=tolerance / self._largest_change,
+            shading=self._shading,
+            voxel_px=self._voxel_px,
+        )
 
 
 def num_samples(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> float:

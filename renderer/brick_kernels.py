@@ -226,7 +226,7 @@ def gather_squares(
 @jit
 def divide_bricks(
     cells: Int32,
-    largest_errors: Float64,
+    brick_errors: Float64,
     boxes: Float32,
     tolerance: float,
     shape_below: tuple[int, int, int],
@@ -241,7 +241,7 @@ def divide_bricks(
     num_drawn = num_children = 0
     for i in range(len(cells)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        if largest_errors[z, y, x] < tolerance:
+        if brick_errors[z, y, x] < tolerance:
             if boxes[z, y, x, 1, 0] > boxes[z, y, x, 0, 0]:
                 drawn[num_drawn, 0], drawn[num_drawn, 1], drawn[num_drawn, 2] = x, y, z
                 num_drawn += 1

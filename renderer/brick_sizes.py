@@ -43,12 +43,12 @@ def _at_steps(bricks: Bricks, finest_level: int) -> tuple[Float64, Int64]:
     for number in range(len(bricks.levels) - 1, -1, -1):
         level = bricks.levels[number]
         visible = (level.boxes[..., 1, :] > level.boxes[..., 0, :]).all(axis=-1)
-        divisions = np.minimum(level.largest_errors, around) if number > finest_level else np.full(around.shape, -1.0)
+        divisions = np.minimum(level.errors, around) if number > finest_level else np.full(around.shape, -1.0)
         above.append(around[visible])
         below.append(divisions[visible])
         if number <= finest_level:
             break
-        around = _of_parents(divisions, bricks.levels[number - 1].largest_errors.shape)
+        around = _of_parents(divisions, bricks.levels[number - 1].errors.shape)
     begin, end = np.concatenate(above), np.concatenate(below)
     steps = np.unique(np.concatenate([begin, end]))[::-1]
     steps = steps[(steps >= 0) & (steps < np.inf)]

@@ -32,6 +32,7 @@ __all__ = [
     "APRON",
     "BRICK",
     "BRICK_LEVELS",
+    "ERRORS_ON_A_RAY",
     "BrickCut",
     "BrickLevel",
     "Bricks",
@@ -45,6 +46,9 @@ Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
 Int64 = npt.NDArray[np.int64]
 
+# Errors of the cells that a ray meets in a brick add up, at random to as many times that of one.
+ERRORS_ON_A_RAY = math.sqrt(BRICK)
+
 # Bricks of one task: enough to hide the dispatch, few enough that what is known of their nodes takes little memory.
 _BRICKS_PER_TASK = 64
 
@@ -57,18 +61,19 @@ class BrickLevel:
         (0 to BRICK), of what may be seen in the brick: where the field, its apron included, is not transparent. Corners
         lie at cells' centres (k + 1/2) or at the brick's faces or the volume's. The highest is not above the lowest
         where nothing is.
-    largest_errors: float64 [z, y, x], of the nodes of this level in the brick and in its apron, from which its field is
-        interpolated, in the measure's unit. On level 0 the largest possible error of a voxel where interpolation shows
-        what no voxel does, and no node is wrong by anything; otherwise 0. Above, that of all bricks of level 0 in it.
+    errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: ERRORS_ON_A_RAY times
+        the largest error of the nodes of this level in it and in its apron. On level 0 the largest possible error of a
+        voxel where interpolation shows what no voxel does, and no node is wrong by anything; otherwise 0. Above, that
+        of all bricks of level 0 in it.
     roughness: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
         *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
-        seen in the apron, or `largest_errors`, if on level 0.
+        seen in the apron, or `errors`, if on level 0.
     slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty on level 0.
     means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty on level 0.
     """
 
     boxes: npt.NDArray[np.float32]
-    largest_errors: Float64
+    errors: Float64
     roughness: Float64
     slots: Int32
     means: npt.NDArray[np.float16] | npt.NDArray[np.float32]
@@ -130,10 +135,10 @@ def make_bricks(pyramid: Pyramid, transfer: TransferFunction, *, num_threads: in
     trees = _trees(pyramid)
     nodes = [_gather(pyramid, number, trees, num_threads) for number in range(1, num_levels + 1)]
     levels = [_level_of_voxels(pyramid, transfer, nodes[0].roughness_below, num_threads)]
-    unseen = levels[0].largest_errors
+    unseen = levels[0].errors
     for gathered in nodes[: num_levels - 1]:
         unseen = _largest_of_children(unseen)
-        np.maximum(gathered.largest, unseen, out=gathered.largest)
+        np.maximum(ERRORS_ON_A_RAY * gathered.largest, unseen, out=gathered.largest)
     levels += [
         _level_of_nodes(pyramid, number, nodes[number - 1], nodes[number].roughness_below, num_threads)
         for number in range(1, num_levels)
@@ -142,11 +147,11 @@ def make_bricks(pyramid: Pyramid, transfer: TransferFunction, *, num_threads: in
 
 
 def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
-    """The coarsest bricks with no error of `tolerance` (in the measure's unit) in them or their apron; none of a level
-    below `finest_level`. Bricks in which their own level shows nothing are left out.
+    """The coarsest bricks whose errors are below `tolerance` (in the measure's unit); none of a level below
+    `finest_level`. Bricks in which their own level shows nothing are left out.
 
-    Errors are those of the voxels' colours: what shows between voxels only, such as a peak of the transfer function
-    that no voxel hits, has none, and is drawn where the tolerance is 0 or something beside it asks for level 0.
+    Errors are those of the voxels' colours: what shows only between voxels, such as a peak of the transfer function
+    that no voxel hits, asks for level 0 where it is alone in its brick, but counts for nothing beside what voxels show.
 
     Raises ValueError where either is below 0.
     """
@@ -177,11 +182,11 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tup
     cells = np.zeros((1, 3), np.int32)
     for number in range(len(bricks.levels) - 1, -1, -1):
         level = bricks.levels[number]
-        below = bricks.levels[max(number - 1, 0)].largest_errors.shape
+        below = bricks.levels[max(number - 1, 0)].errors.shape
         drawn, divided = np.empty_like(cells), np.empty((8 * len(cells), 3), np.int32)
         num_drawn, num_divided = kernels.divide_bricks(
             cells,
-            level.largest_errors,
+            level.errors,
             level.boxes,
             tolerance if number > finest_level else math.inf,
             below,
@@ -341,7 +346,7 @@ def _level_of_nodes(
 
 
 def _frozen(level: BrickLevel) -> BrickLevel:
-    for array in (level.boxes, level.largest_errors, level.roughness, level.slots, level.means):
+    for array in (level.boxes, level.errors, level.roughness, level.slots, level.means):
         array.flags.writeable = False
     return level
 

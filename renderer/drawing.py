@@ -129,7 +129,16 @@ def family_of(stage: Stage) -> Family:
     with_edges = scene.overlay == "octree"
     if stage.bricks is None:
         return SplatFamily(stage.pyramid, scene.splat, stage.turning, **levels, with_edges=with_edges)
-    return BrickFamily(stage.bricks, scene.shading, **levels, voxel_px=stage.voxel_px, with_edges=with_edges)
+    low, high = stage.bricks.volume_range
+    largest_change = high - low if scene.error.of == "scalar" and high > low else 1.0
+    return BrickFamily(
+        stage.bricks,
+        scene.shading,
+        **levels,
+        voxel_px=stage.voxel_px,
+        largest_change=largest_change,
+        with_edges=with_edges,
+    )
 
 
 def make_detail(stage: Stage, tolerance: float, watch: Stopwatch) -> Detail:

@@ -44,7 +44,7 @@ def bricks_of(
 
 def all_cells(bricks: Bricks, level: int) -> npt.NDArray[np.int32]:
     """[n, 3]: the bricks (x, y, z) of a level."""
-    grid = bricks.levels[level].largest_errors.shape
+    grid = bricks.levels[level].errors.shape
     return np.ascontiguousarray(np.indices(grid).reshape(3, -1)[::-1].T, np.int32)
 
 

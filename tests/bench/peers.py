@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -44,10 +44,10 @@ def main() -> None:
     parser.add_argument("--studies", type=Path)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        studies = [
-            study_of(scene, arguments.data, (arguments.studies or Path(folder)) / scene.stem)
+        studies = {
+            scene.stem: study_of(scene, arguments.data, (arguments.studies or Path(folder)) / scene.stem)
             for scene in sorted(SCENES.glob("*.yaml"))
-        ]
+        }
     PAGE.write_text("\n".join(page(studies)) + "\n", "utf-8")
 
 
@@ -62,9 +62,9 @@ def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
     return study
 
 
-def page(studies: Sequence[dict[str, Any]]) -> Iterator[str]:
+def page(studies: Mapping[str, dict[str, Any]]) -> Iterator[str]:
     """The lines of the page."""
-    machine = studies[0]["machine"]
+    machine = next(iter(studies.values()))["machine"]
     yield "# Against VTK"
     yield ""
     yield (
@@ -75,15 +75,15 @@ def page(studies: Sequence[dict[str, Any]]) -> Iterator[str]:
     )
     yield ""
     yield f"{machine['processor']}, {machine['driver']}, commit {machine['commit']}"
-    for study in studies:
-        yield from section(study)
+    for name, study in studies.items():
+        yield from section(name, study)
 
 
-def section(study: dict[str, Any]) -> Iterator[str]:
+def section(name: str, study: dict[str, Any]) -> Iterator[str]:
     """One scene."""
     own, peer = points(study, "hsplat"), points(study, "vtk")
     yield ""
-    yield f"## {study['name']}"
+    yield f"## {name}"
     yield ""
     yield "| accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK | goal |"
     yield "| --- | --- | --- | --- | --- | --- | --- |"

@@ -23,7 +23,7 @@ from dense_bricks import (
 )
 from number_types import TYPES, limits
 
-from renderer.bricks import BRICK, Bricks, cut_bricks, make_bricks
+from renderer.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
 from renderer.pyramid import build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
@@ -139,7 +139,7 @@ def test_means_lie_where_their_cells_are(shape: Shape, precision: str) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 def test_errors_of_a_brick(shape: Shape) -> None:
-    """The largest of its nodes and its apron's, and the root mean square, over its volume, of those twice as large."""
+    """The largest of its nodes and its apron's; and the root mean square, over its volume, of those twice as large."""
     volume = soft(shape)
     depths = depths_of(volume, SOFT)
     for number, level in enumerate(bricks_of(volume, SOFT).levels):
@@ -149,8 +149,8 @@ def test_errors_of_a_brick(shape: Shape) -> None:
         squares, sizes = per_brick(above**2 * num_voxels, BRICK // 2), per_brick(num_voxels, BRICK // 2)
         own = np.zeros(level.roughness.shape)
         for (x, y, z), part in per_brick(errors, BRICK, apron=1).items():
-            largest = level.largest_errors[z, y, x]
-            np.testing.assert_allclose(largest, part.max() if number else 0, rtol=HALF_RTOL, atol=1e-7)
+            want = ERRORS_ON_A_RAY * part.max() if number else 0
+            np.testing.assert_allclose(level.errors[z, y, x], want, rtol=HALF_RTOL, atol=4e-7)
             own[z, y, x] = np.sqrt(squares[x, y, z].sum() / sizes[x, y, z].sum())
         for (x, y, z), around in per_brick(own, 1, apron=1).items():
             want = own[z, y, x] if own[z, y, x] > 1e-7 else around.max()
@@ -165,11 +165,11 @@ def test_a_brick_without_errors_beside_one_with_errors() -> None:
     fine, coarse = bricks_of(volume, SOFT).levels[:2]
     assert fine.roughness[0, 0, 1] == fine.roughness[0, 0, 0] > 0
     assert fine.roughness[0, 0, 2] == 0
-    assert coarse.largest_errors[0, 0, 1] == 0  # the last visible voxel is 16 away
+    assert coarse.errors[0, 0, 1] == 0  # the last visible voxel is 16 away
     values = values.copy()
     values[5:20, 5:20, 28:32:2] = 250
     coarse = bricks_of(make_volume(values, np.eye(4), "at"), SOFT).levels[1]
-    assert coarse.largest_errors[0, 0, 1] > 0
+    assert coarse.errors[0, 0, 1] > 0
 
 
 def test_what_shows_between_voxels_only() -> None:
@@ -180,11 +180,11 @@ def test_what_shows_between_voxels_only() -> None:
     levels = bricks_of(make_volume(values, np.eye(4), "between"), transfer).levels
     shown = {(z, y, x) for z in (2,) for y in (0, 1) for x in (1,)}
     for level in levels:
-        is_wrong = {tuple(place) for place in np.argwhere(level.largest_errors >= 2.0).tolist()}
+        is_wrong = {tuple(place) for place in np.argwhere(level.errors >= 2.0).tolist()}
         assert is_wrong == shown
-        assert np.count_nonzero(level.largest_errors) == len(shown)
+        assert np.count_nonzero(level.errors) == len(shown)
         shown = {(z // 2, y // 2, x // 2) for z, y, x in shown}
-    np.testing.assert_array_equal(levels[0].roughness, levels[0].largest_errors)
+    np.testing.assert_array_equal(levels[0].roughness, levels[0].errors)
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e300])
@@ -213,7 +213,7 @@ def test_nothing_visible() -> None:
     volume = make_volume(np.full((20, 40, 33), 7, np.int16), OBLIQUE, "clear")
     bricks = bricks_of(volume, SOFT)
     for level in bricks.levels:
-        assert not level.boxes.any() and not level.largest_errors.any() and not level.roughness.any()
+        assert not level.boxes.any() and not level.errors.any() and not level.roughness.any()
         assert len(level.means) == 0
     assert len(cut_bricks(bricks, 0.0)) == 0
 
@@ -222,7 +222,7 @@ def test_threads_change_nothing() -> None:
     volume = soft((70, 90, 130))
     one, many = bricks_of(volume, SOFT), bricks_of(volume, SOFT, num_threads=3)
     for level, other in zip(one.levels, many.levels, strict=True):
-        for name in ("boxes", "largest_errors", "roughness", "slots", "means"):
+        for name in ("boxes", "errors", "roughness", "slots", "means"):
             assert not getattr(level, name).flags.writeable
             np.testing.assert_array_equal(getattr(level, name), getattr(other, name))
 
