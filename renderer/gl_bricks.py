@@ -83,7 +83,8 @@ class BrickDrawer:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         self._look_at(batch, view.size)
         vertices = _vertices(batch, order, view)
-        program = self._prepared(batch, view)
+        has_means = bool((batch.cut.levels[order] > 0).any())
+        program = self._prepared(batch, view, has_means=has_means)
         coarse = None
         for stride in batch.thrift.strides:
             lattice = self._lattice(stride)
@@ -166,12 +167,11 @@ class BrickDrawer:
         self._context.enable_only(moderngl.NOTHING)
         self._draw_whole(program)
 
-    def _prepared(self, batch: BrickBatch, view: View) -> Any:
+    def _prepared(self, batch: BrickBatch, view: View, *, has_means: bool) -> Any:
         """The program, with the uniforms of a batch and a view, and the table in its place."""
-        program = self._programs(
-            "brick_vertex.glsl",
-            f"opacity.glsl brick_{'lit' if batch.shading else 'plain'}.glsl brick_fragment.glsl",
-        )
+        of_scalars = "brick_lit.glsl" if batch.shading else "brick_plain.glsl"
+        of_means = "brick_means.glsl" if has_means else ""
+        program = self._programs("brick_vertex.glsl", f"opacity.glsl {of_scalars} {of_means} brick_fragment.glsl")
         rays, entries = ray_frame(batch.cut.volume, batch.length, view), len(batch.table)
         uniforms = {
             "center_px": tuple(n / 2 for n in view.size),
@@ -180,12 +180,12 @@ class BrickDrawer:
             "slope_per_px": rays.slope_per_px,
             "start": max(rays.start, -LARGEST),
             "entry_of_texel": ((entries - 1) / entries, 0.5 / entries),
-            "depth_of_mean": batch.length / batch.cut.volume.finest_spacing,
             "opaque": 1 - batch.thrift.least_transmittance,
             "scalars": SCALARS,
-            "means": MEANS,
             "table": TABLE,
         }
+        if has_means:
+            uniforms["means"], uniforms["depth_of_mean"] = MEANS, batch.length / batch.cut.volume.finest_spacing
         if batch.shading:
             light = np.array(batch.shading.light, np.float64)
             uniforms["light"] = tuple(light / np.linalg.norm(light))

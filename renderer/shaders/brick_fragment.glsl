@@ -7,9 +7,6 @@ uniform mat3 directions;
 uniform float slope_per_px;
 uniform float start;             // of the rays, beyond which nothing is before the near plane
 uniform vec3 scalar_scale;       // 1 / texels of the atlas
-uniform vec3 mean_scale;
-uniform float depth_of_mean;     // 1 / model unit for a stored mean
-uniform sampler3D means;
 uniform float opaque;            // alpha behind which nothing counts
 
 flat in vec3 brick_low;
@@ -48,24 +45,24 @@ void main() {
     float num = max(1.0, ceil((leave - enter) * length(direction) * brick_kind.x / brick_kind.y - SLACK));
     float part = (leave - enter) / num;
     float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));
-    bool is_mean = brick_kind.z > 0.5;
-    vec3 scale = is_mean ? mean_scale : scalar_scale;
     vec3 place = (origin + (enter + 0.5 * part) * direction - brick_corner) * brick_kind.x;
     vec3 step_place = part * brick_kind.x * direction, first_texel = brick_texel - COARSE;
-    int num_scalars = is_mean ? 0 : int(num), num_means = is_mean ? int(num) : 0;
+    int step = 0, num_steps = int(num);
     vec4 result = vec4(0.0);
-    for (int i = 0; i < num_scalars; ++i) {
-        if (result.a > opaque) break;
+    // Not `for`: software renderers go through the body of one once more when its condition fails.
+#ifdef WITH_MEANS
+    if (brick_kind.z > 0.5) do {
         vec3 texel = (place + COARSE) + first_texel;
-        result = behind(result, look_up(texel * scale), way);
+        result = behind(result, mean_at(texel), way);
         place += step_place;
-    }
-    for (int i = 0; i < num_means; ++i) {
-        if (result.a > opaque) break;
+    } while (++step < num_steps && result.a <= opaque);
+    else
+#endif
+    do {
         vec3 texel = (place + COARSE) + first_texel;
-        result = behind(result, depth_of_mean * textureLod(means, texel * scale, 0.0), way);
+        result = behind(result, look_up(texel * scalar_scale), way);
         place += step_place;
-    }
+    } while (++step < num_steps && result.a <= opaque);
     if (result.a == 0.0) discard;
     color = result;
 }
