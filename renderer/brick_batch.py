@@ -29,9 +29,9 @@ from renderer.transfer import TransferFunction
 
 Float64 = npt.NDArray[np.float64]
 
-# Steps, in cells: no field between voxels has more to show than the finest, and the longest are for bricks in which
-# nothing changes.
-LEAST_STEP, LONGEST_STEP = 1 / 16, 4.0
+# Steps, in cells: the longest are for bricks in which nothing changes. At the least, which tolerance 0 has, errors are
+# about 1/256 of the roughness, or of 1 where that is an optical depth above 1, down to the shortest of all.
+LEAST_STEP, SHORTEST_STEP, LONGEST_STEP = 1 / 16, 1 / 128, 4.0
 # A step is one cell where the roughness is this many tolerances.
 ROUGHNESS_OF_STEP = 1.0
 # Errors grow with roughness * step^2, samples with 1 / step: of all choices with the same sum of squared errors the one
@@ -55,9 +55,10 @@ SPREAD, UNSEEN, MOST_UNSEEN = 1.0, 0.15, 0.05
 # brick; without it rounding would decide which of them take one more.
 SLACK = 2.0**-10
 
-# Entries of a table at most, which any device can hold in a row; and between which numbers a good one is looked for.
-MOST_ENTRIES = 1 << 14
-USUAL_ENTRIES = 1 << 10, 1 << 12
+# Between which numbers of a table's entries a good one is looked for: usually, and where a piece of the transfer
+# function would have fewer than CELLS_OF_PIECE of them. Any device can hold the most in a row.
+USUAL_ENTRIES, MOST_ENTRIES = (1 << 10, 1 << 12), (1 << 13, 1 << 14)
+CELLS_OF_PIECE = 4
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def make_brick_batch(
     return BrickBatch(
         cut,
         bricks,
-        steps_at(cut.roughness, tolerance),
+        steps_at(cut.roughness, tolerance, is_depth=bricks.pyramid.measure == "optical"),
         optical_table(bricks.transfer, *bricks.scalar_range),
         shading,
         thrift_at(
@@ -130,11 +131,12 @@ def make_brick_batch(
     )
 
 
-def steps_at(roughness: Float64, tolerance: float) -> Float64:
-    """float64 [n]: the longest step, in cells, in bricks of some roughness."""
+def steps_at(roughness: Float64, tolerance: float, *, is_depth: bool) -> Float64:
+    """float64 [n]: the longest step, in cells, in bricks of some roughness, which may be an optical depth."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        steps = (ROUGHNESS_OF_STEP * tolerance / roughness) ** STEP_POWER
-    return np.asarray(np.clip(np.where(roughness > 0, steps, np.inf), LEAST_STEP, LONGEST_STEP), np.float64)
+        steps = np.where(roughness > 0, (ROUGHNESS_OF_STEP * tolerance / roughness) ** STEP_POWER, np.inf)
+    least = np.maximum(LEAST_STEP / np.sqrt(np.maximum(roughness, 1.0)), SHORTEST_STEP) if is_depth else LEAST_STEP
+    return np.asarray(np.clip(steps, least, LONGEST_STEP), np.float64)
 
 
 def thrift_at(tolerance: float, cell_px: float) -> Thrift:
@@ -161,13 +163,13 @@ def optical_table(transfer: TransferFunction, first: float, last: float) -> npt.
 
 
 def _num_entries(values: Float64, first: float, last: float) -> int:
-    """How many entries a table has."""
+    """How many entries a table has: more where the transfer function has steps, which take one from one to the next."""
     scale = math.ldexp(1.0, -max(math.frexp(first)[1], math.frexp(last)[1]))  # differences are finite then
-    inside = np.unique(values[(values >= first) & (values <= last)])
+    inside = values[(values >= first) & (values <= last)]
     shares = (inside * scale - first * scale) / (last * scale - first * scale)
-    gap = float(np.diff(shares).min(initial=1.0))
-    if gap * USUAL_ENTRIES[1] < 4:
-        return MOST_ENTRIES
-    nums = np.arange(USUAL_ENTRIES[0], USUAL_ENTRIES[1])
+    fewest, most = USUAL_ENTRIES
+    if float(np.diff(shares).min(initial=1.0)) * most < CELLS_OF_PIECE:
+        fewest, most = MOST_ENTRIES
+    nums = np.arange(fewest, most)
     at = np.multiply.outer(nums, shares)
     return int(nums[np.abs(at - np.round(at)).max(axis=1, initial=0.0).argmin()]) + 1

@@ -40,6 +40,9 @@ GROUPS = {1: 4, 2: 2}
 
 SCALARS, MEANS, TABLE, IMAGE, DIFFERING = range(5)  # texture units
 
+# What float32 leaves of a transmittance is less.
+UNSEEN = 2.0**-22
+
 # Stands for infinity where float32 is wanted.
 LARGEST = 1e30
 
@@ -180,7 +183,7 @@ class BrickDrawer:
             "slope_per_px": rays.slope_per_px,
             "start": max(rays.start, -LARGEST),
             "entry_of_texel": ((entries - 1) / entries, 0.5 / entries),
-            "opaque": 1 - batch.thrift.least_transmittance,
+            "opaque": 1 - max(batch.thrift.least_transmittance, UNSEEN),
             "scalars": SCALARS,
             "table": TABLE,
         }
