@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.brick_batch import BrickBatch, Thrift, make_brick_batch
 from renderer.brick_projection import visible_bricks
 from renderer.brick_sizes import brick_sizes
-from renderer.bricks import BrickCut, Bricks, cut_bricks, num_bricks_at
+from renderer.bricks import ERRORS_ON_A_RAY, BrickCut, Bricks, cut_bricks, num_bricks_at
 from renderer.camera import View
 from renderer.cell_edges import CellEdges, make_brick_edges
 from renderer.cut_sizes import CutSizes
@@ -83,7 +83,7 @@ class BrickFamily:
         self._bricks, self._shading, self._voxel_px, self._with_edges = bricks, shading, voxel_px, with_edges
         self._largest_change = largest_change
         self._finest_level, self._finest_level_at_zero = finest_level, finest_level_at_zero
-        self._largest_error = root_error(bricks.pyramid) or 1.0
+        self._largest_error = ERRORS_ON_A_RAY * root_error(bricks.pyramid) or 1.0
         self._sizes: CutSizes | None = None
 
     def detail(self, tolerance: float, lap: Lap) -> BrickDetail:

@@ -41,8 +41,8 @@ def test_the_sidecar_makes_the_film_again(folder: Path) -> None:
     """And the scene in it says no more of the footprint than there is to say."""
     made = render()
     assert made["scene"]["splat"] == {"footprint": "integrated"}
-    assert column(made, "cells") == [14] * NUM_FRAMES
-    assert all(0 < splats <= 14 for splats in column(made, "splats"))
+    assert column(made, "cells") == [18] * NUM_FRAMES
+    assert all(0 < splats <= 18 for splats in column(made, "splats"))
     before = Path("film.mp4").read_bytes()
     Path("film.mp4").unlink()
     render("--force", scene="film.mp4.json")
