@@ -38,15 +38,13 @@ ROUGHNESS_OF_STEP = 1.0
 # with the fewest samples has step^5 ~ 1 / roughness^2.
 STEP_POWER = 0.4
 
-# Nodes of the first lattice are no further apart than so many of the finest cells: what is smaller than a cell is not
-# in the field, so that nothing falls between four nodes unseen. Beyond the tolerance FINE that is one of the prices.
+# From which tolerance on pixels are interpolated between nodes. What is thinner than the nodes lie apart may fall
+# between them: an edge of the volume, a sheet seen edge-on, or what a steep transfer function cuts out of a cell.
+LEAST_INTERPOLATED = 0.15
+# So that this is rare, nodes of the first lattice lie no further apart than so many of the finest cells, and beyond the
+# tolerance FINE further in proportion.
 CELLS_BETWEEN_NODES, FINE = 2.25, 0.1
-# At smaller tolerances nearly all pixels that show anything would be drawn, and edges of the volume, which are sharper
-# than its cells, count.
-LEAST_INTERPOLATED = 0.01
-# Strides of the first lattice, from which tolerance on: a quarter of the pixels and then those that differ is no gain
-# where many do. And of the last.
-FIRST_STRIDES = ((4, LEAST_INTERPOLATED), (2, 0.15))
+# Strides of the last lattice, from which tolerance on.
 LAST_STRIDES = ((4, 1.0), (2, 0.3))
 # In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
 SPREAD, UNSEEN, MOST_UNSEEN = 1.0, 0.15, 0.05
@@ -140,12 +138,12 @@ def steps_at(roughness: Float64, tolerance: float, *, is_depth: bool) -> Float64
 
 
 def thrift_at(tolerance: float, cell_px: float) -> Thrift:
-    """What is spared at a tolerance where the finest cells appear `cell_px` pixels wide: nothing at 0."""
+    """What is spared at a tolerance where the finest cells appear `cell_px` pixels wide."""
     unseen = min(UNSEEN * tolerance, MOST_UNSEEN)
     if tolerance < LEAST_INTERPOLATED:
         return Thrift((1,), 0.0, unseen)
     most_px = CELLS_BETWEEN_NODES * cell_px * max(1.0, tolerance / FINE)
-    first = next((stride for stride, least in FIRST_STRIDES if tolerance >= least and stride <= most_px), 1)
+    first = next((stride for stride in (4, 2) if stride <= most_px), 1)
     last = next((stride for stride, least in LAST_STRIDES if tolerance >= least), 1)
     strides = (first, last) if last < first else (first,)
     return Thrift(strides, SPREAD * tolerance, unseen)

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import APRON, BRICK
-from renderer.errors import RenderError
+from renderer.errors import ContextLostError
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
@@ -54,14 +54,17 @@ class Atlas:
         """How many bricks the device may hold."""
         return _num_places(self._sizes[-1])
 
+    def reserve(self, num: int) -> None:
+        """Make room for so many bricks, or as many as there may be; whoever draws fewer at a time keeps the others."""
+        if min(num, self.most_places) > len(self._keys):
+            self._grow(num)
+
     def place(self, keys: Int64, texels: Texels) -> Int64:
-        """int64 [n, 3]: the first texel (x, y, z), apron and all, of each of these bricks, at most `most_places`.
+        """int64 [n, 3]: the first texel (x, y, z), apron and all, of each of these bricks, of which there is room for.
 
         Those that are not on the device are asked for and written there.
         """
         self._time += 1
-        if len(keys) > len(self._keys):
-            self._grow(len(keys))
         missing = keys[self._places[keys] < 0]
         self._last_used[self._places[keys[self._places[keys] >= 0]]] = self._time
         if len(missing):
@@ -96,10 +99,10 @@ class Atlas:
         try:
             self.texture = self._context.texture3d(self.size, self.num_channels, dtype="f4")
         except moderngl.Error as error:
-            raise RenderError(
-                "the device has no room for the bricks of a picture",
+            raise ContextLostError(  # which of the two, nobody can tell
+                "the device has no room for the bricks of a picture, or its context was lost",
                 got=f"{num} bricks, {_num_bytes(self.size, self.num_channels) >> 20} MiB: {error}",
-                hint="a larger error.tolerance needs fewer",
+                hint="if it is the room, a larger error.tolerance needs fewer",
             ) from error
         self.texture.filter = moderngl.LINEAR, moderngl.LINEAR
         self.texture.repeat_x = self.texture.repeat_y = self.texture.repeat_z = False

@@ -86,8 +86,9 @@ class BrickDrawer:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         self._look_at(batch, view.size)
         vertices = _vertices(batch, order, view)
-        has_means = bool((batch.cut.levels[order] > 0).any())
-        program = self._prepared(batch, view, has_means=has_means)
+        num_means = int(np.count_nonzero(batch.cut.levels[order]))
+        self._reserve(len(order) - num_means, num_means)
+        program = self._prepared(batch, view, has_means=num_means > 0)
         coarse = None
         for stride in batch.thrift.strides:
             lattice = self._lattice(stride)
@@ -121,6 +122,13 @@ class BrickDrawer:
             for lattice in self._lattices.values():
                 lattice.release()
             self._lattices, self._image_size = {}, size
+
+    def _reserve(self, num_scalars: int, num_means: int) -> None:
+        """Make room for all bricks of a picture: with less they would go up again with every frame."""
+        assert self._scalars is not None
+        assert self._means is not None
+        self._scalars.reserve(num_scalars)
+        self._means.reserve(num_means)
 
     def _release_atlases(self) -> None:
         for atlas in (self._scalars, self._means):

@@ -47,7 +47,7 @@ def film(stage: Stage, machine: SimulatedMachine, seconds: float) -> tuple[list[
     return taken, tolerances
 
 
-BUDGETS = (0.012, 0.02, 0.03, 0.05)
+BUDGETS = (0.014, 0.02, 0.03, 0.05)
 
 
 @pytest.mark.parametrize("seconds", BUDGETS)
