@@ -1,8 +1,8 @@
 """The cells of a cut as lines: what `overlay: octree` draws, before any view is chosen.
 
-The twelve edges of every cell at its true extent, where the volume's border cuts it, too. Cells of one level share most
-of their edges; each is there once, or lines that many cells share would be heavier than others. Coarse levels come
-first, so that fine cells are drawn over coarse ones.
+The twelve edges of every cell, or brick of cells, at its true extent, where the volume's border cuts it, too. Cells of
+one level share most of their edges; each is there once, or lines that many cells share would be heavier than others.
+Coarse levels come first, so that fine cells are drawn over coarse ones.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bricks import BRICK_LEVELS, BrickCut
 from renderer.jit import jit
 from renderer.octree import Cut
+from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -33,7 +35,7 @@ class CellEdges:
 
     vertices: float32 [n, 7], laid out as the device reads them: start [3] and end [3] in model units and world axes,
         and the level of the cell.
-    voxel_side: the shortest side of a voxel, model units.
+    voxel_side: the shortest side of a voxel, or of a brick of voxels, model units.
     origin: float64 [3], world position of the model's origin.
     length: world units in a model unit.
     """
@@ -49,20 +51,33 @@ class CellEdges:
 
 def make_cell_edges(cut: Cut) -> CellEdges:
     """All edges of the cells of a cut; model units are those of `renderer.splats`."""
-    volume = cut.volume
+    return _make_edges(cut.levels, cut.cells, cut.volume)
+
+
+def make_brick_edges(cut: BrickCut) -> CellEdges:
+    """All edges of the bricks of a cut, in the colours of their cells."""
+    return _make_edges(cut.levels, cut.cells, cut.volume, levels_around=BRICK_LEVELS)
+
+
+def _make_edges(
+    levels: npt.NDArray[np.uint8], boxes: npt.NDArray[np.int32], volume: Volume, *, levels_around: int = 0
+) -> CellEdges:
+    """Of boxes (x, y, z, in their own width) that are nodes so many levels above the cells of these levels."""
     edges, shape = volume.world_from_index[:3, :3], np.array(volume.shape_xyz)
     length = 0.5 * float(np.linalg.norm(edges * shape))
     parts = [np.empty((0, 7), np.float32)]
-    for level in np.unique(cut.levels)[::-1].tolist():
-        cells = cut.cells[cut.levels == level].astype(np.int64)
+    for level in np.unique(levels)[::-1].tolist():
+        cells = boxes[levels == level].astype(np.int64)
         num_corners = cells.max(axis=0) + 2
         for axis in range(3):
             starts = _starts(cells, num_corners, axis)
             parts.append(np.empty((len(starts), 7), np.float32))
-            _fill_edges(starts, num_corners, axis, level, shape, edges / length, parts[-1])
+            _fill_edges(starts, num_corners, axis, level + levels_around, shape, edges / length, parts[-1])
+            parts[-1][:, 6] = level
     vertices = np.concatenate(parts)
     vertices.flags.writeable = False
-    return CellEdges(vertices, float(np.linalg.norm(edges, axis=0).min()) / length, volume.centre, length)
+    side = float(np.linalg.norm(edges, axis=0).min()) / length * 2**levels_around
+    return CellEdges(vertices, side, volume.centre, length)
 
 
 def level_colors() -> Float64:
@@ -91,7 +106,7 @@ def _fill_edges(
     model_from_index: Float64,
     vertices: npt.NDArray[np.float32],
 ) -> None:
-    """Both ends of each edge, held to the volume, and its level."""
+    """Both ends of each edge, held to the volume."""
     corner = np.empty(3)
     for i in range(len(starts)):
         place = starts[i]
@@ -107,4 +122,3 @@ def _fill_edges(
                     + model_from_index[row, 1] * corner[1]
                     + model_from_index[row, 2] * corner[2]
                 )
-        vertices[i, 6] = level

@@ -2,7 +2,8 @@
 
     seconds = per_frame + per_splat * splats + per_pixel * pixels + per_written, for a frame that goes into a file
 
-`pixels` are those around the footprints, each footprint by itself: what the rasteriser looks at.
+`pixels` are those around the footprints, each footprint by itself, or the samples along rays through bricks: what the
+rasteriser looks at.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.drawing import Pose
-from renderer.projection import model_view, square_px
 
 Float64 = npt.NDArray[np.float64]
 
@@ -29,12 +29,13 @@ _FASTEST = 1e-3
 _TRUST_IN_TYPICAL = 1e-4
 # Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
 _NUM_REMEMBERED, _NUM_RECENT = 16, 7
-# Loads whose numbers of splats differ by no more than this part are of one size.
-_ALIKE = 0.1
+# Loads whose numbers of splats, and of pixels, differ by no more than these parts are of one detail: from another side
+# it has other pixels, and bricks of another tolerance may be as many.
+_ALIKE_SPLATS, _ALIKE_PIXELS = 0.1, 0.3
 
 
 class Load(NamedTuple):
-    """What there is to draw: splats, pixels under them, and whether the frame is written to a file (1) or not (0)."""
+    """What there is to draw: splats, or bricks; pixels under them, or samples; and 1 if it goes into a file, else 0."""
 
     num_splats: float
     num_pixels: float
@@ -43,11 +44,7 @@ class Load(NamedTuple):
 
 def load_of(pose: Pose, *, is_written: bool = True) -> Load:
     """What a frame draws, in all its orders."""
-    batch = pose.detail.splats
-    camera = model_view(batch, pose.view)
-    num_splats = sum(len(order) for _, order in pose.orders)
-    num_pixels = len(pose.orders) * square_px(batch, pose.orders[0][1], camera)
-    return Load(num_splats, num_pixels, int(is_written))
+    return Load(*pose.detail.load(pose.orders, pose.view), int(is_written))
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ class CostLog:
     def predict(self, load: Load, *, like_before: bool = False) -> float:
         """Seconds of drawing: the model's, corrected by what the last frames took against it.
 
-        like_before: only those of about as many splats, if there are any: a load that has been drawn before.
+        like_before: only those of about as many splats and pixels, if there are any: a load that has been drawn before.
         """
         frames = list(self._frames)
         if like_before:
@@ -139,4 +136,7 @@ class CostLog:
 
 
 def _are_alike(load: Load, other: Load) -> bool:
-    return abs(load.num_splats - other.num_splats) <= _ALIKE * other.num_splats
+    return (
+        abs(load.num_splats - other.num_splats) <= _ALIKE_SPLATS * other.num_splats
+        and abs(load.num_pixels - other.num_pixels) <= _ALIKE_PIXELS * other.num_pixels
+    )

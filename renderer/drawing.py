@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.brick_batch import BrickBatch
+from renderer.brick_family import BrickFamily
+from renderer.bricks import Bricks
 from renderer.camera import View
 from renderer.camera_paths import make_view
-from renderer.cell_edges import CellEdges, make_cell_edges
+from renderer.cell_edges import CellEdges
 from renderer.depth_directions import Turning
-from renderer.octree import Cut, cut_pyramid
-from renderer.projection import visible_orders
+from renderer.families import Detail, Family, Orders
 from renderer.pyramid import Pyramid
 from renderer.quantize import quantize
 from renderer.scene import Scene, Vector
-from renderer.splats import SplatBatch, make_splats
+from renderer.splat_family import SplatFamily
+from renderer.splats import SplatBatch
 from renderer.volume import Volume
 
 Clock = Callable[[], float]
 
 
 class Rasterizer(Protocol):
-    """What draws sorted splats, and lines if the scene asks: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
+    """What draws sorted splats or bricks, and lines if asked: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
 
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]: ...
+    def rasterize(
+        self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
+    ) -> npt.NDArray[np.float32]: ...
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]: ...
 
@@ -39,7 +44,9 @@ class Stage:
     target: world position that the camera looks at.
     distance: of the eye from it, world units.
     finest_level: cells of lower levels would be too small to see on every frame.
+    voxel_px: the finest spacing at the volume's centre, in pixels, where it is largest on the way.
     turning: which neighbours change their order on the way.
+    bricks: of the volume, where that is what the footprint is drawn from.
     seconds: what it took, by stage.
     """
 
@@ -49,7 +56,9 @@ class Stage:
     target: Vector
     distance: float
     finest_level: int
+    voxel_px: float
     turning: Turning
+    bricks: Bricks | None
     seconds: dict[str, float]
 
 
@@ -69,31 +78,13 @@ class Stopwatch:
 
 
 @dataclass(frozen=True)
-class Detail:
-    """What is drawn at a tolerance, from any side.
-
-    num_cells: of the cut, each of which is a splat. lattice: the cut, without its cells where only `boxes` needs them.
-    edges: lines of an overlay.
-    """
-
-    tolerance: float
-    num_cells: int
-    splats: SplatBatch
-    lattice: Cut
-    edges: CellEdges | None
-
-
-@dataclass(frozen=True)
 class Pose:
-    """A detail seen on a frame: `orders` are those of its splats, back to front, with each one's share of the picture.
-
-    order_seconds: what finding them took.
-    """
+    """A detail seen on a frame: `orders` are those of its splats. order_seconds: what finding them took."""
 
     number: int
     detail: Detail
     view: View
-    orders: Sequence[tuple[float, npt.NDArray[np.uint32]]]
+    orders: Orders
     order_seconds: float
 
 
@@ -103,7 +94,7 @@ class Frame:
 
     image: uint8 [height, width, 3], or 4 with straight alpha where the background is transparent.
     radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
-    num_cells: cells in the cut; num_splats: those of them that the frame can show.
+    num_cells: cells, or bricks, in the cut; num_splats: those of them that the frame can show.
     seconds: what it took, by stage.
     predicted_seconds: what it was to take from start to end, where there is a budget.
     """
@@ -128,26 +119,37 @@ def finest_level_at(stage: Stage, tolerance: float) -> int:
     return max(stage.scene.error.finest_level, stage.finest_level if tolerance > 0 else 0)
 
 
-def make_detail(stage: Stage, tolerance: float, watch: Stopwatch) -> Detail:
-    """Cut the pyramid and make its splats."""
+def family_of(stage: Stage) -> Family:
+    """Of the scene's footprint."""
     scene = stage.scene
-    cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
-    watch.lap("cut")
-    splats = make_splats(cut, scene.splat)
-    watch.lap("splats")
-    edges = None
-    if scene.overlay == "octree":
-        edges = make_cell_edges(cut)
-        watch.lap("edges")
-    lattice = cut if scene.splat.order == "boxes" else cut.without_cells()  # nothing else needs them again
-    return Detail(tolerance, len(cut), splats, lattice, edges)
+    levels = {
+        "finest_level": finest_level_at(stage, tolerance=1.0),
+        "finest_level_at_zero": finest_level_at(stage, tolerance=0.0),
+    }
+    with_edges = scene.overlay == "octree"
+    if stage.bricks is None:
+        return SplatFamily(stage.pyramid, scene.splat, stage.turning, **levels, with_edges=with_edges)
+    low, high = stage.bricks.volume_range
+    largest_change = high - low if scene.error.of == "scalar" and high > low else 1.0
+    return BrickFamily(
+        stage.bricks,
+        scene.shading,
+        **levels,
+        voxel_px=stage.voxel_px,
+        largest_change=largest_change,
+        with_edges=with_edges,
+    )
+
+
+def make_detail(stage: Stage, tolerance: float, watch: Stopwatch) -> Detail:
+    """What is drawn of a stage at a tolerance."""
+    return family_of(stage).detail(tolerance, watch.lap)
 
 
 def make_pose(stage: Stage, detail: Detail, number: int, watch: Stopwatch) -> Pose:
     """See a detail from where the camera is on a frame."""
     view = view_of(stage, number)
-    orders = visible_orders(detail.splats, detail.lattice, view, stage.scene.splat.order, stage.turning)
-    return Pose(number, detail, view, orders, watch.lap("order"))
+    return Pose(number, detail, view, detail.orders(view), watch.lap("order"))
 
 
 def draw(stage: Stage, pose: Pose, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:

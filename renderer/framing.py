@@ -163,5 +163,23 @@ def finest_useful_level(
     return max(0, math.floor(math.log2(SMALLEST_CELL_PX / widest_px)))
 
 
+def largest_voxel_px(
+    volume: Volume, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
+) -> float:
+    """How many pixels wide a length of the finest spacing at the volume's centre is on the frame where it is widest.
+
+    At the spacing from the eye it counts as far as at any less, so that the eye may be at the centre, or beyond.
+    """
+    spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
+    offset = volume.centre - np.asarray(target, np.float64)
+    widest_px = 0.0
+    for poses in _poses(camera.path, range(camera.path.frames)):
+        depths = np.full(len(poses.zoom), distance)
+        if camera.projection == "perspective":
+            depths = np.maximum(distance - poses.direction @ offset, spacing)
+        widest_px = max(widest_px, float((poses.zoom * (spacing / depths)).max()) * focal_px)
+    return widest_px
+
+
 def _to_world(volume: Volume, index: Float64) -> Float64:
     return np.asarray(index @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3], np.float64)

@@ -13,27 +13,12 @@ from typing import Protocol
 import numpy as np
 
 from renderer.costs import CostLog, Load, load_of
-from renderer.cut_sizes import CutSizes, cut_sizes
-from renderer.drawing import (
-    Clock,
-    Detail,
-    Pose,
-    Rasterizer,
-    Stage,
-    Stopwatch,
-    draw,
-    finest_level_at,
-    make_detail,
-    make_pose,
-)
+from renderer.drawing import Clock, Pose, Rasterizer, Stage, Stopwatch, draw, family_of, make_detail, make_pose
+from renderer.families import Detail
 from renderer.schedule import tolerance_at
 
-# Cells of the first trial drawing, how many times more the next one has, and how many there are at least: of one size
-# alone they would not tell splats from pixels.
-_FIRST_TRIAL, _TRIAL_GROWTH, _FEWEST_TRIALS = 1000, 4, 3
-
-# Sizes of cuts are looked up to so many times the number of cells that is asked for, because more will be.
-_LOOK_AHEAD = 4
+# How many trial drawings there are at least: of one size alone they would not tell splats from pixels.
+_FEWEST_TRIALS = 3
 
 # A detail is looked for that takes this part of its time, give or take, in so many tries.
 _AIM, _CLOSE, _MOST_TRIES = 0.95, 0.04, 5
@@ -44,52 +29,34 @@ _KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.84, 1.09, 0.1
 # than this part of its time.
 _FEWEST_FRAMES, _FAR_TOO_LONG = 3, 1.5
 
-# Seconds grow with these powers of the number of cells: of few large cells the pixels cost, of many small ones the
-# splats. Beyond the largest number seen, and from the detail of the frame before, one goes so far at once: a little
+# Seconds grow with these powers of the size, a number of cells: of few large cells the pixels cost, of many small ones
+# the splats. Beyond the largest one seen, and from the detail of the frame before, one goes so far at once: a little
 # less time is a thousand times fewer large cells.
-_LEAST_POWER, _MOST_POWER, _MOST_GROWTH = 0.1, 1.0, 4.0
+_LEAST_POWER, _MOST_POWER = 0.1, 1.0
 
 # What passes between the start of a frame and the next one but is not drawing it.
 CUT_STAGES = ("cut", "splats", "edges", "order")
 
 
 class Details:
-    """Details of a stage by their number of cells, and what a frame of them takes."""
+    """Details of a stage by their size, and what a frame of them takes."""
 
     def __init__(self, stage: Stage, log: CostLog) -> None:
-        self.stage, self.log = stage, log
-        self._sizes: CutSizes | None = None
-        self._seen: dict[int, Load] = {}  # by number of cells
+        self.stage, self.log, self.family = stage, log, family_of(stage)
+        self._seen: dict[float, Load] = {}  # by size
 
-    def tolerance(self, num_cells: float) -> float:
-        """Of the finest cut with at most so many cells."""
-        most = max(1, int(min(num_cells, self.stage.volume.values.size)))
-        sizes = self._sizes_to(most)
-        return sizes.finest(min(most, sizes.most_cells)).tolerance
-
-    def has_more(self, num_cells: int, tolerance: float) -> bool:
-        """Whether the cut at a tolerance has more cells than that, or than some more, without making it."""
-        sizes = self._sizes_to(max(1, num_cells // _LOOK_AHEAD))
-        return sizes.num_in_all is None if tolerance == 0 else tolerance <= sizes.beyond
-
-    def _sizes_to(self, num_cells: int) -> CutSizes:
-        if self._sizes is None or (self._sizes.most_cells < num_cells and self._sizes.num_in_all is None):
-            self._sizes = cut_sizes(
-                self.stage.pyramid,
-                _LOOK_AHEAD * num_cells,
-                finest_level=finest_level_at(self.stage, tolerance=1.0),
-                finest_level_at_zero=finest_level_at(self.stage, tolerance=0.0),
-            )
-        return self._sizes
+    def size(self, detail: Detail) -> float:
+        """What its family calls its size."""
+        return self.family.size(detail.tolerance, detail.num_cells)
 
     def pose(self, number: int, tolerance: float, watch: Stopwatch) -> Pose:
         """A frame of the detail of a tolerance."""
-        return make_pose(self.stage, make_detail(self.stage, tolerance, watch), number, watch)
+        return make_pose(self.stage, self.family.detail(tolerance, watch.lap), number, watch)
 
     def predict(self, pose: Pose, *, like_before: bool = False) -> float:
         """Seconds of a frame whose detail is made, until it is in its file; `like_before` as in CostLog."""
         load = load_of(pose)
-        self._seen[max(pose.detail.num_cells, 1)] = load
+        self._seen[self.size(pose.detail)] = load
         return self.log.predict(load, like_before=like_before) + pose.order_seconds
 
     def learn(self, pose: Pose, watch: Stopwatch) -> None:
@@ -98,22 +65,22 @@ class Details:
         drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in CUT_STAGES)
         self.log.add(load_of(pose), drawing)
 
-    def num_cells_within(self, seconds: float) -> float:
-        """How many cells a frame may have that is to take so long, by the frames that were predicted so far.
+    def size_within(self, seconds: float) -> float:
+        """The size that a frame may have that is to take so long, by the frames that were predicted so far.
 
-        Seconds are taken for a power of the number of cells, that of the two numbers around or nearest.
+        Seconds are taken for a power of the size, that of the two sizes around or nearest.
         """
-        cells = np.log(sorted(self._seen))
+        sizes = np.log(sorted(self._seen))
         costs = np.log(np.maximum.accumulate([self.log.predict(load) for _, load in sorted(self._seen.items())]))
         wanted, power = math.log(seconds), _MOST_POWER
-        near = min(int(np.count_nonzero(costs < wanted)), len(cells) - 1)
-        if len(cells) > 1:
+        near = min(int(np.count_nonzero(costs < wanted)), len(sizes) - 1)
+        if len(sizes) > 1:
             above = max(near, 1)
-            power = (costs[above] - costs[above - 1]) / (cells[above] - cells[above - 1])
+            power = (costs[above] - costs[above - 1]) / (sizes[above] - sizes[above - 1])
         power = min(max(power, _LEAST_POWER), _MOST_POWER)
-        found = cells[near] + min((wanted - costs[near]) / power, math.log(_MOST_GROWTH))
+        found = sizes[near] + min((wanted - costs[near]) / power, math.log(self.family.growth))
         if near > 0:
-            found = max(found, cells[near - 1])
+            found = max(found, sizes[near - 1])
         return math.exp(found)
 
 
@@ -124,14 +91,17 @@ def try_drawings(
     rasterizer: Rasterizer,
     *,
     clock: Clock,
-    first_cells: int = _FIRST_TRIAL,
+    first_size: float | None = None,
     on_step: Callable[[], None] = lambda: None,
 ) -> None:
-    """Draw a frame with more and more cells, to learn what drawing costs, until one takes `enough_seconds`.
+    """Draw a frame at larger and larger sizes, to learn what drawing costs, until one takes `enough_seconds`.
 
+    first_size: one at which a frame shows what it is, unless it is given.
     on_step: called before each drawing; what it raises goes through.
     """
-    num_cells, tolerance, before, num_trials = first_cells, details.tolerance(first_cells), math.inf, 0
+    family = details.family
+    size = family.few if first_size is None else first_size
+    tolerance, before, num_trials = family.at_size(size), math.inf, 0
     while tolerance < before:
         on_step()
         pose = details.pose(number, tolerance, Stopwatch(clock))
@@ -145,26 +115,27 @@ def try_drawings(
         num_trials += 1
         if seconds >= enough_seconds and num_trials >= _FEWEST_TRIALS:
             return
-        num_cells *= _TRIAL_GROWTH
-        tolerance, before = details.tolerance(num_cells), tolerance
+        size *= family.growth
+        tolerance, before = family.at_size(size), tolerance
 
 
 def finest_within(
-    details: Details, number: int, seconds: float, watch: Stopwatch, *, near: int | None = None
+    details: Details, number: int, seconds: float, watch: Stopwatch, *, near: float | None = None
 ) -> tuple[Pose, float]:
     """A frame that is predicted to take nearly so many seconds, or less where it shows every voxel; and what it takes.
 
     Where even a single cell takes longer, the quickest one found. Frames have been predicted before.
-    near: a number of cells that those found are some times as many as, or as few, but not more.
+    near: a size that the one found is some times as large as, or as small, but not more.
     """
     aim = _AIM * seconds
     best: tuple[Pose, float] | None = None
     tried: set[float] = set()
     for _ in range(_MOST_TRIES):
-        wanted = details.num_cells_within(aim)
+        wanted = details.size_within(aim)
         if near is not None:
-            wanted = min(max(wanted, near / _MOST_GROWTH), near * _MOST_GROWTH)
-        tolerance = details.tolerance(wanted)
+            growth = details.family.growth
+            wanted = min(max(wanted, near / growth), near * growth)
+        tolerance = details.family.at_size(wanted)
         if tolerance in tried:
             break
         tried.add(tolerance)
@@ -238,13 +209,13 @@ class Pacer:
             if self._is_kept(predicted, seconds):
                 self._chosen.num_frames += 1
                 return pose, predicted
-            near = self._chosen.detail.num_cells if seconds == self._chosen.seconds else None
+            near = self._details.size(self._chosen.detail) if seconds == self._chosen.seconds else None
             del pose  # let go of the old ones first
             self._chosen = None
             return self.choose(number, watch, near=near)
         return self.choose(number, watch)
 
-    def choose(self, number: int, watch: Stopwatch, *, near: int | None = None) -> tuple[Pose, float]:
+    def choose(self, number: int, watch: Stopwatch, *, near: float | None = None) -> tuple[Pose, float]:
         """Find a detail for a frame and those that follow; of the first one, best before its time begins."""
         seconds = self._seconds_of(number)
         pose, predicted = finest_within(self._details, number, seconds, watch, near=near)

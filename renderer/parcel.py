@@ -20,10 +20,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import scene
+from renderer.bricks import BrickLevel, Bricks
 from renderer.classify import Classifier, Lighting, Segments
 from renderer.depth_directions import Turning
 from renderer.drawing import Stage
 from renderer.pyramid import Level, Pyramid
+from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
@@ -34,9 +36,10 @@ _LENGTH = struct.Struct("<Q")
 # Everything that a stage is made of, by name. A scene is taken as it is and not read again from plain data: the
 # schedule of one whose goal was resolved need not be one that a user may write.
 _OF_SCENE = [kind for kind in vars(scene).values() if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
-_RECORDS: dict[str, type[Any]] = {
-    kind.__name__: kind for kind in (Stage, Volume, Pyramid, Level, Classifier, Segments, Lighting, Turning, *_OF_SCENE)
-}
+_OF_STAGE = (
+    Stage, Volume, Pyramid, Level, Classifier, Segments, Lighting, Turning, Bricks, BrickLevel, TransferFunction,
+)  # fmt: skip
+_RECORDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_OF_STAGE, *_OF_SCENE)}
 
 
 def pack(stage: Stage) -> Iterator[memoryview]:

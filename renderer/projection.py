@@ -182,7 +182,7 @@ def visible_order(
     )  # fmt: skip
     if order == "boxes":
         assert len(cut) == len(batch), "boxes without their cells"
-        back_to_front = box_order(cut, view)
+        back_to_front = box_order(cut.levels, cut.cells, cut.volume, view)
         return back_to_front[seen[back_to_front]].astype(np.uint32)
     indices = np.flatnonzero(seen).astype(np.uint32)
     return indices[depth_order(depths[indices])]

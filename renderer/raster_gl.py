@@ -24,10 +24,12 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from renderer.brick_batch import BrickBatch
 from renderer.camera import View
 from renderer.cell_edges import CellEdges, level_colors
 from renderer.compositing import LEAST_CHUNK, composite_over, splats_at_once
 from renderer.errors import ContextLostError, RenderError
+from renderer.gl_bricks import BrickDrawer
 from renderer.projection import ModelView, Region, covered_region, longest_sigma, mean_footprint_px, model_view
 from renderer.shaders import load_shader
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
@@ -71,13 +73,12 @@ class GLRasterizer:
         info = self._context.info
         self._renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"  # a lost context tells nothing
         self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
-        self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
         with self._refusals_as_lost():
             self._splats = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
             self._shapes = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
-        self._programs: dict[str, Any] = {}
+        self._programs: dict[tuple[str, str], Any] = {}
         self._target: Any = None
+        self._bricks = BrickDrawer(self._context, self._program, self._largest_point_px)
 
     def __enter__(self) -> GLRasterizer:
         return self
@@ -96,10 +97,18 @@ class GLRasterizer:
         """Device and driver, as GL names them."""
         return self._renderer_name
 
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
-        """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+        """Composite `batch[order]`, splats back to front and bricks front to back.
+
+        Returns float32 [height, width, 4], premultiplied RGBA over nothing.
+        """
         with self._refusals_as_lost():
-            return self._rasterized(batch, order, view)
+            if isinstance(batch, SplatBatch):
+                return self._rasterized(batch, order, view)
+            with self._context:
+                image = self._bricks.draw(batch, order, view)
+                self._require_no_failure()
+            return image
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
         """Lines along the edges, one over the other in their order: as `rasterize`, float32 [height, width, 4]."""
@@ -187,6 +196,8 @@ class GLRasterizer:
         image = np.empty((region.height, region.width, 4), np.float32)
         place = (region.left, region.top, region.width, region.height)
         with self._context:  # another one may have been made since
+            self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
+            self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
             target = self._resized_target(size)
             target.use()
             target.clear(0.0, 0.0, 0.0, 0.0, viewport=place)
@@ -243,11 +254,12 @@ class GLRasterizer:
 
     def _program(self, vertex_files: str, fragment_files: str) -> Any:
         """A program from its files, compiled at its first use."""
-        if vertex_files not in self._programs:
-            self._programs[vertex_files] = self._context.program(
+        key = vertex_files, fragment_files
+        if key not in self._programs:
+            self._programs[key] = self._context.program(
                 vertex_shader=load_shader(*vertex_files.split()), fragment_shader=load_shader(*fragment_files.split())
             )
-        return self._programs[vertex_files]
+        return self._programs[key]
 
     def _vertex_array(self, program: Any, buffer: Any) -> Any:
         return self._context.vertex_array(program, [(buffer, VERTEX_FORMAT, *VERTEX_NAMES)])

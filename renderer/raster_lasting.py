@@ -8,6 +8,7 @@ from types import TracebackType
 import numpy as np
 import numpy.typing as npt
 
+from renderer.brick_batch import BrickBatch
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
 from renderer.errors import ContextLostError, RenderError
@@ -45,7 +46,7 @@ class LastingRasterizer:
         times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
         return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
 
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """As in GLRasterizer."""
         return self._draw(lambda gl: gl.rasterize(batch, order, view))
 

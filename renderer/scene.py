@@ -166,7 +166,7 @@ ByFrame = tuple[tuple[int, float], ...]
 
 @dataclass(frozen=True)
 class SplatBudget:
-    """The finest cut of at most so many cells."""
+    """The finest cut of at most so many cells, or bricks."""
 
     by_frame: ByFrame
 
@@ -209,9 +209,10 @@ class PyramidSpec:
 @dataclass(frozen=True)
 class SplatSpec:
     """`sigma` is the standard deviation of the footprint in cells; `angular`, `radial` and `profile` (pairs of radius
-    and weight, both in [0, 1], radius from 0 to 1) shape the `gouraud` footprint."""
+    and weight, both in [0, 1], radius from 0 to 1) shape the `gouraud` footprint. `integrated` has nothing to choose:
+    the field is integrated through bricks of cells, in their exact order."""
 
-    footprint: Literal["gaussian", "gouraud"] = "gaussian"
+    footprint: Literal["gaussian", "gouraud", "integrated"] = "gaussian"
     sigma: float = 0.425
     angular: int = 8
     radial: int = 3

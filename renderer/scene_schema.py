@@ -113,6 +113,13 @@ _PYRAMID = section(
 # splat
 
 _GOURAUD_KEYS = ("angular", "radial", "profile")
+_HINTS_GOURAUD = dict.fromkeys(_GOURAUD_KEYS, "only footprint: gouraud has it")
+_HINTS_INTEGRATED = _HINTS_GOURAUD | {
+    "sigma": "it draws the field itself, which no footprint blurs",
+    "opacity_correction": "it integrates opacity along the way through a cell, which is the correction",
+    "order": "what it draws does not overlap, so that there is one order, which is exact",
+}
+_OTHER_NAMES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
 _WEIGHT = number(least=0, most=1)
 # Weights are divided by the largest ones.
 LEAST_WEIGHT = 1e-6
@@ -121,13 +128,19 @@ _PROFILE = sequence(sequence(_WEIGHT, "[radius, weight], both from 0 to 1", coun
 
 
 def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
-    if given.get("footprint", SplatSpec.footprint) == "gaussian":
-        for key in known(given, *_GOURAUD_KEYS):
-            node.key(key).complain("contradicts footprint: gaussian", hint="only footprint: gouraud has it")
+    footprint = given.get("footprint", SplatSpec.footprint)
+    hints = _without_use(footprint)
+    for key in known(given, *hints):
+        node.key(key).complain(f"contradicts footprint: {footprint}", hint=hints[key])
     profile = given.get("profile", INVALID)
     if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
         _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))
     return SplatSpec(**given)
+
+
+def _without_use(footprint: str) -> dict[str, str]:
+    """Keys that would mean nothing beside a footprint, and a hint for each."""
+    return {"gaussian": _HINTS_GOURAUD, "integrated": _HINTS_INTEGRATED}.get(footprint, {})
 
 
 def _check_profile(node: Node, profile: tuple[tuple[float, float], ...], num_rings: int) -> None:
@@ -155,7 +168,7 @@ def _at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Itera
 
 _SPLAT = section(
     {
-        "footprint": choice("gaussian", "gouraud"),
+        "footprint": choice("gaussian", "gouraud", "integrated", instead=_OTHER_NAMES),
         "sigma": number(least=0.38, most=2),
         "angular": integer(least=3, most=64),
         "radial": integer(least=1, most=32),
@@ -199,8 +212,8 @@ def _plain_dataclass(value: Any) -> dict[str, Any]:
         return (_plain_colormap(mapping) if isinstance(value.mapping, ColormapSpec) else {"points": mapping}) | plain
     if isinstance(value, ErrorSpec):
         return schedule_to_dict(value) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
-    if isinstance(value, SplatSpec) and value.footprint == "gaussian":
-        return {key: item for key, item in plain.items() if key not in _GOURAUD_KEYS}
+    if isinstance(value, SplatSpec):
+        return {key: item for key, item in plain.items() if key not in _without_use(value.footprint)}
     if isinstance(value, OutputSpec):
         return plain | {"background": plain.get("background", "transparent")}
     return {"type": _PATH_TYPES[type(value)]} | plain if type(value) in _PATH_TYPES else plain

@@ -14,9 +14,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.drawing import Clock, Frame, Rasterizer, Stage, finest_level_at
+from renderer.drawing import Clock, Frame, Rasterizer, Stage, family_of
 from renderer.metrics import Accuracy, compare, over_background, pooled
-from renderer.octree import cut_pyramid
 from renderer.pipeline import render_frames
 from renderer.scene import ErrorSpec, SplatSpec
 from renderer.thumbnails import difference_thumbnail, thumbnail
@@ -56,7 +55,7 @@ class Setting:
 class Sample:
     """One frame at one setting.
 
-    num_splats: those that the frame can show; None for a peer, which draws none.
+    num_splats: those that the frame can show; None for a peer, and for bricks, of which one does the work of many.
     seconds: by stage, one for each repetition, warm.
     """
 
@@ -75,8 +74,8 @@ class Sample:
 class Measurement:
     """One setting on some frames.
 
-    num_cells: of its cut; None for a peer.
-    pyramid_seconds: what building its pyramid took, once; None for a peer.
+    num_cells: of its cut, which may be bricks; None for a peer.
+    pyramid_seconds: what building its pyramid, and bricks, took, once; None for a peer.
     seconds: what is done once for many frames (cut, splats), by stage, one for each repetition; empty for a peer.
     samples: one for each frame.
     overall: the accuracy over all frames together.
@@ -119,26 +118,30 @@ class Measurement:
 
 def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     """What hsplat draws at a constant tolerance, named by what differs between series."""
-    footprint = "gaussian" if splat.footprint == "gaussian" else f"gouraud {splat.angular}x{splat.radial}"
+    footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
     tolerance = error.tolerance[0][1]
-    words = [footprint, measure] + ([] if splat.opacity_correction else ["uncorrected"])
-    return Setting(
-        ", ".join(words),
-        f"tolerance {tolerance:g}",
-        {
-            "tool": "hsplat",
-            "tolerance": tolerance,
-            "footprint": footprint,
-            "measure": measure,
-            "opacity_correction": splat.opacity_correction,
-        },
-    )
+    options: dict[str, str | float | bool] = {
+        "tool": "hsplat",
+        "tolerance": tolerance,
+        "footprint": footprint,
+        "measure": measure,
+    }
+    words = [footprint, measure]
+    if splat.footprint != "integrated":
+        words += [] if splat.opacity_correction else ["uncorrected"]
+        options["opacity_correction"] = splat.opacity_correction
+    return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
 
 
 def num_cells_at(stage: Stage, tolerance: float) -> int:
     """How many cells the film's cut has at a tolerance."""
-    return len(cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance)))
+    return family_of(stage).num_cells(tolerance)
+
+
+def pyramid_seconds(stage: Stage) -> float:
+    """What building the pyramid of a stage took, and its bricks."""
+    return stage.seconds["pyramid"] + stage.seconds.get("bricks", 0.0)
 
 
 def measure_setting(
@@ -165,12 +168,12 @@ def measure_setting(
     return Measurement(
         setting=splat_setting(stage.scene.error, stage.scene.splat),
         num_cells=first_pass[0].num_cells,
-        pyramid_seconds=stage.seconds["pyramid"],
+        pyramid_seconds=pyramid_seconds(stage),
         seconds=_repetitions([frames[0] for frames in passes], _CUT_STAGES),
         samples=tuple(
             Sample(
                 truth.frame,
-                first_pass[i].num_splats,
+                first_pass[i].num_splats if stage.bricks is None else None,
                 _repetitions([frames[i] for frames in passes], FRAME_STAGES),
                 accuracies[i],
             )

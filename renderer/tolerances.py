@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator
 from renderer.octree import root_error
 from renderer.pyramid import Pyramid
 
-NumCells = Callable[[float], int]
+# How much is drawn at a tolerance, as in `renderer.families.Family`: cells, or samples of them.
+Work = Callable[[float], float]
 
 # A cut of fewer cells than this, or than this part of the finest, is a blur that nobody asks about.
 _FEWEST_CELLS = 64
 _FEWEST_PART = 1e-3
-# A tolerance is worth a place of its own when its cut has this many times the cells of the one before.
+# A tolerance is worth a place of its own when so many times as much is drawn as at the one before.
 _LEAST_GROWTH = 1.1
 # Between cuts that differ by less a search need not choose.
 _CLEARLY_MORE = 1.03
@@ -47,36 +48,33 @@ def ladder(pyramid: Pyramid) -> Iterator[float]:
         yield rung
 
 
-def distinct_rungs(pyramid: Pyramid, num_cells: NumCells) -> Iterator[float]:
+def distinct_rungs(pyramid: Pyramid, work: Work) -> Iterator[float]:
     """The rungs of the ladder at which clearly more is drawn than at the one before, to where nearly all is."""
-    before, all_cells = 0.0, num_cells(SMALLEST)
+    before, everything = 0.0, work(SMALLEST)
     for tolerance in ladder(pyramid):
-        num = num_cells(tolerance)
-        if num > _CLEARLY_MORE * before:
+        amount = work(tolerance)
+        if amount > _CLEARLY_MORE * before:
             yield tolerance
-            before = num
-        if _CLEARLY_MORE * before >= all_cells:
+            before = amount
+        if _CLEARLY_MORE * before >= everything:
             return
 
 
-def spread_tolerances(pyramid: Pyramid, num_cells: NumCells, most: int) -> tuple[float, ...]:
-    """At most `most` tolerances, falling, that between them show how a film gets better; the last is 0.
-
-    num_cells: how many cells are drawn at a tolerance; not falling as the tolerance falls.
-    """
+def spread_tolerances(pyramid: Pyramid, work: Work, most: int) -> tuple[float, ...]:
+    """At most `most` tolerances, falling, that between them show how a film gets better; the last is 0."""
     if root_error(pyramid) == 0:
         return 1.0, 0.0
-    all_cells = num_cells(0.0)
-    fewest = max(_FEWEST_CELLS, _FEWEST_PART * all_cells)
+    everything = work(0.0)
+    fewest = max(_FEWEST_CELLS, _FEWEST_PART * everything)
     found: list[float] = []
-    before = 0
+    before = 0.0
     for tolerance in ladder(pyramid):
-        num = num_cells(tolerance)
-        if num > _NEARLY_ALL * all_cells:
+        amount = work(tolerance)
+        if amount > _NEARLY_ALL * everything:
             break
-        if num >= fewest and num >= _LEAST_GROWTH * before:
+        if amount >= fewest and amount >= _LEAST_GROWTH * before:
             found.append(tolerance)
-            before = num
+            before = amount
     return (*_thinned(found, most - 1), 0.0)
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from renderer.drawing import Clock, Rasterizer, Stage
+from renderer.drawing import Clock, Rasterizer, Stage, family_of
 from renderer.metrics import over_background, single
 from renderer.pipeline import render_frames
 from renderer.schedule import at_tolerance
 from renderer.search import coarsest_good
-from renderer.sweep import num_cells_at
 from renderer.tolerances import distinct_rungs
 from renderer.truths import Truth, extreme_frames, is_loop, spread_frames
 from renderer.want import Want
@@ -68,7 +67,7 @@ def find_tolerance(
     truth_of: the truth of a frame; asked for the same one more than once. on_trial: told of every picture.
     """
     stage = replace(stage, scene=replace(stage.scene, overlay="none"))
-    rungs = list(distinct_rungs(stage.pyramid, lambda tolerance: num_cells_at(stage, tolerance)))
+    rungs = list(distinct_rungs(stage.pyramid, family_of(stage).work))
     probes, checks = _frames_to_try(stage, frames, rungs, rasterizer, clock=clock)
     trials = Trials(stage, rasterizer, want, truth_of=truth_of, clock=clock, on_trial=on_trial)
     tolerance = coarsest_tolerance(trials, rungs, probes, checks)
@@ -85,7 +84,8 @@ def _frames_to_try(
     closed = is_loop(path) and len(frames) == path.frames
     between = spread_frames(frames, 2 * _NUM_PROBES, is_loop=closed)
     looked_at = spread_frames(frames, _MOST_LOOKED_AT, is_loop=closed)
-    coarse = next((rung for rung in rungs if num_cells_at(stage, rung) >= _COARSE_CELLS), 0.0)
+    work = family_of(stage).work
+    coarse = next((rung for rung in rungs if work(rung) >= _COARSE_CELLS), 0.0)
     smallest, largest = extreme_frames(stage, looked_at, coarse, rasterizer, clock=clock)
     probes = list(dict.fromkeys([largest, *between[::2], smallest]))
     return probes, [frame for frame in between[1::2] if frame not in probes]

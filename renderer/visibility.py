@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.jit import jit
-from renderer.octree import Cut
+from renderer.volume import Volume
 
 # Three passes over a 32-bit key, with counters that stay in the first-level cache.
 RADIX_BITS = 11
@@ -56,14 +56,18 @@ def _radix_sort(bits: npt.NDArray[np.uint32], order: npt.NDArray[np.uint32]) -> 
         order[i] = np.uint32(pairs[i] & np.uint64(0xFFFFFFFF))
 
 
-def box_order(cut: Cut, view: View) -> npt.NDArray[np.int64]:
-    """int64 [n]: the cells back to front as boxes, exact for any eye in perspective, and in parallel projection.
+def box_order(
+    levels: npt.NDArray[np.uint8], cells: npt.NDArray[np.int32], volume: Volume, view: View
+) -> npt.NDArray[np.int64]:
+    """int64 [n]: nodes of the octree back to front as boxes, exact for any eye in perspective, and in parallel
+    projection.
+
+    levels: [n], of the nodes. cells: [n, 3], x, y, z in units of the node's own width, 2^level voxels.
 
     At a node of the octree, a child may hide another only if fewer of the node's three splitting planes lie between
     it and the eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's split first; it is a sum over
     the axes, so that three tables by coordinate give every key. Digits of splits inside the cell are cleared.
     """
-    volume = cut.volume
     index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     if view.projection == "perspective":
         from_centre = (view.target - volume.centre) + view.distance * view.axes[2]
@@ -72,11 +76,11 @@ def box_order(cut: Cut, view: View) -> npt.NDArray[np.int64]:
         direction = index_from_world @ view.forward
         eye = np.where(direction == 0, np.nan, np.copysign(np.inf, -direction))
     num_levels = max(1, (max(volume.shape_xyz) - 1).bit_length())
-    keys = np.zeros(len(cut), np.uint64)
-    first = cut.cells.astype(np.int64) << cut.levels[:, None].astype(np.int64)
+    keys = np.zeros(len(cells), np.uint64)
+    first = cells.astype(np.int64) << levels[:, None].astype(np.int64)
     for axis in range(3):
         keys += _separation_digits(float(eye[axis]), volume.shape_xyz[axis], num_levels)[first[:, axis]]
-    cleared = 2 * cut.levels.astype(np.uint64)
+    cleared = 2 * levels.astype(np.uint64)
     keys = keys >> cleared << cleared
     return np.argsort(~keys, kind="stable")
 

@@ -30,7 +30,7 @@ _NOT_BESIDE_WANT = ("output", "tolerances", "footprints", "measures", "correctio
     default="gaussian,gouraud",
     show_default=True,
     metavar="LIST",
-    help="Of gaussian, gouraud and gouraud:AxR.",
+    help="Of gaussian, gouraud, gouraud:AxR and integrated.",
 )
 @click.option(
     "--measures", default="optical,rms", show_default=True, metavar="LIST", help="Of optical, rms and rms:scalar."

@@ -20,6 +20,7 @@ _MOST_ANGULAR, _MOST_RADIAL = 64, 32
 
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
 _CORRECTIONS = {"on": True, "off": False}
+_NO_CORRECTION = "the integrated footprint has no opacity correction that could be off; it is measured as it is"
 
 
 @dataclass(frozen=True)
@@ -27,24 +28,28 @@ class Sweep:
     """What is combined with what.
 
     errors: one for each measure; their tolerance is not looked at. splats: each footprint, corrected or not.
-    tolerances: None for a choice that suits the volume.
+    tolerances: None for a choice that suits the volume. notes: on what is not as it was asked for.
     """
 
     errors: tuple[ErrorSpec, ...]
     splats: tuple[SplatSpec, ...]
     tolerances: tuple[float, ...] | None
+    notes: tuple[str, ...] = ()
 
 
 def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measures: str, corrections: str) -> Sweep:
     """What to sweep, from lists with commas. Raises InputError with the name of the option."""
     are_corrected = _items("--corrections", corrections, _CORRECTIONS.get, list(_CORRECTIONS))
-    footprint_names = ["gaussian", "gouraud", "gouraud:12x4"]
+    footprint_names = ["gaussian", "gouraud", "gouraud:12x4", "integrated"]
     shapes = _items("--footprints", footprints, lambda word: _footprint(word, scene.splat), footprint_names)
     pairs = _items("--measures", measures, _MEASURES.get, list(_MEASURES))
+    splats = [_corrected(shape, is_on) for is_on in are_corrected for shape in shapes]
+    is_without = not all(are_corrected) and any(shape.footprint == "integrated" for shape in shapes)
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
-        splats=tuple(replace(shape, opacity_correction=is_on) for is_on in are_corrected for shape in shapes),
+        splats=tuple(dict.fromkeys(splats)),
         tolerances=None if tolerances is None else _items("--tolerances", tolerances, _tolerance, ["0.5", "0.1", "0"]),
+        notes=(_NO_CORRECTION,) * is_without,
     )
 
 
@@ -81,7 +86,10 @@ def _items(option: str, text: str, parse: Callable[[str], T | None], examples: l
 
 
 def _footprint(word: str, splat: SplatSpec) -> SplatSpec | None:
-    """`gaussian`, `gouraud` with the scene's subdivisions, or `gouraud:AxR` with A angular and R radial ones."""
+    """`gaussian`, `gouraud` with the scene's subdivisions, or `gouraud:AxR` with A angular and R radial ones; or
+    `integrated`."""
+    if word == "integrated":
+        return SplatSpec(footprint="integrated")
     if word in ("gaussian", "gouraud"):
         return replace(splat, footprint=word)  # type: ignore[arg-type]
     match = re.fullmatch(r"gouraud:(\d{1,3})x(\d{1,3})", word)
@@ -91,6 +99,10 @@ def _footprint(word: str, splat: SplatSpec) -> SplatSpec | None:
     if not (3 <= angular <= _MOST_ANGULAR and 1 <= radial <= _MOST_RADIAL):
         return None
     return replace(splat, footprint="gouraud", angular=angular, radial=radial)
+
+
+def _corrected(splat: SplatSpec, is_on: bool) -> SplatSpec:
+    return splat if splat.footprint == "integrated" else replace(splat, opacity_correction=is_on)
 
 
 def _tolerance(word: str) -> float | None:

@@ -37,7 +37,7 @@ from renderer.readers import read_volume
 from renderer.scene import Scene
 from renderer.scene_schema import scene_to_dict
 from renderer.study import Study
-from renderer.sweep import Measurement, measure_setting, splat_setting
+from renderer.sweep import Measurement, measure_setting, pyramid_seconds, splat_setting
 from renderer.sweep_plan import Planned, plan_sweep
 from renderer.transfer import make_transfer
 from renderer.truths import Truth, is_loop, spread_frames
@@ -94,7 +94,7 @@ def run_study(request: Request) -> None:
     except (KeyboardInterrupt, HsplatError) as error:
         end = error
     if measurements:
-        notes = scene_notes(scene, has_transparent_border=request.peer is not None)
+        notes = [*scene_notes(scene, has_transparent_border=request.peer is not None), *request.sweep.notes]
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {len(measurements)} settings had been measured")
@@ -157,12 +157,12 @@ def _own(request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequ
                     stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
                 )
         setting = splat_setting(scene.error, scene.splat)
-        yield replace(done[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
+        yield replace(done[key], setting=setting, pyramid_seconds=pyramid_seconds(stage))
 
 
 def _pyramid_key(scene: Scene) -> Hashable:
-    """Scenes of one study that are equal in this have the same pyramid."""
-    return scene.error.measure, scene.error.of
+    """Scenes of one study that are equal in this have the same pyramid, and bricks."""
+    return scene.error.measure, scene.error.of, scene.splat.footprint == "integrated"
 
 
 def _peer(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:

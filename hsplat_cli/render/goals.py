@@ -68,7 +68,7 @@ def make_plan(
         assert rasterizer is not None
         return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
     if isinstance(goal, SplatBudget):
-        tolerances = {frame: details.tolerance(value_at(goal.by_frame, frame)) for frame in frames}
+        tolerances = {frame: details.family.within(value_at(goal.by_frame, frame)) for frame in frames}
         return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
     assert rasterizer is not None
     least = min(value_at(goal.by_frame, frame) for frame in frames)

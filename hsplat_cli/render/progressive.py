@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -40,14 +40,13 @@ from renderer.raster_lasting import LastingRasterizer
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
 from renderer.schedule import at_tolerances, tolerance_at, value_at
 
-# A frame of so many cells shows what it is. Their pixels, not their number, are what it costs, so that there are far
-# more in the first pass, which may take so many times as long.
-_FEW_CELLS, _FIRST_PART = 1000, 1.3
+# Of the first frame that shows what it is, the first pass may take so many times as long. It has few cells, whose
+# pixels, not their number, are what it costs, so that there are far more cells in the first pass.
+_FIRST_PART = 1.3
 # Each pass takes so many times as long as the one before; the second one, to be worth the while, at least so many.
 _STEP, _LEAST_STEP = 8.0, 3.0
-# Trial drawings, which tell what more cells cost, begin with so many times those of the first pass, and go up to this
-# part of a frame of the last pass, and up to so long.
-_TRIAL_GROWTH, _TRIAL_PART, _LONGEST_TRIAL_S = 4, 0.1, 0.5
+# Trial drawings, which tell what more cells cost, go up to this part of a frame of the last pass, and up to so long.
+_TRIAL_PART, _LONGEST_TRIAL_S = 0.1, 0.5
 # Of the time that remains a pass may be predicted to take this part.
 _SAFE_PART = 0.9
 # Frames from which the time of a pass is predicted.
@@ -133,9 +132,9 @@ class _Maker:
         return float(self._passes[-1]["seconds"]) / len(self._job.frames)
 
     @property
-    def num_cells(self) -> int:
-        """Of the last pass, at most."""
-        return int(self._passes[-1]["cells"][1])
+    def finest(self) -> tuple[float, int]:
+        """Of the last pass: the smallest tolerance, and the largest number of cells."""
+        return float(self._passes[-1]["tolerance"][0]), int(self._passes[-1]["cells"][1])
 
     @property
     def tolerance(self) -> float:
@@ -211,7 +210,12 @@ def _facts(made: Record, frames: Sequence[Record], difference: Difference | None
         yield str(difference)
 
 
-_Work = tuple[Load, float]  # what a frame draws, and the seconds of its order
+class _Work(NamedTuple):
+    """What there is to do in a frame. order_seconds: of its order. size: as in Family."""
+
+    load: Load
+    order_seconds: float
+    size: float
 
 
 class _Planner:
@@ -223,7 +227,7 @@ class _Planner:
 
     def passes(self, maker: _Maker) -> Iterator[_Pass]:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
-        few = self._details.pose(self._frames[0], self._details.tolerance(_FEW_CELLS), _watch())
+        few = self._details.pose(self._frames[0], self._details.family.at_size(self._details.family.few), _watch())
         first = _FIRST_PART * self._details.predict(few)
         if self._may_be_quick(first):
             plan = self._last_plan(maker)
@@ -260,7 +264,8 @@ class _Planner:
         goal, frames = self._error.goal, self._frames
         if isinstance(goal, AccuracyGoal):
             return False
-        most_cells = int(_LEAST_STEP * first / self._details.log.model.per_splat)
+        per_splat = self._details.log.model.per_splat
+        most_cells = _LEAST_STEP * first / per_splat if per_splat > 0 else math.inf
         if isinstance(goal, SplatBudget):
             return max(value_at(goal.by_frame, frame) for frame in frames) <= most_cells
         if (
@@ -269,7 +274,7 @@ class _Planner:
         ):
             return True
         finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
-        return not self._details.has_more(most_cells, finest)
+        return not self._details.family.is_larger(finest, most_cells)
 
     def _last_plan(self, maker: _Maker) -> Plan:
         frames, quiet = self._frames, self._quiet
@@ -286,16 +291,17 @@ class _Planner:
         else:
             guide = Scheduled(plan.stage)
             poses = (guide.ready(frame, _watch())[0] for frame in looked_at)
-        return [(load_of(pose), pose.order_seconds) for pose in poses]
+        return [_Work(load_of(pose), pose.order_seconds, self._details.size(pose.detail)) for pose in poses]
 
     def _seconds(self, work: Sequence[_Work]) -> float:
         """What a frame of the last pass is predicted to take, in the mean."""
-        return statistics.fmean(self._details.log.predict(load) + order for load, order in work)
+        return statistics.fmean(self._details.log.predict(each.load) + each.order_seconds for each in work)
 
     def _try_more(self, maker: _Maker, work: Sequence[_Work]) -> None:
         """Learn what more cells cost than the first pass had, where the last one has many more and not only a frame."""
-        first_cells = _TRIAL_GROWTH * maker.num_cells
-        if len(self._frames) == 1 or max(load.num_splats for load, _ in work) < _TRIAL_GROWTH * first_cells:
+        growth = self._details.family.growth
+        first_size = growth * self._details.family.size(*maker.finest)
+        if len(self._frames) == 1 or max(each.size for each in work) < growth * first_size:
             return
         try_drawings(
             self._details,
@@ -303,7 +309,7 @@ class _Planner:
             min(_TRIAL_PART * self._seconds(work), _LONGEST_TRIAL_S),
             self._rasterizer,
             clock=time.perf_counter,
-            first_cells=first_cells,
+            first_size=first_size,
             on_step=maker.require_time,
         )
 

@@ -62,11 +62,11 @@ class Cost:
 @dataclass(frozen=True)
 class Price:
     """What a PSNR (dB) costs: time of a frame (s) and splats, interpolated on the front; `setting` is the fastest of
-    those measured that reach it; `peer` the peer's time, None where it was not measured."""
+    those measured that reach it; `peer` the peer's time. splats, peer: None where nothing with them was measured."""
 
     psnr: float
     time: Cost
-    splats: Cost
+    splats: Cost | None
     setting: Setting | None
     peer: Cost | None
 
@@ -99,7 +99,7 @@ def _price(wanted: float, own: Sequence[Measurement], peers: Sequence[Measuremen
     return Price(
         wanted,
         _cost(own, [m.frame_seconds for m in own], wanted),
-        _cost([m for m, _ in with_splats], [count for _, count in with_splats], wanted),
+        _cost([m for m, _ in with_splats], [count for _, count in with_splats], wanted) if with_splats else None,
         min(enough, key=lambda m: m.frame_seconds).setting if enough else None,
         _cost(peers, [m.frame_seconds for m in peers], wanted) if peers else None,
     )

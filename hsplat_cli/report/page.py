@@ -15,6 +15,7 @@ from hsplat_cli.report.html import facts_of, page_of, plot_style, png_data_uri, 
 from hsplat_cli.report.numbers import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.report.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, trade_figure
 from hsplat_cli.report.tables import plain
+from renderer.bricks import BRICK
 from renderer.metrics import METRICS, Metric
 from renderer.study import Study, TruthRecord
 from renderer.sweep import Measurement
@@ -94,6 +95,7 @@ def study_page(study: Study, *, date: str) -> str:
         plots=_plots(measurements),
         prices=[_price_texts(price) for price in prices(measurements)],
         has_peer=any(tool_of(m) == PEER for m in measurements),
+        has_splats=any(m.num_splats is not None for m in measurements),
         is_shaded=study.scene.get("shading") is not None,
         truth_tolerance=f"{study.truth_tolerance:g}",
         truths=[_truth_texts(truth) for truth in study.truths],
@@ -158,7 +160,7 @@ def _price_texts(price: Price) -> dict[str, str]:
     return {
         "psnr": f"{price.psnr:g}",
         "time": _cost_text(price.time, ms_text),
-        "splats": _cost_text(price.splats, count_text),
+        "splats": _cost_text(price.splats, count_text) if price.splats else ABSENT,
         "peer": _cost_text(price.peer, ms_text) if price.peer else ABSENT,
         "ratio": ratio,
         "setting": f"{setting.series}, {setting.label}" if setting else ABSENT,
@@ -221,6 +223,8 @@ def _measured_table(measurements: Sequence[Measurement]) -> Table:
         "“Once”: the cut and its splats, done for all frames together, without the pyramid, which is under "
         "“Time by stage”. Memory: the most that the process held."
     )
+    if any(m.setting.options.get("footprint") == "integrated" for m in measurements):
+        caption += f" Cells of the integrated footprint are bricks of {BRICK} x {BRICK} x {BRICK}, no splats."
     return Table(caption, groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
 
 
@@ -282,7 +286,7 @@ def _stages_table(measurements: Sequence[Measurement]) -> Table:
         rows.append(Row([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
     caption = (
         "Median, quartiles in brackets, × how many times it was timed: on all frames together for what is done for "
-        "each frame. The pyramid is built once and serves all settings of the same error measure."
+        "each frame. The pyramid is built once and serves all settings of the same error measure; with it, the bricks."
     )
     return Table(caption, (), columns, rows)
 

@@ -24,7 +24,7 @@ TERMINAL_COLUMNS = 120
 _GAP = "  "
 _NULL_MEANS = (
     "what is not defined, not known or infinite; a psnr is infinite where the rmse is 0, "
-    "num_cells, num_splats and pyramid_seconds are null for a program that has none"
+    "num_cells, num_splats and pyramid_seconds are null for a program that has none, num_splats for bricks"
 )
 
 

@@ -13,23 +13,13 @@ from golden_cases import SCENE
 
 from hsplat_cli.scene_file import load_scene
 from renderer.camera import View
-from renderer.drawing import (
-    Detail,
-    Frame,
-    Pose,
-    Rasterizer,
-    Stage,
-    Stopwatch,
-    draw,
-    finest_level_at,
-    make_detail,
-    make_pose,
-)
+from renderer.drawing import Frame, Pose, Rasterizer, Stage, Stopwatch, draw, finest_level_at, make_detail, make_pose
+from renderer.families import Detail
 from renderer.octree import Cut, cut_pyramid
 from renderer.pipeline import prepare
-from renderer.projection import visible_orders
 from renderer.scene import Scene
 from renderer.schedule import tolerance_at
+from renderer.splat_family import SplatDetail
 from renderer.splats import SplatBatch
 
 CONFIGS = SCENE.parents[2] / "configs"
@@ -112,7 +102,9 @@ class Shot:
     @property
     def splats(self) -> SplatBatch:
         """All that the cut has."""
-        return self.pose.detail.splats
+        splats = self.pose.detail.splats
+        assert isinstance(splats, SplatBatch)
+        return splats
 
     @property
     def view(self) -> View:
@@ -130,14 +122,14 @@ class Shot:
 
     def with_splats(self, splats: SplatBatch) -> Pose:
         """The same pose of other splats."""
-        return self.seen_from(self.view, replace(self.pose.detail, splats=splats))
+        detail = self.pose.detail
+        assert isinstance(detail, SplatDetail)
+        return self.seen_from(self.view, replace(detail, splats=splats))
 
     def seen_from(self, view: View, detail: Detail | None = None) -> Pose:
         """The same detail, sorted for another view."""
         detail = self.pose.detail if detail is None else detail
-        scene = self.stage.scene
-        orders = visible_orders(detail.splats, detail.lattice, view, scene.splat.order, self.stage.turning)
-        return replace(self.pose, detail=detail, view=view, orders=orders)
+        return replace(self.pose, detail=detail, view=view, orders=detail.orders(view))
 
     def drawn(self, pose: Pose, rasterizer: Rasterizer | None = None) -> Frame:
         """By the product's own last step."""

@@ -20,7 +20,7 @@ from golden_cases import CASES, FOLDER, FRAMES, Case
 from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.golden.provenance import read_provenance
 from hsplat_cli.picture_file import read_picture
-from renderer import drawing
+from renderer import splat_family
 from renderer.frame_difference import FrameDifference
 from renderer.octree import Cut
 from renderer.raster_gl import GLRasterizer
@@ -103,8 +103,8 @@ def test_a_defect_of_the_renderer_is_found_by_the_command(
         vertices[:, 3] *= np.float32(1.01)
         return dataclasses.replace(splats, vertices=vertices)
 
-    make_splats = drawing.make_splats
-    monkeypatch.setattr(drawing, "make_splats", spoilt)
+    make_splats = splat_family.make_splats
+    monkeypatch.setattr(splat_family, "make_splats", spoilt)
     result = compared(CASES[0], rasterizer, tmp_path)
     assert [frame["status"] for frame in result["frames"]] == ["different"] * 3
     assert all(frame["bias"][0] > 0.1 > abs(frame["bias"][2]) for frame in result["frames"])

@@ -127,10 +127,13 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
             pyramid=maybe(
                 average=st.sampled_from(["extinction", "opacity"]), precision=st.sampled_from(["half", "single"])
             ),
-            splat=maybe(
-                footprint=st.sampled_from(["gaussian", "gouraud"]),
-                sigma=st.floats(0.38, 2),
-                order=st.sampled_from(["depth", "unmixed", "boxes"]),
+            splat=st.one_of(
+                maybe(
+                    footprint=st.sampled_from(["gaussian", "gouraud"]),
+                    sigma=st.floats(0.38, 2),
+                    order=st.sampled_from(["depth", "unmixed", "boxes"]),
+                ),
+                st.just({"footprint": "integrated"}),
             ),
             overlay=st.sampled_from(["none", "octree"]),
         )

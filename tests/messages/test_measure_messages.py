@@ -51,13 +51,14 @@ LIST = "several with commas between them"
         ),
         (
             ("--footprints", "gausian"),
-            f"--footprints: cannot be swept\n  got: 'gausian'\n  expected: gaussian, gouraud or gouraud:12x4, {LIST}\n"
+            "--footprints: cannot be swept\n  got: 'gausian'\n"
+            f"  expected: gaussian, gouraud, gouraud:12x4 or integrated, {LIST}\n"
             "  hint: did you mean gaussian?\n",
         ),
         (
             ("--footprints", "gouraud:2x1"),
             "--footprints: cannot be swept\n  got: 'gouraud:2x1'\n"
-            f"  expected: gaussian, gouraud or gouraud:12x4, {LIST}\n"
+            f"  expected: gaussian, gouraud, gouraud:12x4 or integrated, {LIST}\n"
             "  hint: did you mean gouraud:12x4?\n",
         ),
         (

@@ -283,6 +283,58 @@ scene.yaml:19:3: splat.angular: contradicts footprint: gaussian
   hint: only footprint: gouraud has it
 """,
     ),
+    "settings_of_others": (
+        "footprint: gaussian",
+        """\
+footprint: integrated
+  sigma: 0.5
+  radial: 3
+  opacity_correction: true
+  order: boxes\
+""",
+        """\
+scene.yaml:19:3: splat.sigma: contradicts footprint: integrated
+    | sigma: 0.5
+    | ^
+  hint: it draws the field itself, which no footprint blurs
+scene.yaml:20:3: splat.radial: contradicts footprint: integrated
+    | radial: 3
+    | ^
+  hint: only footprint: gouraud has it
+scene.yaml:21:3: splat.opacity_correction: contradicts footprint: integrated
+    | opacity_correction: true
+    | ^
+  hint: it integrates opacity along the way through a cell, which is the correction
+scene.yaml:22:3: splat.order: contradicts footprint: integrated
+    | order: boxes
+    | ^
+  hint: what it draws does not overlap, so that there is one order, which is exact
+""",
+    ),
+    "unknown_footprint": (
+        "footprint: gaussian",
+        "footprint: intergrated",
+        """\
+scene.yaml:18:14: splat.footprint: unknown value
+    | footprint: intergrated
+    |            ^
+  got: 'intergrated'
+  expected: gaussian, gouraud or integrated
+  hint: did you mean integrated?
+""",
+    ),
+    "another_name_of_a_footprint": (
+        "footprint: gaussian",
+        "footprint: bricks",
+        """\
+scene.yaml:18:14: splat.footprint: unknown value
+    | footprint: bricks
+    |            ^
+  got: 'bricks'
+  expected: gaussian, gouraud or integrated
+  hint: did you mean integrated?
+""",
+    ),
     "profile": (
         "footprint: gaussian",
         """\

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from splatting import cut_of, look, volume_of
 
+from renderer.bricks import BRICK_LEVELS, BrickCut
 from renderer.camera import View
-from renderer.cell_edges import LEVEL_COLORS, CellEdges, level_colors, make_cell_edges
+from renderer.cell_edges import LEVEL_COLORS, CellEdges, level_colors, make_brick_edges, make_cell_edges
 from renderer.octree import Cut
 from renderer.raster_gl import LEAST_SIDE_PX, LINE_COVER, LINE_OPACITY, GLRasterizer
 
@@ -61,6 +62,19 @@ def test_every_edge_of_every_cell_is_there_once(cut: Cut) -> None:
     there = in_world(make_cell_edges(cut))
     assert Counter(there) == Counter(edges_of_boxes(cut))
     assert [level for level, _, _ in there] == sorted((level for level, _, _ in there), reverse=True)
+
+
+def test_edges_of_bricks_are_those_of_their_nodes_in_the_colours_of_their_cells() -> None:
+    volume = volume_of(np.zeros((20, 40, 70), np.uint8))
+    levels = np.array([1, 0, 0], np.uint8)
+    cells = np.array([[1, 0, 0], [0, 0, 0], [1, 2, 1]], np.int32)
+    cut = BrickCut(levels, cells, np.zeros((3, 2, 3)), np.zeros(3), volume)
+    nodes = Cut(levels + np.uint8(BRICK_LEVELS), cells, np.zeros((3, 4), np.float32), volume)
+    found, expected = make_brick_edges(cut), make_cell_edges(nodes)
+    np.testing.assert_array_equal(found.vertices[:, :6], expected.vertices[:, :6])
+    np.testing.assert_array_equal(found.vertices[:, 6], expected.vertices[:, 6] - BRICK_LEVELS)
+    sides = (each.voxel_side * 2.0 ** each.vertices[:, 6] for each in (found, expected))
+    np.testing.assert_allclose(*sides)
 
 
 def test_an_empty_cut_has_no_edges(rasterizer: GLRasterizer) -> None:

@@ -43,6 +43,8 @@ PLAIN = Scene(
     error=ErrorSpec(((0, 0.05),)),
 )
 
+INTEGRATED = replace(PLAIN, splat=SplatSpec(footprint="integrated"))
+
 KEYS = (Keyframe(0, 0.0, 0.0), Keyframe(3, 40.0, 30.0, 2.0), Keyframe(6, -20.0, 80.0))
 
 SCENES = {
@@ -51,6 +53,7 @@ SCENES = {
     "every voxel": replace(PLAIN, error=ErrorSpec(((0, 0.0),))),
     "transparent": replace(PLAIN, output=OutputSpec(Path("{frame}.png"), (40, 30), background=None)),
     "gouraud": replace(PLAIN, splat=SplatSpec(footprint="gouraud")),
+    "integrated": INTEGRATED,
     "boxes": replace(PLAIN, splat=SplatSpec(order="boxes")),
     "overlay": replace(PLAIN, overlay="octree"),
     "shading": replace(PLAIN, shading=ShadingSpec()),
@@ -85,6 +88,7 @@ LIT = replace(PLAIN, shading=ShadingSpec())
 KINDS: dict[str, tuple[Scene, str | None]] = {name: (scene, None) for name, scene in SCENES.items()} | {
     "float32": (PLAIN, "float32"),
     "float32, shading": (LIT, "float32"),
+    "float32, integrated, shading": (replace(INTEGRATED, shading=ShadingSpec()), "float32"),
     "int16": (PLAIN, "int16"),
 }
 

@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from renderer.brick_batch import BrickBatch
+from renderer.brick_family import num_samples
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
 from renderer.projection import model_view, square_px
@@ -16,8 +18,8 @@ from renderer.splats import SplatBatch
 class SimulatedMachine:
     """A clock and a rasteriser that draws nothing.
 
-    A drawing takes `per_frame + per_splat * splats + per_pixel * pixels`, times `pace(number of drawings so far)` and a
-    random factor of mean 1 and relative deviation `noise`.
+    A drawing takes `per_frame + per_splat * splats + per_pixel * pixels`, or samples of bricks, times `pace(number of
+    drawings so far)` and a random factor of mean 1 and relative deviation `noise`.
     """
 
     def __init__(
@@ -38,9 +40,14 @@ class SimulatedMachine:
         """Seconds."""
         return self.now
 
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+    def rasterize(
+        self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
+    ) -> npt.NDArray[np.float32]:
         """An empty picture, after a while."""
-        num_pixels = square_px(batch, order, model_view(batch, view))
+        if isinstance(batch, BrickBatch):
+            num_pixels = num_samples(batch, order, view)
+        else:
+            num_pixels = square_px(batch, order, model_view(batch, view))
         per_frame, per_splat, per_pixel = self._rates
         seconds = per_frame + per_splat * len(order) + per_pixel * num_pixels
         self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())

@@ -82,6 +82,21 @@ def peer_series() -> list[Measurement]:
     ]
 
 
+def brick_series() -> list[Measurement]:
+    """Of bricks, which are no splats: cells, but no number of those."""
+    series = "integrated, optical"
+    drawn = [measure(f"tolerance {t}", ms, None, psnr, series=series) for t, ms, psnr in ((1, 20, 30), (0, 80, 41))]
+    options = {"footprint": "integrated"}
+    return [
+        dataclasses.replace(
+            each,
+            num_cells=40,
+            setting=dataclasses.replace(each.setting, options={**each.setting.options, **options}),
+        )
+        for each in drawn
+    ]
+
+
 def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
     """A study of these measurements, on a machine and a scene that do not matter."""
     frames = sorted({sample.frame for m in measurements for sample in m.samples})

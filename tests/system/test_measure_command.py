@@ -56,6 +56,22 @@ def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     ]
 
 
+def test_bricks_beside_splats(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They are measured once, for they have no correction, at tolerances of their own."""
+    measure(*QUICK, "--footprints", "integrated,gaussian", "--measures", "optical")
+    found = {name: [row for row in rows() if row["series"] == name] for name in {row["series"] for row in rows()}}
+    assert set(found) == {"integrated, optical", "gaussian, optical", "gaussian, optical, uncorrected"}
+    bricks, splats = found["integrated, optical"], found["gaussian, optical"]
+    assert all(row["num_splats"] == "" and 0 < int(row["num_cells"]) <= 4 for row in bricks)
+    assert {row["opacity_correction"] for row in bricks} == {""}
+    assert len({row["tolerance"] for row in bricks}) > 4
+    assert min(float(row["psnr_db"]) for row in bricks if row["tolerance"] == "0.0") > 20 + max(
+        float(row["psnr_db"]) for row in splats
+    )
+    note = "note: the integrated footprint has no opacity correction that could be off; it is measured as it is\n"
+    assert note in capsys.readouterr().out
+
+
 def test_a_finer_tolerance_draws_more_and_is_nearer_to_the_truth() -> None:
     measure(*QUICK, "--footprints", "gaussian", "--measures", "optical", "--corrections", "on")
     first = [row for row in rows() if row["frame"] == "0"]

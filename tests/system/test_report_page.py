@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
-from studies import INFINITE, NAN, UNDEFINED, measure, own_series, peer_series, study_of
+from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
 from hsplat_cli.report.files import FILES, check_writable, write_study
 from hsplat_cli.report.html import PALETTE, facts_of, plot_style, png_data_uri, svg_of
@@ -30,6 +30,7 @@ EVIL = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
 
 CASES = {
     "all": study_of([*own_series(), *peer_series()]),
+    "bricks": study_of([*brick_series(), *peer_series()]),
     "nothing measured": study_of([], notes=()),
     "undefined": study_of([measure("tolerance 1", 10, 0, UNDEFINED), measure("tolerance 0", 20, 5, INFINITE)]),
     "only the peer, once exact": study_of(
@@ -101,6 +102,16 @@ def test_prices_stand_against_the_peer() -> None:
     assert "25 15.5 1 933 ≤ 100 ≤ 6.45 gaussian, optical, tolerance 0.1" in words
     assert "40 not reached not reached 285 - -" in words
     assert "times as long" not in " ".join(Page(text_of("evil, one measurement of one frame")).words)
+
+
+def test_bricks_are_not_counted_as_splats() -> None:
+    """Where nothing else is drawn nothing is said of splats; and what the cells are is said only there."""
+    text = " ".join(" ".join(Page(text_of("bricks")).words).split())
+    assert "Error against time and splats" not in text and "Error against time" in text
+    assert "25 ≤ 20.0 ≤ 100 - integrated, optical, tolerance 1" in text
+    assert "splats of a frame" not in text_of("bricks") and "splats of a frame" in text_of("all")
+    assert "Cells of the integrated footprint are bricks of 16 x 16 x 16, no splats." in text
+    assert "bricks of" not in text_of("all")
 
 
 def test_stages_say_how_often_they_were_timed() -> None:

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from splatting import look, place_splats
 
 from renderer.costs import CostLog, CostModel, Load, fit_costs, load_of
-from renderer.drawing import Detail, Pose
+from renderer.depth_directions import make_turning
+from renderer.drawing import Pose
 from renderer.octree import Cut
 from renderer.projection import visible_order
+from renderer.splat_family import SplatDetail
 from renderer.splats import SplatBatch
 
 RATES = CostModel(per_frame=4e-3, per_splat=5e-7, per_pixel=2e-9, per_written=8e-3)
@@ -141,7 +143,8 @@ def pose_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48))
     volume: object = None
     cut = Cut(nothing, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), volume)  # type: ignore[arg-type]
     order = visible_order(batch, cut, view, "unmixed")
-    return Pose(0, Detail(0.1, len(batch), batch, cut, None), view, [(share, order) for share in shares], 0.0)
+    detail = SplatDetail(0.1, batch, cut, "unmixed", make_turning(np.eye(4), [np.eye(3)[None]]))
+    return Pose(0, detail, view, [(share, order) for share in shares], 0.0)
 
 
 def covered_pixels(batch: SplatBatch, radius_px: float, size: tuple[int, int]) -> int:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from studies import INFINITE, NAN, UNDEFINED, measure, own_series, peer_series, study_of
+from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
-from hsplat_cli.report.costs import fronts_of, prices
+from hsplat_cli.report.costs import fronts_of, prices, splats_front
 from hsplat_cli.report.numbers import (
     bytes_text,
     count_text,
@@ -109,6 +109,7 @@ def test_prices_are_interpolated_on_the_front() -> None:
     assert list(by_psnr) == [25, 30, 35, 40]
     at_25 = by_psnr[25]
     assert at_25.time.value == pytest.approx(0.010 * 4 ** (3 / 9.5))  # from 10 ms at 22 dB to 40 ms at 31.5 dB
+    assert at_25.splats is not None
     assert at_25.splats.value == pytest.approx(1000 * 3 ** (3 / 5))  # from 1000 at 22 dB to 3000 at 27 dB
     assert at_25.setting is not None and at_25.setting.label == "tolerance 0.1"
     assert at_25.peer is not None and at_25.peer.is_bound and not at_25.time.is_bound
@@ -121,6 +122,12 @@ def test_prices_without_a_peer_or_without_accuracy() -> None:
     assert all(price.peer is None and math.isnan(price.ratio) for price in prices(own_series()))
     assert prices([measure("tolerance 1", 10, 5, UNDEFINED)]) == []
     assert [price.psnr for price in prices([measure("tolerance 1", 10, 5, 17)])] == [15]
+
+
+def test_prices_without_splats() -> None:
+    """Bricks are none, however few they are."""
+    assert [price.splats for price in prices(brick_series())] == [None] * 4
+    assert splats_front([*brick_series(), *own_series()]) == [2, 3, 4, 5]
 
 
 # ----------------------------------------------------------------------------------------------------------- terminal

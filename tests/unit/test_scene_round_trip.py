@@ -161,6 +161,7 @@ SPLATS = st.one_of(
         st.builds(lambda middle, at: ((0.0, 1.0), (at, middle), (1.0, 0.0)), PART, finite(0.1, 0.9)),
         order=ORDER,
     ),
+    st.just(SplatSpec("integrated")),
 )
 OUTPUTS = st.one_of(
     st.builds(

@@ -142,11 +142,54 @@ def test_a_plan_goes_through_all_combinations_from_coarse_to_fine(stage: Stage) 
     assert [(p.scene.error.measure, p.scene.splat, p.tolerance) for p in plan] == [
         (measure, splat, tolerance) for measure in prepared for splat in splats for tolerance in (0.5, 0.1, 0.0)
     ]
-    assert all(p.num_cells == num_cells_at(stage, p.tolerance) for p in plan if p.scene.error.measure == "optical")
+    assert all(p.work == num_cells_at(stage, p.tolerance) for p in plan if p.scene.error.measure == "optical")
     # At tolerance 0 the six series have two pictures: one for each footprint.
     assert len({p.picture_key() for p in plan}) == 2 * 3 * 2 + 2
     slow, quick = (next(p for p in plan if p.scene.splat == splat and p.tolerance == 0) for splat in splats[1::-1])
     assert slow.predicted_seconds(3, 5) > quick.predicted_seconds(3, 5) > 0
+
+
+def integrated(stage: Stage) -> Stage:
+    scene = replace(stage.scene, splat=SplatSpec(footprint="integrated"))
+    return prepare(scene, clock=lambda: 0.0, num_threads=1, volume=stage.volume, any_tolerance=True)
+
+
+def test_bricks_have_a_stage_and_tolerances_of_their_own(stage: Stage) -> None:
+    """They get more exact where splats are voxels already."""
+    prepared: list[tuple[str, str]] = []
+    bricks = integrated(stage)
+
+    def stage_of(scene: Scene) -> Stage:
+        prepared.append((scene.error.measure, scene.splat.footprint))
+        return bricks if scene.splat.footprint == "integrated" else stage
+
+    splats = [SplatSpec(), SplatSpec(footprint="integrated"), SplatSpec(opacity_correction=False)]
+    plan = plan_sweep(stage.scene, stage_of, [ErrorSpec()], splats, None)
+    assert prepared == [("optical", "gaussian"), ("optical", "integrated")]
+    by_footprint = {
+        name: [p.tolerance for p in plan if p.scene.splat.footprint == name] for name in ("gaussian", "integrated")
+    }
+    assert len(by_footprint["gaussian"]) == 2 * len(set(by_footprint["gaussian"]))
+    own = by_footprint["integrated"]
+    assert own == sorted(set(own), reverse=True) and own[-1] == 0.0
+    assert len(own) > 5 and min(own[:-1]) < 0.1 * min(t for t in by_footprint["gaussian"] if t > 0)
+    assert all(p.predicted_seconds(3, 5) > 0 for p in plan)
+
+
+def test_bricks_differ_by_measure_at_tolerance_0_too(stage: Stage) -> None:
+    """Steps are where the measure finds nothing."""
+    splat = SplatSpec(footprint="integrated")
+    plan = plan_sweep(stage.scene, lambda _: integrated(stage), [ErrorSpec(), RMS], [splat], [0.0])
+    assert len({p.picture_key() for p in plan}) == 2
+
+
+def test_bricks_are_no_splats_in_a_measurement(stage: Stage) -> None:
+    found = measure_setting(integrated(stage), truths(), Grey(), clock=ticking(1e-3), memory=Memory(), repeats=1)
+    assert found.setting.series == "integrated, optical" and found.setting.label == "tolerance 0.1"
+    assert "opacity_correction" not in found.setting.options
+    assert found.num_cells == 4 and found.num_splats is None
+    assert [sample.num_splats for sample in found.samples] == [None, None]
+    assert set(found.seconds) == {"cut", "splats"}
 
 
 def test_correction_matters_where_no_voxels_are_drawn(stage: Stage) -> None:

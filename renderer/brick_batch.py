@@ -1,0 +1,173 @@
+"""Bricks as a rasteriser takes them, before any view is chosen: boxes, steps, and what may be spared at a tolerance.
+
+What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, beyond
+the near plane. In index space, in cells of the brick, that way is L long, and is cut into
+
+    n = max(1, ceil(L / step - SLACK))
+
+equal parts of the world length h. In the middle of each the field is looked up, linear between the centres of cells:
+
+    level 0     u, a scalar; then (tau c, tau) = table(u), linear between its entries; with light, c times the factor
+                of the interpolated gradient
+    above       (tau c, tau), divided by the finest spacing
+
+and a part has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Parts, and bricks, are composited front to
+back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bricks import BrickCut, Bricks
+from renderer.scene import ShadingSpec
+from renderer.transfer import TransferFunction
+
+Float64 = npt.NDArray[np.float64]
+
+# Steps, in cells: the longest are for bricks in which nothing changes. At the least, which tolerance 0 has, errors are
+# about 1/256 of the roughness, or of 1 where that is an optical depth above 1, down to the shortest of all.
+LEAST_STEP, SHORTEST_STEP, LONGEST_STEP = 1 / 16, 1 / 128, 4.0
+# A step is one cell where the roughness is this many tolerances.
+ROUGHNESS_OF_STEP = 1.0
+# Errors grow with roughness * step^2, samples with 1 / step: of all choices with the same sum of squared errors the one
+# with the fewest samples has step^5 ~ 1 / roughness^2.
+STEP_POWER = 0.4
+
+# From which tolerance on pixels are interpolated between nodes. What is thinner than the nodes lie apart may fall
+# between them: an edge of the volume, a sheet seen edge-on, or what a steep transfer function cuts out of a cell.
+LEAST_INTERPOLATED = 0.15
+# So that this is rare, nodes of the first lattice lie no further apart than so many of the finest cells, and beyond the
+# tolerance FINE further in proportion.
+CELLS_BETWEEN_NODES, FINE = 2.25, 0.1
+# Strides of the last lattice, from which tolerance on.
+LAST_STRIDES = ((4, 1.0), (2, 0.3))
+# In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
+SPREAD, UNSEEN, MOST_UNSEEN = 1.0, 0.15, 0.05
+
+# Of a part, by which parts may be longer than the step. Rays along an axis take a whole number of steps through a
+# brick; without it rounding would decide which of them take one more.
+SLACK = 2.0**-10
+
+# Between which numbers of a table's entries a good one is looked for: usually, and where a piece of the transfer
+# function would have fewer than CELLS_OF_PIECE of them. Any device can hold the most in a row.
+USUAL_ENTRIES, MOST_ENTRIES = (1 << 10, 1 << 12), (1 << 13, 1 << 14)
+CELLS_OF_PIECE = 4
+
+
+@dataclass(frozen=True)
+class Thrift:
+    """What a picture need not be exact in.
+
+    strides: falling, from which lattices of pixels the picture is made: on the first, every so manieth pixel along both
+        axes is drawn. On each that follows only those blocks between four nodes of the one before are drawn whose nodes
+        differ; the others are interpolated (bilinear), as are pixels between the nodes of the last lattice. (1,) draws
+        every pixel.
+    spread: four nodes differ where a channel (premultiplied RGBA) differs by more than this among them and a channel
+        bends by more than this at one of them, along rows or columns: by `|a - 2 b + c|`, b the node and a and c its
+        neighbours on the lattice, at the last ones itself.
+    least_transmittance: what lies behind less than this is not drawn.
+    """
+
+    strides: tuple[int, ...]
+    spread: float
+    least_transmittance: float
+
+
+@dataclass(frozen=True)
+class BrickBatch:
+    """Boxes in the order of their cut.
+
+    steps: float64 [n], the longest step in cells of the brick.
+    table: float32 [k, 4], (tau c, tau), 1 / world unit, evenly spaced; texel 0 is the first entry, texel 1 the last.
+    origin: float64 [3], world position of the model's origin, the volume's centre. length: world units in a model unit.
+    """
+
+    cut: BrickCut
+    bricks: Bricks
+    steps: Float64
+    table: npt.NDArray[np.float32]
+    shading: ShadingSpec | None
+    thrift: Thrift
+    origin: Float64
+    length: float
+
+    def __len__(self) -> int:
+        return len(self.cut)
+
+
+def make_brick_batch(
+    cut: BrickCut,
+    bricks: Bricks,
+    *,
+    tolerance: float,
+    shading: ShadingSpec | None,
+    voxel_px: float,
+    change: float | None = None,
+) -> BrickBatch:
+    """What a cut at a tolerance looks like, on a film on which a voxel appears about `voxel_px` pixels wide.
+
+    change: how much of a pixel's channel the tolerance stands for; None where that is the measure's own unit.
+    """
+    volume = cut.volume
+    length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
+    return BrickBatch(
+        cut,
+        bricks,
+        steps_at(cut.roughness, tolerance, is_depth=bricks.pyramid.measure == "optical"),
+        optical_table(bricks.transfer, *bricks.scalar_range),
+        shading,
+        thrift_at(
+            tolerance if change is None else change, voxel_px * 2.0 ** int(cut.levels.min(initial=len(bricks.levels)))
+        ),
+        volume.centre,
+        length,
+    )
+
+
+def steps_at(roughness: Float64, tolerance: float, *, is_depth: bool) -> Float64:
+    """float64 [n]: the longest step, in cells, in bricks of some roughness, which may be an optical depth."""
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        steps = np.where(roughness > 0, (ROUGHNESS_OF_STEP * tolerance / roughness) ** STEP_POWER, np.inf)
+    least = np.maximum(LEAST_STEP / np.sqrt(np.maximum(roughness, 1.0)), SHORTEST_STEP) if is_depth else LEAST_STEP
+    return np.asarray(np.clip(steps, least, LONGEST_STEP), np.float64)
+
+
+def thrift_at(tolerance: float, cell_px: float) -> Thrift:
+    """What is spared at a tolerance where the finest cells appear `cell_px` pixels wide."""
+    unseen = min(UNSEEN * tolerance, MOST_UNSEEN)
+    if tolerance < LEAST_INTERPOLATED:
+        return Thrift((1,), 0.0, unseen)
+    most_px = CELLS_BETWEEN_NODES * cell_px * max(1.0, tolerance / FINE)
+    first = next((stride for stride in (4, 2) if stride <= most_px), 1)
+    last = next((stride for stride, least in LAST_STRIDES if tolerance >= least), 1)
+    strides = (first, last) if last < first else (first,)
+    return Thrift(strides, SPREAD * tolerance, unseen)
+
+
+def optical_table(transfer: TransferFunction, first: float, last: float) -> npt.NDArray[np.float32]:
+    """float32 [k, 4]: (tau c, tau) at evenly spaced scalars from `first` to `last`.
+
+    What lies between two entries is linear, as the transfer function is between two control values: it is exact where
+    these fall on entries, and so the number of entries is the one, of the usual ones, with which they do so best.
+    """
+    share = np.linspace(0, 1, _num_entries(transfer.values, first, last))
+    colors, extinctions = transfer.classify(first * (1 - share) + last * share)
+    return np.column_stack([colors * extinctions[:, None], extinctions]).astype(np.float32)
+
+
+def _num_entries(values: Float64, first: float, last: float) -> int:
+    """How many entries a table has: more where the transfer function has steps, which take one from one to the next."""
+    scale = math.ldexp(1.0, -max(math.frexp(first)[1], math.frexp(last)[1]))  # differences are finite then
+    inside = values[(values >= first) & (values <= last)]
+    shares = (inside * scale - first * scale) / (last * scale - first * scale)
+    fewest, most = USUAL_ENTRIES
+    if float(np.diff(shares).min(initial=1.0)) * most < CELLS_OF_PIECE:
+        fewest, most = MOST_ENTRIES
+    nums = np.arange(fewest, most)
+    at = np.multiply.outer(nums, shares)
+    return int(nums[np.abs(at - np.round(at)).max(axis=1, initial=0.0).argmin()]) + 1

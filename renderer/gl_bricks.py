@@ -1,0 +1,340 @@
+"""Bricks drawn with OpenGL: boxes front to back, their texels from an atlas, as exact as the batch asks for.
+
+    lattice of nodes -> for each group of bricks: texels into the atlas, boxes blended "under", what is opaque by then
+    masked in the depth buffer -> the next, finer lattice, where the nodes differ -> read back
+
+A group is as many bricks as the atlas holds, or fewer so that one looks now and then which pixels are opaque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from renderer.brick_batch import BrickBatch
+from renderer.brick_projection import box_rectangles, ray_frame
+from renderer.brick_texels import mean_texels, scalar_texels
+from renderer.bricks import APRON, BRICK, Bricks
+from renderer.camera import View
+from renderer.gl_atlas import SIDE, Atlas
+from renderer.lattices import interpolated
+
+Image = npt.NDArray[np.float32]
+Programs = Callable[[str, str], Any]
+
+VERTEX = np.dtype(
+    [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
+     ("first_texel", "f4", 3), ("kind", "f4", 3)]
+)  # fmt: skip
+VERTEX_FORMAT = "4f 3f 3f 3f 3f 3f"
+
+# Parts of a picture between which one looks for pixels that are opaque by then, by the stride of a lattice that is
+# drawn whole: a look costs more than it saves where few pixels are drawn.
+GROUPS = {1: 4, 2: 2}
+
+SCALARS, MEANS, TABLE, IMAGE, DIFFERING = range(5)  # texture units
+
+# What float32 leaves of a transmittance is less.
+UNSEEN = 2.0**-22
+
+# Stands for infinity where float32 is wanted.
+LARGEST = 1e30
+
+
+@dataclass(frozen=True)
+class _Lattice:
+    """Nodes at every `stride`-th pixel, as many as cover the image.
+
+    target: colours, which are in `image`, and depths; mask: only depths. differing: a mark for each block.
+    """
+
+    stride: int
+    size: tuple[int, int]
+    image: Any
+    target: Any
+    mask: Any
+    differing: Any
+
+    def release(self) -> None:
+        """Give back all that it has on the device."""
+        for thing in (
+            self.mask, self.target.depth_attachment, self.target, self.image,
+            self.differing.color_attachments[0], self.differing,
+        ):  # fmt: skip
+            thing.release()
+
+
+class BrickDrawer:
+    """Draws in a context that is given; what lives there is kept for the next picture."""
+
+    def __init__(self, context: Any, programs: Programs, largest_point_px: float) -> None:
+        self._context, self._programs, self._largest_point_px = context, programs, largest_point_px
+        self._lattices: dict[int, _Lattice] = {}
+        self._image_size = (0, 0)
+        self._bricks: Bricks | None = None
+        self._scalars: Atlas | None = None
+        self._means: Atlas | None = None
+        self._table: tuple[Any, Any] | None = None
+
+    def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+        """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
+        self._look_at(batch, view.size)
+        vertices = _vertices(batch, order, view)
+        num_means = int(np.count_nonzero(batch.cut.levels[order]))
+        self._reserve(len(order) - num_means, num_means)
+        program = self._prepared(batch, view, has_means=num_means > 0)
+        coarse = None
+        for stride in batch.thrift.strides:
+            lattice = self._lattice(stride)
+            self._begin(lattice, coarse, batch.thrift.spread)
+            num_groups = 1 if coarse else GROUPS.get(stride, 1)
+            self._draw_boxes(program, batch, order, vertices, lattice, num_groups)
+            coarse = lattice
+        assert coarse is not None
+        nodes = np.empty((coarse.size[1], coarse.size[0], 4), np.float32)
+        coarse.target.read_into(nodes, components=4, dtype="f4")
+        return nodes if coarse.stride == 1 else interpolated(nodes, coarse.stride, view.size)
+
+    def _look_at(self, batch: BrickBatch, size: tuple[int, int]) -> None:
+        """Let go of what belongs to other bricks, or to pictures of another size."""
+        num_channels = 4 if batch.shading else 1
+        if self._scalars is None or self._bricks is not batch.bricks or self._scalars.num_channels != num_channels:
+            self._release_atlases()
+            grids = [level.boxes.shape[:3] for level in batch.bricks.levels]
+            self._scalars = Atlas(self._context, num_channels, int(np.prod(grids[0])))
+            self._means = Atlas(self._context, 4, sum(int(np.prod(grid)) for grid in grids[1:]))
+            self._bricks = batch.bricks
+        if self._table is None or self._table[0] is not batch.table:
+            if self._table is not None:
+                self._table[1].release()
+            content = (batch.table * np.float32(batch.length)).astype(np.float32)
+            table = self._context.texture((len(content), 1), 4, content, dtype="f4")
+            table.filter = moderngl.LINEAR, moderngl.LINEAR
+            table.repeat_x = table.repeat_y = False
+            self._table = batch.table, table
+        if self._image_size != size:
+            for lattice in self._lattices.values():
+                lattice.release()
+            self._lattices, self._image_size = {}, size
+
+    def _reserve(self, num_scalars: int, num_means: int) -> None:
+        """Make room for all bricks of a picture: with less they would go up again with every frame."""
+        assert self._scalars is not None
+        assert self._means is not None
+        self._scalars.reserve(num_scalars)
+        self._means.reserve(num_means)
+
+    def _release_atlases(self) -> None:
+        for atlas in (self._scalars, self._means):
+            if atlas is not None:
+                atlas.release()
+        self._scalars = self._means = None
+
+    def _lattice(self, stride: int) -> _Lattice:
+        if stride not in self._lattices:
+            width, height = (-(-(n - 1) // stride) + 1 for n in self._image_size)
+            image = self._context.texture((width, height), 4, dtype="f4")
+            depths = self._context.depth_renderbuffer((width, height))
+            target = self._context.framebuffer([image], depths)
+            mask = self._context.framebuffer([], depths)
+            image.filter = moderngl.LINEAR, moderngl.LINEAR
+            image.repeat_x = image.repeat_y = False
+            differing = self._context.framebuffer([self._context.texture((width, height), 1)])
+            _ = self._context.error  # moderngl binds the target before once more, which may be gone
+            self._lattices[stride] = _Lattice(stride, (width, height), image, target, mask, differing)
+        return self._lattices[stride]
+
+    def _begin(self, lattice: _Lattice, coarse: _Lattice | None, spread: float) -> None:
+        """Clear a lattice, or fill it from a coarser one but for what is to be drawn."""
+        if coarse is None:
+            lattice.target.use()
+            lattice.target.depth_mask = True
+            lattice.target.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+            return
+        self._find_differing(coarse, spread)
+        program = self._programs("whole_vertex.glsl", "refined_fragment.glsl")
+        program["shift"] = (coarse.stride // lattice.stride).bit_length() - 1
+        program["coarse"], program["differing"] = IMAGE, DIFFERING
+        coarse.image.use(IMAGE)
+        coarse.differing.color_attachments[0].use(DIFFERING)
+        lattice.target.use()
+        lattice.target.depth_mask = True
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = "1"
+        self._draw_whole(program)
+
+    def _find_differing(self, lattice: _Lattice, spread: float) -> None:
+        """Note which blocks of a lattice are not to be interpolated."""
+        program = self._programs("whole_vertex.glsl", "differing_fragment.glsl")
+        program["image"], program["spread"] = IMAGE, spread
+        lattice.image.use(IMAGE)
+        lattice.differing.use()
+        self._context.enable_only(moderngl.NOTHING)
+        self._draw_whole(program)
+
+    def _prepared(self, batch: BrickBatch, view: View, *, has_means: bool) -> Any:
+        """The program, with the uniforms of a batch and a view, and the table in its place."""
+        of_scalars = "brick_lit.glsl" if batch.shading else "brick_plain.glsl"
+        of_means = "brick_means.glsl" if has_means else ""
+        program = self._programs("brick_vertex.glsl", f"opacity.glsl {of_scalars} {of_means} brick_fragment.glsl")
+        rays, entries = ray_frame(batch.cut.volume, batch.length, view), len(batch.table)
+        uniforms = {
+            "center_px": tuple(n / 2 for n in view.size),
+            "origins": tuple(rays.origins.T.ravel()),  # GL matrices are column by column
+            "directions": tuple(rays.directions.T.ravel()),
+            "slope_per_px": rays.slope_per_px,
+            "start": max(rays.start, -LARGEST),
+            "entry_of_texel": ((entries - 1) / entries, 0.5 / entries),
+            "opaque": 1 - max(batch.thrift.least_transmittance, UNSEEN),
+            "scalars": SCALARS,
+            "table": TABLE,
+        }
+        if has_means:
+            uniforms["means"], uniforms["depth_of_mean"] = MEANS, batch.length / batch.cut.volume.finest_spacing
+        if batch.shading:
+            light = np.array(batch.shading.light, np.float64)
+            uniforms["light"] = tuple(light / np.linalg.norm(light))
+            uniforms["ambient_diffuse"] = batch.shading.ambient, batch.shading.diffuse
+        for name, value in uniforms.items():
+            program[name] = value
+        assert self._table is not None
+        self._table[1].use(TABLE)
+        return program
+
+    def _draw_boxes(
+        self,
+        program: Any,
+        batch: BrickBatch,
+        order: npt.NDArray[np.uint32],
+        vertices: Any,
+        lattice: _Lattice,
+        num_groups: int,
+    ) -> None:
+        """Group by group, each behind what has been drawn before."""
+        program["stride_px"], program["num_nodes"] = lattice.stride, lattice.size
+        least = batch.thrift.least_transmittance
+        most, start = -(-len(order) // num_groups), 0
+        while start < len(order):
+            end = self._end_of_group(batch, order, start, most)
+            self._place(program, batch, order[start:end], vertices[start:end])
+            lattice.target.use()
+            lattice.target.depth_mask = False
+            self._context.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE)
+            self._context.blend_func = moderngl.ONE_MINUS_DST_ALPHA, moderngl.ONE
+            self._context.depth_func = "<"
+            self._draw_group(program, vertices[start:end], lattice.stride)
+            if least > 0 and num_groups > 1 and end < len(order):
+                self._mask_saturated(lattice, least)
+            start = end
+
+    def _end_of_group(self, batch: BrickBatch, order: npt.NDArray[np.uint32], start: int, most: int) -> int:
+        """Where a group of at most so many ends that begins at `start`; an atlas has room for each kind's."""
+        assert self._scalars is not None
+        assert self._means is not None
+        is_mean = batch.cut.levels[order[start : start + most]] > 0
+        fits = (np.cumsum(is_mean) <= self._means.most_places) & (np.cumsum(~is_mean) <= self._scalars.most_places)
+        return start + int(np.count_nonzero(fits))
+
+    def _place(self, program: Any, batch: BrickBatch, order: npt.NDArray[np.uint32], vertices: Any) -> None:
+        """Bring bricks to the device, and tell the vertices where they are."""
+        levels = batch.cut.levels[order]
+        for atlas, unit, scale, chosen, texels in (
+            (self._scalars, SCALARS, "scalar_scale", levels == 0, _scalar_texels),
+            (self._means, MEANS, "mean_scale", levels > 0, _mean_texels),
+        ):
+            assert atlas is not None
+            if not chosen.any():
+                continue
+            keys = _keys(batch, order[chosen])
+            vertices["first_texel"][chosen] = atlas.place(keys, partial(texels, batch)) + APRON
+            atlas.texture.use(unit)
+            program[scale] = tuple(1 / n for n in atlas.size)
+
+    def _draw_group(self, program: Any, vertices: npt.NDArray[Any], stride: int) -> None:
+        """Boxes as points, or as quads where one of them is larger than the driver's points."""
+        sides = vertices["rectangle_px"][:, 2:] - vertices["rectangle_px"][:, :2]
+        quads = float(sides.max(initial=0.0)) / stride + 4 > self._largest_point_px
+        program["quads"] = quads
+        buffer = self._context.buffer(vertices)
+        layout = VERTEX_FORMAT + ("/i" if quads else "")
+        boxes = self._context.vertex_array(program, [(buffer, layout, *(VERTEX.names or ()))])
+        if quads:
+            boxes.render(moderngl.TRIANGLES, vertices=6, instances=len(vertices))
+        else:
+            boxes.render(moderngl.POINTS, vertices=len(vertices))
+        boxes.release()
+        buffer.release()
+
+    def _mask_saturated(self, lattice: _Lattice, least: float) -> None:
+        """Bring pixels that are opaque, or nearly so, to the front in the depth buffer: they are drawn no more."""
+        program = self._programs("whole_vertex.glsl", "saturated_fragment.glsl")
+        program["image"], program["least_transmittance"] = IMAGE, least
+        lattice.image.use(IMAGE)
+        lattice.mask.use()
+        lattice.mask.depth_mask = True
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = "1"
+        self._draw_whole(program)
+
+    def _draw_whole(self, program: Any) -> None:
+        triangle = self._context.vertex_array(program, [])
+        triangle.render(moderngl.TRIANGLES, vertices=3)
+        triangle.release()
+
+
+def _vertices(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[Any]:
+    """What the device is told of each brick, but for its place in the atlas."""
+    cut, volume = batch.cut, batch.cut.volume
+    boxes, levels = cut.boxes[order], cut.levels[order].astype(np.int64)
+    vertices = np.zeros(len(order), VERTEX)
+    vertices["rectangle_px"] = box_rectangles(batch, order, view)
+    vertices["box_low"] = boxes[:, 0] - volume.centre_index
+    vertices["box_high"] = boxes[:, 1] - volume.centre_index
+    first_voxels = cut.cells[order].astype(np.int64) * BRICK << levels[:, None]
+    vertices["first_corner"] = first_voxels - 0.5 - volume.centre_index
+    vertices["kind"][:, 0] = np.ldexp(1.0, -levels)
+    vertices["kind"][:, 1] = batch.steps[order]
+    vertices["kind"][:, 2] = levels > 0
+    return vertices
+
+
+def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
+    """int64 [n]: numbers of bricks; those of level 0 by themselves, those of all others one level after the other."""
+    keys = np.empty(len(chosen), np.int64)
+    levels, cells = batch.cut.levels[chosen], batch.cut.cells[chosen]
+    first = 0
+    for level, here in enumerate(batch.bricks.levels):
+        grid = here.boxes.shape[:3]
+        is_here = levels == level
+        keys[is_here] = first + np.ravel_multi_index(tuple(cells[is_here, ::-1].T), grid)
+        first += int(np.prod(grid)) if level > 0 else 0
+    return keys
+
+
+def _cells(keys: npt.NDArray[np.int64], grid: tuple[int, ...]) -> npt.NDArray[np.int32]:
+    """int32 [n, 3]: x, y, z of bricks by their numbers in a grid."""
+    z, y, x = np.unravel_index(keys, grid)
+    return np.column_stack([x, y, z]).astype(np.int32)
+
+
+def _scalar_texels(batch: BrickBatch, keys: npt.NDArray[np.int64]) -> Image:
+    cells = _cells(keys, batch.bricks.levels[0].boxes.shape[:3])
+    return scalar_texels(batch.bricks, cells, lit=batch.shading is not None)
+
+
+def _mean_texels(batch: BrickBatch, keys: npt.NDArray[np.int64]) -> Image:
+    texels = np.empty((len(keys), SIDE, SIDE, SIDE, 4), np.float32)
+    first = 0
+    for level, here in enumerate(batch.bricks.levels[1:], 1):
+        grid = here.boxes.shape[:3]
+        is_here = (keys >= first) & (keys < first + int(np.prod(grid)))
+        if is_here.any():
+            texels[is_here] = mean_texels(batch.bricks, level, _cells(keys[is_here] - first, grid))
+        first += int(np.prod(grid))
+    return texels

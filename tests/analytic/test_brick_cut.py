@@ -1,0 +1,186 @@
+"""The cut in bricks covers all that is visible exactly once, and each brick meets the tolerance."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_cells, patches, per_brick
+
+from renderer.bricks import (
+    BRICK,
+    BRICK_LEVELS,
+    ERRORS_ON_A_RAY,
+    BrickCut,
+    Bricks,
+    cut_bricks,
+    make_bricks,
+    num_bricks_at,
+)
+from renderer.camera import View
+from renderer.pyramid import build_pyramid
+from renderer.readers import read_volume
+from renderer.scene import ErrorSpec, FileSource, PyramidSpec, VolumeSpec
+from renderer.transfer import TransferFunction
+from renderer.visibility import box_order
+from renderer.volume import make_volume
+
+Float64 = npt.NDArray[np.float64]
+
+SHAPES: list[Shape] = [(1, 1, 1), (1, 70, 20), (5, 17, 33), (40, 90, 70)]
+TOLERANCES = [0.0, 4e-3, 0.2, 0.8, 2.0, 4.0, 8.0, 1e9]
+each_shape = pytest.mark.parametrize("shape", SHAPES, ids=str)
+
+SOFT = TransferFunction(
+    np.array([0.0, 100, 200, 250]),
+    np.array([[0, 0, 0], [0, 0.5, 1], [1, 0.5, 0.1], [0.2, 1, 0.4]]),
+    np.array([0, 0, 1.5, 0.1]),
+    1.0,
+)
+
+
+def soft(shape: Shape) -> Bricks:
+    """Patches of noise, and a smooth part for which coarse bricks will do."""
+    values = patches(shape, 1, side=24)
+    smooth = 0.4 + 0.2 * np.indices(shape)[1] / shape[1]
+    values = np.where(np.indices(shape)[2] > shape[2] * 0.6, smooth, values)
+    volume = make_volume((values * 250).astype(np.uint8), OBLIQUE, "soft")
+    return make_bricks(build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec()), SOFT)
+
+
+def regions(cut: BrickCut) -> npt.NDArray[np.int64]:
+    """[n, 2, 3]: first voxel (x, y, z) of each whole brick, and one past the last."""
+    width = np.int64(BRICK) << cut.levels[:, None].astype(np.int64)
+    first = cut.cells * width
+    return np.stack([first, np.minimum(first + width, cut.volume.shape_xyz)], axis=1)
+
+
+def coverage(cut: BrickCut, corners: Float64) -> npt.NDArray[np.int64]:
+    """[z, y, x]: in how many boxes [n, 2, 3], in index coordinates, a voxel lies wholly."""
+    count = np.zeros(cut.volume.values.shape, np.int64)
+    for low, high in zip(np.ceil(corners[:, 0] + 0.5), np.floor(corners[:, 1] + 0.5), strict=True):
+        x, y, z = (slice(int(a), max(int(a), int(b))) for a, b in zip(low, high, strict=True))
+        count[z, y, x] += 1
+    return count
+
+
+@each_shape
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+@pytest.mark.parametrize("finest_level", [0, 1, 9])
+def test_what_is_visible_lies_in_one_brick(shape: Shape, tolerance: float, finest_level: int) -> None:
+    bricks = soft(shape)
+    cut = cut_bricks(bricks, tolerance, finest_level=finest_level)
+    assert coverage(cut, regions(cut) - 0.5).max(initial=0) <= 1
+    visible = depths_of(bricks.volume, SOFT)[..., 3] > 0
+    assert np.all(coverage(cut, cut.boxes)[visible] == 1)
+    assert np.all(cut.boxes[:, 0] < cut.boxes[:, 1])
+    assert np.all(cut.boxes >= regions(cut)[:, :1] - 0.5) and np.all(cut.boxes <= regions(cut)[:, 1:] - 0.5)
+    assert cut.levels.min(initial=255) >= min(finest_level, len(bricks.levels) - 1)
+    assert num_bricks_at(bricks, tolerance, finest_level) == len(cut)
+
+
+@each_shape
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+def test_errors_are_below_the_tolerance(shape: Shape, tolerance: float) -> None:
+    """Of all nodes of a brick above level 0; and a parent of a brick has one that is not. Stored errors are off by
+    2^-11 and a few roundings of float32, which are those of means and not of their small differences."""
+    bricks = soft(shape)
+    cut = cut_bricks(bricks, tolerance)
+    depths = depths_of(bricks.volume, SOFT)
+    top = len(bricks.levels)
+    largest = [
+        {
+            cell: ERRORS_ON_A_RAY * part.max()
+            for cell, part in per_brick(errors_of_cells(bricks.volume, depths, level), BRICK, 1).items()
+        }
+        for level in range(top)
+    ]
+    for level, cell in zip(cut.levels.tolist(), cut.cells.tolist(), strict=True):
+        if level > 0:
+            assert largest[level][tuple(cell)] < tolerance * (1 + 2.0**-11) + 4e-6
+        if level < top - 1:
+            assert largest[level + 1][tuple(c >> 1 for c in cell)] >= tolerance * (1 - 2.0**-11) - 4e-6
+
+
+def test_an_error_as_large_as_the_tolerance_is_not_below_it() -> None:
+    bricks = soft(SHAPES[-1])
+    for level, grid in enumerate(bricks.levels):
+        for error in np.unique(grid.errors[grid.errors > 0]):
+            where = np.argwhere(grid.errors == error)[:, ::-1].tolist()
+            exact, above = cut_bricks(bricks, error), cut_bricks(bricks, np.nextafter(error, np.inf))
+            assert not any(cell in where for cell in exact.cells[exact.levels == level].tolist())
+            drawn = regions(above)
+            for cell in where:  # at the next number it is a brick, or in one
+                first = np.array(cell) << (level + BRICK_LEVELS)
+                around = np.all((drawn[:, 0] <= first) & (first < drawn[:, 1]), axis=1)
+                assert np.all(above.levels[around] >= level)
+
+
+def test_a_smaller_tolerance_only_divides() -> None:
+    bricks = soft(SHAPES[-1])
+    cuts = [cut_bricks(bricks, tolerance) for tolerance in TOLERANCES]
+    assert len({len(cut) for cut in cuts}) > 4
+    for fine, coarse in pairwise(cuts):
+        small, large = regions(fine)[:, None], regions(coarse)
+        meets = np.all((small[:, :, 0] < large[:, 1]) & (large[:, 0] < small[:, :, 1]), axis=2)
+        contains = np.all((large[:, 0] <= small[:, :, 0]) & (small[:, :, 1] <= large[:, 1]), axis=2)
+        np.testing.assert_array_equal(meets, contains)
+
+
+@each_shape
+def test_order_is_coarse_first_then_morton(shape: Shape) -> None:
+    for tolerance in TOLERANCES:
+        cut = cut_bricks(soft(shape), tolerance)
+        bits = cut.cells.astype(np.int64)[:, :, None] >> np.arange(10) & 1
+        codes = (bits << 3 * np.arange(10) + np.arange(3)[:, None]).sum(axis=(1, 2))
+        keys = list(zip((-cut.levels.astype(int)).tolist(), codes.tolist(), strict=True))
+        assert keys == sorted(keys) and len(set(keys)) == len(keys)
+
+
+def test_roughness_goes_with_its_brick() -> None:
+    bricks = soft(SHAPES[-1])
+    cut = cut_bricks(bricks, 0.5)
+    assert len(np.unique(cut.levels)) > 1
+    for level, (x, y, z), roughness in zip(cut.levels, cut.cells, cut.roughness, strict=True):
+        assert roughness == bricks.levels[level].roughness[z, y, x]
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_bricks_back_to_front(projection: Literal["perspective", "orthographic"]) -> None:
+    """Each brick's box, drawn after another, is parted from it by a plane that has the later one on the eye's side."""
+    bricks = soft(SHAPES[-1])
+    for seed, tolerance in enumerate([0.0, 0.5, 0.5, 1.0]):
+        rng = np.random.default_rng(seed)
+        axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        view = View(axes, bricks.volume.centre, 60.0, projection, 100.0, (64, 64))
+        cut = cut_bricks(bricks, tolerance)
+        order = box_order(cut.levels + BRICK_LEVELS, cut.cells, cut.volume, view)
+        index_from_world = np.linalg.inv(bricks.volume.world_from_index)
+        eye = index_from_world[:3, :3] @ (view.target + view.distance * view.axes[2]) + index_from_world[:3, 3]
+        if projection == "orthographic":
+            eye = np.copysign(np.inf, index_from_world[:3, :3] @ view.axes[2])
+        low, high = cut.boxes[order, 0], cut.boxes[order, 1]
+        above = (low[None] >= high[:, None]) & (eye >= high[:, None])
+        below = (high[None] <= low[:, None]) & (eye <= low[:, None])
+        assert np.all(np.any(above | below, axis=2)[np.triu_indices(len(order), 1)])
+
+
+@pytest.mark.real_data
+def test_the_engine_in_bricks(data_dir: Path) -> None:
+    volume = read_volume(VolumeSpec(FileSource(data_dir / "engine.nhdr")))
+    colors = np.array([[0, 0, 0], [0.4, 0.5, 0.9], [0.4, 0.5, 0.9], [1, 0.9, 0.7]])
+    transfer = TransferFunction(np.array([0.0, 80, 100, 255]), colors, np.array([0, 0, 0.05, 1.0]), 1.0)
+    bricks = make_bricks(build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec()), transfer)
+    visible = depths_of(volume, transfer)[..., 3] > 0
+    num_before = 10**9
+    for tolerance in (0.0, 0.3, 0.6, 1.0, 2.0, 5.0):
+        cut = cut_bricks(bricks, tolerance)
+        assert np.all(coverage(cut, cut.boxes)[visible] == 1)
+        assert coverage(cut, regions(cut) - 0.5).max() == 1
+        assert len(cut) <= num_before
+        num_before = len(cut)
+    assert num_before < 100

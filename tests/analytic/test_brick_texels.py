@@ -1,0 +1,320 @@
+"""What is interpolated in a brick, against plain numpy over the whole volume, closed forms, and the bricks' boxes."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches, random_transfer
+from number_types import TYPES, limits
+
+from renderer.brick_texels import FARTHEST, mean_texels, scalar_texels
+from renderer.bricks import APRON, BRICK, Bricks, make_bricks
+from renderer.classify import FAINTEST
+from renderer.pyramid import build_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
+
+Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+
+SHAPES: list[Shape] = [(1, 1, 1), (1, 40, 20), (5, 17, 33), (33, 17, 5), (16, 32, 48), (35, 30, 66)]
+each_shape = pytest.mark.parametrize("shape", SHAPES, ids=str)
+SIDE = BRICK + 2 * APRON
+# Of the field between texels: far from their places, at them, and at the faces between cells.
+SAMPLES = np.arange(0, BRICK + 0.01, 0.25)
+UNIT = np.finfo(np.float32).eps / 2
+
+
+def linear(low: float, high: float, least: float = 0.0, most: float = 1.0) -> TransferFunction:
+    """Extinction from `least` to `most` between two scalars; one colour."""
+    return TransferFunction(np.array([low, high]), np.tile([1.0, 0.6, 0.1], (2, 1)), np.array([least, most]), 1.0)
+
+
+def bricks_of(
+    volume: Volume, transfer: TransferFunction, precision: Literal["half", "single"], shading: ShadingSpec | None = None
+) -> Bricks:
+    spec = PyramidSpec(precision=precision)
+    pyramid = build_pyramid(volume, transfer, spec=spec, error=ErrorSpec(), shading=shading)
+    return make_bricks(pyramid, transfer)
+
+
+def all_cells(bricks: Bricks, level: int) -> npt.NDArray[np.int32]:
+    """[n, 3]: the bricks (x, y, z) of a level."""
+    grid = bricks.levels[level].errors.shape
+    return np.ascontiguousarray(np.indices(grid).reshape(3, -1)[::-1].T, np.int32)
+
+
+def texel_places(cell: Array, axis: int) -> npt.NDArray[np.int64]:
+    """[18]: the cells that a brick's texels are, along x, y or z."""
+    return BRICK * int(cell[axis]) - APRON + np.arange(SIDE)
+
+
+def from_dense(dense: Array, cells: Array) -> Array:
+    """[n, 18, 18, 18, ...]: the texels of bricks, of an array [z + 2, y + 2, x + 2, ...] that begins at -1; the last
+    ones again where it ends."""
+    grids = [
+        np.ix_(*[np.minimum(texel_places(cell, axis) + 1, dense.shape[2 - axis] - 1) for axis in (2, 1, 0)])
+        for cell in cells
+    ]
+    return np.stack([dense[grid] for grid in grids])
+
+
+def inside(bricks: Bricks, level: int, cells: Array) -> npt.NDArray[np.bool_]:
+    """[n, 18, 18, 18]: texels that are cells, or next to one."""
+    parts = []
+    for cell in cells:
+        x, y, z = (texel_places(cell, axis) <= -(-n // (1 << level)) for axis, n in enumerate(bricks.volume.shape_xyz))
+        parts.append(z[:, None, None] & y[:, None] & x)
+    return np.stack(parts)
+
+
+def noise(shape: Shape, dtype: str, low: float, high: float, seed: int = 0) -> Array:
+    shares = np.random.default_rng(seed).random(shape)
+    return np.asarray(np.clip(low * (1 - shares) + high * shares, low, np.nextafter(float(high), 0)).astype(dtype))
+
+
+@pytest.mark.parametrize("dtype", TYPES)
+def test_scalars_are_relative_to_their_range(dtype: str) -> None:
+    """Rounded to float32, after differences in float64; a quarter of the scalars, so that none overflows here."""
+    for seed, shape in enumerate(SHAPES):
+        low, high = limits(dtype) if seed % 2 else (10, 100)
+        volume = make_volume(noise(shape, dtype, low, high, seed), OBLIQUE, "noise")
+        transfer = linear(0.7 * low + 0.3 * high, 0.3 * low + 0.7 * high)
+        bricks = bricks_of(volume, transfer, "half")
+        first, last = (end / 4 for end in bricks.scalar_range)
+        scalars = np.pad(volume.values.astype(np.float64) / 4, 1, mode="edge")
+        cells = all_cells(bricks, 0)
+        want = from_dense((scalars - first) / (last - first), cells)
+        got = scalar_texels(bricks, cells, lit=False)
+        assert got.dtype == np.float32 and got.shape == (len(cells), SIDE, SIDE, SIDE)
+        far = max(abs(first), abs(last)) / (last - first) * 2.0**-52
+        np.testing.assert_allclose(got, want, rtol=2 * UNIT, atol=far)
+        np.testing.assert_array_equal(scalar_texels(bricks, cells, lit=True)[..., 0], got)
+
+
+def test_scalars_far_from_the_range_are_held() -> None:
+    values = np.array([[[-1.7e308, -5.0, 0.0, 1e-310, 2e-310, 7.0, 1.7e308]]])
+    volume = make_volume(values, np.eye(4), "far")
+    for first, last, want in (
+        (0.0, 2e-310, [-FARTHEST, -FARTHEST, 0, 0.5, 1, FARTHEST, FARTHEST]),
+        (-5.0, 7.0, [-FARTHEST, 0, 5 / 12, 5 / 12, 5 / 12, 1, FARTHEST]),
+        (-1.7e308, 1.7e308, [0, 0.5, 0.5, 0.5, 0.5, 0.5, 1]),
+    ):
+        bricks = bricks_of(volume, linear(first, last, 0.1), "half")
+        texels = scalar_texels(bricks, all_cells(bricks, 0), lit=False)
+        np.testing.assert_allclose(texels[0, 1, 1, 1:8], want, rtol=UNIT)
+
+
+def world_gradients(volume: Volume) -> Float64:
+    """[z, y, x, 3], in some unit: of a quarter of the scalars, by central differences, one-sided at the border and 0
+    along an axis of one voxel."""
+    scalars = volume.values.astype(np.float64) / 4
+    slopes = []
+    for axis, n in zip((2, 1, 0), volume.shape_xyz, strict=True):
+        below, above = np.maximum(np.arange(n) - 1, 0), np.minimum(np.arange(n) + 1, n - 1)
+        shape = [-1 if k == axis else 1 for k in range(3)]
+        slopes.append(
+            (scalars.take(above, axis) - scalars.take(below, axis)) / np.maximum(above - below, 1).reshape(shape)
+        )
+    gradient = np.stack(slopes, axis=-1)
+    largest = np.abs(gradient).max() or 1.0  # nothing overflows in the product
+    return np.asarray(gradient / largest @ np.linalg.inv(volume.world_from_index[:3, :3]))
+
+
+@pytest.mark.parametrize("dtype", TYPES)
+def test_gradients_are_one_constant_times_the_world_gradient(dtype: str) -> None:
+    for seed, shape in enumerate(SHAPES):
+        low, high = limits(dtype) if seed % 2 else (10, 100)
+        values = noise(shape, dtype, low, high, seed)
+        bricks = bricks_of(make_volume(values, OBLIQUE, "noise"), linear(float(low), float(high)), "half")
+        cells = all_cells(bricks, 0)
+        dense = world_gradients(bricks.volume)
+        want = from_dense(np.pad(dense, [(1, 1), (1, 1), (1, 1), (0, 0)], mode="edge"), cells)
+        got = scalar_texels(bricks, cells, lit=True)[..., 1:].astype(np.float64)
+        largest = np.abs(want).max()
+        if largest == 0:
+            assert not got.any()
+            continue
+        at = np.unravel_index(np.argmax(np.abs(want)), want.shape)
+        ratio = got[at] / want[at]
+        assert ratio > 0
+        np.testing.assert_allclose(got, want * ratio, rtol=1e-6, atol=largest * ratio * 1e-6)
+        assert 0.01 < np.abs(got).max() <= 3
+
+
+@pytest.mark.parametrize("scale", [5e-324, 1e-300, 1e300])
+def test_gradients_of_the_smallest_and_largest_numbers(scale: float) -> None:
+    values = np.random.default_rng(0).integers(0, 9, (5, 6, 7)).astype(np.float64)
+    cells = np.zeros((1, 3), np.int32)
+    plain = bricks_of(make_volume(values, OBLIQUE, "plain"), linear(0, 9), "half")
+    scaled = bricks_of(make_volume(values * scale, OBLIQUE, "scaled"), linear(0, 9 * scale), "half")
+    want, got = (scalar_texels(bricks, cells, lit=True)[..., 1:] for bricks in (plain, scaled))
+    ratio = got.ravel()[np.argmax(np.abs(want))] / want.ravel()[np.argmax(np.abs(want))]
+    assert ratio > 0
+    np.testing.assert_allclose(got, want * ratio, rtol=1e-6, atol=1e-7 * ratio)
+
+
+def extended(dense: Float64, extents: Float64) -> Float64:
+    """[z + 2, y + 2, x + 2, 4]: the field of means at cells' centres, from [z, y, x, 4] over what the border leaves.
+
+    extents: float64 [3], the volume's in cells along z, y, x.
+    """
+    for axis in (2, 1, 0):
+        rows = np.moveaxis(dense, axis, 0)
+        before, last = (rows[-2], rows[-1]) if len(rows) > 1 else (rows[0], rows[0])
+        share = extents[axis] - len(rows) + 1
+        slope = (last - before) / ((1 + share) / 2)
+        centre, beyond = last + slope * (1 - share) / 2, last + slope * (3 - share) / 2
+        rows = np.concatenate([rows[:-1], [held(centre)]])
+        first = held(2 * rows[0] - rows[min(1, len(rows) - 1)])
+        dense = np.moveaxis(np.concatenate([[first], rows, [held(beyond)]]), 0, axis)
+    return dense
+
+
+def held(values: Float64) -> Float64:
+    """Not below 0, and not brighter than white, by more than two means of 11 bits differ."""
+    depths = np.maximum(values[..., 3:], 0)
+    return np.concatenate([np.clip(values[..., :3], 0, depths * (1 + 2.0**-9)), depths], axis=-1)
+
+
+@each_shape
+@pytest.mark.parametrize("precision", ["half", "single"])
+def test_means_with_those_of_the_neighbours(shape: Shape, precision: Literal["half", "single"]) -> None:
+    """Each is rounded to 11 or 24 bits, and errors of two grow to at most 7 times as much per axis."""
+    transfer = TransferFunction(np.array([0.0, 50, 250]), np.eye(3), np.array([0.0, 0.0, 1.0]), 1.0)
+    volume = make_volume((patches(shape, 2) * 250).astype(np.uint8), OBLIQUE, "patches")
+    bricks = bricks_of(volume, transfer, precision)
+    for level in range(1, len(bricks.levels)):
+        means = means_over_cells(depths_of(volume, transfer), level)
+        field = extended(means, np.array(shape) / 2.0**level)
+        cells = all_cells(bricks, level)
+        got = mean_texels(bricks, level, cells)
+        assert got.dtype == np.float32 and got.shape == (len(cells), SIDE, SIDE, SIDE, 4)
+        there = inside(bricks, level, cells)
+        error = 2.0**-11 if precision == "half" else 1e-6
+        np.testing.assert_allclose(got[there], from_dense(field, cells)[there], atol=7**3 * error * means.max())
+        assert got.min() >= 0
+        assert not got[got[..., 3] == 0].any()
+        assert np.all(got[..., :3] <= got[..., 3:] * 1.01)
+
+
+@each_shape
+def test_bricks_agree_on_the_texels_that_they_share(shape: Shape) -> None:
+    volume = make_volume(noise(shape, "uint8", 0, 255), OBLIQUE, "noise")
+    bricks = bricks_of(volume, linear(20, 255), "half", ShadingSpec())
+    for level in range(len(bricks.levels)):
+        cells = all_cells(bricks, level)
+        texels = mean_texels(bricks, level, cells) if level else scalar_texels(bricks, cells, lit=True)
+        found: dict[tuple[int, ...], Array] = {}
+        numbers = [-(-n // (1 << level)) for n in volume.shape_xyz]
+        for cell, part in zip(cells, texels, strict=True):
+            for t, u, v in ((1, 1, 1), (0, 5, 0), (17, 3, 17), (16, 16, 16), (17, 17, 17), (4, 16, 0)):
+                at = tuple(int(texel_places(cell, axis)[k]) for axis, k in enumerate((v, u, t)))
+                if all(-1 <= a <= n for a, n in zip(at, numbers, strict=True)):
+                    np.testing.assert_array_equal(found.setdefault(at, part[t, u, v]), part[t, u, v])
+
+
+@each_shape
+def test_a_ramp_is_a_ramp_on_every_level(shape: Shape) -> None:
+    """Also beyond the border, and where that cuts the last cells: but for axes of one cell, which have no slope.
+
+    Means are float32: off by a few roundings, of which errors of two grow at most sevenfold per axis.
+    """
+    z, y, x = np.indices(shape).astype(np.float64)
+    for slopes in ((0.01, 0.02, -0.015), (-0.01, 0.0, 0.01)):
+        ramp = 5 + slopes[0] * x + slopes[1] * y + slopes[2] * z
+        bricks = bricks_of(make_volume(ramp, OBLIQUE, "ramp"), linear(0, 10), "single")
+        for level in range(1, len(bricks.levels)):
+            cells = all_cells(bricks, level)
+            want = np.zeros((len(cells), SIDE, SIDE, SIDE))
+            for i, cell in enumerate(cells):
+                along = []
+                for axis, n in enumerate(bricks.volume.shape_xyz):
+                    centres = (texel_places(cell, axis) + 0.5) * (1 << level) - 0.5
+                    along.append(slopes[axis] * (centres if n > 1 << level else np.full(SIDE, (n - 1) / 2)))
+                want[i] = 5 + along[2][:, None, None] + along[1][:, None] + along[0]
+            want *= bricks.volume.finest_spacing / 10
+            got = mean_texels(bricks, level, cells)
+            there = inside(bricks, level, cells)
+            np.testing.assert_allclose(got[there][:, 3], want[there], rtol=7**3 * 4 * UNIT)
+            np.testing.assert_allclose(got[there][:, 1], 0.6 * want[there], rtol=7**3 * 4 * UNIT)
+
+
+@each_shape
+@pytest.mark.parametrize("precision", ["half", "single"])
+@pytest.mark.parametrize("shading", [None, ShadingSpec(ambient=1.37, diffuse=0.5)], ids=["unlit", "lit"])
+def test_a_constant_is_exactly_constant(
+    shape: Shape, precision: Literal["half", "single"], shading: ShadingSpec | None
+) -> None:
+    for extinction in (0.1, 0.37, 23.0):
+        volume = make_volume(np.full(shape, 7, np.uint8), OBLIQUE, "constant")
+        bricks = bricks_of(volume, linear(0, 10, extinction, extinction), precision, shading)
+        color = np.array([1, 0.6, 0.1]) * (shading.ambient if shading else 1)
+        for level in range(1, len(bricks.levels)):
+            cells = all_cells(bricks, level)
+            texels = mean_texels(bricks, level, cells)[inside(bricks, level, cells)]
+            assert np.all(texels == texels[0])
+            want = np.append(color, 1) * extinction * volume.finest_spacing
+            np.testing.assert_allclose(texels[0], want, rtol=2.0**-11 if precision == "half" else 4 * UNIT)
+
+
+def sampled(texels: Float64, samples: tuple[Float64, Float64, Float64]) -> Float64:
+    """The linear field between texels [18, 18, 18, ...] on a grid, in cells from the brick's corner (along z, y, x)."""
+    for axis in range(3):
+        place = samples[axis] - 0.5 + APRON
+        k = np.minimum(np.floor(place).astype(int), SIDE - 2)
+        t = (place - k).reshape([-1 if n == axis else 1 for n in range(texels.ndim)])
+        texels = (1 - t) * texels.take(k, axis) + t * texels.take(k + 1, axis)
+    return texels
+
+
+def samples_in(bricks: Bricks, level: int, cell: Array) -> tuple[Float64, Float64, Float64]:
+    ends = [n / 2.0**level - BRICK * c for n, c in zip(bricks.volume.shape_xyz, cell.tolist(), strict=True)]
+    x, y, z = (SAMPLES[end >= SAMPLES] for end in ends)
+    return z, y, x
+
+
+@each_shape
+def test_noise_does_not_grow_without_bound(shape: Shape) -> None:
+    """Inside the volume the field is at most 3/2 of the largest mean per axis: half a cell beyond the last centre."""
+    volume = make_volume(np.random.default_rng(5).choice([0, 0, 250], shape).astype(np.uint8), OBLIQUE, "noise")
+    bricks = bricks_of(volume, linear(0, 250), "single")
+    for level in range(1, len(bricks.levels)):
+        cells = all_cells(bricks, level)
+        largest = bricks.levels[level].means.max() * bricks.pyramid.mean_unit
+        for cell, texels in zip(cells, mean_texels(bricks, level, cells), strict=True):
+            field = sampled(texels.astype(np.float64), samples_in(bricks, level, cell))
+            assert field.max() <= 1.5**3 * largest * (1 + 1e-6)
+
+
+@each_shape
+def test_what_is_seen_lies_in_the_boxes(shape: Shape) -> None:
+    """Every place of a lattice in the volume, on every level, is visible only in the box."""
+    num_seen = 0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        volume = make_volume((patches(shape, seed, side=5) * 250).astype(np.uint8), OBLIQUE, "patches")
+        transfer = random_transfer(rng, 0.0, 250.0)
+        bricks = bricks_of(volume, transfer, "half")
+        first, last = bricks.scalar_range
+        for level, of_level in enumerate(bricks.levels):
+            cells = all_cells(bricks, level)
+            texels = mean_texels(bricks, level, cells)[..., 3] if level else scalar_texels(bricks, cells, lit=False)
+            for cell, part in zip(cells, texels, strict=True):
+                z, y, x = samples_in(bricks, level, cell)
+                field = sampled(part.astype(np.float64), (z, y, x))
+                if level == 0:
+                    # Where rounding to float32 takes scalars off a plateau they are none that lie between corners.
+                    scalars = np.round(first + field * (last - first), 3)
+                    field = transfer.classify(scalars)[1] * volume.finest_spacing
+                seen = np.argwhere(field >= FAINTEST)
+                num_seen += len(seen)
+                low, high = of_level.boxes[cell[2], cell[1], cell[0]]
+                for axis, places in enumerate((z, y, x)):
+                    at = places[seen[:, axis]]
+                    assert np.all((low[2 - axis] <= at) & (at <= high[2 - axis]))
+    assert num_seen > 0 or shape == (1, 1, 1)

@@ -1,0 +1,218 @@
+"""What bricks add up to, against closed forms and the integral itself, whatever cut they make of a volume.
+
+The reference draws; that the device draws the same is the matter of the parity tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from brickwork import (
+    AFFINES,
+    CAMERAS,
+    EXACTLY,
+    batch_of,
+    bricks_of,
+    hills,
+    level_cut,
+    ordered,
+    placed,
+    random_cut,
+    transfer_of,
+    view_of,
+)
+from ray_integrals import ray_spans
+
+from renderer.brick_batch import make_brick_batch
+from renderer.brick_projection import visible_bricks
+from renderer.bricks import cut_bricks
+from renderer.camera import View
+from renderer.integrator import integrate
+from renderer.raster_bricks_reference import rasterize_bricks_reference
+from renderer.scene import ShadingSpec
+from renderer.volume import Float64, Volume
+
+LIT = ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))
+LEVEL = 1 / 255  # of an image of 8 bits
+COLOR = (0.2, 0.7, 1.0)
+SHAPES = ((20, 37, 50), (33, 16, 35), (47, 65, 7), (1, 34, 17))  # z, y, x
+
+# Half precision rounds means by up to 2^-11 of themselves, and a colour is the quotient of two of them.
+HALF = 2.0**-10
+
+
+def diagonal(volume: Volume) -> float:
+    """World length."""
+    return float(np.linalg.norm(volume.world_from_index[:3, :3] @ volume.shape_xyz))
+
+
+def error(image: Float64, truth: Float64) -> float:
+    assert truth[..., 3].max() > 0.2, truth[..., 3].max()
+    return float(np.abs(image - truth).max())
+
+
+@pytest.mark.parametrize(
+    ("affine", "dtype"),
+    list(zip(AFFINES, ("uint8", "int16", "uint16", "float32", "float64"), strict=True)),
+)
+@pytest.mark.parametrize("precision", ["half", "single"])
+def test_constant_volumes_obey_beer_and_lambert(affine: str, dtype: str, precision: str) -> None:
+    """Every point of the volume is in one brick, and no more: neither gaps nor overlaps."""
+    for seed, (shape, camera) in enumerate(zip((*SHAPES, SHAPES[0]), CAMERAS, strict=True)):
+        volume = placed(np.full(shape, 77, dtype), AFFINES[affine])
+        tau = 5 / diagonal(volume)
+        bricks = bricks_of(volume, transfer_of((0, COLOR, 0.0), (77, COLOR, tau), (200, COLOR, tau)), None, precision)
+        cut, view = random_cut(bricks, seed), view_of(volume, camera)
+        alpha = -np.expm1(-tau * ray_spans(volume, view).length.reshape(view.size[::-1]))
+        image = rasterize_bricks_reference(batch_of(cut, bricks, num_entries=201), ordered(cut, view), view)
+        # float32: of the means, and of the table.
+        limit = 1e-7 + (HALF if precision == "half" else 0)
+        assert error(image, alpha[..., None] * (*COLOR, 1.0)) < limit, (camera, shape)
+
+
+@pytest.mark.parametrize("depth", [1e-6, 1e-3, 0.1, 1.0, 5.0, 30.0])
+def test_slabs_from_thin_to_opaque(depth: float) -> None:
+    """At one cell, or several, or a part of one as a step."""
+    volume = placed(np.full((40, 20, 18), 1, np.uint8))
+    bricks = bricks_of(volume, transfer_of((0, COLOR, 0.0), (1, COLOR, depth / 40)))
+    view = View(np.eye(3), volume.centre, 100.0, "orthographic", 0.2, (3, 2))
+    for step in (0.3, 1.0, 4.0):
+        cut = random_cut(bricks, 7)
+        image = rasterize_bricks_reference(batch_of(cut, bricks, step=step), ordered(cut, view), view)
+        expected = -np.expm1(-depth) * np.array([*COLOR, 1.0])
+        np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), rtol=1e-6)
+
+
+def ramp(shape: tuple[int, int, int], rng: np.random.Generator, affine: str) -> Volume:
+    """Rises from 0 to 1 along a random direction."""
+    z, y, x = np.ogrid[tuple(map(slice, shape))]
+    a, b, c = rng.standard_normal(3)
+    values = a * x + b * y + c * z
+    return placed(((values - values.min()) / np.ptp(values)).astype(np.float32), AFFINES[affine])
+
+
+@pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
+@pytest.mark.parametrize("affine", AFFINES)
+def test_ramps_meet_without_seams(affine: str, shading: ShadingSpec | None) -> None:
+    """Means of a ramp are the ramp itself, so that bricks of all levels draw the same field, one colour at a time."""
+    rng = np.random.default_rng(len(affine))
+    for seed, camera in enumerate(CAMERAS):
+        volume = ramp((37, 50, 70), rng, affine)
+        transfer = transfer_of((0, COLOR, 0.0), (1, COLOR, 0.04 / volume.finest_spacing))
+        bricks = bricks_of(volume, transfer, shading)
+        cut, view = random_cut(bricks, seed), view_of(volume, camera)
+        truth = integrate(volume, transfer, view, step_voxels=1.0, shading=shading)
+        batch = batch_of(cut, bricks, shading=shading)
+        assert error(rasterize_bricks_reference(batch, ordered(cut, view), view), truth) < LEVEL, camera
+
+
+def errors_of_steps(
+    volume: Volume, view: View, steps: tuple[float, ...], shading: ShadingSpec | None = None
+) -> Float64:
+    """Root mean square of pictures from scalars; their table has many entries, for between them (tau c, tau) is linear,
+    while the truth's colour is."""
+    transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.15))
+    bricks = bricks_of(volume, transfer)
+    cut = level_cut(bricks, 0)
+    truth = integrate(volume, transfer, view, step_voxels=0.25, shading=shading)
+    errors = []
+    for step in steps:
+        batch = batch_of(cut, bricks, step=step, shading=shading, num_entries=1 << 14)
+        image = rasterize_bricks_reference(batch, ordered(cut, view), view)
+        errors.append(np.sqrt(np.mean((image - truth) ** 2)))
+    return np.array(errors)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 90.0])
+def test_the_error_falls_with_the_square_of_the_step(azimuth: float) -> None:
+    """Along an axis, where half a voxel and its halves meet every kink of the field. Seen: 2.000."""
+    volume = placed(hills((20, 36, 34), 14.0))
+    view = view_of(volume, "orthographic", azimuth=azimuth, elevation=0.0)
+    errors = errors_of_steps(volume, view, (1 / 2, 1 / 4, 1 / 8, 1 / 16))
+    assert 1e-7 < errors[-1] < 1e-6
+    np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 2.0, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("affine", "camera", "shading"),
+    [("oblique", "perspective", None), ("sheared", "inside", None), ("straight", "orthographic", LIT)],
+)
+def test_so_it_does_on_average_in_any_direction(affine: str, camera: str, shading: ShadingSpec | None) -> None:
+    """Kinks of the field, and of light, lie anywhere in a part: over four halvings 1.85 to 2.0 was seen."""
+    volume = placed(hills((20, 36, 34), 14.0), AFFINES[affine])
+    errors = errors_of_steps(volume, view_of(volume, camera, (40, 30)), (1.0, 1 / 16), shading)
+    order = np.log2(errors[0] / errors[1]) / 4
+    assert 1.8 < order < 2.2
+
+
+@pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
+def test_pictures_converge_to_the_truth_with_the_tolerance(shading: ShadingSpec | None) -> None:
+    """From one brick for all to voxels at the least step; seen at 0: 2e-7, and 6e-7 with light."""
+    volume = placed(hills((40, 50, 70), 24.0), AFFINES["oblique"])
+    transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.1 / volume.finest_spacing))
+    bricks, view = bricks_of(volume, transfer, shading), view_of(volume, "perspective")
+    truth = integrate(volume, transfer, view, step_voxels=0.25, shading=shading)
+    errors = []
+    for tolerance in (1.0, 0.1, 0.01, 1e-3, 0.0):
+        cut = cut_bricks(bricks, tolerance)
+        batch = make_brick_batch(cut, bricks, tolerance=tolerance, shading=shading, voxel_px=1.0)
+        image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
+        errors.append(np.sqrt(np.mean((image - truth) ** 2)))
+    assert np.all(np.diff(errors) < 0), errors
+    assert errors[0] < 0.2
+    assert errors[-2] < 1e-4
+    assert errors[-1] < 1e-6
+
+
+def test_columns_at_borders_are_as_right_as_others() -> None:
+    """Looked at along an axis, two pixels a voxel: columns 31 and 32, 63 and 64 lie on both sides of a border."""
+    volume = placed(hills((16, 40, 48), 20.0))
+    transfer = transfer_of((0, COLOR, 0.0), (1, (0.8, 0.5, 0.1), 0.1))
+    bricks = bricks_of(volume, transfer)
+    view = View(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), volume.centre, 100.0, "orthographic", 2.0, (96, 16))
+    truth = integrate(volume, transfer, view, step_voxels=0.5)
+    for cut, step in ((level_cut(bricks, 0), 0.5), (level_cut(bricks, 1), 0.5), (random_cut(bricks, 2), 0.5)):
+        image = rasterize_bricks_reference(batch_of(cut, bricks, step=step), ordered(cut, view), view)
+        of_column = np.sqrt(np.mean((image - truth) ** 2, axis=(0, 2)))
+        at_border = np.isin(np.arange(96), (31, 32, 63, 64))
+        assert of_column[at_border].max() < 1.1 * of_column[~at_border].max()
+
+
+def test_what_only_interpolation_shows_is_drawn() -> None:
+    """A ball's surface, where voxels are 0 or 255 and only 100 to 150 is visible: no voxel is.
+
+    Seen: root mean squares of 0.028, 0.006 and, at the least step, 0.0008.
+    """
+    z, y, x = np.ogrid[:40, :50, :45]
+    ball = (x - 20.3) ** 2 + (y - 24.0) ** 2 + (z - 19.0) ** 2 < 15**2
+    volume = placed(np.where(ball, 255, 0).astype(np.uint8), AFFINES["oblique"])
+    transfer = transfer_of((100, COLOR, 0.0), (125, (0.9, 0.4, 0.1), 1.0), (150, COLOR, 0.0))
+    bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective")
+    assert max(len(level.means) for level in bricks.levels) == 0
+    truth = integrate(volume, transfer, view, step_voxels=0.25)
+    errors = []
+    for tolerance in (0.3, 0.01, 0.0):
+        cut = cut_bricks(bricks, tolerance)
+        batch = make_brick_batch(cut, bricks, tolerance=tolerance, shading=None, voxel_px=1.0)
+        image = rasterize_bricks_reference(replace(batch, thrift=EXACTLY), ordered(cut, view), view)
+        errors.append(np.sqrt(np.mean((image - truth) ** 2)))
+    assert truth[..., 3].max() > 0.5
+    assert errors[0] < 0.04
+    assert errors[1] < 0.01
+    assert errors[2] < 0.0015
+
+
+def test_empty_bricks_beside_a_surface_show_no_coarse_fringe() -> None:
+    """A ball that ends with the last voxel before a border, beyond which there are large empty bricks: they show half a
+    voxel of it, as finely as it is drawn inside."""
+    z, y, x = np.ogrid[:64, :64, :64]
+    ball = (x - 20) ** 2 + (y - 21) ** 2 + (z - 19) ** 2 < 11.2**2
+    volume = placed(np.where(ball, 200, 0).astype(np.uint8), AFFINES["anisotropic"])
+    transfer = transfer_of((0, COLOR, 0.0), (200, (0.9, 0.4, 0.1), 1.0))
+    bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective", (40, 30))
+    truth = integrate(volume, transfer, view, step_voxels=0.25)
+    cut = cut_bricks(bricks, 1e-3)
+    batch = make_brick_batch(cut, bricks, tolerance=1e-3, shading=None, voxel_px=1.0)
+    assert error(rasterize_bricks_reference(batch, visible_bricks(batch, view), view), truth) < LEVEL

@@ -1,0 +1,128 @@
+"""Against VTK: `python tests/bench/peers.py DATA` writes docs/peers.md.
+
+Measures every scene of tests/bench/scenes, with its volume from the folder DATA, by `hsplat measure --peer vtk`, in one
+process each, one after the other: what a frame of some accuracy takes, as the fastest setting that reaches it.
+`--studies FOLDER` keeps the reports, and uses those that are there already.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hsplat_cli.main import run
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENES = Path(__file__).with_name("scenes")
+PAGE = ROOT / "docs" / "peers.md"
+
+OPTIONS = (
+    "--footprints", "integrated", "--measures", "optical", "--corrections", "on", "--peer", "vtk", "--repeats", "7",
+    "--quiet",
+)  # fmt: skip
+TOLERANCES = "2,1,0.7,0.5,0.3,0.2,0.15,0.1,0.07,0.05,0.03,0.02,0.01,0.003,0.001,0"
+# Accuracies, dB, and the part of VTK's time that a frame may take.
+GOALS = ((30.0, 1 / 3), (35.0, 1 / 4), (40.0, 1 / 5), (45.0, 1 / 8))
+GOAL_AT_BEST = 1 / 10
+
+
+class Point(NamedTuple):
+    """One setting: its name, accuracy and milliseconds of a frame."""
+
+    label: str
+    psnr: float
+    ms: float
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--studies", type=Path)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        studies = {
+            scene.stem: study_of(scene, arguments.data, (arguments.studies or Path(folder)) / scene.stem)
+            for scene in sorted(SCENES.glob("*.yaml"))
+        }
+    PAGE.write_text("\n".join(page(studies)) + "\n", "utf-8")
+
+
+def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
+    """The JSON of a study, measured now unless it is there; its volume has the scene's name up to the first _."""
+    path = folder / "measure.json"
+    if not path.exists():
+        volume = data / f"{scene.stem.partition('_')[0]}.nhdr"
+        arguments = ["measure", str(scene), "--volume", str(volume), "--output", str(folder), "--frames", "0:1"]
+        assert run([*arguments, "--tolerances", TOLERANCES, *OPTIONS]) == 0
+    study: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    return study
+
+
+def page(studies: Mapping[str, dict[str, Any]]) -> Iterator[str]:
+    """The lines of the page."""
+    machine = next(iter(studies.values()))["machine"]
+    yield "# Against VTK"
+    yield ""
+    yield (
+        "Written by `python tests/bench/peers.py DATA`. Milliseconds of a frame of 512 x 512 that the object fills: "
+        "of hsplat's fastest setting, and of VTK's of any mapper, that comes as near to the converged ray integral; "
+        "medians of 7, one after the other on one machine. The goals are parts of VTK's time. VTK's frames have 8 "
+        "bits, and its volumes end half a voxel earlier, for which the outermost voxels are transparent."
+    )
+    yield ""
+    yield f"{machine['processor']}, {machine['driver']}, commit {machine['commit']}"
+    for name, study in studies.items():
+        yield from section(name, study)
+
+
+def section(name: str, study: dict[str, Any]) -> Iterator[str]:
+    """One scene."""
+    own, peer = points(study, "hsplat"), points(study, "vtk")
+    yield ""
+    yield f"## {name}"
+    yield ""
+    yield "| accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK | goal |"
+    yield "| --- | --- | --- | --- | --- | --- | --- |"
+    best = max(point.psnr for point in peer)
+    for psnr, goal in (*GOALS, (best, GOAL_AT_BEST)):
+        mine, theirs = fastest(own, psnr), fastest(peer, psnr)
+        ratio = f"{mine.ms / theirs.ms:.2f}" if mine and theirs else ""
+        yield (
+            f"| {psnr:.1f} dB | {shown(mine)} | {mine.label.removeprefix('tolerance ') if mine else ''} "
+            f"| {shown(theirs)} | {theirs.label if theirs else ''} | {ratio} | {goal:.2f} |"
+        )
+    yield ""
+    yield "| tolerance | PSNR, dB | ms |"
+    yield "| --- | --- | --- |"
+    for point in own:
+        yield f"| {point.label.removeprefix('tolerance ')} | {point.psnr:.1f} | {point.ms:.1f} |"
+
+
+def points(study: dict[str, Any], tool: str) -> list[Point]:
+    """All settings of a program."""
+    return [
+        Point(
+            each["label"] if tool == "hsplat" else f"{each['series'].removeprefix('vtk ')}, {each['label']}",
+            each["overall"]["everywhere"]["psnr"],
+            1e3 * each["frame_seconds"]["median"],
+        )
+        for each in study["measurements"]
+        if each["options"]["tool"] == tool
+    ]
+
+
+def fastest(points: Sequence[Point], psnr: float) -> Point | None:
+    """The fastest that reaches an accuracy, if any does."""
+    return min((point for point in points if point.psnr >= psnr), key=lambda point: point.ms, default=None)
+
+
+def shown(point: Point | None) -> str:
+    return f"{point.ms:.1f} ms" if point else "not reached"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,177 @@
+"""What is interpolated in a brick, against exact fractions and closed forms."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from extremes import Extreme, Section
+from number_types import random_ranges
+
+from renderer.brick_texels import FARTHEST, mean_texels, scalar_texels
+from renderer.bricks import APRON, Bricks, make_bricks
+from renderer.pyramid import build_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import make_volume
+
+Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+
+U = 2.0**-24
+# Texels compared in each volume: fractions are slow.
+NUM_SAMPLES = 20
+
+
+def bricks_of(values: Array, control: tuple[float, float], extinction: float = 1.0) -> Bricks:
+    """Extinction from 0 to the given one between two scalars, in single precision."""
+    transfer = TransferFunction(np.array(control), np.full((2, 3), 0.5), np.array([0.0, extinction]), 1.0)
+    volume = make_volume(values, np.eye(4), "extreme")
+    return make_bricks(
+        build_pyramid(volume, transfer, spec=PyramidSpec(precision="single"), error=ErrorSpec()), transfer
+    )
+
+
+def scalar_error(num_cases: int) -> float:
+    """Of a texel's place in the range of a transfer function over a random part of the volume's."""
+    worst = Fraction(0)
+    for case, values in enumerate(random_ranges(num_cases)):
+        rng = np.random.default_rng(case)
+        volume = values.reshape((10, 10, 10) if values.size == 1000 else values.shape)
+        first, last = sorted(float(s) for s in rng.choice(values.ravel(), 2))
+        bricks = bricks_of(volume, (first, last))
+        texels = scalar_texels(bricks, np.zeros((1, 3), np.int32), lit=False)[0]
+        first, last = bricks.scalar_range
+        for _ in range(NUM_SAMPLES):
+            at = rng.integers(0, volume.shape)
+            u = (Fraction(float(volume[tuple(at)])) - Fraction(first)) / (Fraction(last) - Fraction(first))
+            held = min(max(u, Fraction(-FARTHEST)), Fraction(FARTHEST))
+            worst = max(worst, abs(Fraction(float(texels[tuple(at + APRON)])) - held) / max(abs(held), 1))
+    return float(worst)
+
+
+def gradient_error(num_cases: int) -> float:
+    """Of a component, over the largest one of the volume, which sets the unit."""
+    worst = 0.0
+    for case, values in enumerate(random_ranges(num_cases)):
+        rng = np.random.default_rng(case)
+        volume = values.reshape((10, 10, 10) if values.size == 1000 else values.shape)
+        bricks = bricks_of(volume, (float(values.min()), float(values.max())))
+        texels = scalar_texels(bricks, np.zeros((1, 3), np.int32), lit=True)[0]
+        wants, gots = [], []
+        for _ in range(NUM_SAMPLES):
+            at = rng.integers(0, volume.shape)
+            for axis, channel in zip((2, 1, 0), (1, 2, 3), strict=True):
+                low, high = at.copy(), at.copy()
+                low[axis], high[axis] = max(at[axis] - 1, 0), min(at[axis] + 1, volume.shape[axis] - 1)
+                rise = Fraction(float(volume[tuple(high)])) - Fraction(float(volume[tuple(low)]))
+                wants.append(rise / int(high[axis] - low[axis]))
+                gots.append(Fraction(float(texels[(*(at + APRON), channel)])))
+        k = max(range(len(wants)), key=lambda n: abs(wants[n]))
+        ratio = gots[k] / wants[k]
+        worst = max(worst, *(float(abs(g - w * ratio) / abs(gots[k])) for g, w in zip(gots, wants, strict=True)))
+    return worst
+
+
+def cut_ramp_error(num_cases: int) -> float:
+    """Of a ramp along z whose last cells are slivers: over the largest value; one cell beyond the border, too."""
+    worst = 0.0
+    for case in range(num_cases):
+        rng = np.random.default_rng(case)
+        num = int(rng.integers(17, 100))
+        ramp = rng.uniform(0.5, 1.0) + np.arange(num) * rng.uniform(0, 1) / num
+        bricks = bricks_of(ramp[:, None, None].copy(), (0.0, 3.0), 3.0)
+        for level in range(1, len(bricks.levels)):
+            last = (num - 1) >> (level + 4)
+            texels = mean_texels(bricks, level, np.array([[0, 0, last]], np.int32))[0, :, 1, 1, 3]
+            cells = 16 * last - APRON + np.arange(len(texels))
+            places = (cells + 0.5) * 2**level - 0.5
+            want = ramp[0] + places * (ramp[1] - ramp[0])
+            there = cells <= -(-num // 2**level)
+            if num > 2**level:
+                worst = max(worst, float(np.abs(texels - want)[there].max() / ramp.max()))
+    return worst
+
+
+def noise_growth(num_cases: int) -> float:
+    """The largest value of the field at a face of the volume, over the largest mean; 1.5 is half a cell's rise more."""
+    worst = 0.0
+    for case in range(num_cases):
+        rng = np.random.default_rng(case)
+        num = int(rng.integers(17, 100))
+        values = rng.choice([0.0, 0.0, 1.0], (num, 1, 1))
+        values[0] = 1.0
+        bricks = bricks_of(values, (0.0, 1.0))
+        for level in range(1, len(bricks.levels)):
+            last = (num - 1) >> (level + 4)
+            texels = mean_texels(bricks, level, np.array([[0, 0, last]], np.int32))[0, :, 1, 1, 3].astype(np.float64)
+            at = num / 2**level - 16 * last - 0.5 + APRON  # of the face, in texels
+            k = int(at)
+            field = (k + 1 - at) * texels[k] + (at - k) * texels[k + 1]
+            largest = bricks.levels[level].means[..., 3].max() * bricks.pyramid.mean_unit
+            worst = max(worst, float(field / largest))
+    return worst
+
+
+def constant_error(num_cases: int) -> float:
+    """The largest difference between texels, of cells cut by the border along all axes."""
+    worst = 0.0
+    for case in range(num_cases):
+        rng = np.random.default_rng(case)
+        extinction = 10.0 ** rng.uniform(-20, 1.5)
+        bricks = bricks_of(np.ones(rng.integers(17, 40, 3)), (0.0, 1.0), extinction)
+        for level in range(1, len(bricks.levels)):
+            num_z, num_y, num_x = (-(-n // 2**level) + 2 for n in bricks.volume.values.shape)
+            texels = mean_texels(bricks, level, np.zeros((1, 3), np.int32))[0, :num_z, :num_y, :num_x]
+            worst = max(worst, float(np.ptp(texels.reshape(-1, 4), axis=0).max() / texels.max()))
+    return worst
+
+
+SECTION = Section(
+    "Bricks",
+    (
+        Extreme(
+            "scalars of all types across all of their range, also -1.8e308 to 1.8e308, and 0 to 1e-310",
+            "differences in float64, of halves where the range is large; held to 2^20 ranges",
+            "error of u, over 1 or |u|",
+            1.01 * U,
+            scalar_error,
+        ),
+        Extreme(
+            "their gradients",
+            "scalars times a power of two that brings the volume's range to 1",
+            "error, share of the largest component",
+            4 * U,
+            gradient_error,
+        ),
+        Extreme(
+            "a ramp whose last cells are cut to slivers",
+            "their means moved from what is left of them to their centres",
+            "error, share of the largest value",
+            4 * 7 * U,
+            cut_ramp_error,
+        ),
+        Extreme(
+            "noise, last cells cut to slivers",
+            "lines are followed half a cell at most",
+            "largest value at the face, over the largest mean",
+            1.5 * (1 + 1e-6),
+            noise_growth,
+        ),
+        Extreme(
+            "a constant of a depth from 1e-20 to 32, cut along all axes",
+            "no difference, no change",
+            "largest difference, share of the largest",
+            0.0,
+            constant_error,
+        ),
+    ),
+)
+
+
+@pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)
+def test_error_in_a_brick(extreme: Extreme) -> None:
+    extreme.check()

@@ -1,0 +1,53 @@
+"""A picture of bricks is the same to the byte whatever was drawn before: that decides where they lie on the device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, random_cut, transfer_of, view_of
+
+from renderer import gl_atlas
+from renderer.brick_batch import BrickBatch
+from renderer.camera import View
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import ShadingSpec
+
+
+def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:
+    """Steep in the scalar, with steps that meet no voxel: any other place of a sample is another colour."""
+    volume = placed(hills((50, 60, 70), 9.0), AFFINES["oblique"])
+    transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (0.5, (0.1, 0.5, 1.0), 0.3), (0.51, (1.0, 1.0, 1.0), 0.0))
+    bricks = bricks_of(volume, transfer, shading)
+    cuts = level_cut(bricks, 0), random_cut(bricks, 3), level_cut(bricks, 1)
+    batches = [batch_of(cut, bricks, step=0.3, shading=shading) for cut in cuts]
+    return batches, view_of(volume, "perspective", (40, 30)), view_of(volume, "inside", (40, 30), azimuth=200.0)
+
+
+@pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
+@pytest.mark.parametrize("most_bytes", [None, 4 << 20], ids=["all at once", "few at once"])
+def test_what_was_drawn_before_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None, most_bytes: int | None
+) -> None:
+    batches, view, other = subject(shading)
+    if most_bytes is not None:
+        monkeypatch.setattr(gl_atlas, "MOST_BYTES", most_bytes)
+
+    def draw(gl: GLRasterizer, batch: BrickBatch) -> bytes:
+        return gl.rasterize(batch, ordered(batch.cut, view), view).tobytes()
+
+    histories: list[Callable[[GLRasterizer, BrickBatch], Any]] = [
+        draw,
+        lambda gl, batch: gl.rasterize(batch, ordered(batch.cut, other)[::3], other),
+        lambda gl, batch: [draw(gl, batch) for batch in batches],
+        lambda gl, batch: gl.rasterize(batch, np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32), other),
+    ]
+    for batch in batches:
+        with GLRasterizer() as gl:
+            first = draw(gl, batch)
+        for history in histories:
+            with GLRasterizer() as gl:
+                history(gl, batch)
+                assert draw(gl, batch) == first

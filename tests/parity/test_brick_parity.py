@@ -1,0 +1,161 @@
+"""The GL rasteriser of bricks against the reference, pixel by pixel.
+
+PRECISION: the device looks up places that are multiples of 2^-12 of a texel (`renderer.gl_atlas` says why), and these
+tests have volumes in which a tenth of the range lies between two voxels. Worst seen on llvmpipe: 4e-5; before places
+were rounded, 2e-5, which float32 leaves of the way to them.
+
+A ray's way through a brick is cut into a whole number of parts, of which there may be one more on the device where the
+quotient of way and step is within float32 of a whole number. What that changes is the difference between two references
+whose steps are longer and shorter by STEP.
+In the same way a block of pixels may differ by as much as `spread`, or not, within float32: SPREAD.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from brickwork import (
+    AFFINES,
+    CAMERAS,
+    EXACTLY,
+    batch_of,
+    bricks_of,
+    hills,
+    level_cut,
+    ordered,
+    placed,
+    random_cut,
+    transfer_of,
+    view_of,
+)
+
+from renderer.brick_batch import BrickBatch, Thrift
+from renderer.bricks import Bricks
+from renderer.camera import View
+from renderer.raster_bricks_reference import rasterize_bricks_reference
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import ShadingSpec
+
+PRECISION = 6e-5
+STEP = 1e-5
+SPREAD = 1e-3
+
+LIT = ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))
+EACH_SHADING = pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
+
+
+def assert_parity(
+    gl: GLRasterizer, batch: BrickBatch, view: View, what: object = "", precision: float = PRECISION
+) -> npt.NDArray[np.float32]:
+    """Both rasterisers draw the same picture, which is returned."""
+    order = ordered(batch.cut, view)
+    image, expected = gl.rasterize(batch, order, view), rasterize_bricks_reference(batch, order, view)
+    assert image.dtype == np.float32
+    assert np.isfinite(image).all(), what
+    assert expected[..., 3].max() > 0.2, what
+    excess = np.abs(image - expected) - precision - batch.thrift.least_transmittance
+    if excess.max() > 0:
+        band = [rasterize_bricks_reference(nudged(batch, sign), order, view) for sign in (-1, 1)]
+        excess -= np.max(band, axis=0) - np.min(band, axis=0)
+    worst = np.unravel_index(excess.argmax(), excess.shape)
+    assert excess[worst] <= 0, f"{what}: {image[worst]} instead of {expected[worst]} at {worst}, {excess[worst]} more"
+    return image
+
+
+def nudged(batch: BrickBatch, sign: int) -> BrickBatch:
+    """With slightly longer, or shorter, steps, and a slightly larger, or smaller, spread."""
+    thrift = replace(batch.thrift, spread=batch.thrift.spread * (1 + sign * SPREAD))
+    return replace(batch, steps=batch.steps * (1 + sign * STEP), thrift=thrift)
+
+
+def hilly(affine: str, shading: ShadingSpec | None, dtype: str = "uint8") -> Bricks:
+    """Bricks of levels 0 to 2 of a volume that they do not fill."""
+    values = 200 * hills((37, 50, 70), 17.0)
+    volume = placed(values.astype(dtype), AFFINES[affine])
+    tau = 0.15 / volume.finest_spacing
+    red, blue, yellow, white = (0.9, 0.2, 0.1), (0.1, 0.5, 1.0), (0.8, 0.9, 0.1), (1.0, 1.0, 1.0)
+    transfer = transfer_of((20, red, 0.0), (90, blue, tau / 3), (130, yellow, 0.0), (200, white, tau))
+    return bricks_of(volume, transfer, shading)
+
+
+@EACH_SHADING
+@pytest.mark.parametrize("affine", AFFINES)
+def test_cuts_of_one_level_and_of_many(rasterizer: GLRasterizer, affine: str, shading: ShadingSpec | None) -> None:
+    """From outside and inside, through the near plane, and from where bricks meet."""
+    bricks = hilly(affine, shading)
+    cuts = [level_cut(bricks, 0), level_cut(bricks, 1), *(random_cut(bricks, seed) for seed in (5, 6, 7))]
+    for cut, camera in zip(cuts[len(affine) % 5 :] + cuts[: len(affine) % 5], CAMERAS, strict=True):
+        batch = batch_of(cut, bricks, step=(0.7, 0.5, 0.4, 1.0), shading=shading, num_entries=1024)
+        assert_parity(rasterizer, batch, view_of(bricks.volume, camera), (affine, camera, len(cut)))
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "int32", "float32", "float64"])
+def test_texels_of_any_dtype(rasterizer: GLRasterizer, dtype: str) -> None:
+    bricks = hilly("oblique", None, dtype)
+    cut, view = level_cut(bricks, 0), view_of(bricks.volume, "perspective")
+    assert_parity(rasterizer, batch_of(cut, bricks, num_entries=1024), view, dtype)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 90.0, 180.0, 270.0])
+def test_rays_along_an_axis(rasterizer: GLRasterizer, azimuth: float) -> None:
+    """Parallel to the faces of all boxes; every way through a brick is a whole number of steps long."""
+    bricks = hilly("straight", None)
+    view = view_of(bricks.volume, "orthographic", azimuth=azimuth, elevation=0.0)
+    for cut in (level_cut(bricks, 0), random_cut(bricks, 5)):
+        assert_parity(rasterizer, batch_of(cut, bricks, step=0.5, num_entries=1024), view, len(cut))
+
+
+@pytest.mark.parametrize("strides", [(1,), (2,), (4, 1), (8, 2), (8, 4, 1)])
+@pytest.mark.parametrize("size", [(20, 15), (33, 25), (1, 1), (40, 12)])
+def test_thrift_with_pixels(rasterizer: GLRasterizer, strides: tuple[int, ...], size: tuple[int, int]) -> None:
+    """What is interpolated is the same; blocks at the threshold are few."""
+    bricks = hilly("oblique", None)
+    cut = random_cut(bricks, 5)
+    for camera in ("perspective", "inside"):
+        view = view_of(bricks.volume, camera, size)
+        for spread in (0.0, 0.05, 0.3):
+            batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0), num_entries=1024)
+            assert_parity(rasterizer, batch, view, (camera, spread))
+
+
+@pytest.mark.parametrize("least", [0.3, 1e-3])
+def test_thrift_with_what_is_hidden(rasterizer: GLRasterizer, least: float) -> None:
+    """The device looks now and then, the reference at every brick: they agree within the transmittance."""
+    bricks = hilly("sheared", None)
+    dense = replace(bricks, transfer=replace(bricks.transfer, extinctions=20 * bricks.transfer.extinctions))
+    cut = level_cut(bricks, 0)
+    for camera in ("perspective", "inside"):
+        view = view_of(bricks.volume, camera)
+        batch = batch_of(cut, dense, step=0.25, thrift=Thrift((1,), 0.0, least), num_entries=1024)
+        image = assert_parity(rasterizer, batch, view, camera)
+        whole = rasterize_bricks_reference(replace(batch, thrift=EXACTLY), ordered(cut, view), view)
+        assert np.abs(image - whole).max() <= least + PRECISION
+
+
+def test_bricks_that_are_left_out(rasterizer: GLRasterizer) -> None:
+    """Any part of an order is drawn, also none of it."""
+    bricks = hilly("straight", None)
+    cut, view = level_cut(bricks, 0), view_of(bricks.volume, "perspective")
+    batch = batch_of(cut, bricks, num_entries=1024)
+    for order in (ordered(cut, view)[::3], np.empty(0, np.uint32)):
+        image = rasterizer.rasterize(batch, order, view)
+        np.testing.assert_allclose(image, rasterize_bricks_reference(batch, order, view), atol=PRECISION)
+
+
+def test_thrift_where_a_picture_is_even(rasterizer: GLRasterizer) -> None:
+    """A bank of fog: of its blocks some are flat, some on a slope, and some, where it ends, are drawn."""
+    values = np.linspace(0, 200, 40 * 40 * 40).reshape(40, 40, 40)
+    volume = placed(values.astype(np.uint8), AFFINES["anisotropic"])
+    transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.02), (200, (0.1, 0.5, 1.0), 0.06))
+    bricks = bricks_of(volume, transfer)
+    cut, view = level_cut(bricks, 0), view_of(volume, "perspective", (129, 97))
+    for strides in ((4, 1), (4, 2), (4, 2, 1)):
+        pictures = []
+        for spread in (0.0, 0.03, 0.1):
+            batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0), num_entries=1024)
+            pictures.append(assert_parity(rasterizer, batch, view, (strides, spread)))
+        assert all(np.abs(a - b).max() > 0.01 for a, b in pairwise(pictures))

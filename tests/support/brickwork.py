@@ -1,0 +1,143 @@
+"""What the tests of bricks share: volumes that only bricks draw well, cuts and batches of them made by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from splatting import look
+
+from renderer.brick_batch import BrickBatch, Thrift
+from renderer.bricks import BRICK, BRICK_LEVELS, BrickCut, Bricks, make_bricks
+from renderer.camera import View
+from renderer.pyramid import build_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.visibility import box_order
+from renderer.volume import Volume, make_volume
+
+Float64 = npt.NDArray[np.float64]
+
+EXACTLY = Thrift((1,), 0.0, 0.0)
+
+AFFINES = {
+    "straight": np.eye(3),
+    "anisotropic": np.diag([0.4, 1.0, 2.5]),
+    "oblique": np.array([[0.8, -0.6, 0.0], [0.48, 0.64, -0.6], [0.36, 0.48, 0.8]]) @ np.diag([1.0, 0.7, 1.6]),
+    "sheared": np.array([[1.0, 0.6, -0.3], [0.0, 0.9, 0.5], [0.0, 0.0, 1.2]]),
+    "left-handed": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.2], [0.0, 0.0, 1.0]]),
+}
+
+CAMERAS = ("perspective", "orthographic", "inside", "near", "face")
+
+
+def placed(values: npt.ArrayLike, affine: Float64 | None = None) -> Volume:
+    """A volume of [z, y, x] voxels, far from the world's origin where it is not straight."""
+    world_from_index = np.eye(4)
+    if affine is not None:
+        world_from_index[:3, :3] = affine
+        world_from_index[:3, 3] = 30.0, -20.0, 10.0
+    return make_volume(np.array(values, order="C"), world_from_index, "test")
+
+
+def hills(shape: tuple[int, int, int], wave: float) -> npt.NDArray[np.float32]:
+    """float32 [z, y, x] in [0, 1]: smooth, with a wavelength of so many voxels."""
+    z, y, x = np.ogrid[tuple(map(slice, shape))]
+    k = 2 * np.pi / wave
+    waves = np.sin(k * x + 0.3) * np.cos(k * y * 0.9) + np.sin(k * z * 1.1 + k * x / 2) * np.cos(k * y / 2)
+    return np.asarray(0.5 + 0.25 * waves, np.float32)
+
+
+def transfer_of(*points: tuple[float, tuple[float, float, float], float]) -> TransferFunction:
+    """By (value, colour, extinction)."""
+    values, colors, extinctions = zip(*points, strict=True)
+    return TransferFunction(np.array(values, float), np.array(colors, float), np.array(extinctions, float), 1.0)
+
+
+def bricks_of(
+    volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None = None, precision: str = "single"
+) -> Bricks:
+    """All bricks, of means in single precision."""
+    spec = PyramidSpec(precision=precision)  # type: ignore[arg-type]
+    pyramid = build_pyramid(volume, transfer, spec=spec, error=ErrorSpec(), shading=shading, num_threads=1)
+    return make_bricks(pyramid, transfer, num_threads=1)
+
+
+def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:
+    """Leaves of any levels that cover all that is visible; chance decides which bricks below the root are divided."""
+    rng = np.random.default_rng(seed)
+    nodes = np.zeros((1, 3), np.int32)
+    levels, cells = [], []
+    for level in range(len(bricks.levels) - 1, -1, -1):
+        chance = 1.0 if level == finest_level else 0.4 if level < len(bricks.levels) - 1 else 0.0
+        is_leaf = rng.random(len(nodes)) < chance
+        levels.append(np.full(is_leaf.sum(), level, np.uint8))
+        cells.append(nodes[is_leaf])
+        nodes = (2 * nodes[~is_leaf][:, None] + (np.arange(8)[:, None] >> np.arange(3) & 1)).reshape(-1, 3)
+        nodes = nodes[np.all(nodes * (BRICK << level >> 1) < bricks.volume.shape_xyz, axis=1)].astype(np.int32)
+    return cut_of_bricks(bricks, np.concatenate(levels), np.concatenate(cells))
+
+
+def level_cut(bricks: Bricks, level: int) -> BrickCut:
+    """All visible bricks of one level."""
+    shape = bricks.levels[level].boxes.shape[:3]
+    cells = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1]
+    return cut_of_bricks(bricks, np.full(len(cells), level, np.uint8), cells.astype(np.int32))
+
+
+def cut_of_bricks(bricks: Bricks, levels: npt.NDArray[np.uint8], cells: npt.NDArray[np.int32]) -> BrickCut:
+    """The cut of some bricks, less those that show nothing."""
+    boxes, roughness = np.empty((len(levels), 2, 3)), np.empty(len(levels))
+    for i, (level, (x, y, z)) in enumerate(zip(levels, cells, strict=True)):
+        of_level = bricks.levels[level]
+        boxes[i] = 2.0**level * (BRICK * cells[i] + of_level.boxes[z, y, x].astype(np.float64)) - 0.5
+        roughness[i] = of_level.roughness[z, y, x]
+    is_seen = np.all(boxes[:, 0] < boxes[:, 1], axis=1)
+    return BrickCut(levels[is_seen], cells[is_seen], boxes[is_seen], roughness[is_seen], bricks.volume)
+
+
+def batch_of(
+    cut: BrickCut,
+    bricks: Bricks,
+    *,
+    step: float | Sequence[float] = 1.0,
+    num_entries: int = 4096,
+    shading: ShadingSpec | None = None,
+    thrift: Thrift = EXACTLY,
+) -> BrickBatch:
+    """A batch by hand: one step for all, or one for each level."""
+    volume = cut.volume
+    colors, extinctions = bricks.transfer.classify(np.linspace(*bricks.scalar_range, num_entries))
+    table = np.column_stack([colors * extinctions[:, None], extinctions]).astype(np.float32)
+    steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
+    length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * volume.shape_xyz))
+    return BrickBatch(cut, bricks, steps, table, shading, thrift, volume.centre, length)
+
+
+def view_of(
+    volume: Volume, camera: str, size: tuple[int, int] = (20, 15), azimuth: float = 28.0, elevation: float = 15.0
+) -> View:
+    """The whole volume from outside, or from inside: within a brick, or (`face`) on the faces between bricks."""
+    diameter = float(np.linalg.norm(volume.world_from_index[:3, :3] @ np.array(volume.shape_xyz)))
+    outside = look(
+        "orthographic" if camera == "orthographic" else "perspective",
+        size=size,
+        target=tuple(volume.centre),
+        distance=2 * diameter,
+        azimuth=azimuth,
+        elevation=elevation,
+    )
+    if camera in ("perspective", "orthographic"):
+        return outside
+    if camera == "near":
+        return replace(outside, near=2 * diameter - 0.1 * min(volume.shape_xyz) * volume.finest_spacing)
+    corner = volume.centre_index + 0.21 if camera == "inside" else np.minimum(BRICK - 0.5, volume.centre_index)
+    eye = volume.world_from_index[:3, :3] @ corner + volume.world_from_index[:3, 3]
+    return replace(outside, target=eye, distance=0.0, scale_px=outside.scale_px / 3)
+
+
+def ordered(cut: BrickCut, view: View) -> npt.NDArray[np.uint32]:
+    """All bricks, front to back."""
+    return box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1].astype(np.uint32)

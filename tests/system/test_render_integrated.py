@@ -1,0 +1,106 @@
+"""`splat.footprint: integrated` from the scene file to the film, by every schedule and whoever draws it."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_scene import small_scene
+
+from hsplat_cli import main
+
+NUM_FRAMES = 4
+
+SCENE = small_scene(shape="48, 40, 24", frames=NUM_FRAMES, size="48, 32", error="tolerance: 0.1")
+FOOTPRINT = "splat: {footprint: integrated}\n"
+NO_TOLERANCE = ("--set", "error.tolerance=null")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with SCENE in scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE + FOOTPRINT, encoding="utf-8")
+    return tmp_path
+
+
+def render(*options: str, scene: str = "scene.yaml") -> dict[str, Any]:
+    assert main.run(["render", scene, "--quiet", *options]) == 0
+    data: dict[str, Any] = json.loads(Path("film.mp4.json").read_text(encoding="utf-8"))
+    return data
+
+
+def column(made: dict[str, Any], key: str) -> list[Any]:
+    return [frame[key] for frame in made["frames"]]
+
+
+def test_the_sidecar_makes_the_film_again(folder: Path) -> None:
+    """And the scene in it says no more of the footprint than there is to say."""
+    made = render()
+    assert made["scene"]["splat"] == {"footprint": "integrated"}
+    assert column(made, "cells") == [18] * NUM_FRAMES
+    assert all(0 < splats <= 18 for splats in column(made, "splats"))
+    before = Path("film.mp4").read_bytes()
+    Path("film.mp4").unlink()
+    render("--force", scene="film.mp4.json")
+    assert Path("film.mp4").read_bytes() == before
+
+
+def test_several_processes_draw_the_same(folder: Path) -> None:
+    frames = [f"{number}.png" for number in range(NUM_FRAMES)]
+    for num in ("1", "2"):
+        assert main.run(["render", "scene.yaml", "--quiet", "--workers", num, "--output", num + "/{frame}.png"]) == 0
+    assert [Path("1", name).read_bytes() for name in frames] == [Path("2", name).read_bytes() for name in frames]
+    assert len({Path("1", name).read_bytes() for name in frames}) == NUM_FRAMES
+
+
+def test_another_footprint_is_another_film(folder: Path) -> None:
+    render()
+    before = Path("film.mp4").read_bytes()
+    render("--set", "splat.footprint=gaussian")
+    assert Path("film.mp4").read_bytes() != before
+
+
+def test_a_budget_of_bricks(folder: Path) -> None:
+    """The last frame may have all that there are."""
+    made = render(*NO_TOLERANCE, "--set", "error.splats={0: 1, 3: 100}")
+    cells, tolerances = column(made, "cells"), column(made, "tolerance")
+    assert cells[0] == 1 and cells[-1] == 18 and tolerances[-1] == 0
+    assert all(a <= b for a, b in pairwise(cells)) and all(a >= b for a, b in pairwise(tolerances))
+
+
+def test_a_budget_of_time(folder: Path) -> None:
+    """So much that the finest detail fits."""
+    made = render(*NO_TOLERANCE, "--set", "error.seconds=20")
+    assert column(made, "tolerance") == [0] * NUM_FRAMES
+    assert all(0 < seconds < 20 for seconds in column(made, "predicted_seconds"))
+    assert made["schedule"]["met"] and not made["schedule"]["reproducible"]
+
+
+def test_an_accuracy(folder: Path) -> None:
+    """Splats do not come near to it at any tolerance."""
+    made = render(*NO_TOLERANCE, "--set", "error.psnr=50")
+    assert made["schedule"]["met"] and made["schedule"]["measured"]["worst"] >= 50
+    assert len({*column(made, "tolerance")}) == 1 and column(made, "tolerance")[0] > 0
+    with_splats = ["render", "scene.yaml", "--quiet", *NO_TOLERANCE, "--set", "error.psnr=50"]
+    assert main.run([*with_splats, "--set", "splat.footprint=gaussian"]) == 1
+
+
+def test_a_film_that_refines(folder: Path) -> None:
+    render("--set", "error.tolerance=0")
+    plain = Path("film.mp4").read_bytes()
+    made = render("--set", "error.tolerance=0", "--progressive", "--force")
+    assert Path("film.mp4").read_bytes() == plain
+    tolerances = [each["tolerance"] for each in made["passes"]]
+    assert tolerances[-1] == [0, 0] and all(a[0] > b[0] for a, b in pairwise(tolerances))
+
+
+@pytest.mark.parametrize(
+    "settings", ["pyramid={average: opacity, precision: single}", "error={measure: rms, of: scalar, tolerance: 2}"]
+)
+def test_means_and_errors_of_any_kind(folder: Path, settings: str) -> None:
+    made = render("--set", settings, "--set", "shading={ambient: 0.4}", "--set", "overlay=octree")
+    assert column(made, "cells")[0] > 1

@@ -1,0 +1,196 @@
+"""Bricks as the schedules see them: how many there are at a tolerance, and what drawing them takes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from film_stages import INTEGRATED, stage_of, waves
+from splatting import look
+
+from renderer.brick_batch import Thrift
+from renderer.brick_family import BrickDetail, BrickFamily, num_samples
+from renderer.brick_projection import ray_frame
+from renderer.brick_sizes import brick_sizes
+from renderer.bricks import Bricks, num_bricks_at
+from renderer.camera import View
+from renderer.drawing import Stage, family_of
+from renderer.scene import ControlPoint, ErrorSpec, TransferSpec
+from renderer.volume import Volume, make_volume
+
+SIZE = 70  # voxels along the longest side: bricks of three levels, some of which the border cuts
+
+
+def lumps() -> Volume:
+    """Mostly empty, with structure of every size."""
+    rng = np.random.default_rng(3)
+    z, y, x = np.indices((40, 56, SIZE))
+    values = np.zeros(z.shape)
+    for _ in range(12):
+        centre, radius = rng.uniform(0, 1, 3) * z.shape, rng.uniform(1, 9)
+        distance = np.sqrt(((np.stack([z, y, x], axis=-1) - centre) ** 2).sum(axis=-1))
+        values = np.maximum(values, 255 * np.clip(1.5 - distance / radius, 0, 1))
+    return make_volume(values.astype(np.uint8), np.diag([1.0, 1.2, 0.8, 1.0]), "lumps")
+
+
+@pytest.fixture(scope="module", params=["optical", "rms", "scalar"])
+def stage(request: pytest.FixtureRequest) -> Stage:
+    error = {
+        "optical": ErrorSpec(((0, 0.1),)),
+        "rms": ErrorSpec(((0, 0.1),), "rms"),
+        "scalar": ErrorSpec(((0, 9.0),), "rms", "scalar"),
+    }[request.param]
+    return stage_of(replace(INTEGRATED, error=error), lumps())
+
+
+@pytest.fixture
+def family(stage: Stage) -> BrickFamily:
+    found = family_of(stage)
+    assert isinstance(found, BrickFamily)
+    return found
+
+
+def bricks_of(stage: Stage) -> Bricks:
+    assert stage.bricks is not None
+    return stage.bricks
+
+
+# How many bricks
+
+
+@pytest.mark.parametrize(("finest_level", "least_steps"), [(0, 5), (1, 1), (2, 0), (9, 0)])
+def test_sizes_are_those_of_the_cuts(stage: Stage, finest_level: int, least_steps: int) -> None:
+    """At every step, and just above it; what is told is the largest of a cut and of those coarser than it."""
+    bricks = bricks_of(stage)
+    sizes = brick_sizes(bricks, finest_level=finest_level, finest_level_at_zero=finest_level)
+    assert len(sizes.divisions) >= least_steps
+    steps = [math.inf, *sizes.divisions.tolist(), 0.0]
+    at_steps = [num_bricks_at(bricks, step, finest_level) for step in steps]
+    above = [num_bricks_at(bricks, math.nextafter(step, math.inf), finest_level) for step in steps[1:]]
+    assert sizes.counts.tolist() == np.maximum.accumulate(at_steps[:-1]).tolist()
+    assert above == at_steps[:-1]
+    assert sizes.num_in_all == max(at_steps)
+
+
+@pytest.mark.parametrize("num", [1, 2, 5, 8, 9, 20, 1000])
+def test_the_finest_cut_of_so_many_bricks(stage: Stage, family: BrickFamily, num: int) -> None:
+    tolerance = family.within(num)
+    assert 1 <= family.num_cells(tolerance) <= num
+    sizes = brick_sizes(bricks_of(stage), finest_level=0, finest_level_at_zero=0)
+    finer = sizes.divisions[sizes.divisions < tolerance]
+    if tolerance > 0 and len(finer):
+        assert family.num_cells(float(finer[0])) > num
+
+
+def test_nothing_to_see() -> None:
+    points = (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0),)
+    scene = replace(INTEGRATED, transfer_function=TransferSpec(points))
+    family = family_of(stage_of(scene, waves("uint8")))
+    assert family.within(3) == 0.0 and family.num_cells(0.0) == 0 and family.work(0.0) == 0.0
+
+
+@pytest.mark.parametrize("tolerance", [0.3, 0.0])
+def test_no_brick_has_cells_that_are_finer_than_asked_for(tolerance: float) -> None:
+    """And the lines of the overlay are in the colours of their cells."""
+    scene = replace(INTEGRATED, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
+    detail = family_of(stage_of(scene, lumps())).detail(tolerance, lambda name: None)
+    assert isinstance(detail, BrickDetail) and detail.edges is not None
+    assert detail.splats.cut.levels.min() == 1
+    assert set(detail.edges.vertices[:, 6].tolist()) == set(detail.splats.cut.levels.tolist())
+
+
+# Sizes in a film on a budget of time
+
+
+@pytest.mark.parametrize("size", [1.0, 3.0, 30.0, 1234.0, 9e5])
+def test_sizes_there_and_back(family: BrickFamily, size: float) -> None:
+    """Tolerances have two digits, so that they are off by up to 5 %."""
+    assert family.size(family.at_size(size), 7) == pytest.approx(size, rel=0.05)
+
+
+def test_sizes_end_with_the_finest_detail(family: BrickFamily) -> None:
+    assert family.at_size(1e6) == family.at_size(1e30) == 0.0
+    assert family.size(0.0, 7) == family.size(1e-300, 7) == 1e6
+    assert family.size(math.inf, 1) == family.size(1e300, 1) == 1.0
+
+
+def test_more_is_drawn_at_smaller_tolerances(family: BrickFamily) -> None:
+    works = [family.work(family.at_size(4.0**k)) for k in range(11)]
+    assert all(more > 1.2 * less for less, more in itertools.pairwise(works[:6]))
+    assert works[-1] > 10 * works[0]
+
+
+# What drawing takes
+
+
+def counted(detail: BrickDetail, view: View) -> float:
+    """Samples along the rays through the pixels' centres, as they are taken, and six more for each brick on the way."""
+    batch = detail.splats
+    frame, volume = ray_frame(batch.cut.volume, batch.length, view), batch.cut.volume
+    width, height = view.size
+    column, row = np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)
+    place = np.stack([np.ones_like(column), column, row], axis=-1).reshape(-1, 3)
+    origins, directions = place @ frame.origins.T, place @ frame.directions.T
+    num = 0.0
+    for box, level, step in zip(batch.cut.boxes, batch.cut.levels, batch.steps, strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low, high = ((corner - volume.centre_index - origins) / directions for corner in box)
+        start = np.maximum(np.minimum(low, high).max(axis=1), frame.start)
+        way = np.maximum(low, high).min(axis=1) - start
+        cells = way[way > 0] * np.linalg.norm(directions[way > 0], axis=1) / 2.0**level
+        num += float((np.ceil(cells / step) + 6).sum())
+    return num
+
+
+@pytest.mark.parametrize("tolerance", [3.0, 0.3, 1e-3])
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_samples_are_as_many_as_are_counted(projection: str, tolerance: float) -> None:
+    """Pixels are counted by their centres, and in perspective a brick is not as wide at its back as at its front."""
+    stage = stage_of(INTEGRATED, lumps())
+    detail = family_of(stage).detail(tolerance, lambda name: None)
+    assert isinstance(detail, BrickDetail)
+    target = stage.volume.centre
+    view = look(projection, size=(120, 90), target=tuple(target), distance=150.0)
+    orders = detail.orders(view)
+    detail = replace(detail, splats=replace(detail.splats, thrift=Thrift((1,), 0.0, 0.0)))
+    num_bricks, num = detail.load(orders, view)
+    assert num_bricks == len(orders[0][1]) == detail.num_cells
+    assert num == pytest.approx(counted(detail, view), rel=0.08)
+
+
+def test_pixels_that_are_spared_cost_less() -> None:
+    """And the more the more of them; but looking at all pixels of a lattice that differ is not for nothing."""
+    stage = stage_of(INTEGRATED, lumps())
+    detail = family_of(stage).detail(0.1, lambda name: None)
+    assert isinstance(detail, BrickDetail)
+    view = look(target=tuple(stage.volume.centre), distance=150.0)
+    orders = detail.orders(view)
+
+    def load(*strides: int, spread: float = 0.1) -> float:
+        thrift = Thrift(strides, spread, 0.0)
+        return replace(detail, splats=replace(detail.splats, thrift=thrift)).load(orders, view)[1]
+
+    assert load(4) < load(4, 2) < load(4, 1) < load(1)
+    assert load(4) < load(2) < load(1) < load(2, 1, spread=0.01)
+    assert load(4, 1, spread=1.0) < load(4, 1, spread=0.1) < load(4, 1, spread=0.01)
+
+
+def test_what_is_out_of_view_takes_no_samples() -> None:
+    stage = stage_of(INTEGRATED, lumps())
+    detail = family_of(stage).detail(0.1, lambda name: None)
+    view = look(target=(1e4, 0.0, 0.0), distance=10.0)
+    assert detail.load(detail.orders(view), view) == (0, 0.0)
+
+
+def test_bricks_around_the_eye_are_held_to_the_picture() -> None:
+    """Their projection means nothing; no ray is longer in one than its diagonal."""
+    stage = stage_of(INTEGRATED, lumps())
+    detail = family_of(stage).detail(0.1, lambda name: None)
+    assert isinstance(detail, BrickDetail)
+    view = look(target=tuple(stage.volume.centre), distance=1e-3, size=(40, 30))
+    ((_, order),) = detail.orders(view)
+    longest = 16 * math.sqrt(3) * 1.5 / detail.splats.steps.min() + 7
+    assert 0 < num_samples(detail.splats, order, view) < len(order) * 40 * 30 * longest

@@ -1,0 +1,268 @@
+"""Bricks, against plain numpy over the whole volume: where something is seen, and what their cells' nodes add up to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from dense_bricks import (
+    OBLIQUE,
+    Shape,
+    box_of,
+    depths_of,
+    dual_cells_shown,
+    errors_of_cells,
+    means_over_cells,
+    nodes_shown,
+    patches,
+    per_brick,
+    random_transfer,
+    sums_over_cells,
+)
+from number_types import TYPES, limits
+
+from renderer.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
+from renderer.pyramid import build_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
+
+Float64 = npt.NDArray[np.float64]
+
+# Thin, tiny, whole bricks, cut by the border, and levels enough for three of bricks.
+SHAPES: list[Shape] = [(1, 1, 1), (1, 40, 20), (5, 17, 33), (16, 16, 16), (48, 16, 35), (20, 1, 1), (35, 30, 65)]
+# A mean or an error in float16 is off by 2^-11 at most, and by a few roundings of float32.
+HALF_RTOL = 2.0**-11 + 2e-6
+
+
+def bricks_of(volume: Volume, transfer: TransferFunction, num_threads: int = 1) -> Bricks:
+    return make_bricks(
+        build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec()), transfer, num_threads=num_threads
+    )
+
+
+def hills(*points: tuple[float, float]) -> TransferFunction:
+    """Of (scalar, extinction)."""
+    values, extinctions = np.array(points, np.float64).T
+    return TransferFunction(values, np.tile([0.9, 0.5, 0.2], (len(points), 1)), extinctions, 1.0)
+
+
+SOFT = hills((0, 0), (100, 0), (200, 1.5), (250, 0.1))
+
+
+def soft(shape: Shape, seed: int = 0) -> Volume:
+    return make_volume((patches(shape, seed) * 250).astype(np.uint8), OBLIQUE, "soft")
+
+
+@pytest.mark.parametrize("dtype", TYPES)
+def test_boxes_of_voxels_hold_just_what_may_be_seen(dtype: str) -> None:
+    """Around every dual cell with a visible scalar between its corners; float64 says which, for every type."""
+    shares = []
+    for seed, shape in enumerate(2 * SHAPES[:-1]):
+        rng = np.random.default_rng(seed)
+        low, high = limits(dtype) if seed < len(SHAPES) - 1 else (10, 100)
+        values = low * (1 - patches(shape, seed)) + high * patches(shape, seed)
+        values = np.clip(values, low, np.nextafter(float(high), 0)).astype(dtype)
+        volume = make_volume(values, OBLIQUE, "patches")
+        transfer = random_transfer(rng, float(low), float(high))
+        shown = dual_cells_shown(volume, transfer)
+        boxes = bricks_of(volume, transfer).levels[0].boxes
+        for (x, y, z), part in per_brick(values, BRICK).items():
+            box = box_of(shown, (x, y, z), np.array(shape))
+            np.testing.assert_array_equal(boxes[z, y, x], box)
+            shares.append(np.prod(box[1] - box[0]) / part.size)
+    assert min(shares) == 0 and max(shares) == 1 and np.mean((np.array(shares) > 0) & (np.array(shares) < 1)) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("points", "shown"),
+    [
+        # Between voxels of 10 and 20; a background of 10 lies around it.
+        (((10, 0), (20, 1)), True),
+        (((0, 1), (10, 0)), False),  # at the foot of a slope is nothing
+        (((20, 0), (30, 1)), False),
+        (((14.9, 0), (15, 1), (15.1, 0)), True),  # a thin peak, passed between the two
+        (((15, 0), (15, 1), (15, 1), (15, 0)), False),  # of no width
+        (((20, 0), (20, 1)), True),  # the upper side of a step has the value
+        (((10, 1), (10, 0)), False),
+        (((20, 1), (20, 0)), True),  # where all below is visible
+        (((25, 1e-24), (30, 0)), True),
+        (((25, 1e-26), (30, 0)), False),  # fainter than what counts
+        (((25, 0),), False),
+        (((25, 1),), True),
+    ],
+)
+@pytest.mark.parametrize("dtype", TYPES)
+def test_what_lies_between_two_voxels(points: tuple[tuple[float, float], ...], shown: bool, dtype: str) -> None:
+    """The step of a volume between its third and its fourth voxel shows half a cell to either side, or nothing."""
+    values = np.full((1, 1, 16), 10, dtype)
+    values[0, 0, 3:] = 20
+    transfer = hills(*points)
+    box = bricks_of(make_volume(values, np.eye(4), "step"), transfer).levels[0].boxes[0, 0, 0]
+    at_10, at_20 = transfer.classify(np.array([10.0, 20.0]))[1] >= 2.0**-80
+    low = 0 if at_10 else 2.5
+    high = 16 if at_20 else 3.5
+    np.testing.assert_array_equal(box, [[low, 0, 0], [high, 1, 1]] if shown else np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_boxes_of_nodes_reach_to_the_next_centres(shape: Shape) -> None:
+    volume = soft(shape)
+    bricks = bricks_of(volume, SOFT)
+    for number, level in enumerate(bricks.levels[1:], 1):
+        cells = means_over_cells(depths_of(volume, SOFT), number)[..., 3] > 0
+        extent = np.array(shape) / 2**number
+        for x, y, z in per_brick(cells, BRICK):
+            np.testing.assert_array_equal(level.boxes[z, y, x], box_of(nodes_shown(cells), (x, y, z), extent))
+
+
+@pytest.mark.parametrize("precision", ["half", "single"])
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_means_lie_where_their_cells_are(shape: Shape, precision: str) -> None:
+    volume = soft(shape)
+    spec = PyramidSpec(precision="half" if precision == "half" else "single")
+    bricks = make_bricks(build_pyramid(volume, SOFT, spec=spec, error=ErrorSpec()), SOFT)
+    for number, level in enumerate(bricks.levels[1:], 1):
+        means = means_over_cells(depths_of(volume, SOFT), number)
+        assert sorted(level.slots[level.slots >= 0]) == list(range(len(level.means)))
+        for (x, y, z), part in per_brick(means, BRICK).items():
+            slot = level.slots[z, y, x]
+            assert (slot >= 0) == bool(part.any())
+            if slot >= 0:
+                got = np.zeros((BRICK,) * 3 + (4,))
+                got[: part.shape[0], : part.shape[1], : part.shape[2]] = part
+                stored = level.means[slot].astype(np.float64) * bricks.pyramid.mean_unit
+                np.testing.assert_allclose(stored, got, rtol=HALF_RTOL if precision == "half" else 1e-5)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_errors_of_a_brick(shape: Shape) -> None:
+    """The largest of its nodes and its apron's; and the root mean square, over its volume, of those twice as large."""
+    volume = soft(shape)
+    depths = depths_of(volume, SOFT)
+    for number, level in enumerate(bricks_of(volume, SOFT).levels):
+        errors = errors_of_cells(volume, depths, number)
+        above = errors_of_cells(volume, depths, number + 1)
+        num_voxels = sums_over_cells(np.ones(shape), number + 1)
+        squares, sizes = per_brick(above**2 * num_voxels, BRICK // 2), per_brick(num_voxels, BRICK // 2)
+        own = np.zeros(level.roughness.shape)
+        for (x, y, z), part in per_brick(errors, BRICK, apron=1).items():
+            want = ERRORS_ON_A_RAY * part.max() if number else 0
+            np.testing.assert_allclose(level.errors[z, y, x], want, rtol=HALF_RTOL, atol=4e-7)
+            own[z, y, x] = np.sqrt(squares[x, y, z].sum() / sizes[x, y, z].sum())
+        for (x, y, z), around in per_brick(own, 1, apron=1).items():
+            want = own[z, y, x] if own[z, y, x] > 1e-7 else around.max()
+            np.testing.assert_allclose(level.roughness[z, y, x], want, rtol=HALF_RTOL, atol=1e-7)
+
+
+def test_a_brick_without_errors_beside_one_with_errors() -> None:
+    """Its field is interpolated from theirs: it is as rough, and no leaf where they are not."""
+    values = np.zeros((32, 32, 48), np.uint8)
+    values[5:20, 5:20, 3:16:2] = 250
+    volume = make_volume(values, np.eye(4), "beside")
+    fine, coarse = bricks_of(volume, SOFT).levels[:2]
+    assert fine.roughness[0, 0, 1] == fine.roughness[0, 0, 0] > 0
+    assert fine.roughness[0, 0, 2] == 0
+    assert coarse.errors[0, 0, 1] == 0  # the last visible voxel is 16 away
+    values = values.copy()
+    values[5:20, 5:20, 28:32:2] = 250
+    coarse = bricks_of(make_volume(values, np.eye(4), "at"), SOFT).levels[1]
+    assert coarse.errors[0, 0, 1] > 0
+
+
+def test_what_shows_between_voxels_only() -> None:
+    """No node is wrong by anything: bricks of voxels are the rougher, and all above are divided."""
+    values = np.zeros((70, 40, 40), np.uint8)
+    values[40:44, 3:20, 20:30] = 255
+    transfer = TransferFunction(np.array([100.0, 125, 150]), np.ones((3, 3)), np.array([0.0, 2.0, 0.0]), 1.0)
+    levels = bricks_of(make_volume(values, np.eye(4), "between"), transfer).levels
+    shown = {(z, y, x) for z in (2,) for y in (0, 1) for x in (1,)}
+    for level in levels:
+        is_wrong = {tuple(place) for place in np.argwhere(level.errors >= 2.0).tolist()}
+        assert is_wrong == shown
+        assert np.count_nonzero(level.errors) == len(shown)
+        shown = {(z // 2, y // 2, x // 2) for z, y, x in shown}
+    np.testing.assert_array_equal(levels[0].roughness, levels[0].errors)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e300])
+def test_roughness_of_the_largest_and_the_smallest_errors(size: float) -> None:
+    """Errors of scalars are in data units, whose squares are no numbers."""
+    volume = make_volume(patches((20, 20, 20), 3) * size, np.eye(4), "far")
+    error = ErrorSpec(measure="rms", of="scalar")
+    transfer = hills((0, 1), (size, 1))
+    bricks = make_bricks(build_pyramid(volume, transfer, spec=PyramidSpec(precision="single"), error=error), transfer)
+    unscaled = make_volume(volume.values / size, np.eye(4), "near")
+    one = make_bricks(
+        build_pyramid(unscaled, hills((0, 1), (1, 1)), spec=PyramidSpec(precision="single"), error=error), transfer
+    )
+    for level, other in zip(bricks.levels, one.levels, strict=True):
+        np.testing.assert_allclose(level.roughness / size, other.roughness, rtol=1e-5)
+
+
+def test_levels_end_in_a_single_brick() -> None:
+    for shape in SHAPES:
+        levels = bricks_of(soft(shape), SOFT).levels
+        assert levels[-1].boxes.shape == (1, 1, 1, 2, 3)
+        assert all(level.boxes.shape != (1, 1, 1, 2, 3) for level in levels[:-1])
+
+
+def test_nothing_visible() -> None:
+    volume = make_volume(np.full((20, 40, 33), 7, np.int16), OBLIQUE, "clear")
+    bricks = bricks_of(volume, SOFT)
+    for level in bricks.levels:
+        assert not level.boxes.any() and not level.errors.any() and not level.roughness.any()
+        assert len(level.means) == 0
+    assert len(cut_bricks(bricks, 0.0)) == 0
+
+
+def test_threads_change_nothing() -> None:
+    volume = soft((70, 90, 130))
+    one, many = bricks_of(volume, SOFT), bricks_of(volume, SOFT, num_threads=3)
+    for level, other in zip(one.levels, many.levels, strict=True):
+        for name in ("boxes", "errors", "roughness", "slots", "means"):
+            assert not getattr(level, name).flags.writeable
+            np.testing.assert_array_equal(getattr(level, name), getattr(other, name))
+
+
+@pytest.mark.parametrize(
+    ("control", "scalars", "want"),
+    [
+        ((0, 255), (10, 300), (10, 255)),
+        ((0, 255), (-10, 30), (0, 30)),
+        ((0, 255), (300, 400), (300, 400)),  # nothing but the constant beyond
+        ((0, 255), (-400, -300), (-400, -300)),
+        ((5, 5), (0, 10), (0, 10)),
+        ((0, 255), (255, 300), (255, 300)),
+        ((0, 255), (7, 7), (0, 7)),
+        ((0, 255), (-7, -7), (-7, 0)),
+        ((0, 255), (0, 0), (0, 1)),
+        ((-1.7e308, 1.7e308), (1.7e308, 1.7e308), (0, 1.7e308)),
+    ],
+)
+def test_scalar_range(control: tuple[float, float], scalars: tuple[float, float], want: tuple[float, float]) -> None:
+    volume = make_volume(np.array([[scalars]], np.float64), np.eye(4), "two")
+    bricks = bricks_of(volume, hills((control[0], 0), (control[1], 1)))
+    assert bricks.scalar_range == want
+    assert bricks.volume_range == scalars
+
+
+def test_a_part_of_a_pyramid_has_no_bricks() -> None:
+    volume = soft((5, 5, 5))
+    complete = build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec())
+    for part in (replace(complete, least_tolerance=0.5), replace(complete, finest_level=1)):
+        with pytest.raises(ValueError, match="no bricks of a part of a pyramid"):
+            make_bricks(part, SOFT)
+
+
+@pytest.mark.parametrize("tolerance", [-1e-9, float("nan")])
+def test_no_such_tolerance(tolerance: float) -> None:
+    with pytest.raises(ValueError, match="no bricks for this tolerance"):
+        cut_bricks(bricks_of(soft((5, 5, 5)), SOFT), tolerance)
+
+
+def test_no_such_level() -> None:
+    with pytest.raises(ValueError, match="no bricks of this level"):
+        cut_bricks(bricks_of(soft((5, 5, 5)), SOFT), 0.1, finest_level=-1)
