@@ -177,7 +177,7 @@ def test_the_engine_in_bricks(data_dir: Path) -> None:
     bricks = make_bricks(build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec()), transfer)
     visible = depths_of(volume, transfer)[..., 3] > 0
     num_before = 10**9
-    for tolerance in (0.0, 0.3, 0.6, 1.0, 2.0, 5.0):
+    for tolerance in (0.0, 1.2, 2.4, 4.0, 8.0, 20.0):
         cut = cut_bricks(bricks, tolerance)
         assert np.all(coverage(cut, cut.boxes)[visible] == 1)
         assert coverage(cut, regions(cut) - 0.5).max() == 1

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from judge import judge, make_case, write_case
 
-from renderer import drawing, raster_gl
+from renderer import raster_gl, splat_family
 from renderer.raster_gl import GLRasterizer
 from renderer.splats import SplatBatch, make_splats
 
@@ -63,7 +63,7 @@ def test_small_faults_are_seen(
     rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Callable[[SplatBatch], SplatBatch]
 ) -> None:
     """The bounds are no wider than rounding: a fault of 1 % is seen, unless it is out of the picture."""
-    for module in (drawing, compare):
+    for module in (splat_family, compare):
         monkeypatch.setattr(module, "make_splats", lambda cut, spec: fault(make_splats(cut, spec)))
     numbers = range(0, 24, 2)
     verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer) for index in numbers]
