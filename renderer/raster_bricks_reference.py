@@ -65,7 +65,8 @@ def _lattice(size: tuple[int, int], stride: int) -> tuple[Int64, Int64]:
     """Columns and rows of the pixels whose both are multiples of the stride, [rows, columns] each: as many as it takes
     to have every pixel of the image among them or between them."""
     columns, rows = (stride * np.arange((num - 1 + stride - 1) // stride + 1) for num in size)
-    return tuple(np.meshgrid(columns, rows))  # type: ignore[return-value]
+    at_columns, at_rows = np.meshgrid(columns, rows)
+    return at_columns, at_rows
 
 
 def _are_alike(nodes: Float64, spread: float) -> npt.NDArray[np.bool_]:
