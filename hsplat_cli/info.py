@@ -36,7 +36,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     from renderer.suggestion import suggest  # noqa: PLC0415
 
     read = read_as_told(volume_spec(volume, **reading))
-    statistics = measure(read.values)
+    statistics = measure(read.values, read.source)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)
     if as_json:

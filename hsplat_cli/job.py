@@ -17,7 +17,7 @@ from hsplat_cli.yaml_tree import Tree
 from renderer.errors import InputError, Problem, SceneError
 from renderer.output_files import film_beside
 from renderer.scene import Scene
-from renderer.scene_schema import schedule_to_dict
+from renderer.scene_schema import schedule_to_dict, splats_as_asked
 from renderer.schedule import is_met_as_a_whole, tolerance_at
 
 # What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
@@ -102,6 +102,9 @@ def _editor(sidecar: Sidecar) -> Editor:
     output = scene.get("output")
     if isinstance(output, dict) and isinstance(output.get("file"), str):
         output["file"] = str(film_beside(path, Path(output["file"])))
+    splat = scene.get("splat")
+    if isinstance(splat, dict):  # so that --set may name another footprint
+        scene["splat"] = splats_as_asked(splat)
     return Editor(Tree(scene), path, within="scene", hints=_MOVED)
 
 

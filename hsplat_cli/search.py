@@ -10,7 +10,7 @@ import click
 from hsplat_cli.truths import find_truths
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
-from renderer.scene import ErrorSpec
+from renderer.scene import Scene
 from renderer.trials import Found, Trial, TruthOf, find_tolerance
 from renderer.truths import Truth
 from renderer.want import Want
@@ -41,19 +41,17 @@ def search_tolerance(
     )
 
 
-def beyond_full_resolution(found: Found, error: ErrorSpec, *, where: str, hint: str) -> RenderError:
+def beyond_full_resolution(found: Found, scene: Scene, *, where: str, hint: str) -> RenderError:
     """The error where nothing was good enough. hint: what to do about it, to which is added what limits the scene."""
     want, worst = found.want, found.worst
-    level, splats = error.finest_level, f"{worst.num_cells} splat{'s' * (worst.num_cells != 1)}"
-    limit = (
-        f"error.finest_level: {level} lets no cell be smaller"
-        if level
-        else "what limits it is told in docs/accuracy.md"
-    )
+    level, noun = scene.error.finest_level, scene.splat.noun
+    drawn = f"{worst.num_cells} {noun if worst.num_cells != 1 else noun.removesuffix('s')}"
+    page = "docs/scene.md" if scene.splat.footprint == "integrated" else "docs/accuracy.md"
+    limit = f"error.finest_level: {level} lets no cell be smaller" if level else f"what limits it is told in {page}"
     return RenderError(
         "the accuracy that is wanted is beyond full resolution",
         where=where,
-        got=f"{want.of(worst.value)} on frame {worst.frame}, with {splats} at tolerance 0",
+        got=f"{want.of(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
         expected=str(want),
         hint=f"{hint}; {limit}",
     )

@@ -57,7 +57,7 @@ def suggest_scene(
 
     require_colormap(colormap)
     read = read_as_told(volume)
-    suggestion = suggest(read, measure(read.values), colormap)
+    suggestion = suggest(read, measure(read.values, read.source), colormap)
     text = scene_text(
         volume,
         suggestion,

@@ -96,10 +96,10 @@ def volume_spec(
 
 def read_as_told(volume: VolumeSpec) -> Volume:
     """The volume that the options ask for. Raises InputError, with hints about these options, not a scene."""
-    from renderer.readers import read_volume  # noqa: PLC0415  (numpy, for which --help does not wait)
+    from hsplat_cli.shrinking import read_guarded  # noqa: PLC0415  (numpy, for which --help does not wait)
 
     try:
-        return read_volume(volume)
+        return read_guarded(volume)
     except UnknownFormatError as error:
         raise InputError(
             error.what,

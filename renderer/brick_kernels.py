@@ -33,11 +33,8 @@ _SEEN = np.uint32(1)
 
 
 @jit
-def voxel_boxes(
-    codes: Codes, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32, is_mixed: UInt8
-) -> None:
-    """Write the boxes of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0; and
-    to `is_mixed` [z, y, x] 1 where something may be seen and something not.
+def voxel_boxes(codes: Codes, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32) -> None:
+    """Write the boxes of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0.
 
     numbers: uint32 by bit pattern, of flips at or below the scalar; None where voxels are scalars themselves.
     """
@@ -54,7 +51,6 @@ def voxel_boxes(
         if not is_uniform:
             _to_dual_cells(field)
             _bound_odd(field, low, high)
-            is_mixed[z, y, x] = low[0] <= high[0]
         for axis in range(3):
             boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
             boxes[z, y, x, 1, axis] = min(high[axis] + 0.5, end[axis])
@@ -124,26 +120,38 @@ def _bound_odd(field: UInt32, low: Array, high: Array) -> None:
 
 
 @jit
-def mean_boxes(depths: Array, slots: Int32, extents: Float64, bricks: Int32, boxes: Float32) -> None:
-    """Write the boxes of bricks of nodes, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0.
+def node_boxes(bounds_near: UInt8, extents: Float64, boxes: Float32) -> None:
+    """Write the boxes of all bricks of a level, with `bounds_near` [z, y, x, 3, 3, 3, 2, 3] as in NodeSums, to `boxes`
+    [z, y, x, 2, 3], which is 0.
 
-    depths: [., BRICK, BRICK, BRICK], above 0 in visible cells (bits will do); extents: float64 [3], the volume's along
-    x, y, z in cells.
+    extents: float64 [3], the volume's along x, y, z in cells.
     """
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-    for i in range(len(bricks)):
-        x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
-        low[:], high[:] = BRICK + 1, -BRICK
-        for dz in range(-1, 2):
-            for dy in range(-1, 2):
-                for dx in range(-1, 2):
-                    slot = slot_at(slots, x + dx, y + dy, z + dz)
-                    if slot >= 0:
-                        _bound_visible(depths[slot], dx, dy, dz, low, high)
-        if low[0] <= high[0]:
-            for axis in range(3):  # cell k is seen from the centre of k - 1 to that of k + 1
-                boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
-                boxes[z, y, x, 1, axis] = min(high[axis] + 1.5, BRICK, extents[axis] - BRICK * bricks[i, axis])
+    num_z, num_y, num_x = boxes.shape[:3]
+    low, high, brick = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
+    for z in range(num_z):
+        for y in range(num_y):
+            for x in range(num_x):
+                low[:], high[:] = BRICK + 1, -BRICK
+                brick[0], brick[1], brick[2] = x, y, z
+                for k in range(max(z - 1, 0), min(z + 2, num_z)):
+                    for j in range(max(y - 1, 0), min(y + 2, num_y)):
+                        for i in range(max(x - 1, 0), min(x + 2, num_x)):
+                            bounds = bounds_near[k, j, i, z - k + 1, y - j + 1, x - i + 1]
+                            _extend(bounds, i - x, j - y, k - z, low, high)
+                if low[0] <= high[0]:
+                    for axis in range(3):  # cell k is seen from the centre of k - 1 to that of k + 1
+                        boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
+                        boxes[z, y, x, 1, axis] = min(high[axis] + 1.5, BRICK, extents[axis] - BRICK * brick[axis])
+
+
+@jit
+def _extend(bounds: UInt8, dx: int, dy: int, dz: int, low: Array, high: Array) -> None:
+    """Grow low..high (x, y, z, both included) by the bounds [2, 3] of cells in a neighbour at dx, dy, dz."""
+    if bounds[0, 0] <= bounds[1, 0]:
+        for axis in range(3):
+            shift = BRICK * (dx, dy, dz)[axis]
+            low[axis] = min(low[axis], bounds[0, axis] + shift)
+            high[axis] = max(high[axis], bounds[1, axis] + shift)
 
 
 @jit
@@ -160,20 +168,6 @@ def apron_part(step: int) -> tuple[int, int]:
     if step < 0:
         return -APRON, -1
     return (0, BRICK - 1) if step == 0 else (BRICK, BRICK + APRON - 1)
-
-
-@jit
-def _bound_visible(depths: Array, dx: int, dy: int, dz: int, low: Array, high: Array) -> None:
-    """Grow low..high (x, y, z, both included) by the visible cells in the apron's part of a neighbour [z, y, x]."""
-    x0, x1 = apron_part(dx)
-    y0, y1 = apron_part(dy)
-    z0, z1 = apron_part(dz)
-    for z in range(z0, z1 + 1):
-        for y in range(y0, y1 + 1):
-            for x in range(x0, x1 + 1):
-                if depths[z - BRICK * dz, y - BRICK * dy, x - BRICK * dx] > 0:
-                    low[0], low[1], low[2] = min(low[0], x), min(low[1], y), min(low[2], z)
-                    high[0], high[1], high[2] = max(high[0], x), max(high[1], y), max(high[2], z)
 
 
 @jit
@@ -195,20 +189,23 @@ def gather_largest(errors: Float64, cells: Int32, shift: int, largest: Float64) 
 
 
 @jit
-def gather_largest_near(errors: Float64, cells: Int32, largest: Float64) -> None:
-    """As `gather_largest`, for bricks of BRICK nodes a side, by the neighbours whose apron the nodes are in.
-
-    largest: [z, y, x, 3, 3, 3], 0 to 2 along z, y, x for neighbours at -1, 0 and 1; in the middle that of all nodes.
-    """
+def gather_near(errors: Float64, depths: Array, cells: Int32, largest: Float64, bounds: UInt8) -> None:
+    """The largest of errors [n] of nodes at `cells` [n, 3] (x, y, z), and the bounds of those with depths [n] above 0,
+    by the neighbours whose apron the nodes are in: [z, y, x, 3, 3, 3] and [z, y, x, 3, 3, 3, 2, 3], as in NodeSums."""
     inside = BRICK - 1
     for i in range(len(errors)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        of_brick = largest[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        largest_of_brick = largest[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        bounds_of_brick = bounds[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
         x, y, z = x & inside, y & inside, z & inside
         for k in range(1 - (z < APRON), 2 + (z > inside - APRON)):
             for j in range(1 - (y < APRON), 2 + (y > inside - APRON)):
                 for h in range(1 - (x < APRON), 2 + (x > inside - APRON)):
-                    of_brick[k, j, h] = max(of_brick[k, j, h], errors[i])
+                    largest_of_brick[k, j, h] = max(largest_of_brick[k, j, h], errors[i])
+                    if depths[i] > 0:
+                        low, high = bounds_of_brick[k, j, h, 0], bounds_of_brick[k, j, h, 1]
+                        low[0], low[1], low[2] = min(low[0], x), min(low[1], y), min(low[2], z)
+                        high[0], high[1], high[2] = max(high[0], x), max(high[1], y), max(high[2], z)
 
 
 @jit

@@ -25,9 +25,11 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.brick_kernels import SIDE, apron_part, slot_at
+from renderer.brick_means import MadeMeans
 from renderer.bricks import APRON, BRICK, Bricks
 from renderer.classify import Codes, Float64, scalar_at, voxel_codes
 from renderer.jit import jit
+from renderer.pyramid import TOLD_LEVELS
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -54,25 +56,48 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     lit: [n, 18, 18, 18, 4], (u, gx, gy, gz), with the gradient in world axes: central differences at voxel centres,
     one-sided at the border and 0 along an axis of one voxel; over a number that is the same in the whole volume, and
     such that differences of scalars are at most 1 and the largest factor of the transform to the world is 1.
+
+    Raises InputError where the volume's file was changed.
     """
     volume, scalars = bricks.volume, bricks.pyramid.classifier.scalars
     first, last = bricks.scalar_range
     codes = voxel_codes(volume)
+    volume.require_unchanged()
     if not lit:
         texels = np.empty((len(cells), SIDE, SIDE, SIDE), np.float32)
         _fill_scalars(codes, scalars, cells, first, last, texels)
+        volume.require_unchanged()
         return texels
     lit_texels = np.empty((len(cells), SIDE, SIDE, SIDE, 4), np.float32)
     world_from_gradient = np.linalg.inv(volume.world_from_index[:3, :3]).T
     world_from_gradient = np.ascontiguousarray(world_from_gradient / np.abs(world_from_gradient).max())
     scale = _unit_scale(*bricks.volume_range)
     _fill_lit_scalars(codes, scalars, cells, first, last, scale, world_from_gradient, lit_texels)
+    volume.require_unchanged()
     return lit_texels
 
 
-def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
+def mean_texels(bricks: Bricks, level: int, cells: Int32, made: MadeMeans | None = None) -> Float32:
     """float32 [n, 18, 18, 18, 4]: (tau c, tau) times the finest spacing, of bricks of a level above 0 at `cells` [n, 3]
-    (x, y, z); 0 where nothing is visible."""
+    (x, y, z); 0 where nothing is visible. made: where bricks that are made of voxels may be kept.
+
+    Raises InputError where voxels are needed and the volume's file was changed.
+    """
+    if level <= TOLD_LEVELS:
+        means = (made or MadeMeans()).of(bricks.pyramid, level, cells)
+        texels = means.astype(np.float32)
+        texels *= np.float32(bricks.pyramid.mean_unit)
+    else:
+        texels = _stored_means(bricks, level, cells)
+    extents = np.array(bricks.volume.shape_xyz) / 2.0**level
+    lighting = bricks.pyramid.classifier.lighting
+    brightest = max(1.0, float(bricks.transfer.colors.max()) * (lighting.ambient + lighting.diffuse if lighting else 1))
+    _continue_all(texels.reshape(len(cells), SIDE**3, 4), extents, brightest * _ROUNDING, cells)
+    return texels
+
+
+def _stored_means(bricks: Bricks, level: int, cells: Int32) -> Float32:
+    """float32 [n, 18, 18, 18, 4]: those of the cells in the volume, 0 beyond."""
     pyramid, bricks_of_level = bricks.pyramid, bricks.levels[level]
     half = bricks_of_level.means.dtype == np.float16
     bits, shift = bricks_of_level.means.view(np.uint16 if half else np.uint32), np.uint32(13 if half else 0)
@@ -80,10 +105,7 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
     units = (2.0**112 if half else 1.0, pyramid.mean_unit)
     bits = bits.reshape(-1, BRICK, BRICK, 4 * BRICK)
     texels = np.zeros((len(cells), SIDE, SIDE, 4 * SIDE), np.float32)
-    extents = np.array(bricks.volume.shape_xyz) / 2.0**level
-    lighting = pyramid.classifier.lighting
-    brightest = max(1.0, float(bricks.transfer.colors.max()) * (lighting.ambient + lighting.diffuse if lighting else 1))
-    _fill_means(bits, shift, units, bricks_of_level.slots, extents, brightest * _ROUNDING, cells, texels)
+    _fill_means(bits, shift, units, bricks_of_level.slots, cells, texels)
     return texels.reshape(len(cells), SIDE, SIDE, SIDE, 4)
 
 
@@ -192,15 +214,12 @@ def _fill_means(
     shift: Any,
     units: tuple[float, float],
     slots: Int32,
-    extents: Float64,
-    brightest: float,
     cells: Int32,
     texels: Float32,
 ) -> None:
     """Texels [n, 18, 18, 4 * 18], which are 0.
 
     bits: of the means [., BRICK, BRICK, 4 * BRICK]; shifted and times the units, one after the other, they are float32.
-    extents: float64 [3], the volume's along x, y, z in cells.
     """
     for i in range(len(cells)):
         for dz in range(-1, 2):
@@ -209,9 +228,6 @@ def _fill_means(
                     slot = slot_at(slots, cells[i, 0] + dx, cells[i, 1] + dy, cells[i, 2] + dz)
                     if slot >= 0:
                         _copy_means(bits[slot], shift, units, dx, dy, dz, texels[i])
-        lines = texels[i].reshape(SIDE**3, 4)
-        for axis in range(3):
-            _continue(lines, axis, cells[i, axis], extents[axis], brightest)
 
 
 @jit
@@ -230,6 +246,14 @@ def _copy_means(
             for k in range(len(row)):
                 value = np.uint32(np.uint32(row[k]) << shift)
                 texel_row[k] = value.view(np.float32) * to_normal * unit
+
+
+@jit
+def _continue_all(texels: Float32, extents: Float64, brightest: float, cells: Int32) -> None:
+    """Texels [n, 18^3, 4] of cells to texels of the field. extents: float64 [3], the volume's x, y, z in cells."""
+    for i in range(len(cells)):
+        for axis in range(3):
+            _continue(texels[i], axis, cells[i, axis], extents[axis], brightest)
 
 
 @jit

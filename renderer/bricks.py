@@ -15,16 +15,20 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer import brick_kernels as kernels
+from renderer.between_voxels import distances_in_bricks, make_polyline
 from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS
+from renderer.brick_sums import NodeSums, ToldSums, grid_of, places_in
 from renderer.classify import FAINTEST, voxel_codes
-from renderer.octree import cell_sizes, children, node_errors
-from renderer.pyramid import STORED_MAXIMUM, Pyramid
+from renderer.octree import children, node_errors
+from renderer.pyramid import Pyramid, build_pyramid, error_scale
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
@@ -62,14 +66,14 @@ class BrickLevel:
         lie at cells' centres (k + 1/2) or at the brick's faces or the volume's. The highest is not above the lowest
         where nothing is.
     errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: ERRORS_ON_A_RAY times
-        the largest error of the nodes of this level in it and in its apron. On level 0 the largest possible error of a
-        voxel where interpolation shows what no voxel does, and no node is wrong by anything; otherwise 0. Above, that
-        of all bricks of level 0 in it.
+        the largest error of the nodes of this level in it and in its apron, or of what shows between the voxels in it
+        only (`renderer.between_voxels`) along a way as long as such a node. 0 on level 0, which shows all of it.
     roughness: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
         *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
-        seen in the apron, or `errors`, if on level 0.
-    slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty on level 0.
-    means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty on level 0.
+        seen in the apron. On level 0 the squares of what shows between voxels only, along a way as long, are added.
+    slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty up to TOLD_LEVELS.
+    means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty up to
+        TOLD_LEVELS, where they are made when they are drawn (`renderer.brick_means`).
     """
 
     boxes: npt.NDArray[np.float32]
@@ -121,27 +125,41 @@ class BrickCut:
         return len(self.levels)
 
 
-def make_bricks(pyramid: Pyramid, transfer: TransferFunction, *, num_threads: int = 2) -> Bricks:
-    """The bricks of all levels of a pyramid that is complete; the result does not depend on `num_threads`.
+def make_bricks(
+    volume: Volume,
+    transfer: TransferFunction,
+    *,
+    spec: PyramidSpec,
+    error: ErrorSpec,
+    shading: ShadingSpec | None = None,
+    num_threads: int = 2,
+) -> Bricks:
+    """The bricks of all levels, and the pyramid that they are made of; the result does not depend on `num_threads`.
 
-    Raises ValueError where the pyramid was built for some tolerances, or levels, only.
+    The pyramid has no nodes of the levels up to TOLD_LEVELS: what bricks must know of them is added up as they are
+    built, and their means are made again from voxels when they are drawn.
+
+    Raises InputError where the volume's file was changed.
     """
-    if pyramid.least_tolerance > 0 or pyramid.finest_level > 0:
-        only_for = f"tolerances from {pyramid.least_tolerance} and levels from {pyramid.finest_level} on"
-        raise ValueError(f"no bricks of a part of a pyramid: got one for {only_for}, expected one for all")
-    values = pyramid.volume.values
-    volume_range = float(values.min()), float(values.max())
+    sums = ToldSums.empty(volume)
+    pyramid = build_pyramid(
+        volume, transfer, spec=spec, error=error, shading=shading, num_threads=num_threads, tell=sums.add
+    )
+    volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
+    nodes = [_gathered(level) for level in sums.levels[:num_levels]]
     trees = _trees(pyramid)
-    nodes = [_gather(pyramid, number, trees, num_threads) for number in range(1, num_levels + 1)]
-    levels = [_level_of_voxels(pyramid, transfer, nodes[0].roughness_below, num_threads)]
-    unseen = levels[0].errors
-    for gathered in nodes[: num_levels - 1]:
-        unseen = _largest_of_children(unseen)
-        np.maximum(ERRORS_ON_A_RAY * gathered.largest, unseen, out=gathered.largest)
+    nodes += [_gather(pyramid, number, trees, num_threads) for number in range(len(nodes) + 1, num_levels + 1)]
+    between, roughness = _between_voxels(pyramid, transfer, volume_range, num_threads)
+    roughness = np.hypot(nodes[0].roughness_below, _length_of_cells(pyramid, 1) * roughness)
+    levels = [_level_of_voxels(pyramid, transfer, roughness, num_threads)]
+    for number, gathered in enumerate(nodes[: num_levels - 1], 1):
+        between = _largest_of_children(between)
+        largest = np.maximum(gathered.largest, _length_of_cells(pyramid, number) * between)
+        np.multiply(ERRORS_ON_A_RAY, largest, out=gathered.largest)
     levels += [
-        _level_of_nodes(pyramid, number, nodes[number - 1], nodes[number].roughness_below, num_threads)
-        for number in range(1, num_levels)
+        _frozen(BrickLevel(below.boxes, below.largest, above.roughness_below, below.slots, below.means))
+        for below, above in pairwise(nodes)
     ]
     return Bricks(tuple(levels), pyramid, transfer, _scalar_range(transfer, *volume_range), volume_range)
 
@@ -149,9 +167,6 @@ def make_bricks(pyramid: Pyramid, transfer: TransferFunction, *, num_threads: in
 def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
     """The coarsest bricks whose errors are below `tolerance` (in the measure's unit); none of a level below
     `finest_level`. Bricks in which their own level shows nothing are left out.
-
-    Errors are those of the voxels' colours: what shows only between voxels, such as a peak of the transfer function
-    that no voxel hits, asks for level 0 where it is alone in its brick, but counts for nothing beside what voxels show.
 
     Raises ValueError where either is below 0.
     """
@@ -241,53 +256,42 @@ def _trees(pyramid: Pyramid) -> dict[int, Int32]:
 
 
 class _Gathered(NamedTuple):
-    """What the nodes of one level add up to: largest, slots, means as in the BrickLevel that they fill; roughness of
-    the bricks of the level below."""
+    """What the nodes of one level add up to: boxes, largest, slots, means as in the BrickLevel that they fill;
+    roughness of the bricks of the level below."""
 
+    boxes: npt.NDArray[np.float32]
     largest: Float64
     roughness_below: Float64
     slots: Int32
     means: Array
 
 
+def _gathered(sums: NodeSums, slots: Int32 | None = None, means: Array | None = None) -> _Gathered:
+    if slots is None or means is None:
+        slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK, BRICK, BRICK, 4), np.float32)
+    return _Gathered(sums.boxes(), sums.largest(), sums.roughness_below(), slots, means)
+
+
 def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads: int) -> _Gathered:
-    """Of the nodes of level `number`, brick by brick."""
+    """Of the nodes of level `number`, which are stored, brick by brick."""
     top = min(number + BRICK_LEVELS, pyramid.num_levels)
-    bricks = trees[top]
-    shape, shape_below = _grid(pyramid.volume, number), _grid(pyramid.volume, number - 1)
-    slots = np.full(shape, -1, np.int32)
+    bricks, sums = trees[top], NodeSums.empty(pyramid.volume, number)
+    slots = np.full(grid_of(pyramid.volume, number), -1, np.int32)
     x, y, z = bricks.T >> (number + BRICK_LEVELS - top)
     slots[z, y, x] = np.arange(len(bricks))
     means = np.zeros((len(bricks), BRICK, BRICK, BRICK, 4), pyramid.levels[0].means.dtype)
-    largest_near, largest_below = np.zeros((*shape, 3, 3, 3)), np.zeros(shape_below)
-    squares_below = np.zeros(shape_below)
 
     def work(part: slice) -> None:
         cells, nodes = bricks[part], np.arange(part.start, part.stop)
         for above in range(top, number, -1):
             level = pyramid.levels[above - 1]
             nodes, cells = children(nodes, cells, level.masks, level.first_children)
-        errors = node_errors(pyramid, nodes, cells, number)
-        sizes = cell_sizes(cells, number, pyramid.volume)
-        kernels.gather_largest_near(errors, cells, largest_near)
-        kernels.gather_largest(errors, cells, BRICK_LEVELS - 1, largest_below)
-        kernels.gather_squares(errors, sizes, cells, BRICK_LEVELS - 1, largest_below, squares_below)
-        kernels.scatter(_items(pyramid.levels[number - 1].means[nodes]), cells, slots, _items(means))
+        means_of_nodes = pyramid.levels[number - 1].means[nodes]
+        sums.add(cells, node_errors(pyramid, nodes, cells, number), means_of_nodes)
+        kernels.scatter(_items(means_of_nodes), cells, slots, _items(means))
 
     _in_threads(work, _parts(len(bricks)), num_threads)
-    sizes_below = cell_sizes(_places(shape_below), number - 1 + BRICK_LEVELS, pyramid.volume).reshape(shape_below)
-    roughness = largest_below * np.sqrt(squares_below / sizes_below)
-    roughness = np.where(roughness > 0, roughness, _largest_around(roughness))
-    return _Gathered(_largest_with_apron(largest_near), roughness, slots, means)
-
-
-def _largest_with_apron(near: Float64) -> Float64:
-    """float64 [z, y, x]: the largest of each brick and of what its neighbours have in its apron, `near` [z, y, x, 3, 3,
-    3] as of `gather_largest_near`."""
-    largest = np.zeros(near.shape[:3])
-    for at, neighbours in _neighbours(near):
-        np.maximum(largest, neighbours[..., 2 - at[0], 2 - at[1], 2 - at[2]], out=largest)
-    return largest
+    return _gathered(sums, slots, means)
 
 
 def _largest_of_children(of_brick: Float64) -> Float64:
@@ -297,69 +301,61 @@ def _largest_of_children(of_brick: Float64) -> Float64:
     return of_brick
 
 
-def _largest_around(of_brick: Float64) -> Float64:
-    """float64 [z, y, x]: the largest of each brick and its neighbours."""
-    return np.asarray(np.max([neighbours for _, neighbours in _neighbours(of_brick)], axis=0))
-
-
-def _neighbours(of_brick: Float64) -> Iterator[tuple[tuple[int, ...], Float64]]:
-    """Places 0 to 2 along z, y, x of neighbours at -1, 0 and 1, the brick itself among them, and what each brick of
-    [z, y, x, ...] has there, 0 beyond the border."""
-    shape = of_brick.shape[:3]
-    padded = np.pad(of_brick, [(1, 1)] * 3 + [(0, 0)] * (of_brick.ndim - 3))
-    for at in np.ndindex(3, 3, 3):
-        yield at, padded[tuple(slice(k, k + n) for k, n in zip(at, shape, strict=True))]
-
-
 def _level_of_voxels(pyramid: Pyramid, transfer: TransferFunction, roughness: Float64, num_threads: int) -> BrickLevel:
     volume = pyramid.volume
     flips = _visibility_flips(transfer, volume.finest_spacing)
     codes, scalars = voxel_codes(volume), pyramid.classifier.scalars
     numbers = None if scalars is None else np.searchsorted(flips, scalars, side="right").astype(np.uint32)
-    places = _places(roughness.shape)
-    boxes, is_mixed = np.zeros((*roughness.shape, 2, 3), np.float32), np.zeros(roughness.shape, np.uint8)
-
-    def work(part: slice) -> None:
-        kernels.voxel_boxes(codes, numbers, flips, places[part], boxes, is_mixed)
-
-    _in_threads(work, _parts(len(places)), num_threads)
-    # A little above what any channel of a voxel can be.
-    unseen = np.where((is_mixed > 0) & (roughness == 0), pyramid.error_unit * STORED_MAXIMUM, 0.0)
-    slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK, BRICK, BRICK, 4), np.float32)
-    return _frozen(BrickLevel(boxes, unseen, roughness + unseen, slots, means))
-
-
-def _level_of_nodes(
-    pyramid: Pyramid, number: int, nodes: _Gathered, roughness: Float64, num_threads: int
-) -> BrickLevel:
-    places = _places(roughness.shape)
+    places = places_in(roughness.shape)
     boxes = np.zeros((*roughness.shape, 2, 3), np.float32)
-    extents = np.array(pyramid.volume.shape_xyz) / 2.0**number
-    depths = nodes.means[..., 3]
-    visible = depths.view(np.uint16) if depths.dtype == np.float16 else depths
 
     def work(part: slice) -> None:
-        kernels.mean_boxes(visible, nodes.slots, extents, places[part], boxes)
+        volume.require_unchanged()
+        kernels.voxel_boxes(codes, numbers, flips, places[part], boxes)
 
     _in_threads(work, _parts(len(places)), num_threads)
-    return _frozen(BrickLevel(boxes, nodes.largest, roughness, nodes.slots, nodes.means))
+    volume.require_unchanged()
+    slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK, BRICK, BRICK, 4), np.float32)
+    return _frozen(BrickLevel(boxes, np.zeros_like(roughness), roughness, slots, means))
+
+
+def _between_voxels(
+    pyramid: Pyramid, transfer: TransferFunction, volume_range: tuple[float, float], num_threads: int
+) -> tuple[Float64, Float64]:
+    """float64 [z, y, x] each: of the bricks of voxels, the largest distance of the field from what voxels show, and how
+    rough it is, in the channels of errors; 0 where these are scalars, which are interpolated themselves."""
+    shape = grid_of(pyramid.volume, 0)
+    largest, roughness = np.zeros(shape), np.zeros(shape)
+    if pyramid.of == "scalar":
+        return largest, roughness
+    lighting, scalars = pyramid.classifier.lighting, pyramid.classifier.scalars
+    line = make_polyline(
+        transfer,
+        pyramid.volume.finest_spacing,
+        opacity=pyramid.measure == "rms",
+        brightest=lighting.ambient + lighting.diffuse if lighting else 1.0,
+        volume_range=volume_range,
+    )
+    codes, places = voxel_codes(pyramid.volume), places_in(shape)
+
+    def work(part: slice) -> None:
+        pyramid.volume.require_unchanged()
+        distances_in_bricks(codes, scalars, *line, places[part], largest, roughness)
+
+    _in_threads(work, _parts(len(places)), num_threads)
+    pyramid.volume.require_unchanged()
+    return largest, roughness
+
+
+def _length_of_cells(pyramid: Pyramid, number: int) -> float:
+    """What errors of whole nodes of a level are times the root of their variance."""
+    return float(error_scale(pyramid.volume, pyramid.measure, 8.0**number))
 
 
 def _frozen(level: BrickLevel) -> BrickLevel:
     for array in (level.boxes, level.errors, level.roughness, level.slots, level.means):
         array.flags.writeable = False
     return level
-
-
-def _grid(volume: Volume, number: int) -> tuple[int, int, int]:
-    """How many bricks of a level there are along z, y, x."""
-    z, y, x = (((num - 1) >> (number + BRICK_LEVELS)) + 1 for num in volume.values.shape)
-    return z, y, x
-
-
-def _places(shape: tuple[int, ...]) -> Int32:
-    """int32 [n, 3]: all cells (x, y, z) of a grid [z, y, x], x fastest."""
-    return np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
 
 
 def _items(means: Array) -> Array:

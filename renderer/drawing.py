@@ -44,7 +44,7 @@ class Stage:
     target: world position that the camera looks at.
     distance: of the eye from it, world units.
     finest_level: cells of lower levels would be too small to see on every frame.
-    voxel_px: the finest spacing at the volume's centre, in pixels, where it is largest on the way.
+    voxel_px: the finest spacing at the volume's centre, in pixels, where it is smallest on the way.
     turning: which neighbours change their order on the way.
     bricks: of the volume, where that is what the footprint is drawn from.
     seconds: what it took, by stage.
@@ -153,8 +153,9 @@ def make_pose(stage: Stage, detail: Detail, number: int, watch: Stopwatch) -> Po
 
 
 def draw(stage: Stage, pose: Pose, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
-    """The finished frame."""
+    """The finished frame. Raises InputError where the volume's file was changed."""
     detail = pose.detail
+    stage.volume.require_unchanged()
     image = _mixture(pose, rasterizer)
     watch.lap("draw")
     if detail.edges is not None:
@@ -163,6 +164,7 @@ def draw(stage: Stage, pose: Pose, rasterizer: Rasterizer, watch: Stopwatch) -> 
         image += lines
         watch.lap("overlay")
     pixels = quantize(image, stage.scene.output.background)
+    stage.volume.require_unchanged()  # while it was drawn, too
     watch.lap("quantize")
     num_splats = len(pose.orders[0][1])
     return Frame(pose.number, pixels, image, detail.tolerance, detail.num_cells, num_splats, dict(watch.seconds))

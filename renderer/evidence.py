@@ -86,7 +86,8 @@ _HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
 
 
 def take_sample(volume: Volume, statistics: Statistics) -> Sample:
-    """The sample of a volume that is not constant."""
+    """The sample of a volume that is not constant. Raises InputError where its file was changed."""
+    volume.require_unchanged()
     values = volume.values
     low, high = float(statistics.minimum), float(statistics.maximum)
     scale = math.ldexp(1.0, min(-1 - math.frexp(max(abs(low), abs(high)))[1], 1000))
@@ -108,7 +109,7 @@ def take_sample(volume: Volume, statistics: Statistics) -> Sample:
         return np.stack(both)
 
     dx, dy, dz = volume.spacing.tolist()
-    return Sample(
+    sample = Sample(
         shares=shares(values[np.ix_(z, y, x)]),
         steps=(sz, sy, sx),
         beside_x=neighbours(2),
@@ -118,6 +119,8 @@ def take_sample(volume: Volume, statistics: Statistics) -> Sample:
         lengths=(dz * sz, dy * sy, dx * sx),
         diagonal=float(np.linalg.norm(volume.spacing * volume.shape_xyz)),
     )
+    volume.require_unchanged()
+    return sample
 
 
 @dataclass(frozen=True)

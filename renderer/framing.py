@@ -163,22 +163,24 @@ def finest_useful_level(
     return max(0, math.floor(math.log2(SMALLEST_CELL_PX / widest_px)))
 
 
-def largest_voxel_px(
+def smallest_voxel_px(
     volume: Volume, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> float:
-    """How many pixels wide a length of the finest spacing at the volume's centre is on the frame where it is widest.
+    """How many pixels wide a length of the finest spacing at the volume's centre is on the frame where it is narrowest.
 
-    At the spacing from the eye it counts as far as at any less, so that the eye may be at the centre, or beyond.
+    Of an eye nearer to the centre than half of the volume's diagonal it counts as that far: most of what such an eye
+    sees is.
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
     offset = volume.centre - np.asarray(target, np.float64)
-    widest_px = 0.0
+    nearest = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
+    narrowest_px = math.inf
     for poses in _poses(camera.path, range(camera.path.frames)):
         depths = np.full(len(poses.zoom), distance)
         if camera.projection == "perspective":
-            depths = np.maximum(distance - poses.direction @ offset, spacing)
-        widest_px = max(widest_px, float((poses.zoom * (spacing / depths)).max()) * focal_px)
-    return widest_px
+            depths = np.maximum(distance - poses.direction @ offset, nearest)
+        narrowest_px = min(narrowest_px, float((poses.zoom * (spacing / depths)).min()) * focal_px)
+    return narrowest_px
 
 
 def _to_world(volume: Volume, index: Float64) -> Float64:

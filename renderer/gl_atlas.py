@@ -1,7 +1,8 @@
 """Bricks on the device: a 3D texture of places for so many of them, and which brick is where.
 
 Bricks stay until their place is needed: those that were drawn longest ago go first. The texture grows to what a film
-needs, up to MOST_BYTES, so that neither a volume's size nor the largest texture of a device is a limit.
+needs, up to MOST_BYTES, so that neither a volume's size nor the largest texture of a device is a limit; on a device
+that has less memory it stays smaller, and bricks come and go more often.
 
 Where a brick lies depends on all that was drawn before, and a picture must not. So the texture's sides are powers of
 two, of which the places leave little over, and the shader looks up places that are multiples of 2^-12 of a texel: with
@@ -19,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import APRON, BRICK
-from renderer.errors import ContextLostError
+from renderer.errors import ContextLostError, RenderError
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
@@ -36,7 +37,8 @@ _AT_ONCE = 256
 class Atlas:
     """A texture with the bricks of one kind; keys are numbers from 0 up, below `num_keys`, that the caller gives them.
 
-    num_channels: 1 or 4, float32. Filtering is linear.
+    num_channels: 1 or 4, float32. Filtering is linear. Raises RenderError for a device that cannot hold the smallest
+    texture.
     """
 
     def __init__(self, context: Any, num_channels: int, num_keys: int) -> None:
@@ -45,7 +47,15 @@ class Atlas:
         self._keys = np.empty(0, np.int64)  # of each place; -1: free
         self._last_used = np.empty(0, np.int64)
         self._time = 0
-        self._sizes = list(_sizes(num_channels, int(context.info["GL_MAX_3D_TEXTURE_SIZE"])))
+        largest_side = int(context.info["GL_MAX_3D_TEXTURE_SIZE"])
+        self._sizes = list(_sizes(num_channels, largest_side))
+        if not self._sizes:
+            raise RenderError(
+                "this device cannot draw bricks: its 3D textures are too small",
+                got=f"at most {largest_side} texels a side",
+                expected=f"{_LEAST_SIDE} or more",
+                hint="other footprints than splat.footprint: integrated need no 3D textures",
+            )
         self.size = self._sizes[0]  # texels along x, y and z
         self.texture: Any = None
 
@@ -71,12 +81,12 @@ class Atlas:
             free = np.argsort(self._last_used, kind="stable")[: len(missing)]
             gone = self._keys[free]
             self._places[gone[gone >= 0]] = -1
-            self._places[missing], self._keys[free], self._last_used[free] = free, missing, self._time
+            self._keys[free] = -1
             for first in range(0, len(missing), _AT_ONCE):
-                part = missing[first : first + _AT_ONCE]
-                corners = self._corners(self._places[part])
-                for corner, content in zip(corners.tolist(), texels(part), strict=True):
+                part, places = missing[first : first + _AT_ONCE], free[first : first + _AT_ONCE]
+                for corner, content in zip(self._corners(places).tolist(), texels(part), strict=True):
                     self.texture.write(content, viewport=(*corner, SIDE, SIDE, SIDE))
+                self._places[part], self._keys[places], self._last_used[places] = places, part, self._time
         return self._corners(self._places[keys])
 
     def release(self) -> None:
@@ -85,6 +95,32 @@ class Atlas:
             self.texture.release()
             self.texture = None
 
+    def _made(self) -> Any:
+        """A texture of this size; None where the device has no memory for it, but perhaps for a smaller one."""
+        room = f"{_num_bytes(self.size, self.num_channels) >> 20} MiB, for {_num_places(self.size)} bricks"
+        try:
+            texture = self._context.texture3d(self.size, self.num_channels, dtype="f4")
+        except moderngl.Error as error:
+            raise ContextLostError(  # which of the two, nobody can tell
+                "the device has no room for the bricks of a picture, or its context was lost",
+                got=f"{room}: {error}",
+                hint="if it is the room, a larger error.tolerance needs fewer",
+            ) from error
+        error_name = self._context.error
+        if error_name == "GL_NO_ERROR":
+            return texture
+        texture.release()
+        if error_name != "GL_OUT_OF_MEMORY":
+            raise ContextLostError("OpenGL made no texture for bricks, or its context was lost", got=error_name)
+        self._sizes = self._sizes[: self._sizes.index(self.size)]
+        if not self._sizes:
+            raise RenderError(
+                "the device has no memory for a batch of bricks",
+                got=f"not even {room}",
+                hint="other programs may be using it; other footprints than splat.footprint: integrated need less",
+            )
+        return None
+
     def _corners(self, places: Int64) -> Int64:
         x, y, _ = (side // SIDE for side in self.size)
         return np.column_stack([places % x, places // x % y, places // (x * y)]) * SIDE
@@ -92,29 +128,26 @@ class Atlas:
     def _grow(self, num: int) -> None:
         """A texture with room for so many, and some more; what was in the old one is gone."""
         self.release()
-        self.size = next((size for size in self._sizes if _num_places(size) >= 2 * num), self._sizes[-1])
-        num = _num_places(self.size)
         self._places[:] = -1
+        while self.texture is None:
+            self.size = next((size for size in self._sizes if _num_places(size) >= 2 * num), self._sizes[-1])
+            self.texture = self._made()
+        num = _num_places(self.size)
         self._keys, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
-        try:
-            self.texture = self._context.texture3d(self.size, self.num_channels, dtype="f4")
-        except moderngl.Error as error:
-            raise ContextLostError(  # which of the two, nobody can tell
-                "the device has no room for the bricks of a picture, or its context was lost",
-                got=f"{num} bricks, {_num_bytes(self.size, self.num_channels) >> 20} MiB: {error}",
-                hint="if it is the room, a larger error.tolerance needs fewer",
-            ) from error
         self.texture.filter = moderngl.LINEAR, moderngl.LINEAR
         self.texture.repeat_x = self.texture.repeat_y = self.texture.repeat_z = False
 
 
 def _sizes(num_channels: int, largest_side: int) -> Iterator[tuple[int, int, int]]:
-    """All that a texture may have, small ones first: one side after the other is doubled."""
+    """All that a texture may have, small ones first: one side after the other is doubled. MOST_BYTES is no limit
+    of the first."""
     size = _LEAST_SIDE, _LEAST_SIDE, _LEAST_SIDE
-    while _num_bytes(size, num_channels) <= MOST_BYTES and max(size) <= min(largest_side, _LARGEST_SIDE):
+    while max(size) <= min(largest_side, _LARGEST_SIDE):
         yield size
         x, y, z = size
         size = (2 * x, y, z) if x == z else (x, 2 * y, z) if y == z else (x, y, 2 * z)
+        if _num_bytes(size, num_channels) > MOST_BYTES:
+            return
 
 
 def _num_places(size: tuple[int, int, int]) -> int:

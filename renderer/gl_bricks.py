@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import moderngl
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.brick_batch import BrickBatch
+from renderer.brick_means import MadeMeans
 from renderer.brick_projection import box_rectangles, ray_frame
 from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK, Bricks
@@ -30,13 +32,13 @@ Programs = Callable[[str, str], Any]
 
 VERTEX = np.dtype(
     [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
-     ("first_texel", "f4", 3), ("kind", "f4", 3)]
+     ("first_texel", "f4", 3), ("steps", "f4", 2)]
 )  # fmt: skip
-VERTEX_FORMAT = "4f 3f 3f 3f 3f 3f"
+VERTEX_FORMAT = "4f 3f 3f 3f 3f 2f"
 
-# Parts of a picture between which one looks for pixels that are opaque by then, by the stride of a lattice that is
-# drawn whole: a look costs more than it saves where few pixels are drawn.
-GROUPS = {1: 4, 2: 2}
+# Parts of a picture, all of whose pixels are drawn, between which one looks for those that are opaque by then: a look
+# costs more than it saves where few pixels are drawn.
+NUM_GROUPS = 4
 
 SCALARS, MEANS, TABLE, IMAGE, DIFFERING = range(5)  # texture units
 
@@ -80,6 +82,7 @@ class BrickDrawer:
         self._bricks: Bricks | None = None
         self._scalars: Atlas | None = None
         self._means: Atlas | None = None
+        self._made = MadeMeans()
         self._table: tuple[Any, Any] | None = None
 
     def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
@@ -88,13 +91,13 @@ class BrickDrawer:
         vertices = _vertices(batch, order, view)
         num_means = int(np.count_nonzero(batch.cut.levels[order]))
         self._reserve(len(order) - num_means, num_means)
-        program = self._prepared(batch, view, has_means=num_means > 0)
+        programs = self._prepared(batch, view)
         coarse = None
         for stride in batch.thrift.strides:
             lattice = self._lattice(stride)
             self._begin(lattice, coarse, batch.thrift.spread)
-            num_groups = 1 if coarse else GROUPS.get(stride, 1)
-            self._draw_boxes(program, batch, order, vertices, lattice, num_groups)
+            num_groups = NUM_GROUPS if batch.thrift.strides == (1,) else 1
+            self._draw_boxes(programs, batch, order, vertices, lattice, num_groups)
             coarse = lattice
         assert coarse is not None
         nodes = np.empty((coarse.size[1], coarse.size[0], 4), np.float32)
@@ -109,7 +112,7 @@ class BrickDrawer:
             grids = [level.boxes.shape[:3] for level in batch.bricks.levels]
             self._scalars = Atlas(self._context, num_channels, int(np.prod(grids[0])))
             self._means = Atlas(self._context, 4, sum(int(np.prod(grid)) for grid in grids[1:]))
-            self._bricks = batch.bricks
+            self._bricks, self._made = batch.bricks, MadeMeans()
         if self._table is None or self._table[0] is not batch.table:
             if self._table is not None:
                 self._table[1].release()
@@ -129,6 +132,7 @@ class BrickDrawer:
         assert self._means is not None
         self._scalars.reserve(num_scalars)
         self._means.reserve(num_means)
+        self._made.begin(is_used=num_means > self._means.most_places)
 
     def _release_atlases(self) -> None:
         for atlas in (self._scalars, self._means):
@@ -178,38 +182,40 @@ class BrickDrawer:
         self._context.enable_only(moderngl.NOTHING)
         self._draw_whole(program)
 
-    def _prepared(self, batch: BrickBatch, view: View, *, has_means: bool) -> Any:
-        """The program, with the uniforms of a batch and a view, and the table in its place."""
+    def _prepared(self, batch: BrickBatch, view: View) -> tuple[Any, Any]:
+        """The programs of scalars and of means, with the uniforms of a batch and a view, and the table in its place.
+
+        There are two, for software renderers go through what either needs for all pixels of a program that has both.
+        """
         of_scalars = "brick_lit.glsl" if batch.shading else "brick_plain.glsl"
-        of_means = "brick_means.glsl" if has_means else ""
-        program = self._programs("brick_vertex.glsl", f"opacity.glsl {of_scalars} {of_means} brick_fragment.glsl")
         rays, entries = ray_frame(batch.cut.volume, batch.length, view), len(batch.table)
-        uniforms = {
+        common = {
             "center_px": tuple(n / 2 for n in view.size),
             "origins": tuple(rays.origins.T.ravel()),  # GL matrices are column by column
             "directions": tuple(rays.directions.T.ravel()),
             "slope_per_px": rays.slope_per_px,
             "start": max(rays.start, -LARGEST),
-            "entry_of_texel": ((entries - 1) / entries, 0.5 / entries),
             "opaque": 1 - max(batch.thrift.least_transmittance, UNSEEN),
-            "scalars": SCALARS,
-            "table": TABLE,
         }
-        if has_means:
-            uniforms["means"], uniforms["depth_of_mean"] = MEANS, batch.length / batch.cut.volume.finest_spacing
+        of_table = {"atlas": SCALARS, "table": TABLE, "entry_of_texel": ((entries - 1) / entries, 0.5 / entries)}
         if batch.shading:
             light = np.array(batch.shading.light, np.float64)
-            uniforms["light"] = tuple(light / np.linalg.norm(light))
-            uniforms["ambient_diffuse"] = batch.shading.ambient, batch.shading.diffuse
-        for name, value in uniforms.items():
-            program[name] = value
+            of_table["light"] = tuple(light / np.linalg.norm(light))
+            of_table["ambient_diffuse"] = batch.shading.ambient, batch.shading.diffuse
+        of_means = {"atlas": MEANS, "depth_of_mean": batch.length / batch.cut.volume.finest_spacing}
+        programs = []
+        for look_up, uniforms in ((of_scalars, of_table), ("brick_means.glsl", of_means)):
+            program = self._programs("brick_vertex.glsl", f"opacity.glsl {look_up} brick_fragment.glsl")
+            for name, value in (common | uniforms).items():
+                program[name] = value
+            programs.append(program)
         assert self._table is not None
         self._table[1].use(TABLE)
-        return program
+        return programs[0], programs[1]
 
     def _draw_boxes(
         self,
-        program: Any,
+        programs: tuple[Any, Any],
         batch: BrickBatch,
         order: npt.NDArray[np.uint32],
         vertices: Any,
@@ -217,18 +223,19 @@ class BrickDrawer:
         num_groups: int,
     ) -> None:
         """Group by group, each behind what has been drawn before."""
-        program["stride_px"], program["num_nodes"] = lattice.stride, lattice.size
+        for program in programs:
+            program["stride_px"], program["num_nodes"] = lattice.stride, lattice.size
         least = batch.thrift.least_transmittance
         most, start = -(-len(order) // num_groups), 0
         while start < len(order):
             end = self._end_of_group(batch, order, start, most)
-            self._place(program, batch, order[start:end], vertices[start:end])
+            self._place(programs, batch, order[start:end], vertices[start:end])
             lattice.target.use()
             lattice.target.depth_mask = False
             self._context.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE)
             self._context.blend_func = moderngl.ONE_MINUS_DST_ALPHA, moderngl.ONE
             self._context.depth_func = "<"
-            self._draw_group(program, vertices[start:end], lattice.stride)
+            self._draw_group(programs, batch.cut.levels[order[start:end]] > 0, vertices[start:end], lattice.stride)
             if least > 0 and num_groups > 1 and end < len(order):
                 self._mask_saturated(lattice, least)
             start = end
@@ -241,35 +248,40 @@ class BrickDrawer:
         fits = (np.cumsum(is_mean) <= self._means.most_places) & (np.cumsum(~is_mean) <= self._scalars.most_places)
         return start + int(np.count_nonzero(fits))
 
-    def _place(self, program: Any, batch: BrickBatch, order: npt.NDArray[np.uint32], vertices: Any) -> None:
+    def _place(
+        self, programs: tuple[Any, Any], batch: BrickBatch, order: npt.NDArray[np.uint32], vertices: Any
+    ) -> None:
         """Bring bricks to the device, and tell the vertices where they are."""
         levels = batch.cut.levels[order]
-        for atlas, unit, scale, chosen, texels in (
-            (self._scalars, SCALARS, "scalar_scale", levels == 0, _scalar_texels),
-            (self._means, MEANS, "mean_scale", levels > 0, _mean_texels),
+        for program, atlas, unit, chosen, texels in (
+            (programs[0], self._scalars, SCALARS, levels == 0, partial(_scalar_texels, batch)),
+            (programs[1], self._means, MEANS, levels > 0, partial(_mean_texels, batch, self._made)),
         ):
             assert atlas is not None
             if not chosen.any():
                 continue
             keys = _keys(batch, order[chosen])
-            vertices["first_texel"][chosen] = atlas.place(keys, partial(texels, batch)) + APRON
+            vertices["first_texel"][chosen] = atlas.place(keys, texels) + APRON
             atlas.texture.use(unit)
-            program[scale] = tuple(1 / n for n in atlas.size)
+            program["atlas_scale"] = tuple(1 / n for n in atlas.size)
 
-    def _draw_group(self, program: Any, vertices: npt.NDArray[Any], stride: int) -> None:
-        """Boxes as points, or as quads where one of them is larger than the driver's points."""
+    def _draw_group(
+        self, programs: tuple[Any, Any], is_mean: npt.NDArray[np.bool_], vertices: npt.NDArray[Any], stride: int
+    ) -> None:
+        """Boxes as points, or as quads where one of them is larger than the driver's points; run by run of a kind."""
         sides = vertices["rectangle_px"][:, 2:] - vertices["rectangle_px"][:, :2]
         quads = float(sides.max(initial=0.0)) / stride + 4 > self._largest_point_px
-        program["quads"] = quads
-        buffer = self._context.buffer(vertices)
-        layout = VERTEX_FORMAT + ("/i" if quads else "")
-        boxes = self._context.vertex_array(program, [(buffer, layout, *(VERTEX.names or ()))])
-        if quads:
-            boxes.render(moderngl.TRIANGLES, vertices=6, instances=len(vertices))
-        else:
-            boxes.render(moderngl.POINTS, vertices=len(vertices))
-        boxes.release()
-        buffer.release()
+        for program in programs:
+            program["quads"] = quads
+        mode, each = (moderngl.TRIANGLES, 6) if quads else (moderngl.POINTS, 1)
+        buffer = self._context.buffer(np.repeat(vertices, each))
+        content = [(buffer, VERTEX_FORMAT, *(VERTEX.names or ()))]
+        boxes = [self._context.vertex_array(program, content) for program in programs]
+        ends = np.flatnonzero(is_mean[1:] != is_mean[:-1]) + 1
+        for first, end in pairwise([0, *ends.tolist(), len(vertices)]):
+            boxes[int(is_mean[first])].render(mode, vertices=each * (end - first), first=each * first)
+        for thing in (*boxes, buffer):
+            thing.release()
 
     def _mask_saturated(self, lattice: _Lattice, least: float) -> None:
         """Bring pixels that are opaque, or nearly so, to the front in the depth buffer: they are drawn no more."""
@@ -298,9 +310,8 @@ def _vertices(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> n
     vertices["box_high"] = boxes[:, 1] - volume.centre_index
     first_voxels = cut.cells[order].astype(np.int64) * BRICK << levels[:, None]
     vertices["first_corner"] = first_voxels - 0.5 - volume.centre_index
-    vertices["kind"][:, 0] = np.ldexp(1.0, -levels)
-    vertices["kind"][:, 1] = batch.steps[order]
-    vertices["kind"][:, 2] = levels > 0
+    vertices["steps"][:, 0] = np.ldexp(1.0, -levels)
+    vertices["steps"][:, 1] = batch.steps[order]
     return vertices
 
 
@@ -328,13 +339,13 @@ def _scalar_texels(batch: BrickBatch, keys: npt.NDArray[np.int64]) -> Image:
     return scalar_texels(batch.bricks, cells, lit=batch.shading is not None)
 
 
-def _mean_texels(batch: BrickBatch, keys: npt.NDArray[np.int64]) -> Image:
+def _mean_texels(batch: BrickBatch, made: MadeMeans, keys: npt.NDArray[np.int64]) -> Image:
     texels = np.empty((len(keys), SIDE, SIDE, SIDE, 4), np.float32)
     first = 0
     for level, here in enumerate(batch.bricks.levels[1:], 1):
         grid = here.boxes.shape[:3]
         is_here = (keys >= first) & (keys < first + int(np.prod(grid)))
         if is_here.any():
-            texels[is_here] = mean_texels(batch.bricks, level, _cells(keys[is_here] - first, grid))
+            texels[is_here] = mean_texels(batch.bricks, level, _cells(keys[is_here] - first, grid), made)
         first += int(np.prod(grid))
     return texels

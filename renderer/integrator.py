@@ -206,7 +206,7 @@ def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | N
         values.flags.writeable = False  # as in every Volume; the kernels are compiled for that
     bricks = np.zeros([n // BRICK + 1 for n in values.shape], np.uint8)
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-    largest = max(abs(float(values.min())), abs(float(values.max())), float(np.abs(transfer.values).max()))
+    largest = max(*map(abs, volume.value_range()), float(np.abs(transfer.values).max()))
     exponent = math.frexp(largest)[1]
     scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
     intervals, lighting = _intervals(transfer, scale), _lighting(shading, index_from_world)
@@ -231,6 +231,7 @@ def _integrate_pixels(
     index_from_world = field.index_from_world
 
     def integrate_part(first: int) -> None:
+        field.volume.require_unchanged()
         part = slice(first, first + _RAYS_PER_TASK)
         origins, directions, starts = rays_about(field.volume.centre, view, pixels[part])
         integrate_rays(
@@ -253,6 +254,7 @@ def _integrate_pixels(
                 on_progress(number / len(parts))
         finally:  # interrupted, or failed in one thread: drop what has not begun
             pool.shutdown(wait=False, cancel_futures=True)
+    field.volume.require_unchanged()
     return radiance
 
 

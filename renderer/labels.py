@@ -11,6 +11,7 @@ import numpy.typing as npt
 from renderer.evidence import Sample, evenness, gentleness
 from renderer.exposure import Layer, expose, opacity_of, unit_for, whole
 from renderer.looks import CRISP, GLASS, SOLID
+from renderer.mapped_file import slabs
 from renderer.scene import Color, ColormapSpec, ControlPoint
 from renderer.statistics import Statistics
 from renderer.volume import Volume
@@ -64,10 +65,11 @@ def _all_values(volume: Volume, statistics: Statistics) -> list[float] | None:
         found = set(statistics.bins[statistics.counts > 0].tolist())
         return sorted(found) if len(found) <= _MOST_LABELS else None
     found = set()
-    for plane in volume.values:
-        found.update(float(value) for value in np.unique(plane))
-        if len(found) > _MOST_LABELS:
-            return None
+    for slab in slabs(volume.values, volume.source):
+        for plane in slab:
+            found.update(float(value) for value in np.unique(plane))
+            if len(found) > _MOST_LABELS:
+                return None
     return sorted(found)
 
 

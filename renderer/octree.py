@@ -139,7 +139,9 @@ def _joined(pyramid: Pyramid, parts: list[_Leaves], parents: Int32) -> Cut:
     np.concatenate([part.cells for part in parts], out=cells[:num_coarse])
     np.concatenate([part.depths for part in parts], out=depths[:num_coarse])
     codes = voxel_codes(pyramid.volume)
+    pyramid.volume.require_unchanged()
     num = num_coarse + _fill_voxels(codes, *pyramid.classifier, parents, cells[num_coarse:], depths[num_coarse:])
+    pyramid.volume.require_unchanged()
     cells.resize((num, 3), refcheck=False)
     depths.resize((num, 4), refcheck=False)
     levels = np.zeros(num, np.uint8)
@@ -152,7 +154,9 @@ def _joined(pyramid: Pyramid, parts: list[_Leaves], parents: Int32) -> Cut:
 def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> npt.NDArray[np.uint8]:
     """uint8 [n]: how many voxels are visible in cells of level 1."""
     counts = np.empty(len(cells), np.uint8)
+    pyramid.volume.require_unchanged()
     _count_voxels(voxel_codes(pyramid.volume), *pyramid.classifier, cells, counts)
+    pyramid.volume.require_unchanged()
     return counts
 
 

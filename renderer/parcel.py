@@ -3,8 +3,9 @@
     length of the header, uint64 little-endian | header, JSON | arrays, each at a multiple of ALIGNMENT
 
 The header is the tree of the stage's dataclasses by name; in it an array is its dtype, shape and place. Unpacked arrays
-are views of the bytes, so that any number of processes can share them. Only bytes made by this version are to be
-unpacked: nothing in them is checked.
+are views of the bytes, so that any number of processes can share them. Voxels that are mapped from a file can be left
+there: who unpacks the stage maps them, too. Only bytes made by this version are to be unpacked: nothing in them is
+checked.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import dataclasses
 import json
 import struct
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,7 @@ from renderer.bricks import BrickLevel, Bricks
 from renderer.classify import Classifier, Lighting, Segments
 from renderer.depth_directions import Turning
 from renderer.drawing import Stage
+from renderer.mapped_file import MappedFile, OnMapped
 from renderer.pyramid import Level, Pyramid
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
@@ -37,14 +40,19 @@ _LENGTH = struct.Struct("<Q")
 # schedule of one whose goal was resolved need not be one that a user may write.
 _OF_SCENE = [kind for kind in vars(scene).values() if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
 _OF_STAGE = (
-    Stage, Volume, Pyramid, Level, Classifier, Segments, Lighting, Turning, Bricks, BrickLevel, TransferFunction,
+    Stage, Volume, MappedFile, Pyramid, Level, Classifier, Segments, Lighting, Turning, Bricks, BrickLevel,
+    TransferFunction,
 )  # fmt: skip
 _RECORDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_OF_STAGE, *_OF_SCENE)}
 
 
-def pack(stage: Stage) -> Iterator[memoryview]:
-    """The bytes of a stage, piece by piece; its arrays are not copied, and one that it has twice is there once."""
-    arrays = _Arrays()
+def pack(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
+    """The bytes of a stage, piece by piece; its arrays are not copied, and one that it has twice is there once.
+
+    without_files: who unpacks it does not have the files of this machine: all voxels are in the bytes. Raises
+    InputError where such a file was changed.
+    """
+    arrays = _Arrays(without_files)
     header = json.dumps(_plain(stage, arrays)).encode("ascii")
     yield memoryview(_LENGTH.pack(len(header)))
     yield memoryview(header)
@@ -52,13 +60,19 @@ def pack(stage: Stage) -> Iterator[memoryview]:
     for array in arrays.in_order():
         yield array.reshape(-1).view(np.uint8).data
         yield memoryview(bytes(_rest(array.nbytes)))
+    stage.volume.require_unchanged()
 
 
-def unpack(content: memoryview) -> Stage:
-    """The stage of which these are the bytes. Its arrays are views of `content`, which must be writable."""
+def unpack(content: memoryview, on_mapped: OnMapped | None = None) -> Stage:
+    """The stage of which these are the bytes. Its arrays are views of `content`, which must be writable.
+
+    on_mapped: told of all voxels that were left in a file.
+
+    Raises InputError where voxels were left in a file and that is not what it was.
+    """
     (length,) = _LENGTH.unpack_from(content)
     end = _LENGTH.size + length
-    stage = _unpacked(json.loads(bytes(content[_LENGTH.size : end])), content[end + _rest(end) :])
+    stage = _unpacked(json.loads(bytes(content[_LENGTH.size : end])), content[end + _rest(end) :], on_mapped)
     assert isinstance(stage, Stage)
     return stage
 
@@ -69,9 +83,10 @@ def _rest(num_bytes: int) -> int:
 
 
 class _Arrays:
-    """Where arrays go, one behind the other."""
+    """Where arrays go, one behind the other; without_files: voxels that are in files, too."""
 
-    def __init__(self) -> None:
+    def __init__(self, without_files: bool) -> None:
+        self.without_files = without_files
         self._end = 0
         self._placed: dict[int, tuple[Array, Array, int]] = {}  # by identity: the array, as it is packed, and its place
 
@@ -96,6 +111,10 @@ def _plain(value: Any, arrays: _Arrays) -> Any:
         return {"array": facts | {"place": arrays.place(value)}}
     if isinstance(value, Path):
         return {"Path": str(value)}
+    if isinstance(value, Volume) and value.source is not None:
+        if not arrays.without_files:
+            return {"mapped": {name: _plain(item, arrays) for name, item in _items(value) if name != "values"}}
+        value = replace(value, source=None)
     if type(value).__name__ in _RECORDS:
         return {type(value).__name__: {name: _plain(item, arrays) for name, item in _items(value)}}
     if isinstance(value, tuple):
@@ -112,7 +131,7 @@ def _items(record: Any) -> Iterator[tuple[str, Any]]:
     return iter(record._asdict().items())
 
 
-def _unpacked(tree: Any, content: memoryview) -> Any:
+def _unpacked(tree: Any, content: memoryview, on_mapped: OnMapped | None) -> Any:
     if not isinstance(tree, dict):
         return tree
     ((kind, value),) = tree.items()
@@ -123,6 +142,11 @@ def _unpacked(tree: Any, content: memoryview) -> Any:
     if kind == "Path":
         return Path(value)
     if kind == "tuple":
-        return tuple(_unpacked(item, content) for item in value)
-    items = {name: _unpacked(item, content) for name, item in value.items()}
+        return tuple(_unpacked(item, content, on_mapped) for item in value)
+    items = {name: _unpacked(item, content, on_mapped) for name, item in value.items()}
+    if kind == "mapped":
+        values = items["source"].mapped()
+        if on_mapped is not None:
+            on_mapped(items["source"], values)
+        return Volume(values=values, **items)
     return items if kind == "dict" else _RECORDS[kind](**items)

@@ -14,7 +14,7 @@ from renderer.depth_directions import make_turning
 from renderer.drawing import Clock, Frame, Rasterizer, Stage, Stopwatch, draw
 from renderer.errors import InputError
 from renderer.extents import Extent, camera_problems, require_proportion, volume_problems
-from renderer.framing import finest_useful_level, fit_distance, largest_voxel_px, visible_centre, visible_points
+from renderer.framing import finest_useful_level, fit_distance, smallest_voxel_px, visible_centre, visible_points
 from renderer.pacing import Guide, Scheduled
 from renderer.pyramid import build_pyramid
 from renderer.readers import read_volume
@@ -38,7 +38,7 @@ def prepare(
 
     A `volume` that is given is drawn in place of the scene's, which is then not read. One with another fingerprint
     than `fingerprint`, which is `recorded_in` some place, cannot be used. The pyramid has what the scene's schedule can
-    ask for; with `any_tolerance`, and where bricks are made of it, it serves every tolerance and level.
+    ask for; with `any_tolerance` it serves every tolerance and level, as bricks always do.
     """
     scene = in_order(scene)
     watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
@@ -55,28 +55,29 @@ def prepare(
     require_proportion([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
     watch.lap("read")
     transfer = make_transfer(scene.transfer_function, volume.finest_spacing)
-    is_integrated = scene.splat.footprint == "integrated"
-    is_whole = any_tolerance or is_integrated
-    pyramid = build_pyramid(
-        volume,
-        transfer,
-        spec=scene.pyramid,
-        error=scene.error,
-        shading=scene.shading,
-        num_threads=num_threads,
-        least_tolerance=0.0 if is_whole else least_tolerance(scene.error),
-        finest_level=0 if is_whole else scene.error.finest_level,
-    )
-    watch.lap("pyramid")
     bricks = None
-    if is_integrated:
-        bricks = make_bricks(pyramid, transfer, num_threads=num_threads)
-        watch.lap("bricks")
+    if scene.splat.footprint == "integrated":
+        bricks = make_bricks(
+            volume, transfer, spec=scene.pyramid, error=scene.error, shading=scene.shading, num_threads=num_threads
+        )
+        pyramid = bricks.pyramid
+    else:
+        pyramid = build_pyramid(
+            volume,
+            transfer,
+            spec=scene.pyramid,
+            error=scene.error,
+            shading=scene.shading,
+            num_threads=num_threads,
+            least_tolerance=0.0 if any_tolerance else least_tolerance(scene.error),
+            finest_level=0 if any_tolerance else scene.error.finest_level,
+        )
+    watch.lap("pyramid")
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)
     require_proportion(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
-    voxel_px = largest_voxel_px(volume, camera, target, distance, size)
+    voxel_px = smallest_voxel_px(volume, camera, target, distance, size)
     turning = make_turning(volume.world_from_index, axes_in_runs(camera.path))
     watch.lap("framing")
     return Stage(scene, volume, pyramid, target, distance, finest_level, voxel_px, turning, bricks, watch.seconds)

@@ -13,14 +13,19 @@ Only visible nodes are stored: every level is one list in Morton order, so that 
 Blocks that show nothing are not even classified. On the levels 1 and 2 nodes are left out, too, that lie below one
 that is a leaf in every cut that will be asked for: a film at one tolerance has no use for them.
 
+Where bricks are drawn these two levels are not stored at all: whoever gathers what bricks must know of them is told
+their nodes as they are made, and makes them again from voxels where they are drawn.
+
 Blocks of 8^3 voxels are built many at a time by several threads, which gives levels 1 to 3; then each tier of groups
-of 64 nodes gives two levels more (see `renderer.pyramid_kernels`).
+of 64 nodes gives two levels more (see `renderer.pyramid_kernels`), the first still with the blocks: what is kept of a
+large volume until all are done is then small.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -31,12 +36,13 @@ import numpy.typing as npt
 from renderer import pyramid_kernels as kernels
 from renderer.classify import FAINTEST, Classifier, make_classifier, voxel_codes
 from renderer.emptiness import visible_blocks
+from renderer.pyramid_blocks import classify_blocks, items_of, merge, opacities_to_depths, store
 from renderer.pyramid_kernels import BLOCK
 from renderer.pyramid_memory import (
     BLOCK_LEVELS,
     BLOCKS_PER_TASK,
+    CUBE_LEVELS,
     NODES_OF_GROUP,
-    Groups,
     Room,
     Scratch,
     Stored,
@@ -47,8 +53,14 @@ from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
 Int64 = npt.NDArray[np.int64]
 Shape = tuple[int, int, int]
+
+# Told visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their errors [n] in the
+# measure's unit, and their means [n, 4] as they would be stored. Nothing of this stays as it is after the call.
+NodesTold = Callable[[int, Int32, Float64, Array], None]
 
 # Means are stored as multiples of the largest possible one, brought to this: then float16 holds 8 decades below it at
 # its full 11 bits (its normal numbers go down to 2^-14).
@@ -60,6 +72,9 @@ SMALLEST_RANGE = 2.0**-1008
 
 # Levels in each tier above the blocks.
 TIER_LEVELS = 2
+
+# Levels of which bricks need no nodes in memory.
+TOLD_LEVELS = 2
 
 # Errors are compared with the tolerance as they are stored; one that is this much below it is so in any precision.
 SURELY_BELOW = 1 - 2.0**-9
@@ -90,7 +105,9 @@ class Pyramid:
     """levels[0] is level 1 and levels[-1] the root (no node, where nothing is visible).
 
     Multiply stored means by `mean_unit` and errors by `error_unit` to have them in the units above. `classifier` gives
-    level 0, always as (tau c, tau) h0.
+    level 0, always as (tau c, tau) h0. measure, of: what errors are, as in ErrorSpec.
+
+    averaged: what means are means of; where that is opacities, `deepest` is the depth of the deepest voxel.
 
     occupied: bool [z, y, x], the cells of level `occupied_level` in which anything is visible.
     least_tolerance, finest_level: cuts at smaller tolerances, or of finer levels, need nodes that were left out.
@@ -100,8 +117,11 @@ class Pyramid:
     mean_unit: float
     error_unit: float
     classifier: Classifier
+    averaged: Classifier
+    deepest: float | None
     volume: Volume
     measure: str
+    of: str
     occupied: npt.NDArray[np.bool_]
     occupied_level: int
     least_tolerance: float
@@ -130,19 +150,28 @@ def build_pyramid(
     num_threads: int = 2,
     least_tolerance: float = 0.0,
     finest_level: int = 0,
+    tell: NodesTold | None = None,
 ) -> Pyramid:
     """Build all levels in one pass over the voxels; the result does not depend on `num_threads`.
 
     No cut will be asked for at a tolerance below `least_tolerance`, nor one with cells of a level below `finest_level`.
+    tell: told all visible nodes of the levels up to TOLD_LEVELS, which are not stored, by several threads at a time;
+        the nodes in a cube of 2^CUBE_LEVELS voxels a side come together. There are levels above these then.
+
+    Raises InputError where the volume's file was changed.
     """
-    num_levels = max(1, (max(volume.shape_xyz) - 1).bit_length())
+    num_levels = max(1 if tell is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
     plan = _make_plan(volume, transfer, spec, error, shading)
-    plan = replace(plan, limits=_final_limits(plan, volume, error.measure, num_levels, least_tolerance, finest_level))
-    blocks = _blocks_in_morton_order(volume.shape_xyz)
-    room = Room.empty(len(blocks), volume.shape_xyz, plan.dtype)
-    tier = _build_all_blocks(plan, blocks, room, num_threads)
+    if tell is None:
+        limits = _final_limits(plan, volume, error.measure, num_levels, least_tolerance, finest_level)
+        plan = replace(plan, limits=limits)
+    else:
+        plan, finest_level = replace(plan, tell=tell), TOLD_LEVELS + 1
+    cubes, first_cubes, first_blocks = _tasks(volume.shape_xyz)
+    room = Room.empty(first_blocks, volume.shape_xyz, plan.dtype, lowest=0 if tell is None else TOLD_LEVELS)
+    tier, above = _build_all_blocks(plan, np.split(cubes, first_cubes), room, num_threads)
     depths = plan.rule if spec.average == "extinction" else make_classifier(volume, transfer, shading, opacity=False)
-    stored = room.compacted(num_threads)
+    stored = room.compacted(num_threads) + above
     while len(stored) < num_levels:
         tier, levels = _next_tier(plan, tier, len(stored))
         stored += levels
@@ -151,8 +180,11 @@ def build_pyramid(
         mean_unit=plan.mean_unit,
         error_unit=plan.error_unit,
         classifier=depths,
+        averaged=plan.rule,
+        deepest=plan.deepest,
         volume=volume,
         measure=error.measure,
+        of=error.of,
         occupied=room.occupied,
         occupied_level=room.occupied_level,
         least_tolerance=least_tolerance,
@@ -187,8 +219,11 @@ class _Plan:
     mean_unit, error_unit: as in Pyramid. error_factor: brings the root of a variance to its stored unit.
     deepest: of a voxel, where opacities are averaged; the means are stored as depths all the same.
     limits: nodes of level 2, and of level 3, with a variance below are leaves in every cut.
+    tell: as of `build_pyramid`.
     """
 
+    volume: Volume
+    measure: str
     codes: Array
     rule: Classifier
     error_rule: Classifier | None
@@ -199,11 +234,11 @@ class _Plan:
     dtype: type[np.float16] | type[np.float32]
     deepest: float | None
     limits: tuple[float, float] = (0.0, 0.0)
+    tell: NodesTold | None = None
 
     @property
     def shape_xyz(self) -> Shape:
-        z, y, x = self.codes.shape
-        return x, y, z
+        return self.volume.shape_xyz
 
     @property
     def error_layout(self) -> tuple[int, type[Any]] | None:
@@ -227,13 +262,15 @@ def _make_plan(
     error_rule, normal = None, None
     error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
     if error.of == "scalar":
-        low, high = float(volume.values.min()), float(volume.values.max())
+        low, high = volume.value_range()
         offset = _exact_offset(low, high)
         error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
         normal = (offset, 1 / error_unit)
     elif opacity != of_opacity:
         error_rule = make_classifier(volume, transfer, shading, opacity=of_opacity)
     return _Plan(
+        volume,
+        error.measure,
         voxel_codes(volume),
         rule,
         error_rule,
@@ -281,12 +318,26 @@ def _stored_unit(largest: float) -> float:
     return math.ldexp(1 / STORED_MAXIMUM, math.frexp(max(largest, SMALLEST_RANGE))[1])
 
 
-def _blocks_in_morton_order(shape_xyz: Shape) -> Int64:
-    """int64 [n, 3]: the blocks (x, y, z in blocks) of a volume."""
-    cells = np.zeros((1, 3), np.int64)
-    for level in range(max(BLOCK_LEVELS, (max(shape_xyz) - 1).bit_length()) - 1, BLOCK_LEVELS - 1, -1):
+def _tasks(shape_xyz: Shape) -> tuple[Int64, Int64, Int64]:
+    """The cubes of a volume, int64 [n, 3] (x, y, z in cubes), in Morton order; and which begin a task, but for the
+    first, int64 [num_tasks - 1]; and the number of blocks before each task, and in all, int64 [num_tasks + 1]."""
+    top = max(CUBE_LEVELS, (max(shape_xyz) - 1).bit_length())
+    cubes = _divided(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
+    nums = (-(-cell_extents(cubes, CUBE_LEVELS, shape_xyz) // BLOCK)).prod(axis=1)
+    first_cubes, first_blocks, end = [], [0], 0
+    for cube, num in enumerate(nums.tolist()):
+        if end + num > first_blocks[-1] + BLOCKS_PER_TASK:
+            first_cubes.append(cube)
+            first_blocks.append(end)
+        end += num
+    return cubes, np.array(first_cubes, np.int64), np.array([*first_blocks, end], np.int64)
+
+
+def _divided(cells: Int64, level: int, finer_level: int, shape_xyz: Shape) -> Int64:
+    """int64 [n, 3]: the cells of a finer level in some cells, each in units of its own width, in Morton order."""
+    for number in range(level - 1, finer_level - 1, -1):
         cells = (2 * cells[:, None] + OCTANTS).reshape(-1, 3)
-        inside = cells << level < shape_xyz
+        inside = cells << number < shape_xyz
         cells = cells[inside[:, 0] & inside[:, 1] & inside[:, 2]]
     return cells
 
@@ -301,27 +352,39 @@ class _Tier(NamedTuple):
     variances: Array
 
 
-def _build_all_blocks(plan: _Plan, blocks: Int64, room: Room, num_threads: int) -> _Tier:
-    """The levels inside blocks, into `room`, and the roots of the blocks."""
-    tasks = iter(range(len(room.counts)))
-    roots: dict[int, _Tier] = {}
+def _build_all_blocks(plan: _Plan, cubes: list[Int64], room: Room, num_threads: int) -> tuple[_Tier, list[Stored]]:
+    """The levels inside the blocks of the cubes of all tasks, into `room`; the tier above and the levels in it."""
+    tasks = iter(range(len(cubes)))
+    done: dict[int, tuple[_Tier, list[Stored]]] = {}
+    num_blocks = int(np.diff(room.first_blocks).max())
+    passing = (TOLD_LEVELS if plan.tell else 0), plan.dtype
 
-    def work(num_groups: int) -> None:
-        scratch = Scratch.empty(num_groups, plan.error_layout)
+    def work(_: int) -> None:
+        scratch = Scratch.empty(num_blocks, plan.error_layout, passing)
         for task in tasks:  # shared: each thread takes the next one when it is ready
-            roots[task] = _build_blocks(plan, blocks, room, task, scratch)
+            plan.volume.require_unchanged()
+            roots = _build_blocks(plan, cubes[task], room, task, scratch)
+            done[task] = _next_tier(plan, roots, BLOCK_LEVELS)
 
     with ThreadPoolExecutor(num_threads) as pool:
         try:
-            list(pool.map(work, [min(len(blocks), BLOCKS_PER_TASK)] * num_threads))
+            list(pool.map(work, range(num_threads)))
         finally:  # interrupted, or failed in one thread: leave nothing to the others
             deque(tasks, maxlen=0)
-    return _Tier(*(np.concatenate(parts) for parts in zip(*(roots[task] for task in sorted(roots)), strict=True)))
+    plan.volume.require_unchanged()
+    tiers, levels = zip(*(done[task] for task in sorted(done)), strict=True)
+    tier = _Tier(*(np.concatenate(parts) for parts in zip(*tiers, strict=True)))
+    return tier, [_concatenated(parts) for parts in zip(*levels, strict=True)]
 
 
-def _build_blocks(plan: _Plan, blocks: Int64, room: Room, task: int, scratch: Scratch) -> _Tier:
+def _concatenated(parts: Sequence[Stored]) -> Stored:
+    means, errors, masks = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return means, errors, masks
+
+
+def _build_blocks(plan: _Plan, cubes: Int64, room: Room, task: int, scratch: Scratch) -> _Tier:
     """The levels inside the blocks of one task, and their roots."""
-    cells = blocks[task * BLOCKS_PER_TASK : (task + 1) * BLOCKS_PER_TASK]
+    cells = _divided(cubes, CUBE_LEVELS, BLOCK_LEVELS, plan.shape_xyz)
     starts = (cells * BLOCK).astype(np.uint64)
     extents = cell_extents(cells, BLOCK_LEVELS, plan.shape_xyz).astype(np.uint64)
     if not plan.normal:  # the scalars of what is not visible count for the errors of scalars
@@ -329,34 +392,32 @@ def _build_blocks(plan: _Plan, blocks: Int64, room: Room, task: int, scratch: Sc
         cells, starts, extents = cells[visible], starts[visible], extents[visible]
     scratch = scratch.first(len(cells))
     nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
-    _classify(plan, plan.rule, starts, extents, scratch, nodes)
+    classify_blocks(plan.codes, plan.rule, starts, extents, scratch.voxels, nodes)
     if plan.normal:
         kernels.level_of_scalars(plan.codes, plan.rule.scalars, *plan.normal, starts, extents, *errors[0])
-        _merge(errors, extents, 2)
+        merge(errors, extents, 2)
     elif plan.error_rule:
-        _classify(plan, plan.error_rule, starts, extents, scratch, errors)
+        classify_blocks(plan.codes, plan.error_rule, starts, extents, scratch.voxels, errors)
     if any(plan.limits):
         kernels.mark_final(errors[1][1], errors[2][1], plan.limits, *scratch.final)
     part = min(room.occupied_level, BLOCK_LEVELS) - 1
     kernels.mark_occupied(nodes[part][0], cells, room.occupied_level - 1 - part, room.occupied)
     for level in range(BLOCK_LEVELS):
-        target = room.of_task(task, level)
-        room.counts[task, level] = _store_visible(plan, scratch, level, target)
+        is_told = level < len(scratch.passing)
+        target = scratch.passing[level] if is_told else room.of_task(task, level)
+        num = room.counts[task, level] = _store_visible(plan, scratch, level, target)
+        if is_told:
+            _tell(plan, level + 1, nodes[level][0], cells, target[0][:num], target[1][:num])
     return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
 
 
-def _classify(plan: _Plan, rule: Classifier, starts: Array, extents: Array, scratch: Scratch, groups: Groups) -> None:
-    """All nodes of some blocks."""
-    table_items = None if rule.table is None else _items(rule.table)
-    kernels.level_of_channels(
-        plan.codes, *rule, table_items, starts, extents, scratch.voxels, _items(scratch.voxels), *groups[0]
-    )
-    _merge(groups, extents, 2)
-
-
-def _items(values: npt.NDArray[np.float32]) -> npt.NDArray[np.complex128]:
-    """float32 [..., 4] as [...] items of 16 bytes; a view."""
-    return values.view(np.complex128)[..., 0]
+def _tell(plan: _Plan, level: int, nodes: npt.NDArray[np.float32], groups: Int64, means: Array, errors: Array) -> None:
+    """Tell the visible nodes [g, n, 4] of groups at `groups` [g, 3], with their stored means and errors."""
+    assert plan.tell is not None
+    cells, sizes = np.empty((len(means), 3), np.int32), np.empty(len(means), np.int64)
+    kernels.cells_of_visible(nodes, groups, 1 << level, plan.codes.shape, cells, sizes)
+    scales = error_scale(plan.volume, plan.measure, np.arange(8**level + 1)) * plan.error_unit
+    plan.tell(level, cells, errors * (scales[sizes] if scales.ndim else scales), means)
 
 
 def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Stored]]:
@@ -375,9 +436,9 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Stored
     for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
         nodes[:] = 0
         nodes.reshape(-1, values.shape[1])[place] = values
-    _merge(scratch.nodes, extents, 1 << level)
+    merge(scratch.nodes, extents, 1 << level)
     if scratch.errors:
-        _merge(scratch.errors, extents, 1 << level)
+        merge(scratch.errors, extents, 1 << level)
     stored = []
     for part in (1, 2):
         target = empty_stored(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
@@ -391,12 +452,6 @@ def _octants(cells: Int64) -> Int64:
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 
-def _merge(groups: Groups, extents: Array, side: int) -> None:
-    """The 8 parents of the 64 nodes of each group, which are `side` voxels a side, and theirs."""
-    nodes, parents, roots = groups
-    kernels.merge_groups(*nodes, extents, side, *parents, *roots)
-
-
 def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Stored) -> int:
     """Write the visible nodes of one part of the groups to the beginning of `target`; how many they are."""
     means, _ = scratch.nodes[part]
@@ -406,39 +461,20 @@ def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Stored) -> 
     is_final, is_below_final = ((roots[:0], parents), (parents, roots), (roots, roots[:0]))[part]
     num = kernels.append_visible(
         means,
-        _items(means),
+        items_of(means),
         variances,
         children,
         is_final,
         is_below_final,
-        _items(scratch.visible),
+        items_of(scratch.visible),
         scratch.spreads,
         target[2],
     )
     if plan.deepest is not None:
-        _opacities_to_depths(scratch.visible[:num], plan.deepest)
-    _store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
-    _store(scratch.spreads[:num], plan.error_factor, target[1][:num])
+        opacities_to_depths(scratch.visible[:num], plan.deepest)
+    store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
+    store(scratch.spreads[:num], plan.error_factor, target[1][:num])
     return num
-
-
-def _opacities_to_depths(means: npt.NDArray[np.float32], deepest: float) -> None:
-    """Means of (a c, a) [n, 4] become those depths times (c, 1), in place.
-
-    As depths they keep their digits in half precision: of opacities near 1 it would leave none.
-    """
-    opacities = means[:, 3].astype(np.float64)
-    with np.errstate(divide="ignore"):  # rounded to 1, it is as deep as the deepest voxel
-        depths = np.minimum(-np.log1p(-np.minimum(opacities, 1)), deepest)
-    means *= (depths / opacities)[:, None]
-
-
-def _store(values: npt.NDArray[np.float32], factor: float, out: Array) -> None:
-    """`values` times `factor` (a power of two) in the precision of `out`."""
-    if out.dtype == np.float16:
-        kernels.store_halves(values.reshape(-1), factor, out.view(np.uint16).reshape(-1))
-    else:
-        np.multiply(values, np.float32(factor), out=out)
 
 
 def _linked(stored: list[Stored]) -> tuple[Level, ...]:

@@ -30,6 +30,8 @@ from renderer.jit import jit
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
+Int64 = npt.NDArray[np.int64]
 UInt64 = npt.NDArray[np.uint64]
 
 # Four float32 that are moved together: numba has no other type of 16 bytes.
@@ -307,6 +309,34 @@ def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occu
                 for x in range(side):
                     if means[g, place[x] + 2 * place[y] + 4 * place[z], 3] > 0:
                         occupied[z0 + z >> shift, y0 + y >> shift, x0 + x >> shift] = True
+
+
+@jit
+def cells_of_visible(
+    means: Float32, groups: Int64, width: int, shape: tuple[int, int, int], cells: Int32, sizes: Int64
+) -> int:
+    """The cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order, and how
+    many voxels they have, `width` a side where the volume's border does not cut them; return how many they are.
+
+    shape: of the volume, z, y, x.
+    """
+    num, num_nodes = 0, np.uint64(means.shape[1])
+    digits, side = (2, 4) if num_nodes == 64 else (1, 2)
+    for g in range(len(means)):
+        for index in range(num_nodes):
+            node = SWAPPED[index] if num_nodes == 64 else index
+            if means[g, node, 3] > 0:
+                size = 1
+                for axis in range(3):
+                    inside = 0
+                    for digit in range(digits):
+                        inside |= int(index >> np.uint64(3 * digit + axis) & np.uint64(1)) << digit
+                    cell = side * groups[g, axis] + inside
+                    cells[num, axis] = cell
+                    size *= min(shape[2 - axis] - cell * width, width)
+                sizes[num] = size
+                num += 1
+    return num
 
 
 @jit

@@ -210,7 +210,8 @@ class PyramidSpec:
 class SplatSpec:
     """`sigma` is the standard deviation of the footprint in cells; `angular`, `radial` and `profile` (pairs of radius
     and weight, both in [0, 1], radius from 0 to 1) shape the `gouraud` footprint. `integrated` has nothing to choose:
-    the field is integrated through bricks of cells, in their exact order."""
+    the field is integrated through bricks of cells, in their exact order. It is what a scene without a SplatSpec draws;
+    one that says how splats are to be asks for them."""
 
     footprint: Literal["gaussian", "gouraud", "integrated"] = "gaussian"
     sigma: float = 0.425
@@ -219,6 +220,11 @@ class SplatSpec:
     profile: tuple[tuple[float, float], ...] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))
     opacity_correction: bool = True
     order: Literal["depth", "unmixed", "boxes"] = "depth"
+
+    @property
+    def noun(self) -> str:
+        """What is drawn, in the plural, for messages: a frame's `num_splats` counts them."""
+        return "bricks" if self.footprint == "integrated" else "splats"
 
 
 @dataclass(frozen=True)
@@ -243,7 +249,7 @@ class Scene:
     camera: CameraSpec
     output: OutputSpec
     error: ErrorSpec = ErrorSpec()
-    splat: SplatSpec = SplatSpec()
+    splat: SplatSpec = SplatSpec("integrated")
     pyramid: PyramidSpec = PyramidSpec()
     shading: ShadingSpec | None = None
     overlay: Literal["none", "octree"] = "none"

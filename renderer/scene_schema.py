@@ -7,7 +7,7 @@ Defaults are those of the dataclasses in `renderer.scene`. Nothing here imports 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields as dataclass_fields
 from dataclasses import is_dataclass
 from itertools import pairwise
@@ -128,6 +128,9 @@ _PROFILE = sequence(sequence(_WEIGHT, "[radius, weight], both from 0 to 1", coun
 
 
 def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
+    """A section that only says how splats are to be asks for splats; an empty one is none."""
+    if not given:
+        return Scene.splat
     footprint = given.get("footprint", SplatSpec.footprint)
     hints = _without_use(footprint)
     for key in known(given, *hints):
@@ -233,6 +236,13 @@ def _plain_source(plain: dict[str, Any], volume: VolumeSpec) -> dict[str, Any]:
 
 def _plain_colormap(plain: dict[str, Any]) -> dict[str, Any]:
     return {"colormap": plain.pop("name")} | plain
+
+
+def splats_as_asked(plain: Mapping[str, Any]) -> dict[str, Any]:
+    """A section `splat` of `scene_to_dict` without defaults, which nobody asked for and which another footprint may
+    not have."""
+    defaults = _plain_fields(SplatSpec())
+    return {key: value for key, value in plain.items() if key == "footprint" or repr(defaults.get(key)) != repr(value)}
 
 
 def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from renderer.mapped_file import MappedFile
 from renderer.volume import Array, Float64
 
 # Every value of 16-bit data has a bin of its own, and wider types are resolved as finely.
@@ -64,12 +65,16 @@ class ValueRange:
     share: float
 
 
-def measure(values: Array) -> Statistics:
-    """Statistics of finite integer or float values of any shape, C-contiguous, in memory bounded by a chunk."""
-    minimum, maximum = values.min().item(), values.max().item()
+def measure(values: Array, source: MappedFile | None = None) -> Statistics:
+    """Statistics of finite integer or float values of any shape, C-contiguous, in memory bounded by a chunk.
+
+    source: the file that they are mapped from, if any; raises InputError where it is not what it was.
+    """
+    ends = [(chunk.min().item(), chunk.max().item()) for chunk in _chunks(values, source)]
+    minimum, maximum = min(low for low, _ in ends), max(high for _, high in ends)
     # Times a power of two that brings the values into [-1/2, 1/2]: neither their sum nor their range overflows.
     scale = np.float64(math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000)))
-    mean = sum(float(np.sum(chunk * scale)) for chunk in _chunks(values)) / values.size / scale
+    mean = sum(float(np.sum(chunk * scale)) for chunk in _chunks(values, source)) / values.size / scale
     low, extent = minimum * scale, maximum * scale - minimum * scale
     is_counted = values.dtype.kind in "iu" and maximum - minimum < MAX_BINS
     if is_counted:
@@ -79,7 +84,7 @@ def measure(values: Array) -> Statistics:
     else:
         width, bins = extent / MAX_BINS / scale, (low + extent * ((np.arange(MAX_BINS) + 0.5) / MAX_BINS)) / scale
     counts = np.zeros(len(bins), np.int64)
-    for chunk in _chunks(values):
+    for chunk in _chunks(values, source):
         if is_counted:  # wraps around to the right unsigned number, whatever the type
             index = (chunk - values.dtype.type(minimum)).view(f"u{values.dtype.itemsize}").astype(np.int64)
         elif extent == 0.0:
@@ -90,10 +95,14 @@ def measure(values: Array) -> Statistics:
     return Statistics(minimum, maximum, mean, counts, bins, width)
 
 
-def _chunks(values: Array) -> Iterator[Array]:
+def _chunks(values: Array, source: MappedFile | None) -> Iterator[Array]:
     flat = values.reshape(-1)
     for begin in range(0, flat.size, _CHUNK):
+        if source is not None:
+            source.require_unchanged()
         yield flat[begin : begin + _CHUNK]
+    if source is not None:
+        source.require_unchanged()
 
 
 def _per_part(statistics: Statistics, num_bins: int) -> int:

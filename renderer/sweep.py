@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.drawing import Clock, Frame, Rasterizer, Stage, family_of
+from renderer.drawing import Clock, Frame, Rasterizer, Stage
 from renderer.metrics import Accuracy, compare, over_background, pooled
 from renderer.pipeline import render_frames
 from renderer.scene import ErrorSpec, SplatSpec
@@ -134,14 +134,9 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
 
 
-def num_cells_at(stage: Stage, tolerance: float) -> int:
-    """How many cells the film's cut has at a tolerance."""
-    return family_of(stage).num_cells(tolerance)
-
-
 def pyramid_seconds(stage: Stage) -> float:
     """What building the pyramid of a stage took, and its bricks."""
-    return stage.seconds["pyramid"] + stage.seconds.get("bricks", 0.0)
+    return stage.seconds["pyramid"]
 
 
 def measure_setting(

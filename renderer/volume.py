@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.mapped_file import MappedFile, slabs
+
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
 
@@ -22,12 +24,27 @@ class Volume:
         the volume covers [-1/2, n - 1/2] per axis.
     name: what to call it in messages.
     fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes, whatever file they came from.
+    source: the file that the values are mapped from; None where they are in memory. Whoever is about to read some of
+        them calls `require_unchanged` first, and again before anything comes of what was read.
     """
 
     values: Array
     world_from_index: Float64
     name: str
     fingerprint: str
+    source: MappedFile | None = None
+
+    def require_unchanged(self) -> None:
+        """Raise InputError where the file that the values are mapped from is not what it was."""
+        if self.source is not None:
+            self.source.require_unchanged()
+
+    def value_range(self) -> tuple[float, float]:
+        """The smallest and the largest value, from one pass over all of them."""
+        lows, highs = zip(
+            *((float(slab.min()), float(slab.max())) for slab in slabs(self.values, self.source)), strict=True
+        )
+        return min(lows), max(highs)
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
@@ -61,11 +78,12 @@ class Volume:
         return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
 
 
-def make_volume(values: Array, world_from_index: Float64, name: str) -> Volume:
+def make_volume(values: Array, world_from_index: Float64, name: str, source: MappedFile | None = None) -> Volume:
     """A Volume around `values`, which become read-only, with its fingerprint; nothing is copied.
 
     values: [z, y, x], finite, native byte order, C-contiguous, an integer or float dtype.
     world_from_index: float64 [4, 4].
+    source: the file that they are mapped from, if any; raises InputError where it is not what it was.
     """
     assert values.ndim == 3, values.shape
     assert values.flags.c_contiguous, values.strides
@@ -75,5 +93,6 @@ def make_volume(values: Array, world_from_index: Float64, name: str) -> Volume:
     placed.flags.writeable = False
     digest = hashlib.blake2b(f"{values.dtype.name} {values.shape}".encode(), digest_size=16)
     digest.update(placed.data.cast("B"))
-    digest.update(values.data.cast("B"))
-    return Volume(values, placed, name, digest.hexdigest())
+    for slab in slabs(values, source):
+        digest.update(slab.data.cast("B"))
+    return Volume(values, placed, name, digest.hexdigest(), source)

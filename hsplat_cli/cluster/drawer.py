@@ -140,7 +140,7 @@ class ClusterDrawer:
 
     def _send(self) -> Future | None:
         """The stage to one worker, if it is still there; the others get it from it, and from each other."""
-        pieces = [np.frombuffer(piece, np.uint8) for piece in pack(self._stage) if piece.nbytes]
+        pieces = [np.frombuffer(piece, np.uint8) for piece in pack(self._stage, without_files=True) if piece.nbytes]
         parcel = Parcel(np.concatenate(pieces))
         try:
             return self._client.scatter(parcel, workers=[min(self._roster.fit)], hash=False)

@@ -27,7 +27,7 @@ _NOT_BESIDE_WANT = ("output", "tolerances", "footprints", "measures", "correctio
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
 @click.option(
     "--footprints",
-    default="gaussian,gouraud",
+    default="integrated,gaussian",
     show_default=True,
     metavar="LIST",
     help="Of gaussian, gouraud, gouraud:AxR and integrated.",

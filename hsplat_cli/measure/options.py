@@ -44,7 +44,7 @@ def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measur
     shapes = _items("--footprints", footprints, lambda word: _footprint(word, scene.splat), footprint_names)
     pairs = _items("--measures", measures, _MEASURES.get, list(_MEASURES))
     splats = [_corrected(shape, is_on) for is_on in are_corrected for shape in shapes]
-    is_without = not all(are_corrected) and any(shape.footprint == "integrated" for shape in shapes)
+    is_without = not any(are_corrected) and any(shape.footprint == "integrated" for shape in shapes)
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
         splats=tuple(dict.fromkeys(splats)),

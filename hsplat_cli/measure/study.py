@@ -28,12 +28,12 @@ from hsplat_cli.progress import progress
 from hsplat_cli.report.files import check_writable, write_study
 from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
+from hsplat_cli.shrinking import read_guarded
 from hsplat_cli.truths import find_truths, nothing_to_measure
 from renderer.drawing import Stage, view_of
 from renderer.errors import HsplatError
 from renderer.metrics import require_measuring_packages
 from renderer.raster_gl import GLRasterizer
-from renderer.readers import read_volume
 from renderer.scene import Scene
 from renderer.scene_schema import scene_to_dict
 from renderer.study import Study
@@ -115,7 +115,7 @@ def run_study(request: Request) -> None:
 
 def _volume(request: Request) -> Volume:
     """The scene's volume; its border is transparent where a peer is measured whose volumes end earlier."""
-    volume = read_volume(request.scene.volume)
+    volume = read_guarded(request.scene.volume)
     if request.peer is None:
         return volume
     return with_transparent_border(volume, make_transfer(request.scene.transfer_function, volume.finest_spacing))

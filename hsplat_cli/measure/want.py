@@ -9,11 +9,11 @@ import click
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.measure.stage import prepared
 from hsplat_cli.search import beyond_full_resolution, cells_text, search_tolerance
+from hsplat_cli.shrinking import read_guarded
 from hsplat_cli.truths import nothing_to_measure
 from renderer.errors import InputError
 from renderer.metrics import SSIM_WINDOW_PX, require_measuring_packages
 from renderer.raster_gl import GLRasterizer
-from renderer.readers import read_volume
 from renderer.scene import Scene
 from renderer.want import Want
 
@@ -23,13 +23,13 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
     _require_measurable(scene, want)
     tell_first_run(quiet=quiet)
     with GLRasterizer() as rasterizer:
-        stage = prepared(scene, read_volume(scene.volume))
+        stage = prepared(scene, read_guarded(scene.volume))
         found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, quiet=quiet)
     if found.shows_nothing:
         raise nothing_to_measure(len(found.frames))
     if found.tolerance is None:
         where = f"--want {want.metric}={want.value:g}"
-        raise beyond_full_resolution(found, scene.error, where=where, hint="want less")
+        raise beyond_full_resolution(found, scene, where=where, hint="want less")
     worst = found.worst
     click.echo(_line(scene, found.tolerance))
     click.echo(

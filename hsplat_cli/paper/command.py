@@ -152,8 +152,8 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     from hsplat_cli.paper.page import paper_page  # noqa: PLC0415
     from hsplat_cli.paper.studio import Studio  # noqa: PLC0415
     from hsplat_cli.report.html import plot_style  # noqa: PLC0415
+    from hsplat_cli.shrinking import read_guarded  # noqa: PLC0415
     from renderer.raster_gl import GLRasterizer  # noqa: PLC0415
-    from renderer.readers import read_volume  # noqa: PLC0415
 
     tell_first_run(quiet=quiet)
     num_threads = num_cores()
@@ -165,7 +165,7 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
         progress(work, label="paper", quiet=quiet, unit="figures") as bar,
     ):
         # Before any figure is drawn, so that a volume that cannot be read costs no wait.
-        volumes = {job.scene.volume: read_volume(job.scene.volume) for job in jobs}
+        volumes = {job.scene.volume: read_guarded(job.scene.volume) for job in jobs}
         studio = Studio(rasterizer, volumes, time.perf_counter, num_threads)
         for job in jobs:
             figures.append(job.make(studio))

@@ -108,7 +108,7 @@ def _draw(
                 record = with_seconds(record, encode=time.perf_counter() - before)
             records.append(record)
             if drawn is not None:
-                bar.advance(f"{record['splats']} splats")
+                bar.advance(f"{record['splats']} {job.scene.splat.noun}")
     if film is None:
         finishing()
     return records, notes

@@ -97,7 +97,7 @@ def _plan_accuracy(
     shortfall = None
     if found.tolerance is None:
         hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT}"
-        shortfall = beyond_full_resolution(found, stage.scene.error, where=f"error.{goal.metric}", hint=hint)
+        shortfall = beyond_full_resolution(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
     exact = replace(stage, scene=at_tolerance(stage.scene, found.tolerance or 0.0))
     return Plan(exact, shortfall=shortfall, found=found)
 

@@ -169,7 +169,7 @@ class _Maker:
         self.done = Done(job, each.plan, frames, notes, [self._rasterizer.renderer_name], now - self._start)
         record(self.done, self._folder, self._cause, passes=self._passes)
         if not self._quiet:
-            click.echo(f"pass {number}: {', '.join(_facts(made, frames, difference))}")
+            click.echo(f"pass {number}: {', '.join(_facts(made, frames, job.scene.splat.noun, difference))}")
 
     def accept(self, plan: Plan) -> None:
         """The last film is what was asked for, or better, as `plan` has found out."""
@@ -198,13 +198,13 @@ class _Maker:
         self._differences.see(drawn.number, drawn.picture.pixels)
         if drawn.number != self._job.frames[-1]:
             self.require_time()
-        bar.advance(f"{record['splats']} splats")
+        bar.advance(f"{record['splats']} {self._job.scene.splat.noun}")
         return record
 
 
-def _facts(made: Record, frames: Sequence[Record], difference: Difference | None) -> Iterator[str]:
+def _facts(made: Record, frames: Sequence[Record], noun: str, difference: Difference | None) -> Iterator[str]:
     yield f"tolerance {span(made['tolerance'])}"
-    yield f"{span([frame['splats'] for frame in frames], 'd')} splats a frame"
+    yield f"{span([frame['splats'] for frame in frames], 'd')} {noun} a frame"
     yield f"{made['seconds']:.1f} s (predicted: {made['predicted_seconds']:.1f} s)"
     if difference:
         yield str(difference)

@@ -100,14 +100,14 @@ def visibility_notes(frames: Sequence[Record]) -> list[str]:
 
 
 def summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None, num_kept: int = 0) -> str:
-    """`120 frames in 25.1 s, 149990 splats a frame`, and what came of a budget or an accuracy."""
+    """`120 frames in 25.1 s, 190 bricks a frame`, and what came of a budget or an accuracy."""
     return ", ".join(_summary(job, frames, seconds, found, num_kept))
 
 
 def _summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None, num_kept: int) -> Iterator[str]:
     num, goal = len(frames), job.scene.error.goal
     yield f"{num} frame{'s' * (num > 1)} in {seconds:.1f} s" + (f" ({num_kept} drawn before)" if num_kept else "")
-    yield f"{span([frame['splats'] for frame in frames], 'd')} splats a frame"
+    yield f"{span([frame['splats'] for frame in frames], 'd')} {job.scene.splat.noun} a frame"
     if goal is not None:
         yield f"tolerance {span([frame['tolerance'] for frame in frames])}"
     if isinstance(goal, TimeBudget):

@@ -12,11 +12,11 @@ import click
 from hsplat_cli.cores import num_cores
 from hsplat_cli.job import Job
 from hsplat_cli.render.cause import Cause, Made, cause_of, differences, made_before
+from hsplat_cli.shrinking import read_guarded
 from renderer.drawing import Stage
 from renderer.kept_frames import forget_frames
 from renderer.output_files import sidecar_path
 from renderer.pipeline import prepare
-from renderer.readers import read_volume
 from renderer.scene_schema import schedule_to_dict
 from renderer.volume import Volume
 
@@ -41,7 +41,7 @@ def start_film(job: Job, folder: Path, made_by: str, *, force: bool, quiet: bool
     Raises what `read_volume` and `prepare` raise.
     """
     before_reading = time.perf_counter()
-    volume = read_volume(job.scene.volume)
+    volume = read_guarded(job.scene.volume)
     read_seconds = time.perf_counter() - before_reading
     job, cause = _with_cause(job, volume, made_by)
     output = job.scene.output

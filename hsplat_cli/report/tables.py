@@ -61,7 +61,7 @@ _COLUMNS = (
 def terminal_table(study: Study) -> str:
     """One line for each measurement under a line for its series, at most 120 columns wide; ends with a line break.
 
-    `T` marks what is on the Pareto front of time, `S` on that of splats.
+    `T` marks what is on the Pareto front of time, `S` on that of splats, where any were drawn.
     """
     measurements = study.measurements
     time, splats = fronts_of(measurements)
@@ -81,7 +81,8 @@ def terminal_table(study: Study) -> str:
     for series, members in by_series(measurements).items():
         lines.append(_fitted(series, TERMINAL_COLUMNS))
         lines += [line(labels[i], texts[i], marks[i]) for i in members]
-    lines.append("T: no other setting of the same program is as fast and as exact. S: none is with as few splats.")
+    legend = "T: no other setting of the same program is as fast and as exact."
+    lines.append(f"{legend} S: none is with as few splats." if splats else legend)
     return "".join(f"{text}\n" for text in lines)
 
 

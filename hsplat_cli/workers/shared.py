@@ -6,6 +6,7 @@ import mmap
 import os
 import tempfile
 
+from hsplat_cli.shrinking import guard
 from renderer.drawing import Stage
 from renderer.errors import RenderError
 from renderer.parcel import pack, unpack
@@ -18,7 +19,7 @@ class SharedStage:
     """A stage that other processes can have by a file descriptor that they inherit; to be closed.
 
     stage: the stage, with arrays in the shared memory. Whoever goes on with this one and lets go of the one that it was
-    made from has the volume in memory once.
+    made from has the volume in memory once. One whose voxels are mapped from a file leaves them there.
     """
 
     def __init__(self, stage: Stage) -> None:
@@ -41,7 +42,7 @@ def map_stage(descriptor: int) -> Stage:
     Whether its arrays can be written to is as it was. Nobody writes, so that pages stay shared: it would be seen by the
     writer alone.
     """
-    return unpack(memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY)))
+    return unpack(memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY)), guard)
 
 
 def _anonymous_file() -> int:
@@ -58,7 +59,7 @@ def _anonymous_file() -> int:
 def _write(descriptor: int, stage: Stage) -> None:
     """Written and not mapped and then filled: where there is no room that is an error, and not a signal that kills."""
     try:
-        for piece in pack(stage):
+        for piece in pack(stage, without_files=False):
             rest = piece
             while rest:
                 rest = rest[os.write(descriptor, rest[:_MOST_AT_ONCE]) :]

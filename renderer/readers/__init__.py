@@ -7,17 +7,28 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, check_affine, check_dtype, check_resolved, choose, existing, unreadable
+from renderer.mapped_file import MappedFile, OnMapped, file_behind, slabs
+from renderer.readers.common import (
+    Image,
+    check_affine,
+    check_dtype,
+    check_resolved,
+    choose,
+    existing,
+    stays_mapped,
+    unreadable,
+)
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Array, Volume, make_volume
 
 Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 
 
-def read_volume(spec: VolumeSpec) -> Volume:
+def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
     """The volume that `spec` describes, cropped, checked and read-only.
 
-    A crop moves the affine along, so that voxels stay where they are in the world. Raises InputError for everything
+    A crop moves the affine along, so that voxels stay where they are in the world. on_mapped: told of many
+    voxels that are mapped from their file, whether they stay there or not. Raises InputError for everything
     that can be wrong with a file or with what is asked of it, a lack of memory included.
     """
     source = spec.source
@@ -28,10 +39,20 @@ def read_volume(spec: VolumeSpec) -> Volume:
         check_affine(image.world_from_index, name)
         if spec.crop is not None:
             image = crop_image(image, spec.crop, name)
+        world_from_index = image.world_from_index
         first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
-        values = _finite(_settled(image.values), spec.nonfinite == "lowest", first, name)
-        check_resolved(values, name)
-        return make_volume(values, image.world_from_index, name)
+        mapped = file_behind(image.values) if stays_mapped(image.values.nbytes) else None
+        if mapped is not None and on_mapped is not None:
+            on_mapped(mapped, image.values)
+        settled = _settled(image.values)
+        del image  # with what it was read into
+        file = file_behind(settled)
+        values = _finite(settled, file, spec.nonfinite == "lowest", first, name)
+        if mapped is not None:  # and where it was copied
+            mapped.require_unchanged()
+        file = file if values is settled else None
+        check_resolved(values, file, name)
+        return make_volume(values, world_from_index, name, file)
     except OSError as error:
         raise unreadable(Path(name), error) from error
     except MemoryError as error:
@@ -111,8 +132,11 @@ def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
 
 
 def _settled(values: Array) -> Array:
-    """The values in native byte order and C order, in memory of their own size: no mapped file, no part of an array."""
+    """The values in native byte order and C order: in memory of their own size, no part of an array; or, where they are
+    many and a file has them as they are to be, mapped from it."""
     is_mapped = isinstance(values, np.memmap)
+    if is_mapped and stays_mapped(values.nbytes) and values.flags.c_contiguous and values.dtype.isnative:
+        return np.asarray(values)
     is_part = values.base is not None and getattr(values.base, "nbytes", values.nbytes) > values.nbytes
     if is_mapped or is_part or not values.flags.c_contiguous:
         return np.array(values, values.dtype.newbyteorder("="), order="C")
@@ -122,12 +146,15 @@ def _settled(values: Array) -> Array:
     return values
 
 
-def _finite(values: Array, replace: bool, first_xyz: tuple[int, ...], where: str) -> Array:
-    """The values, NaN and infinities replaced by the lowest finite value or refused; looked at a slice at a time."""
+def _finite(values: Array, file: MappedFile | None, replace: bool, first_xyz: tuple[int, ...], where: str) -> Array:
+    """The values, NaN and infinities replaced by the lowest finite value or refused; looked at a slice at a time.
+
+    Those that are mapped from a file are copied where any is replaced.
+    """
     if values.dtype.kind != "f":
         return values
     num_bad, first_bad, lowest = 0, None, np.inf
-    for z, plane in enumerate(values):
+    for z, plane in enumerate(plane for slab in slabs(values, file) for plane in slab):
         finite = np.isfinite(plane)
         num_good = int(np.count_nonzero(finite))
         if num_good < plane.size:

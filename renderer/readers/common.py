@@ -12,11 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, nearest
+from renderer.mapped_file import MappedFile, slabs
 from renderer.scene import LONGEST, SHORTEST
 from renderer.volume import Array, Float64
 
 # No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
 MAX_VOLUME_BYTES = 2**40
+
+# Voxels of so many bytes stay in their file where that has them as they are to be. Fewer are copied: they cost little,
+# and need no file that stays as it is.
+_MAPPED_FROM = 64 << 20
 
 # Integers beyond 2^53 are rounded when they are drawn; so many steps at least remain of the range of a volume.
 _NUM_STEPS = 2**16
@@ -87,12 +92,18 @@ def check_affine(world_from_index: Float64, where: str) -> None:
         )
 
 
-def check_resolved(values: Array, where: str) -> None:
+def stays_mapped(num_bytes: int) -> bool:
+    """Whether so many bytes of voxels are left in their file."""
+    return num_bytes >= _MAPPED_FROM
+
+
+def check_resolved(values: Array, source: MappedFile | None, where: str) -> None:
     """Raise InputError for 64-bit integers that lie so close together that float64, in which they are classified, would
     round their differences away."""
     if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
         return
-    low, high = int(values.min()), int(values.max())
+    ends = [(int(slab.min()), int(slab.max())) for slab in slabs(values, source)]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
     largest = max(abs(low), abs(high))
     step = int(math.ulp(float(largest)))
     if largest > 2**53 and low < high < low + _NUM_STEPS * step:
@@ -145,11 +156,16 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
 
 @dataclass(frozen=True)
 class StoredVoxels:
-    """Where a file keeps its voxels: from byte `offset` on, as they are or compressed by deflate (gzip or zlib)."""
+    """Where a file keeps its voxels: from byte `offset` on, as they are or compressed by deflate (gzip or zlib).
+
+    byte_order: "<" or ">" of voxels that lie there one behind the other, and as they are, or "|" where that is not
+        said; None where it is for their reader to find them.
+    """
 
     file: Path
     offset: int
     compressed: bool
+    byte_order: str | None = None
 
 
 def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:

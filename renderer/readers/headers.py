@@ -33,12 +33,15 @@ def nrrd_voxels(path: Path) -> StoredVoxels | None:
     encoding = fields.get("encoding", "raw").lower()
     name = fields.get("data file") or fields.get("datafile")
     lines_skipped = fields.get("line skip") or fields.get("lineskip") or "0"
+    order: str | None = {"little": "<", "big": ">"}.get(fields.get("endian", "").lower(), "|")
+    if fields.get("byte skip", fields.get("byteskip", "0")) != "0" or encoding != "raw":
+        order = None
     if name is None:
-        stored = StoredVoxels(path, offset, encoding != "raw")
+        stored = StoredVoxels(path, offset, encoding != "raw", order)
     elif name.split()[0] == "LIST" or "%" in name:
         return None
     else:
-        stored = _detached(path, name, encoding != "raw")
+        stored = _detached(path, name, encoding != "raw", order)
     return stored if encoding in ("raw", "gzip", "gz") and lines_skipped == "0" else None
 
 
@@ -62,7 +65,12 @@ def metaimage_voxels(path: Path) -> StoredVoxels | None:
     compressed = fields.get("compresseddata", "False").lower() in ("true", "1")
     if name.split()[0] == "LIST" or "%" in name:
         return None
-    stored = StoredVoxels(path, start, compressed) if name.upper() == "LOCAL" else _detached(path, name, compressed)
+    is_big = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "")).lower()
+    order = None if compressed else {"false": "<", "true": ">", "0": "<", "1": ">"}.get(is_big, "|")
+    if name.upper() == "LOCAL":
+        stored = StoredVoxels(path, start, compressed, order)
+    else:
+        stored = _detached(path, name, compressed, order)
     is_plain = fields.get("binarydata", "True").lower() in ("true", "1") and "headersize" not in fields
     return stored if is_plain else None
 
@@ -105,7 +113,7 @@ def _fields(header: bytes, mark: str) -> dict[str, str]:
     return fields
 
 
-def _detached(header: Path, name: str, compressed: bool) -> StoredVoxels:
+def _detached(header: Path, name: str, compressed: bool, order: str | None) -> StoredVoxels:
     file = header.parent / name
     if not file.is_file():
         raise InputError(
@@ -115,4 +123,4 @@ def _detached(header: Path, name: str, compressed: bool) -> StoredVoxels:
             expected=f"a file {file}",
             hint="the two belong together: move or copy both",
         )
-    return StoredVoxels(existing(file), 0, compressed)
+    return StoredVoxels(existing(file), 0, compressed, order)

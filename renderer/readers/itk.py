@@ -1,7 +1,8 @@
 """NRRD, MetaImage and whatever else SimpleITK recognises, with spacing, origin and direction in LPS.
 
 SimpleITK brings every format to LPS, including NRRD's other spaces. The voxels stay in its buffer: the array that comes
-back is a view of it and keeps it alive.
+back is a view of it and keeps it alive. Of large volumes that are not compressed it reads the header only; the voxels
+are mapped from the file.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, check_size, check_stored, choose
+from renderer.readers.common import Image, StoredVoxels, affine, check_size, check_stored, choose, stays_mapped
 from renderer.readers.headers import check_dicom_pixels, metaimage_voxels, nrrd_voxels
 from renderer.volume import Array
 from renderer.volume_files import UnknownFormatError
@@ -43,25 +44,38 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
 
     Raises InputError for unknown, truncated and broken files, and when `time` or `component` do not fit.
     """
-    stored = {".nrrd": nrrd_voxels, ".nhdr": nrrd_voxels, ".mha": metaimage_voxels, ".mhd": metaimage_voxels}
-    voxels = stored[path.suffix.lower()](path) if path.suffix.lower() in stored else None
+    headers = {".nrrd": nrrd_voxels, ".nhdr": nrrd_voxels, ".mha": metaimage_voxels, ".mhd": metaimage_voxels}
+    voxels = headers[path.suffix.lower()](path) if path.suffix.lower() in headers else None
     with quiet_simpleitk() as sitk:
         reader = open_itk(sitk, path)
         size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
-        num_bytes = check_size((*size, num_components), pixel_dtype(sitk, reader, path), str(path))
+        dtype = pixel_dtype(sitk, reader, path)
+        num_bytes = check_size((*size, num_components), dtype, str(path))
         if voxels is not None:
             check_stored(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
         step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
         channel = choose("component", component, num_components, str(path))
-        if len(size) == 4:
-            reader.SetExtractSize([*size[:3], 0])
-            reader.SetExtractIndex([0, 0, 0, step])
-        values = view_of(sitk, executed(reader, path))
-        if num_components > 1:
-            values = values[..., channel]
+        if voxels is not None and _can_be_mapped(voxels, num_bytes, num_components, dtype):
+            assert voxels.byte_order is not None
+            stored = dtype.newbyteorder(voxels.byte_order)  # type: ignore[arg-type]
+            mapped: Array = np.memmap(voxels.file, stored, "r", voxels.offset, size[::-1])
+            values = mapped[step] if len(size) == 4 else mapped
+        else:
+            if len(size) == 4:
+                reader.SetExtractSize([*size[:3], 0])
+                reader.SetExtractIndex([0, 0, 0, step])
+            values = view_of(sitk, executed(reader, path))
+            if num_components > 1:
+                values = values[..., channel]
     return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(reader))
+
+
+def _can_be_mapped(voxels: StoredVoxels, num_bytes: int, num_components: int, dtype: np.dtype[Any]) -> bool:
+    """Whether these are many voxels, and are in their file as an array has them."""
+    is_known = voxels.byte_order in ("<", ">") or (voxels.byte_order == "|" and dtype.itemsize == 1)
+    return stays_mapped(num_bytes) and num_components == 1 and is_known
 
 
 def open_itk(sitk: Any, path: Path) -> Any:

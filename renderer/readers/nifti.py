@@ -29,6 +29,7 @@ from renderer.readers.common import (
     choose,
     describe_shape,
     has_volume,
+    stays_mapped,
     unreadable,
 )
 from renderer.volume import Array, Float64
@@ -59,7 +60,12 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     step = choose("time", time, shape[3], where)
     channel = choose("component", component, shape[4] if fields is None else len(fields), where)
     try:
-        values = _stored_values(proxy, data_file, (step, channel if fields is None else 0))
+        last = step, channel if fields is None else 0
+        if stays_mapped(num_bytes) and data_file.suffix.lower() != ".gz":
+            stored = np.memmap(data_file, proxy.dtype, "r", proxy.offset, shape[4::-1])
+            values: Array = stored[last[1], last[0]]
+        else:
+            values = _stored_values(proxy, data_file, last)
     except (OSError, EOFError, ValueError, zlib.error) as error:
         raise InputError(
             "cannot read the voxels",

@@ -6,14 +6,14 @@ uniform mat3 origins;            // columns: at the image's centre, per pixel to
 uniform mat3 directions;
 uniform float slope_per_px;
 uniform float start;             // of the rays, beyond which nothing is before the near plane
-uniform vec3 scalar_scale;       // 1 / texels of the atlas
+uniform vec3 atlas_scale;        // 1 / texels of the atlas
 uniform float opaque;            // alpha behind which nothing counts
 
 flat in vec3 brick_low;
 flat in vec3 brick_high;
 flat in vec3 brick_corner;
 flat in vec3 brick_texel;
-flat in vec3 brick_kind;
+flat in vec2 brick_steps;
 out vec4 color;
 
 // Of a part, by which parts may be longer than the step.
@@ -42,25 +42,17 @@ void main() {
     float enter = max(max(near.x, near.y), max(near.z, start)), leave = min(far.x, min(far.y, far.z));
     if (!(leave > enter)) discard;
 
-    float num = max(1.0, ceil((leave - enter) * length(direction) * brick_kind.x / brick_kind.y - SLACK));
+    float num = max(1.0, ceil((leave - enter) * length(direction) * brick_steps.x / brick_steps.y - SLACK));
     float part = (leave - enter) / num;
     float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));
-    vec3 place = (origin + (enter + 0.5 * part) * direction - brick_corner) * brick_kind.x;
-    vec3 step_place = part * brick_kind.x * direction, first_texel = brick_texel - COARSE;
+    vec3 place = (origin + (enter + 0.5 * part) * direction - brick_corner) * brick_steps.x;
+    vec3 step_place = part * brick_steps.x * direction, first_texel = brick_texel - COARSE;
     int step = 0, num_steps = int(num);
     vec4 result = vec4(0.0);
     // Not `for`: software renderers go through the body of one once more when its condition fails.
-#ifdef WITH_MEANS
-    if (brick_kind.z > 0.5) do {
-        vec3 texel = (place + COARSE) + first_texel;
-        result = behind(result, mean_at(texel), way);
-        place += step_place;
-    } while (++step < num_steps && result.a <= opaque);
-    else
-#endif
     do {
         vec3 texel = (place + COARSE) + first_texel;
-        result = behind(result, look_up(texel * scalar_scale), way);
+        result = behind(result, look_up(texel * atlas_scale), way);
         place += step_place;
     } while (++step < num_steps && result.a <= opaque);
     if (result.a == 0.0) discard;

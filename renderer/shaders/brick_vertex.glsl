@@ -9,13 +9,13 @@ in vec3 box_low;                 // index coordinates relative to the volume's c
 in vec3 box_high;
 in vec3 first_corner;            // of the brick, there too
 in vec3 first_texel;             // of the brick's first cell in its atlas
-in vec3 kind;                    // cells per voxel; longest step in cells; 1 for the atlas of means, 0 for that of scalars
+in vec2 steps;                   // cells per voxel; longest step in cells
 
 flat out vec3 brick_low;
 flat out vec3 brick_high;
 flat out vec3 brick_corner;
 flat out vec3 brick_texel;
-flat out vec3 brick_kind;
+flat out vec2 brick_steps;
 
 // Of a rectangle's edges: what float32 leaves of a pixel on an image of 16384.
 const float ROUNDING_PX = 2e-3;
@@ -25,7 +25,7 @@ void main() {
     brick_high = box_high;
     brick_corner = first_corner;
     brick_texel = first_texel;
-    brick_kind = kind;
+    brick_steps = steps;
     // The nodes inside, and those that rounding may have put outside. Node 0 is the centre of pixel 0.
     vec2 low = clamp(ceil((rectangle_px.xy - 0.5 - ROUNDING_PX) / stride_px), vec2(0.0), num_nodes);
     vec2 high = clamp(floor((rectangle_px.zw - 0.5 + ROUNDING_PX) / stride_px) + 1.0, low, num_nodes);

@@ -24,6 +24,7 @@ from renderer.scene import (
     OutputSpec,
     ProceduralSource,
     Scene,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -69,6 +70,7 @@ def test_a_splat_per_voxel_of_the_engine(data_dir: Path, rasterizer: GLRasterize
         transfer_function=SOFT_AND_SOLID,
         camera=CameraSpec(TurntablePath(360, elevation=20.0), distance=741.83),
         output=OutputSpec(Path("unused.mp4")),
+        splat=SplatSpec("gaussian"),
     )
     stage = _stage(scene)
     transfer = make_transfer(scene.transfer_function, 1.0)
@@ -85,6 +87,7 @@ def test_a_finer_tolerance_is_closer_to_the_truth(rasterizer: GLRasterizer) -> N
         camera=CameraSpec(TurntablePath(8, start=20.0, elevation=25.0)),
         error=ErrorSpec(),
         output=OutputSpec(Path("unused.mp4"), size=(160, 128)),
+        splat=SplatSpec("gaussian"),
     )
     for averaged in (scene, replace(scene, pyramid=replace(scene.pyramid, average="opacity"))):
         stage = _stage(averaged)

@@ -9,12 +9,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 import pytest
-from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_cells, patches, per_brick
+from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_bricks, patches
 
 from renderer.bricks import (
     BRICK,
     BRICK_LEVELS,
-    ERRORS_ON_A_RAY,
     BrickCut,
     Bricks,
     cut_bricks,
@@ -22,7 +21,6 @@ from renderer.bricks import (
     num_bricks_at,
 )
 from renderer.camera import View
-from renderer.pyramid import build_pyramid
 from renderer.readers import read_volume
 from renderer.scene import ErrorSpec, FileSource, PyramidSpec, VolumeSpec
 from renderer.transfer import TransferFunction
@@ -49,7 +47,7 @@ def soft(shape: Shape) -> Bricks:
     smooth = 0.4 + 0.2 * np.indices(shape)[1] / shape[1]
     values = np.where(np.indices(shape)[2] > shape[2] * 0.6, smooth, values)
     volume = make_volume((values * 250).astype(np.uint8), OBLIQUE, "soft")
-    return make_bricks(build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec()), SOFT)
+    return make_bricks(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec())
 
 
 def regions(cut: BrickCut) -> npt.NDArray[np.int64]:
@@ -86,19 +84,13 @@ def test_what_is_visible_lies_in_one_brick(shape: Shape, tolerance: float, fines
 @each_shape
 @pytest.mark.parametrize("tolerance", TOLERANCES)
 def test_errors_are_below_the_tolerance(shape: Shape, tolerance: float) -> None:
-    """Of all nodes of a brick above level 0; and a parent of a brick has one that is not. Stored errors are off by
-    2^-11 and a few roundings of float32, which are those of means and not of their small differences."""
+    """Of all nodes of a brick above level 0, and between its voxels; and a parent of a brick has one that is not.
+    Stored errors are off by 2^-11 and a few roundings of float32, which are those of means and not of their small
+    differences."""
     bricks = soft(shape)
     cut = cut_bricks(bricks, tolerance)
-    depths = depths_of(bricks.volume, SOFT)
     top = len(bricks.levels)
-    largest = [
-        {
-            cell: ERRORS_ON_A_RAY * part.max()
-            for cell, part in per_brick(errors_of_cells(bricks.volume, depths, level), BRICK, 1).items()
-        }
-        for level in range(top)
-    ]
+    largest = [errors_of_bricks(bricks.volume, SOFT, level) for level in range(top)]
     for level, cell in zip(cut.levels.tolist(), cut.cells.tolist(), strict=True):
         if level > 0:
             assert largest[level][tuple(cell)] < tolerance * (1 + 2.0**-11) + 4e-6
@@ -174,7 +166,7 @@ def test_the_engine_in_bricks(data_dir: Path) -> None:
     volume = read_volume(VolumeSpec(FileSource(data_dir / "engine.nhdr")))
     colors = np.array([[0, 0, 0], [0.4, 0.5, 0.9], [0.4, 0.5, 0.9], [1, 0.9, 0.7]])
     transfer = TransferFunction(np.array([0.0, 80, 100, 255]), colors, np.array([0, 0, 0.05, 1.0]), 1.0)
-    bricks = make_bricks(build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec()), transfer)
+    bricks = make_bricks(volume, transfer, spec=PyramidSpec(), error=ErrorSpec())
     visible = depths_of(volume, transfer)[..., 3] > 0
     num_before = 10**9
     for tolerance in (0.0, 1.2, 2.4, 4.0, 8.0, 20.0):

@@ -13,7 +13,6 @@ from number_types import TYPES, limits
 from renderer.brick_texels import FARTHEST, mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK, Bricks, make_bricks
 from renderer.classify import FAINTEST
-from renderer.pyramid import build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
@@ -31,15 +30,15 @@ UNIT = np.finfo(np.float32).eps / 2
 
 def linear(low: float, high: float, least: float = 0.0, most: float = 1.0) -> TransferFunction:
     """Extinction from `least` to `most` between two scalars; one colour."""
-    return TransferFunction(np.array([low, high]), np.tile([1.0, 0.6, 0.1], (2, 1)), np.array([least, most]), 1.0)
+    return TransferFunction(
+        np.array([low, high], np.float64), np.tile([1.0, 0.6, 0.1], (2, 1)), np.array([least, most]), 1.0
+    )
 
 
 def bricks_of(
     volume: Volume, transfer: TransferFunction, precision: Literal["half", "single"], shading: ShadingSpec | None = None
 ) -> Bricks:
-    spec = PyramidSpec(precision=precision)
-    pyramid = build_pyramid(volume, transfer, spec=spec, error=ErrorSpec(), shading=shading)
-    return make_bricks(pyramid, transfer)
+    return make_bricks(volume, transfer, spec=PyramidSpec(precision=precision), error=ErrorSpec(), shading=shading)
 
 
 def all_cells(bricks: Bricks, level: int) -> npt.NDArray[np.int32]:
@@ -285,7 +284,7 @@ def test_noise_does_not_grow_without_bound(shape: Shape) -> None:
     bricks = bricks_of(volume, linear(0, 250), "single")
     for level in range(1, len(bricks.levels)):
         cells = all_cells(bricks, level)
-        largest = bricks.levels[level].means.max() * bricks.pyramid.mean_unit
+        largest = means_over_cells(depths_of(volume, linear(0, 250)), level).max()
         for cell, texels in zip(cells, mean_texels(bricks, level, cells), strict=True):
             field = sampled(texels.astype(np.float64), samples_in(bricks, level, cell))
             assert field.max() <= 1.5**3 * largest * (1 + 1e-6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from renderer.octree import children, cut_pyramid, node_errors
 from renderer.pipeline import prepare
 from renderer.procedural import make_procedural
 from renderer.pyramid import Pyramid, build_pyramid
-from renderer.scene import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec
+from renderer.scene import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec
 from renderer.scene_schema import parse_scene
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
@@ -314,6 +315,7 @@ def test_few_cells_cost_little_whatever_the_volume() -> None:
 def test_the_engine_in_thousands_and_a_million(data_dir: Path) -> None:
     """Within 0.5 % under N, or the next finer cut has more than N."""
     scene = load_scene(ROOT / "configs" / "engine.yaml", volume=data_dir / "engine.nhdr")
+    scene = replace(scene, splat=SplatSpec("gaussian"))
     stage = prepare(scene, clock=lambda: 0.0, num_threads=2, any_tolerance=True)
     levels = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
     for num in (10**3, 10**4, 10**5, 10**6):

@@ -5,14 +5,13 @@ The reference draws; that the device draws the same is the matter of the parity 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from brickwork import (
     AFFINES,
     CAMERAS,
-    EXACTLY,
+    EACH_SHADING,
+    LIT,
     batch_of,
     bricks_of,
     hills,
@@ -34,7 +33,6 @@ from renderer.raster_bricks_reference import rasterize_bricks_reference
 from renderer.scene import ShadingSpec
 from renderer.volume import Float64, Volume
 
-LIT = ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))
 LEVEL = 1 / 255  # of an image of 8 bits
 COLOR = (0.2, 0.7, 1.0)
 SHAPES = ((20, 37, 50), (33, 16, 35), (47, 65, 7), (1, 34, 17))  # z, y, x
@@ -93,7 +91,7 @@ def ramp(shape: tuple[int, int, int], rng: np.random.Generator, affine: str) -> 
     return placed(((values - values.min()) / np.ptp(values)).astype(np.float32), AFFINES[affine])
 
 
-@pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
+@EACH_SHADING
 @pytest.mark.parametrize("affine", AFFINES)
 def test_ramps_meet_without_seams(affine: str, shading: ShadingSpec | None) -> None:
     """Means of a ramp are the ramp itself, so that bricks of all levels draw the same field, one colour at a time."""
@@ -147,7 +145,7 @@ def test_so_it_does_on_average_in_any_direction(affine: str, camera: str, shadin
     assert 1.8 < order < 2.2
 
 
-@pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
+@EACH_SHADING
 def test_pictures_converge_to_the_truth_with_the_tolerance(shading: ShadingSpec | None) -> None:
     """From one brick for all to voxels at the least step; seen at 0: 2e-7, and 6e-7 with light."""
     volume = placed(hills((40, 50, 70), 24.0), AFFINES["oblique"])
@@ -178,30 +176,6 @@ def test_columns_at_borders_are_as_right_as_others() -> None:
         of_column = np.sqrt(np.mean((image - truth) ** 2, axis=(0, 2)))
         at_border = np.isin(np.arange(96), (31, 32, 63, 64))
         assert of_column[at_border].max() < 1.1 * of_column[~at_border].max()
-
-
-def test_what_only_interpolation_shows_is_drawn() -> None:
-    """A ball's surface, where voxels are 0 or 255 and only 100 to 150 is visible: no voxel is.
-
-    Seen: root mean squares of 0.028, 0.006 and, at the least step, 0.0008.
-    """
-    z, y, x = np.ogrid[:40, :50, :45]
-    ball = (x - 20.3) ** 2 + (y - 24.0) ** 2 + (z - 19.0) ** 2 < 15**2
-    volume = placed(np.where(ball, 255, 0).astype(np.uint8), AFFINES["oblique"])
-    transfer = transfer_of((100, COLOR, 0.0), (125, (0.9, 0.4, 0.1), 1.0), (150, COLOR, 0.0))
-    bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective")
-    assert max(len(level.means) for level in bricks.levels) == 0
-    truth = integrate(volume, transfer, view, step_voxels=0.25)
-    errors = []
-    for tolerance in (0.3, 0.01, 0.0):
-        cut = cut_bricks(bricks, tolerance)
-        batch = make_brick_batch(cut, bricks, tolerance=tolerance, shading=None, voxel_px=1.0)
-        image = rasterize_bricks_reference(replace(batch, thrift=EXACTLY), ordered(cut, view), view)
-        errors.append(np.sqrt(np.mean((image - truth) ** 2)))
-    assert truth[..., 3].max() > 0.5
-    assert errors[0] < 0.04
-    assert errors[1] < 0.01
-    assert errors[2] < 0.0015
 
 
 def test_empty_bricks_beside_a_surface_show_no_coarse_fringe() -> None:

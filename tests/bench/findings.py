@@ -8,7 +8,6 @@ uses those that are there already.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import statistics
 import tempfile
@@ -18,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+from kept_study import kept_study
 
 matplotlib.use("agg")
 from matplotlib import pyplot
 
-from hsplat_cli.main import run
 from renderer.pareto import cost_at, db_per_decade
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -98,13 +97,8 @@ def measured(subject: Subject, data: Path, studies: Path) -> tuple[dict[str, Any
 
 def study_of(subject: Subject, data: Path, folder: Path, options: Sequence[str]) -> dict[str, Any]:
     """The JSON of a study, measured now unless it is there."""
-    path = folder / "measure.json"
-    if not path.exists():
-        arguments = ["measure", str(ROOT / "configs" / f"{subject.name}.yaml"), "--output", str(folder), *options]
-        arguments += ["--volume", str(data / subject.file)] if subject.file else []
-        assert run(arguments) == 0
-    study: dict[str, Any] = json.loads(path.read_text("utf-8"))
-    return study
+    scene = ROOT / "configs" / f"{subject.name}.yaml"
+    return kept_study(scene, data / subject.file if subject.file else None, folder, options)
 
 
 def origin(study: dict[str, Any]) -> tuple[str, ...]:

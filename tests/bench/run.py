@@ -37,6 +37,7 @@ from renderer.scene import (
     ProceduralSource,
     PyramidSpec,
     Scene,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -65,7 +66,12 @@ def main() -> None:
         bench_frame(rasterizer)
     bench_splats("phantom", _phantom_scene((256, 256, 128), FRAME_TOLERANCE))
     if arguments.engine:
-        bench_splats("engine", load_scene(ROOT / "configs" / "engine.yaml", volume=arguments.engine))
+        bench_splats(
+            "engine",
+            load_scene(
+                ROOT / "configs" / "engine.yaml", overrides=["splat={footprint: gaussian}"], volume=arguments.engine
+            ),
+        )
     bench_memory()
     if arguments.engine:
         bench_first_frame(arguments.engine)
@@ -217,6 +223,7 @@ def _phantom_scene(shape: tuple[int, int, int], tolerance: float) -> Scene:
         camera=CameraSpec(TurntablePath(36, elevation=20.0)),
         error=ErrorSpec(((0, tolerance),)),
         output=OutputSpec(Path("unused.mp4")),
+        splat=SplatSpec("gaussian"),
     )
 
 

@@ -34,6 +34,7 @@ from renderer.scene import (
     ProceduralSource,
     PyramidSpec,
     Scene,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     Vector,
@@ -66,6 +67,7 @@ def scene_of(camera: CameraSpec, unit: float = 1.0) -> Scene:
         output=OutputSpec(Path("film.mp4"), SIZE),
         error=ErrorSpec(((0, 0.0),)),
         pyramid=PyramidSpec(precision="single"),
+        splat=SplatSpec("gaussian"),
     )
 
 

@@ -13,7 +13,6 @@ from number_types import random_ranges
 
 from renderer.brick_texels import FARTHEST, mean_texels, scalar_texels
 from renderer.bricks import APRON, Bricks, make_bricks
-from renderer.pyramid import build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import make_volume
@@ -30,9 +29,7 @@ def bricks_of(values: Array, control: tuple[float, float], extinction: float = 1
     """Extinction from 0 to the given one between two scalars, in single precision."""
     transfer = TransferFunction(np.array(control), np.full((2, 3), 0.5), np.array([0.0, extinction]), 1.0)
     volume = make_volume(values, np.eye(4), "extreme")
-    return make_bricks(
-        build_pyramid(volume, transfer, spec=PyramidSpec(precision="single"), error=ErrorSpec()), transfer
-    )
+    return make_bricks(volume, transfer, spec=PyramidSpec(precision="single"), error=ErrorSpec())
 
 
 def scalar_error(num_cases: int) -> float:
@@ -111,7 +108,7 @@ def noise_growth(num_cases: int) -> float:
             at = num / 2**level - 16 * last - 0.5 + APRON  # of the face, in texels
             k = int(at)
             field = (k + 1 - at) * texels[k] + (at - k) * texels[k + 1]
-            largest = bricks.levels[level].means[..., 3].max() * bricks.pyramid.mean_unit
+            largest = np.add.reduceat(values[:, 0, 0], np.arange(0, num, 1 << level)).max() / 2**level
             worst = max(worst, float(field / largest))
     return worst
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 from compare import WrongError, compare_8_bit, compare_radiance, reference, without_overlay
+from compare_bricks import compare_bricks
 from oracle import DisagreementError
 from scenes import DTYPES, Case, legal_case, random_of
 from spoil import spoil
@@ -185,6 +186,10 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     if isinstance(scene.error.goal, SplatBudget):
         _require_finest(stage, frame, value_at(scene.error.goal.by_frame, number))
     view = view_of(stage, number)
+    if scene.splat.footprint == "integrated":
+        verdict.worst = compare_bricks(stage, frame, view, rasterizer)
+        verdict.outcome = "picture"
+        return frame
     with np.errstate(all="ignore"):
         picture = reference(stage, frame, view)
     if not (np.isfinite(picture.radiance).all() and np.isfinite(picture.bound).all()):
@@ -203,6 +208,8 @@ def _require_finest(stage: Stage, frame: Frame, most_cells: float) -> None:
     """Of at most so many cells: any cut with another number of cells, at a smaller tolerance, has too many."""
     if frame.num_cells > most_cells:
         raise WrongError(f"{frame.num_cells} cells instead of {most_cells}")
+    if stage.scene.splat.footprint == "integrated":  # whose numbers may fall with the tolerance
+        return
     for tolerance in (*(frame.tolerance * factor for factor in (0.3, 0.9, 0.99, 0.9999)), 0.0):
         finer = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
         if frame.num_cells < len(finer) <= most_cells:
@@ -222,8 +229,9 @@ def _require_same_volume(stage: Stage, case: Case) -> None:
 def _kinds(case: Case) -> tuple[str, ...]:
     """What a scene has that is worth a line in the summary."""
     splat, error = case.tree.get("splat"), case.tree.get("error")
+    footprint = splat.get("footprint") if isinstance(splat, dict) else None
     kinds = [
-        "gouraud" if isinstance(splat, dict) and splat.get("footprint") == "gouraud" else "gaussian",
+        footprint if footprint in ("gouraud", "integrated") else "gaussian",
         f"measure {error.get('measure', 'optical') if isinstance(error, dict) else 'optical'}",
         "splats given" if isinstance(error, dict) and "splats" in error else "tolerance given",
     ]

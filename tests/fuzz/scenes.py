@@ -37,6 +37,7 @@ EXACT_INTEGER = 2**53 - 3  # that float64 tells from its neighbours
 AXIS_LENGTHS = (1, 1, 2, 3, 3, 4, 5, 5, 7, 8, 9)
 LONGEST_AXIS = 200
 LARGEST_SIDE_PX = 40
+INTEGRATED = 0.2  # the share of scenes that are drawn in bricks
 COLORMAPS = ("viridis", "gray", "cividis_r", "crameri:batlow")
 DTYPES = (
     "uint8", "uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float16", "float32", "float64",
@@ -79,6 +80,9 @@ def legal_case(index: int, rng: Random, dtypes: Sequence[str] = DTYPES) -> Case:
     num_frames = tree["camera"]["path"]["frames"]
     tree["error"] = random_error(rng, num_frames, (low, high))
     tree["splat"] = random_splat(rng)
+    # From numbers of their own, so that all others are the scenes that they were.
+    if random_of(index, 2).random() < INTEGRATED:
+        tree["splat"] = {"footprint": "integrated"}
     _maybe(rng, 0.4, lambda: tree.update(pyramid=random_pyramid(rng)))
     _maybe(rng, 0.25, lambda: tree.update(shading=random_shading(rng)))
     _maybe(rng, 0.1, lambda: tree.update(overlay="octree"))
@@ -382,8 +386,8 @@ def random_error(rng: Random, num_frames: int, values: tuple[float, float]) -> T
 
 
 def random_splat(rng: Random) -> Tree:
-    """Both footprints."""
-    splat: Tree = {}
+    """Both footprints of splats."""
+    splat: Tree = {"footprint": "gaussian"}
     _maybe(rng, 0.3, lambda: splat.update(sigma=float(rng.uniform(0.38, 2))))
     _maybe(rng, 0.2, lambda: splat.update(opacity_correction=False))
     _maybe(rng, 0.35, lambda: splat.update(order=_one_of(rng, ["boxes", "boxes", "unmixed"])))

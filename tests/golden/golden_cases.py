@@ -95,6 +95,8 @@ _VOXEL = "volume={procedural: {name: single_voxel, shape: [9, 9, 9]}}"
 _LOBB = "volume={procedural: {name: marschner_lobb, shape: [40, 40, 40]}}"
 _GLASS = "transfer_function={unit: 1.0, points: [{value: 0, color: '#ff8040', opacity: 0.05}]}"
 _COARSE = "error.tolerance=0.8"
+_DEFAULT = "splat=null"  # the footprint of scenes that do not say
+_INSIDE = ("camera.distance=6", "camera.field_of_view=70")
 _VOXELS = "error.tolerance=0"
 _CLEAR = "output.background=transparent"
 _STILL = "camera.path={type: turntable, frames: 1, elevation: 0}"
@@ -121,7 +123,7 @@ CASES = (
     Case("wide_angle", "ellipses far from the axis", ("camera.field_of_view=90",)),
     Case("about_x", "an axis other than z", ("camera.path.axis=x",), frames="3"),
     Case("from_above", "the pole of the turntable", ("camera.path.elevation=90",)),
-    Case("eye_inside", "splats around and behind the eye", ("camera.distance=6", "camera.field_of_view=70")),
+    Case("eye_inside", "splats around and behind the eye", _INSIDE),
     Case("near_plane", "what is cut open by the near plane", ("camera.distance=70", "camera.near=66")),
     Case("off_centre", "a target, and what leaves the image", ("camera.target=[10, 24, 12]", "camera.distance=60")),
     Case(
@@ -140,7 +142,7 @@ CASES = (
     Case(
         "overlay_inside",
         "lines around the eye",
-        ("overlay=octree", _COARSE, "camera.distance=6", "camera.field_of_view=70"),
+        ("overlay=octree", _COARSE, *_INSIDE),
     ),
     Case("finest_level", "no cells smaller than asked for", ("error.finest_level=2",)),
     Case("shading", "Lambert's law, light fixed to the object", ("shading={light: [1, -1, 1]}",), frames="::6"),
@@ -196,6 +198,17 @@ CASES = (
         ),
         volume=signed_floats,
     ),
+    Case(
+        "default", "the integrated footprint, which scenes have that do not say, every pixel drawn", (_DEFAULT,), "::4"
+    ),
+    Case("default_coarse", "bricks of large cells, and pixels between others", (_DEFAULT, "error.tolerance=1.0")),
+    Case("default_voxels", "the finest steps", (_DEFAULT, _VOXELS, "camera.path.start=50")),
+    Case("default_shading", "gradients in bricks", (_DEFAULT, "shading={light: [1, -1, 1]}")),
+    Case("default_inside", "bricks around and behind the eye", (_DEFAULT, *_INSIDE)),
+    Case("default_orthographic", "parallel rays", (_DEFAULT, "camera.projection=orthographic")),
+    Case("default_near_plane", "bricks cut open", (_DEFAULT, "camera.distance=70", "camera.near=66")),
+    Case("default_overlay", "the edges of bricks over them", (_DEFAULT, "overlay=octree", _CLEAR)),
+    Case("default_oblique", "bricks of voxels that are no cubes", (_DEFAULT,), volume=oblique_scan),
     Case(
         "must_fail",
         "the comparison: its golden is of another scene, drawn half a degree further round",

@@ -45,6 +45,7 @@ class Subject:
 
 _TRANSPARENT = "output.background=transparent"
 _COARSE = "error.tolerance=0.8"
+_SPLATS = "splat={footprint: gaussian}"
 _SOLID = (
     "transfer_function={unit: 1.0, points: [{value: 40, color: '#4060c0', opacity: 0}, {value: 90, color: '#40a060',"
     " opacity: 0.9}, {value: 255, color: '#f0e0c0', opacity: 1}]}"
@@ -64,10 +65,11 @@ SUBJECTS = (
     Subject("solid", "opaque and filling the picture, 256 x 256", SCENE, (
         _SOLID, "camera.distance=60", "output.size=[256, 256]")),
     Subject("demo", "configs/demo.yaml at a coarser tolerance, 384 x 384", CONFIGS / "demo.yaml", (
-        "error.tolerance=0.1",), frame=5),
+        _SPLATS, "error.tolerance=0.1"), frame=5),
     Subject("demo_clear", "the same without a background, 192 x 192", CONFIGS / "demo.yaml", (
-        "error.tolerance=0.1", "output={file: 'x.png', size: [192, 192], background: transparent}"), frame=31),
-    Subject("rings", "configs/marschner_lobb.yaml, 512 x 512", CONFIGS / "marschner_lobb.yaml", frame=11),
+        _SPLATS, "error.tolerance=0.1", "output={file: 'x.png', size: [192, 192], background: transparent}"), frame=31),
+    Subject("rings", "configs/marschner_lobb.yaml, 512 x 512", CONFIGS / "marschner_lobb.yaml", (
+        _SPLATS,), frame=11),
 )  # fmt: skip
 
 

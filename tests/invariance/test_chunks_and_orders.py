@@ -175,6 +175,7 @@ def test_a_film_unmixed_is_the_same_where_there_is_one_order(rasterizer: GLRaste
         camera=CameraSpec(TurntablePath(36, elevation=20.0)),
         error=ErrorSpec(((0, 0.05),)),
         output=OutputSpec(Path("unused.mp4"), (64, 48)),
+        splat=SplatSpec("gaussian"),
     )
     mixed = prepare(scene, clock=lambda: 0.0, num_threads=1)
     unmixed = replace(mixed, scene=replace(scene, splat=SplatSpec(order="unmixed")))

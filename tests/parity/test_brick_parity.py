@@ -21,6 +21,7 @@ import pytest
 from brickwork import (
     AFFINES,
     CAMERAS,
+    EACH_SHADING,
     EXACTLY,
     batch_of,
     bricks_of,
@@ -43,9 +44,6 @@ from renderer.scene import ShadingSpec
 PRECISION = 6e-5
 STEP = 1e-5
 SPREAD = 1e-3
-
-LIT = ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))
-EACH_SHADING = pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
 
 
 def assert_parity(
@@ -159,3 +157,14 @@ def test_thrift_where_a_picture_is_even(rasterizer: GLRasterizer) -> None:
             batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0), num_entries=1024)
             pictures.append(assert_parity(rasterizer, batch, view, (strides, spread)))
         assert all(np.abs(a - b).max() > 0.01 for a, b in pairwise(pictures))
+
+
+def test_an_axis_longer_than_any_texture(rasterizer: GLRasterizer) -> None:
+    """Places are of bricks, wherever in the volume these are."""
+    values = np.tile(hills((20, 24, 100), 17), (1, 1, 31))
+    volume = placed((values * 255).astype(np.uint8))
+    assert volume.shape_xyz[0] == 3100
+    bricks = bricks_of(volume, transfer_of((90, (0.2, 0.4, 0.9), 0.0), (200, (1, 0.8, 0.5), 0.3)))
+    view = view_of(volume, "perspective", (90, 20))
+    for cut in (level_cut(bricks, 0), random_cut(bricks, 1)):
+        assert_parity(rasterizer, batch_of(cut, bricks), view)

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from splatting import look
 
 from renderer.brick_batch import BrickBatch, Thrift
 from renderer.bricks import BRICK, BRICK_LEVELS, BrickCut, Bricks, make_bricks
 from renderer.camera import View
-from renderer.pyramid import build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.visibility import box_order
@@ -21,6 +21,9 @@ from renderer.volume import Volume, make_volume
 Float64 = npt.NDArray[np.float64]
 
 EXACTLY = Thrift((1,), 0.0, 0.0)
+
+LIT = ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))
+EACH_SHADING = pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
 
 AFFINES = {
     "straight": np.eye(3),
@@ -61,8 +64,7 @@ def bricks_of(
 ) -> Bricks:
     """All bricks, of means in single precision."""
     spec = PyramidSpec(precision=precision)  # type: ignore[arg-type]
-    pyramid = build_pyramid(volume, transfer, spec=spec, error=ErrorSpec(), shading=shading, num_threads=1)
-    return make_bricks(pyramid, transfer, num_threads=1)
+    return make_bricks(volume, transfer, spec=spec, error=ErrorSpec(), shading=shading, num_threads=1)
 
 
 def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bricks import ERRORS_ON_A_RAY
 from renderer.classify import FAINTEST
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
@@ -80,9 +81,9 @@ def per_brick(values: Array, side: int, apron: int = 0) -> dict[tuple[int, int, 
     return {(x, y, z): values[reach(z), reach(y), reach(x)] for z, y, x in grid}
 
 
-def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
-    """[z + 1, y + 1, x + 1]: whether any scalar between the smallest and largest corner of a dual cell is visible; cell
-    (k, j, i) lies between the voxels before and at (k, j, i), or the nearest ones."""
+def ranges_of_dual_cells(volume: Volume) -> tuple[Float64, Float64]:
+    """[z + 1, y + 1, x + 1] each: the smallest and the largest corner of a dual cell; cell (k, j, i) lies between the
+    voxels before and at (k, j, i), or the nearest ones."""
     scalars = np.pad(volume.values.astype(np.float64), 1, mode="edge")
     low = high = scalars
     for axis in range(3):
@@ -90,6 +91,12 @@ def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
             pick(part.take(range(part.shape[axis] - 1), axis), part.take(range(1, part.shape[axis]), axis))
             for pick, part in ((np.minimum, low), (np.maximum, high))
         )
+    return low, high
+
+
+def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
+    """[z + 1, y + 1, x + 1]: whether any scalar between the smallest and largest corner of a dual cell is visible."""
+    low, high = ranges_of_dual_cells(volume)
 
     def shows(s: Float64) -> Bools:
         return np.asarray(transfer.classify(s)[1] * volume.finest_spacing >= FAINTEST)
@@ -100,6 +107,82 @@ def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
         start, end = np.maximum(low, first), np.minimum(high, last)
         shown |= (start < end) & shows(start / 2 + end / 2)
     return shown
+
+
+def channels_of(transfer: TransferFunction, finest_spacing: float) -> Float64:
+    """[n, 4]: (tau c, tau) times the finest spacing at the control values."""
+    depths = transfer.extinctions[:, None] * finest_spacing
+    return np.concatenate([transfer.colors * depths, depths], axis=1)
+
+
+def between_scalars(low: Float64, high: Float64, values: Float64, points: Float64) -> tuple[Float64, Float64]:
+    """[...] each: D^2 and width^2 from low to high scalars, as `renderer.between_voxels` has them, of `points` [n, c]
+    at control `values`. By Simpson's rule, exact for squares of what is linear, in every piece that is in the range."""
+
+    def linear(k: int, at: Float64) -> Float64:
+        """On the line through the points before and at k, the ends of which are constant."""
+        first, last = max(k - 1, 0), min(k, len(values) - 1)
+        width = values[last] - values[first]
+        share = ((at - values[first]) / width if width > 0 else np.zeros_like(at))[..., None]
+        return np.asarray(points[first] * (1 - share) + points[last] * share)
+
+    def classified(at: Float64) -> Float64:
+        number = np.searchsorted(values, at, side="right")
+        return np.asarray(
+            sum(np.where((number == k)[..., None], linear(k, at), 0.0) for k in range(len(values) + 1)), np.float64
+        )
+
+    first, last = classified(low), classified(high)
+    extent = np.where(high > low, high - low, 1.0)
+    squares, slopes = np.zeros(low.shape), np.zeros(low.shape)
+    for k, (begin, end) in enumerate(pairwise([-np.inf, *values, np.inf])):
+        start, stop = np.clip(low, begin, end), np.clip(high, begin, end)
+
+        def off(at: Float64, k: int = k) -> Float64:
+            share = ((at - low) / extent)[..., None]
+            return np.asarray(linear(k, at) - first * (1 - share) - last * share)
+
+        share = np.where(start < stop, (stop - start) / extent, 0.0)
+        three = [(off(at) ** 2).sum(axis=-1) for at in (start, start / 2 + stop / 2, stop)]
+        squares += share * (three[0] + 4 * three[1] + three[2]) / 6
+        rise = ((off(stop) - off(start)) ** 2).sum(axis=-1)
+        slopes += np.where(start < stop, rise / np.maximum(share, 1 / 16), 0.0)
+    for value in np.unique(values):  # a step rises as what is as narrow as can be
+        jump = points[values == value][-1] - points[values == value][0]
+        slopes += np.where((low < value) & (value <= high), 16 * (jump**2).sum(), 0.0)
+    width = np.where(slopes > 0, 12 * squares / np.where(slopes > 0, slopes, 1.0), 1.0)
+    return squares, np.clip(width, 1 / 16**2, 1.0)
+
+
+def dual_cells(brick: tuple[int, int, int], side: int) -> tuple[slice, slice, slice]:
+    """Those that meet a brick (x, y, z) of so many voxels a side, in arrays as of `ranges_of_dual_cells`."""
+    x, y, z = (slice(k * side, (k + 1) * side + 1) for k in brick)
+    return z, y, x
+
+
+def means_over_dual_cells(values: Float64) -> dict[tuple[int, int, int], float]:
+    """By brick (x, y, z) of 16 voxels a side, the mean over its volume: of dual cells at its faces half is inside."""
+    means = {}
+    for brick in np.ndindex(*(-(-(n - 1) // 16) for n in values.shape[::-1])):
+        part = values[dual_cells((brick[0], brick[1], brick[2]), 16)]
+        for axis in range(3):
+            part = part.take(range(part.shape[axis] - 1), axis) / 2 + part.take(range(1, part.shape[axis]), axis) / 2
+        means[brick[0], brick[1], brick[2]] = float(part.mean())
+    return means
+
+
+def errors_of_bricks(volume: Volume, transfer: TransferFunction, level: int) -> dict[tuple[int, int, int], float]:
+    """By brick (x, y, z) of a level above 0, the largest error of its nodes and its apron's, and of what shows between
+    its voxels only, as of such a node; times that of a ray."""
+    nodes = per_brick(errors_of_cells(volume, depths_of(volume, transfer), level), 16, apron=1)
+    squares, _ = between_scalars(
+        *ranges_of_dual_cells(volume), transfer.values, channels_of(transfer, volume.finest_spacing)
+    )
+    length = 2**level * np.cbrt(volume.voxel_volume) / volume.finest_spacing
+    return {
+        brick: ERRORS_ON_A_RAY * max(part.max(), length * np.sqrt(squares[dual_cells(brick, 16 << level)].max()))
+        for brick, part in nodes.items()
+    }
 
 
 def nodes_shown(cells: Bools) -> Bools:

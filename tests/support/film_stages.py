@@ -41,6 +41,7 @@ PLAIN = Scene(
     camera=CameraSpec(TurntablePath(8, elevation=20.0)),
     output=OutputSpec(Path("film.mp4"), (40, 30)),
     error=ErrorSpec(((0, 0.05),)),
+    splat=SplatSpec("gaussian"),
 )
 
 INTEGRATED = replace(PLAIN, splat=SplatSpec(footprint="integrated"))

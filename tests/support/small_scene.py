@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 
-def small_scene(*, shape: str = "24, 24, 12", frames: int = 5, size: str = "32, 32", error: str | None = None) -> str:
-    """YAML of a turntable that goes to film.mp4. error: its section, such as `tolerance: 0.1`; none by default."""
-    section = "" if error is None else f"error: {{{error}}}\n"
+def small_scene(
+    *,
+    shape: str = "24, 24, 12",
+    frames: int = 5,
+    size: str = "32, 32",
+    error: str | None = None,
+    footprint: str | None = "gaussian",
+) -> str:
+    """YAML of a turntable that goes to film.mp4. error: its section, such as `tolerance: 0.1`; none by default.
+
+    footprint: None for a scene that does not say; splats by default, whose numbers many tests ask for.
+    """
+    sections = "" if error is None else f"error: {{{error}}}\n"
+    sections += "" if footprint is None else f"splat: {{footprint: {footprint}}}\n"
     return f"""\
 volume:
   procedural: {{name: engine_block, shape: [{shape}]}}
@@ -16,7 +27,7 @@ transfer_function:
     - {{value: 255, color: "#ffffff", opacity: 0.7}}
 camera:
   path: {{type: turntable, frames: {frames}, elevation: 20}}
-{section}output:
+{sections}output:
   file: film.mp4
   size: [{size}]
 """

@@ -40,7 +40,7 @@ def rows(folder: str = "scene.measured") -> list[dict[str, str]]:
 
 
 def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
-    measure(*QUICK, "--tolerances", "0.5,0.1,0")
+    measure(*QUICK, "--tolerances", "0.5,0.1,0", "--footprints", "gaussian,gouraud")
     found = {(row["series"], float(row["tolerance"]), int(row["frame"])) for row in rows()}
     series = {
         f"{footprint}, {measure}{correction}"
@@ -68,6 +68,16 @@ def test_bricks_beside_splats(folder: Path, capsys: pytest.CaptureFixture[str]) 
     assert min(float(row["psnr_db"]) for row in bricks if row["tolerance"] == "0.0") > 20 + max(
         float(row["psnr_db"]) for row in splats
     )
+    assert "note: the integrated" not in capsys.readouterr().out
+
+
+def test_bricks_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing is said of splats; of the correction only where nothing but what is without was asked for."""
+    options = (*QUICK, "--tolerances", "0.5,0.1", "--footprints", "integrated", "--measures", "optical")
+    measure(*options)
+    said = capsys.readouterr().out
+    assert "T: no other setting of the same program is as fast and as exact.\n" in said and "note: the int" not in said
+    measure(*options, "--corrections", "off")
     note = "note: the integrated footprint has no opacity correction that could be off; it is measured as it is\n"
     assert note in capsys.readouterr().out
 

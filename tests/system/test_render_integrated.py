@@ -14,8 +14,7 @@ from hsplat_cli import main
 
 NUM_FRAMES = 4
 
-SCENE = small_scene(shape="48, 40, 24", frames=NUM_FRAMES, size="48, 32", error="tolerance: 0.1")
-FOOTPRINT = "splat: {footprint: integrated}\n"
+SCENE = small_scene(shape="48, 40, 24", frames=NUM_FRAMES, size="48, 32", error="tolerance: 0.1", footprint=None)
 NO_TOLERANCE = ("--set", "error.tolerance=null")
 
 
@@ -23,7 +22,7 @@ NO_TOLERANCE = ("--set", "error.tolerance=null")
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, with SCENE in scene.yaml."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE + FOOTPRINT, encoding="utf-8")
+    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
     return tmp_path
 
 
@@ -62,6 +61,29 @@ def test_another_footprint_is_another_film(folder: Path) -> None:
     before = Path("film.mp4").read_bytes()
     render("--set", "splat.footprint=gaussian")
     assert Path("film.mp4").read_bytes() != before
+
+
+def test_the_sidecar_of_another_footprint(folder: Path) -> None:
+    """What it says of splats without being asked does not stand in the way; what was asked for does."""
+    render()
+    Path("film.mp4").rename("bricks.mp4")
+    render("--set", "splat.footprint=gouraud")
+    assert (
+        main.run(["render", "film.mp4.json", "--quiet", "--set", "splat.footprint=integrated", "--output", "a.mp4"])
+        == 0
+    )
+    assert Path("a.mp4").read_bytes() == Path("bricks.mp4").read_bytes()
+    render("--set", "splat={order: boxes}")
+    assert main.run(["check", "film.mp4.json", "--set", "splat.footprint=integrated"]) == 2
+
+
+def test_bricks_are_called_bricks(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("bricks", "splats"):
+        assert main.run(["render", "scene.yaml", "--frames", "0:2"]) == 0
+        told = capsys.readouterr()
+        other = {"bricks": "splats", "splats": "bricks"}[name]
+        assert f"{name} a frame" in told.out + told.err and other not in told.out + told.err
+        Path("scene.yaml").write_text(SCENE + "splat: {footprint: gaussian}\n", encoding="utf-8")
 
 
 def test_a_budget_of_bricks(folder: Path) -> None:

@@ -17,7 +17,7 @@ MAX_FUNCTION_LINES = 60
 
 # Rooms of renderer/: their modules, and the other rooms that they may import from.
 ROOMS: dict[str, tuple[str, str]] = {
-    "words": ("errors scene volume camera jit runs", ""),
+    "words": ("errors mapped_file scene volume camera jit runs", ""),
     "checks": (
         "extents volume_files schema schema_camera schema_error schema_output schema_transfer schema_volume "
         "scene_schema colormaps",
@@ -26,10 +26,13 @@ ROOMS: dict[str, tuple[str, str]] = {
     "volumes": ("readers procedural statistics", "words checks"),
     "suggestions": ("evidence exposure looks labels suggestion", "words checks volumes"),
     "classification": ("transfer classify", "words checks"),
-    "pyramid": ("pyramid pyramid_kernels pyramid_memory emptiness", "words classification"),
+    "pyramid": ("pyramid pyramid_blocks pyramid_kernels pyramid_memory emptiness", "words classification"),
     "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
-    "bricks": ("bricks brick_kernels brick_texels brick_sizes", "words classification pyramid cut"),
+    "bricks": (
+        "bricks between_voxels brick_kernels brick_means brick_sizes brick_sums brick_texels",
+        "words classification pyramid cut",
+    ),
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
     "raster": (
         "raster_gl gl_atlas gl_bricks lattices raster_lasting raster_reference raster_bricks_reference compositing "
@@ -58,6 +61,7 @@ COMMANDS_MAY_IMPORT = {
     "errors", "scene", "schema", "scene_schema", "schema_camera", "schema_error", "schema_output", "want",  # quick
     "output_files", "volume_files",  # quick, too
     "readers", "volume", "statistics",  # info
+    "mapped_file",  # what shrinks
     "drawing", "pacing", "costs", "pipeline", "raster_gl", "raster_lasting", "film", "sidecar", "jit",  # render
     "frame_record", "kept_frames", "output_lock", "picture", "parcel", "runs", "stream_tail",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure

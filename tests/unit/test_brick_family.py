@@ -174,7 +174,7 @@ def test_pixels_that_are_spared_cost_less() -> None:
         return replace(detail, splats=replace(detail.splats, thrift=thrift)).load(orders, view)[1]
 
     assert load(4) < load(4, 2) < load(4, 1) < load(1)
-    assert load(4) < load(2) < load(1) < load(2, 1, spread=0.01)
+    assert load(4) < load(2) < load(1) < load(2, 1, spread=0.001)
     assert load(4, 1, spread=1.0) < load(4, 1, spread=0.1) < load(4, 1, spread=0.01)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -10,37 +11,43 @@ import pytest
 from dense_bricks import (
     OBLIQUE,
     Shape,
+    between_scalars,
     box_of,
+    channels_of,
     depths_of,
     dual_cells_shown,
+    errors_of_bricks,
     errors_of_cells,
     means_over_cells,
+    means_over_dual_cells,
     nodes_shown,
     patches,
     per_brick,
     random_transfer,
+    ranges_of_dual_cells,
     sums_over_cells,
 )
 from number_types import TYPES, limits
 
+from renderer.brick_batch import optical_table
 from renderer.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
-from renderer.pyramid import build_pyramid
-from renderer.scene import ErrorSpec, PyramidSpec
+from renderer.pyramid import TOLD_LEVELS
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 
-# Thin, tiny, whole bricks, cut by the border, and levels enough for three of bricks.
-SHAPES: list[Shape] = [(1, 1, 1), (1, 40, 20), (5, 17, 33), (16, 16, 16), (48, 16, 35), (20, 1, 1), (35, 30, 65)]
+# Thin, tiny, whole bricks, cut by the border, and levels enough for three and for five of bricks.
+SHAPES: list[Shape] = [
+    (1, 1, 1), (1, 40, 20), (5, 17, 33), (16, 16, 16), (48, 16, 35), (20, 1, 1), (35, 30, 65), (5, 140, 24),
+]  # fmt: skip
 # A mean or an error in float16 is off by 2^-11 at most, and by a few roundings of float32.
 HALF_RTOL = 2.0**-11 + 2e-6
 
 
 def bricks_of(volume: Volume, transfer: TransferFunction, num_threads: int = 1) -> Bricks:
-    return make_bricks(
-        build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec()), transfer, num_threads=num_threads
-    )
+    return make_bricks(volume, transfer, spec=PyramidSpec(), error=ErrorSpec(), num_threads=num_threads)
 
 
 def hills(*points: tuple[float, float]) -> TransferFunction:
@@ -123,8 +130,8 @@ def test_boxes_of_nodes_reach_to_the_next_centres(shape: Shape) -> None:
 def test_means_lie_where_their_cells_are(shape: Shape, precision: str) -> None:
     volume = soft(shape)
     spec = PyramidSpec(precision="half" if precision == "half" else "single")
-    bricks = make_bricks(build_pyramid(volume, SOFT, spec=spec, error=ErrorSpec()), SOFT)
-    for number, level in enumerate(bricks.levels[1:], 1):
+    bricks = make_bricks(volume, SOFT, spec=spec, error=ErrorSpec())
+    for number, level in enumerate(bricks.levels[TOLD_LEVELS + 1 :], TOLD_LEVELS + 1):
         means = means_over_cells(depths_of(volume, SOFT), number)
         assert sorted(level.slots[level.slots >= 0]) == list(range(len(level.means)))
         for (x, y, z), part in per_brick(means, BRICK).items():
@@ -139,31 +146,40 @@ def test_means_lie_where_their_cells_are(shape: Shape, precision: str) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 def test_errors_of_a_brick(shape: Shape) -> None:
-    """The largest of its nodes and its apron's; and the root mean square, over its volume, of those twice as large."""
+    """The largest of its nodes and its apron's, and of what shows between its voxels; and the root mean square, over
+    its volume, of nodes twice as large and of that."""
     volume = soft(shape)
     depths = depths_of(volume, SOFT)
+    between, widths = between_scalars(
+        *ranges_of_dual_cells(volume), SOFT.values, channels_of(SOFT, volume.finest_spacing)
+    )
+    side = np.cbrt(volume.voxel_volume) / volume.finest_spacing
+    rough = means_over_dual_cells(between / widths**2)
     for number, level in enumerate(bricks_of(volume, SOFT).levels):
-        errors = errors_of_cells(volume, depths, number)
+        errors = errors_of_bricks(volume, SOFT, number)
         above = errors_of_cells(volume, depths, number + 1)
         num_voxels = sums_over_cells(np.ones(shape), number + 1)
         squares, sizes = per_brick(above**2 * num_voxels, BRICK // 2), per_brick(num_voxels, BRICK // 2)
         own = np.zeros(level.roughness.shape)
-        for (x, y, z), part in per_brick(errors, BRICK, apron=1).items():
-            want = ERRORS_ON_A_RAY * part.max() if number else 0
+        for (x, y, z), error in errors.items():
+            want = error if number else 0
             np.testing.assert_allclose(level.errors[z, y, x], want, rtol=HALF_RTOL, atol=4e-7)
             own[z, y, x] = np.sqrt(squares[x, y, z].sum() / sizes[x, y, z].sum())
         for (x, y, z), around in per_brick(own, 1, apron=1).items():
             want = own[z, y, x] if own[z, y, x] > 1e-7 else around.max()
+            if number == 0:
+                want = np.hypot(want, 2 * side * np.sqrt(rough[x, y, z]))
             np.testing.assert_allclose(level.roughness[z, y, x], want, rtol=HALF_RTOL, atol=1e-7)
 
 
 def test_a_brick_without_errors_beside_one_with_errors() -> None:
-    """Its field is interpolated from theirs: it is as rough, and no leaf where they are not."""
+    """Its field is interpolated from theirs: it is as rough as their nodes, and no leaf where they are not."""
     values = np.zeros((32, 32, 48), np.uint8)
     values[5:20, 5:20, 3:16:2] = 250
     volume = make_volume(values, np.eye(4), "beside")
     fine, coarse = bricks_of(volume, SOFT).levels[:2]
-    assert fine.roughness[0, 0, 1] == fine.roughness[0, 0, 0] > 0
+    of_nodes = errors_of_cells(volume, depths_of(volume, SOFT), 1)[:8, :8, :8]
+    assert fine.roughness[0, 0, 1] >= np.sqrt((of_nodes**2).mean()) * (1 - HALF_RTOL) > 0
     assert fine.roughness[0, 0, 2] == 0
     assert coarse.errors[0, 0, 1] == 0  # the last visible voxel is 16 away
     values = values.copy()
@@ -173,18 +189,48 @@ def test_a_brick_without_errors_beside_one_with_errors() -> None:
 
 
 def test_what_shows_between_voxels_only() -> None:
-    """No node is wrong by anything: bricks of voxels are the rougher, and all above are divided."""
+    """No node is wrong by anything: what is between counts, from level to level twice as much."""
     values = np.zeros((70, 40, 40), np.uint8)
     values[40:44, 3:20, 20:30] = 255
     transfer = TransferFunction(np.array([100.0, 125, 150]), np.ones((3, 3)), np.array([0.0, 2.0, 0.0]), 1.0)
-    levels = bricks_of(make_volume(values, np.eye(4), "between"), transfer).levels
+    fine, *levels = bricks_of(make_volume(values, np.eye(4), "between"), transfer).levels
+    distance = np.sqrt(4 * 2**2 * (50 / 255) / 3)  # of a triangle, in four channels
     shown = {(z, y, x) for z in (2,) for y in (0, 1) for x in (1,)}
-    for level in levels:
-        is_wrong = {tuple(place) for place in np.argwhere(level.errors >= 2.0).tolist()}
-        assert is_wrong == shown
-        assert np.count_nonzero(level.errors) == len(shown)
+    assert not fine.errors.any()
+    assert {tuple(place) for place in np.argwhere(fine.roughness > 0).tolist()} == shown
+    for number, level in enumerate(levels, 1):
         shown = {(z // 2, y // 2, x // 2) for z, y, x in shown}
-    np.testing.assert_array_equal(levels[0].roughness, levels[0].errors)
+        assert {tuple(place) for place in np.argwhere(level.errors > 0).tolist()} == shown
+        assert level.errors.max() == pytest.approx(ERRORS_ON_A_RAY * 2**number * distance)
+
+
+@pytest.mark.parametrize(("measure", "of"), [("rms", "classified"), ("rms", "scalar")])
+def test_in_the_unit_of_the_measure(measure: Literal["rms"], of: Literal["classified", "scalar"]) -> None:
+    """An opacity does not grow with the cell; the scalar is interpolated, so that nothing is between."""
+    values = np.zeros((40, 4, 4), np.uint8)
+    values[20:] = 1
+    opaque = hills((0.25, 0), (0.5, 2), (0.75, 0))
+    error = ErrorSpec(measure=measure, of=of)
+    volume = make_volume(values, np.eye(4), "mask")
+    fine, *levels = make_bricks(volume, opaque, spec=PyramidSpec(), error=error).levels
+    opacity = -math.expm1(-2.0)
+    distance = opacity * math.sqrt((1 + 0.9**2 + 0.5**2 + 0.2**2) * 0.5 / 3)
+    for level in levels:
+        want = ERRORS_ON_A_RAY * distance if of == "classified" else level.errors.max()
+        assert level.errors.max() == pytest.approx(want, rel=1e-6)
+    assert (fine.roughness[1, 0, 0] > 0.1) == (of == "classified") or of == "scalar"
+
+
+def test_light_counts_at_its_brightest() -> None:
+    values = np.zeros((40, 4, 4), np.uint8)
+    values[20:] = 1
+    volume, peak = make_volume(values, np.eye(4), "mask"), hills((0.25, 0), (0.5, 2), (0.75, 0))
+    shading = ShadingSpec(ambient=0.5, diffuse=1.0, light=(1.0, 0.0, 0.0))
+    bricks = make_bricks(volume, peak, spec=PyramidSpec(), error=ErrorSpec(), shading=shading)
+    lit = bricks.levels[1].errors.max()
+    plain = bricks_of(volume, peak).levels[1].errors.max()
+    colors = 0.9**2 + 0.5**2 + 0.2**2
+    assert lit / plain == pytest.approx(math.sqrt((1 + 1.5**2 * colors) / (1 + colors)))
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e300])
@@ -193,11 +239,9 @@ def test_roughness_of_the_largest_and_the_smallest_errors(size: float) -> None:
     volume = make_volume(patches((20, 20, 20), 3) * size, np.eye(4), "far")
     error = ErrorSpec(measure="rms", of="scalar")
     transfer = hills((0, 1), (size, 1))
-    bricks = make_bricks(build_pyramid(volume, transfer, spec=PyramidSpec(precision="single"), error=error), transfer)
+    bricks = make_bricks(volume, transfer, spec=PyramidSpec(precision="single"), error=error)
     unscaled = make_volume(volume.values / size, np.eye(4), "near")
-    one = make_bricks(
-        build_pyramid(unscaled, hills((0, 1), (1, 1)), spec=PyramidSpec(precision="single"), error=error), transfer
-    )
+    one = make_bricks(unscaled, hills((0, 1), (1, 1)), spec=PyramidSpec(precision="single"), error=error)
     for level, other in zip(bricks.levels, one.levels, strict=True):
         np.testing.assert_allclose(level.roughness / size, other.roughness, rtol=1e-5)
 
@@ -249,14 +293,6 @@ def test_scalar_range(control: tuple[float, float], scalars: tuple[float, float]
     assert bricks.volume_range == scalars
 
 
-def test_a_part_of_a_pyramid_has_no_bricks() -> None:
-    volume = soft((5, 5, 5))
-    complete = build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec())
-    for part in (replace(complete, least_tolerance=0.5), replace(complete, finest_level=1)):
-        with pytest.raises(ValueError, match="no bricks of a part of a pyramid"):
-            make_bricks(part, SOFT)
-
-
 @pytest.mark.parametrize("tolerance", [-1e-9, float("nan")])
 def test_no_such_tolerance(tolerance: float) -> None:
     with pytest.raises(ValueError, match="no bricks for this tolerance"):
@@ -266,3 +302,10 @@ def test_no_such_tolerance(tolerance: float) -> None:
 def test_no_such_level() -> None:
     with pytest.raises(ValueError, match="no bricks of this level"):
         cut_bricks(bricks_of(soft((5, 5, 5)), SOFT), 0.1, finest_level=-1)
+
+
+def test_a_table_over_scalars_too_small_for_their_inverse() -> None:
+    volume = make_volume(np.linspace(0, 9e-323, 8).reshape(2, 2, 2), np.eye(4), "denormal")
+    bricks = bricks_of(volume, hills((0, 0), (5e-323, 1), (1e-322, 0)))
+    table = optical_table(bricks.transfer, *bricks.scalar_range)
+    assert np.isfinite(table).all() and table[:, 3].max() == pytest.approx(1.0, abs=0.1)

@@ -13,7 +13,7 @@ import pytest
 
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
-from renderer.drawing import Stage
+from renderer.drawing import Stage, family_of
 from renderer.integrator import Convergence
 from renderer.pipeline import prepare
 from renderer.scene import (
@@ -25,12 +25,12 @@ from renderer.scene import (
     ProceduralSource,
     RockerPath,
     Scene,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
 )
 from renderer.splats import SplatBatch
-from renderer.sweep import num_cells_at
 from renderer.tolerances import two_digit_numbers
 from renderer.trials import Found, Trial, find_tolerance
 from renderer.truths import Truth
@@ -50,6 +50,7 @@ def stage() -> Stage:
         camera=CameraSpec(TurntablePath(NUM_FRAMES, elevation=20.0)),
         output=OutputSpec(Path("unused.mp4"), size=SHAPE[::-1]),
         error=ErrorSpec(goal=AccuracyGoal("psnr", 30.0)),
+        splat=SplatSpec("gaussian"),
         overlay="octree",
     )
     return prepare(scene, clock=lambda: 0.0, num_threads=1)
@@ -102,7 +103,7 @@ def test_the_coarsest_that_is_good_on_all_frames_that_are_tried(stage: Stage) ->
     told: list[Trial] = []
     found = search(stage, want, told=told)
     enough = (0.6 / want.value) ** 2
-    rungs = (number for number in two_digit_numbers(10.0, 0.01) if num_cells_at(stage, number) >= enough)
+    rungs = (number for number in two_digit_numbers(10.0, 0.01) if family_of(stage).num_cells(number) >= enough)
     assert found.tolerance == next(rungs)
     final = [trial for trial in told if trial.tolerance == found.tolerance]
     assert tuple(sorted(trial.frame for trial in final)) == found.frames
@@ -117,7 +118,7 @@ def test_beyond_full_resolution(stage: Stage, metric: str, value: float) -> None
     found = search(stage, Want(metric, value))  # type: ignore[arg-type]
     assert found.tolerance is None
     assert found.worst.tolerance == 0
-    assert found.worst.num_cells == num_cells_at(stage, 0.0)
+    assert found.worst.num_cells == family_of(stage).num_cells(0.0)
 
 
 @pytest.mark.parametrize("frames", [range(6, 12), [1, 5, 20], range(0, NUM_FRAMES, 5), [7]])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.camera_paths import CameraPath, camera_poses, make_view
-from renderer.framing import MARGIN, fit_distance, largest_voxel_px, visible_centre, visible_points
+from renderer.framing import MARGIN, fit_distance, smallest_voxel_px, visible_centre, visible_points
 from renderer.pyramid import build_pyramid
 from renderer.scene import (
     CameraSpec,
@@ -141,7 +141,7 @@ def test_the_ends_of_each_line_of_corners_stand_for_all_corners(shape: tuple[int
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 @pytest.mark.parametrize("path", [*PATHS, KeyframePath(1, (Keyframe(0, 0.0, 0.0, 2.0),))], ids=range(4))
 def test_how_wide_a_voxel_is(projection: str, path: CameraPath) -> None:
-    """As the views of the frames have it, where it is widest."""
+    """As the views of the frames have it, where it is narrowest."""
     volume = make_volume(np.zeros((4, 6, 8), np.uint8), np.diag([2.0, 1.5, 3.0, 1.0]), "")
     camera = CameraSpec(path, projection)  # type: ignore[arg-type]
     target, distance, size = (3.0, 20.0, -4.0), 90.0, (64, 48)
@@ -150,14 +150,15 @@ def test_how_wide_a_voxel_is(projection: str, path: CameraPath) -> None:
         view = make_view(camera, frame, target, distance, size)
         depth = -float(view.in_view(volume.centre)[2]) if projection == "perspective" else 1.0
         widths_px.append(1.5 * view.scale_px / depth)
-    assert largest_voxel_px(volume, camera, target, distance, size) == pytest.approx(max(widths_px))
+    assert smallest_voxel_px(volume, camera, target, distance, size) == pytest.approx(min(widths_px))
 
 
-def test_a_voxel_is_no_wider_than_one_at_its_own_width_from_the_eye() -> None:
+def test_a_voxel_is_no_wider_than_one_half_a_diagonal_from_the_eye() -> None:
     """The eye may be where it is, or beyond it."""
     volume = make_volume(np.zeros((4, 6, 8), np.uint8), np.eye(4), "")
     x, y, z = volume.centre
     from_above = CameraSpec(TurntablePath(1, elevation=90.0))
+    half_diagonal = math.sqrt(4**2 + 6**2 + 8**2) / 2
     for target_z in (z - 10, z - 50):
-        width_px = largest_voxel_px(volume, from_above, (x, y, target_z), 10.0, (64, 48))
-        assert width_px == pytest.approx(24 / math.tan(math.radians(15)))
+        width_px = smallest_voxel_px(volume, from_above, (x, y, target_z), 10.0, (64, 48))
+        assert width_px == pytest.approx(24 / math.tan(math.radians(15)) / half_diagonal)

@@ -68,7 +68,7 @@ def pngs(stage: Stage, rasterizer: GLRasterizer | LastingRasterizer) -> list[byt
     return [drawn.picture.png for drawn in LocalDrawer(stage, rasterizer).draw(range(8))]
 
 
-@pytest.mark.parametrize("kind", ["plain", "overlay", "gouraud"])
+@pytest.mark.parametrize("kind", ["plain", "overlay", "gouraud", "integrated"])
 def test_the_film_is_the_same(rasterizer: GLRasterizer, kind: str) -> None:
     stage = stage_of(SCENES[kind])
     with LastingRasterizer(failing_at({0, 4})) as lasting:
@@ -92,6 +92,28 @@ def test_a_context_that_refuses_is_lost(
     with LastingRasterizer() as lasting:
         monkeypatch.setattr(moderngl.Context, "buffer", buffer)
         assert pngs(stage, lasting) == expected
+        assert lasting.notes == LOST_ONCE
+
+
+@pytest.mark.parametrize(("step", "refused"), [("texture3d", 0), ("texture", 1), ("framebuffer", 1), ("buffer", 2)])
+def test_bricks_are_uploaded_again(
+    rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, step: str, refused: int
+) -> None:
+    """Atlas, table, target and boxes go with their context, whichever is to be made when it is found lost."""
+    stage = stage_of(SCENES["integrated"])
+    expected = pngs(stage, rasterizer)
+    whole_step = getattr(moderngl.Context, step)
+    calls = itertools.count()
+
+    def refusing(self: moderngl.Context, *arguments: Any, **options: Any) -> Any:
+        if next(calls) == refused:
+            raise moderngl.Error("cannot create it")
+        return whole_step(self, *arguments, **options)
+
+    with LastingRasterizer() as lasting:
+        monkeypatch.setattr(moderngl.Context, step, refusing)
+        assert pngs(stage, lasting) == expected
+        assert next(calls) > refused + 1
         assert lasting.notes == LOST_ONCE
 
 

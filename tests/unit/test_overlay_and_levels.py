@@ -21,6 +21,7 @@ from renderer.scene import (
     OutputSpec,
     ProceduralSource,
     Scene,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -32,6 +33,7 @@ SCENE = Scene(
     transfer_function=TransferSpec((ControlPoint(0, (1.0, 0.5, 0.0), 0.1),)),
     camera=CameraSpec(TurntablePath(2)),
     output=OutputSpec(Path("{frame}.png"), (8, 8)),
+    splat=SplatSpec("gaussian"),
 )
 
 

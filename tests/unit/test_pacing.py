@@ -19,6 +19,7 @@ from renderer.scene import (
     OutputSpec,
     ProceduralSource,
     Scene,
+    SplatSpec,
     TimeBudget,
     TransferSpec,
     TurntablePath,
@@ -38,6 +39,7 @@ def stage() -> Stage:
         camera=CameraSpec(TurntablePath(NUM_FRAMES, start=10.0, elevation=20.0)),
         output=OutputSpec(Path("unused.mp4"), size=(200, 160)),
         error=ErrorSpec(goal=TimeBudget(((0, 1.0),))),
+        splat=SplatSpec("gaussian"),
     )
     return prepare(scene, clock=lambda: 0.0, num_threads=1)
 

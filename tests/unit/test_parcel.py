@@ -19,7 +19,7 @@ from renderer.schedule import at_tolerances
 
 
 def there_and_back(stage: Stage) -> Stage:
-    return unpack(memoryview(bytearray(b"".join(pack(stage)))))
+    return unpack(memoryview(bytearray(b"".join(pack(stage, without_files=False)))))
 
 
 def assert_same(one: Any, other: Any) -> None:
@@ -57,7 +57,7 @@ def test_there_and_back(kind: str) -> None:
 
 def test_arrays_are_views_of_the_bytes(plain: Stage) -> None:
     """No copy is made in any process."""
-    content = memoryview(bytearray(b"".join(pack(plain))))
+    content = memoryview(bytearray(b"".join(pack(plain, without_files=False))))
     stage = unpack(content)
     whole = np.frombuffer(content, np.uint8)
     for array in (stage.volume.values, stage.pyramid.volume.values, stage.pyramid.levels[0].means):
@@ -66,7 +66,7 @@ def test_arrays_are_views_of_the_bytes(plain: Stage) -> None:
 
 def test_every_array_begins_where_vectors_may() -> None:
     """Relative to the first one, and so wherever memory that is mapped begins."""
-    content = np.frombuffer(bytearray(b"".join(pack(stage_of_kind("float32")))), np.uint8)
+    content = np.frombuffer(bytearray(b"".join(pack(stage_of_kind("float32"), without_files=False))), np.uint8)
     stage = unpack(memoryview(content))
     first = content.ctypes.data
     arrays = [stage.volume.values, stage.volume.world_from_index, stage.turning.around, stage.pyramid.occupied]
@@ -77,7 +77,7 @@ def test_every_array_begins_where_vectors_may() -> None:
 def test_a_volume_is_there_once() -> None:
     """A stage has it, and so has its pyramid."""
     stage = stage_of(PLAIN, waves("float64"))
-    num_bytes = sum(len(piece) for piece in pack(stage))
+    num_bytes = sum(len(piece) for piece in pack(stage, without_files=False))
     assert stage.volume.values.nbytes < num_bytes < stage.volume.values.nbytes + stage.pyramid.num_bytes + 2**15
 
 

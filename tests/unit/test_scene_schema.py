@@ -17,11 +17,12 @@ from renderer.scene import (
     OutputSpec,
     ProceduralSource,
     Scene,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
 )
-from renderer.scene_schema import parse_scene
+from renderer.scene_schema import parse_scene, scene_to_dict, splats_as_asked
 from renderer.schema_volume import MAX_VOXELS
 
 HERE = Path(__file__).resolve()
@@ -47,6 +48,32 @@ def complaints(tree: object) -> list[tuple[str, str]]:
     with pytest.raises(SceneError) as caught:
         parse(tree)
     return [(problem.path, problem.what) for problem in caught.value.problems]
+
+
+@pytest.mark.parametrize(
+    ("section", "footprint"),
+    [
+        ({}, "integrated"),
+        ({"sigma": 0.5}, "gaussian"),
+        ({"order": "boxes"}, "gaussian"),
+        ({"opacity_correction": True}, "gaussian"),
+        ({"footprint": "integrated"}, "integrated"),
+        ({"footprint": "gouraud", "angular": 4}, "gouraud"),
+    ],
+)
+def test_a_section_that_says_how_splats_are_to_be_asks_for_splats(section: dict[str, Any], footprint: str) -> None:
+    splat = parse({**SMALL, "splat": section}).splat
+    assert splat == SplatSpec(footprint, **{k: v for k, v in section.items() if k != "footprint"})  # type: ignore[arg-type]
+
+
+def test_what_nobody_asked_of_splats_is_left_out() -> None:
+    """And what is left makes the same splats."""
+    for asked in ({"footprint": "gaussian"}, {"footprint": "gouraud", "radial": 5, "order": "boxes"}):
+        scene = parse({**SMALL, "splat": asked})
+        told = splats_as_asked(scene_to_dict(scene)["splat"])
+        assert told == asked and parse({**SMALL, "splat": told}) == scene
+    assert splats_as_asked({"footprint": "integrated"}) == {"footprint": "integrated"}
+    assert splats_as_asked({"opacity_correction": 1, "sgima": 2}) == {"opacity_correction": 1, "sgima": 2}
 
 
 def test_defaults_are_those_of_the_dataclasses() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
-from renderer.drawing import Stage
+from renderer.drawing import Stage, family_of
 from renderer.integrator import Convergence
 from renderer.metrics import compare, pooled
 from renderer.pipeline import prepare
@@ -31,7 +31,7 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import SplatBatch
-from renderer.sweep import measure_setting, num_cells_at
+from renderer.sweep import measure_setting
 from renderer.sweep_plan import plan_sweep
 from renderer.truths import Truth, extreme_frames, spread_frames
 
@@ -47,6 +47,7 @@ def stage() -> Stage:
         transfer_function=TransferSpec(points, 1.0),
         camera=CameraSpec(TurntablePath(8, start=10.0, elevation=20.0)),
         output=OutputSpec(Path("unused.mp4"), size=(20, 16)),
+        splat=SplatSpec("gaussian"),
     )
     return prepare(scene, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
 
@@ -111,7 +112,7 @@ def test_the_first_pass_warms_up_and_gives_the_pictures(stage: Stage) -> None:
     assert {name: len(times) for name, times in found.seconds.items()} == {"cut": 3, "splats": 3}
     assert found.pyramid_seconds == stage.seconds["pyramid"]
     assert found.frame_seconds == pytest.approx(3e-3)
-    assert found.num_cells == found.num_splats == num_cells_at(stage, 0.1)
+    assert found.num_cells == found.num_splats == family_of(stage).num_cells(0.1)
     assert (found.picture == 64).all() and (found.difference == 0).all()
 
 
@@ -142,7 +143,7 @@ def test_a_plan_goes_through_all_combinations_from_coarse_to_fine(stage: Stage) 
     assert [(p.scene.error.measure, p.scene.splat, p.tolerance) for p in plan] == [
         (measure, splat, tolerance) for measure in prepared for splat in splats for tolerance in (0.5, 0.1, 0.0)
     ]
-    assert all(p.work == num_cells_at(stage, p.tolerance) for p in plan if p.scene.error.measure == "optical")
+    assert all(p.work == family_of(stage).num_cells(p.tolerance) for p in plan if p.scene.error.measure == "optical")
     # At tolerance 0 the six series have two pictures: one for each footprint.
     assert len({p.picture_key() for p in plan}) == 2 * 3 * 2 + 2
     slow, quick = (next(p for p in plan if p.scene.splat == splat and p.tolerance == 0) for splat in splats[1::-1])

@@ -1,0 +1,290 @@
+"""Which footprint is the better trade? `python tests/bench/footprints.py DATA` writes docs/footprints.md.
+
+Draws a frame of many volumes with each footprint at many tolerances, and asks for each accuracy which one reaches it in
+less time. Times are those of the processors, of all threads, so that other work on the machine matters little.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import imageio.v3 as iio
+import numpy as np
+
+from hsplat_cli.machine import describe_machine
+from hsplat_cli.scene_file import load_scene, scene_in
+from hsplat_cli.scene_text import FilmOptions
+from hsplat_cli.suggested_scene import suggest_scene
+from renderer.drawing import Stage
+from renderer.metrics import over_background
+from renderer.pipeline import prepare, render_frames
+from renderer.raster_gl import GLRasterizer
+from renderer.scene import FileSource, RawSource, Scene, ShadingSpec, SplatSpec, VolumeSpec
+from renderer.schedule import at_tolerance
+from renderer.truths import TRUTH_TOLERANCE, Truth, find_truth
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE, PICTURE = (ROOT / "docs" / name for name in ("footprints.md", "trade.png"))
+CLOSE = Path(__file__).with_name("scenes")
+THREADS = os.cpu_count() or 1
+
+ACCURACIES = (20.0, 25.0, 30.0, 35.0, 40.0, 45.0)
+FOOTPRINTS = {
+    "integrated": SplatSpec(footprint="integrated"),
+    "gaussian": SplatSpec(footprint="gaussian"),
+}
+# Below 0.1 splats are voxels nearly everywhere, and get no more exact.
+FINE = {"integrated": (0.07, 0.05, 0.03, 0.02, 0.01, 0.003, 0.001, 0.0), "gaussian": (0.05, 0.02, 0.01, 0.003, 0.0)}
+TOLERANCES = (30.0, 10.0, 5.0, 3.0, 2.0, 1.4, 1.0, 0.7, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
+FRAME = 11  # of 120: along no axis
+SHOWN, SHOWN_FRAME = (20.0, 1.0, 0.3, 0.03), 4  # in the picture
+REPEATS, PATIENCE_S = 5, 1.0
+# Finer tolerances than one that takes so long are left out.
+LONG_S = 4.0
+
+
+class Point(NamedTuple):
+    """One setting: PSNR in dB, processor time of a warm frame and of what is done once, in ms."""
+
+    tolerance: float
+    psnr: float
+    ms: float
+    once_ms: float
+
+
+class Subject(NamedTuple):
+    """A scene, and what it shows."""
+
+    what: str
+    scene: Scene
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--only", nargs="*", help="names of subjects; no page is written")
+    parser.add_argument(
+        "--found", type=Path, help="a file that keeps the figures, and has those that are there already"
+    )
+    arguments = parser.parse_args()
+    found: dict[str, Any] = {}
+    if arguments.found and arguments.found.exists():
+        found = json.loads(arguments.found.read_text())
+    for name, subject in subjects(arguments.data).items():
+        if name in found or (arguments.only and name not in arguments.only):
+            continue
+        found[name] = figures(subject)
+        if arguments.found:
+            arguments.found.write_text(json.dumps(found))
+        print("\n".join(table(name, found[name])), flush=True)
+    if not arguments.only:
+        with GLRasterizer() as rasterizer:
+            machine = describe_machine(rasterizer.renderer_name)
+        lines = [*head(found, machine), *row_of_pictures(), *stills(arguments.data, found)]
+        lines += [line for name, each in found.items() for line in table(name, each)]
+        PAGE.write_text("\n".join(lines).rstrip() + "\n")
+
+
+def head(found: dict[str, Any], machine: dict[str, Any]) -> Iterator[str]:
+    """What the page says first: the range of the ratios at each accuracy."""
+    yield "# The footprints beside each other"
+    yield ""
+    yield (
+        "Written by `python tests/bench/footprints.py DATA`. One frame of 256 x 256, along no axis: processor time of "
+        "all threads, medians of up to five warm frames, at the fastest tolerance that comes as near to the converged "
+        "ray integral; both footprints were tried from 30 down to 0. That is why `integrated` is what a scene has that "
+        "does not say."
+    )
+    yield ""
+    yield "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine)
+    yield ""
+    yield "| accuracy | integrated / gaussian, least | median | most | volumes that only integrated gets so near to |"
+    yield "| --- | --- | --- | --- | --- |"
+    for accuracy in ACCURACIES:
+        ratios = [ratio for each in found.values() if (ratio := ratio_at(each, accuracy)) is not None]
+        alone = sum(
+            fastest(each["points"]["integrated"], accuracy) is not None and ratio_at(each, accuracy) is None
+            for each in found.values()
+        )
+        yield (
+            f"| {accuracy:g} dB | {min(ratios):.2f} | {statistics.median(ratios):.2f} | {max(ratios):.2f} "
+            f"| {alone} of {len(found)} |"
+        )
+    yield ""
+
+
+def row_of_pictures() -> Iterator[str]:
+    """Write docs/trade.png, a frame of the demo at some tolerances, coarse ones first; what the page says of it."""
+    scene = load_scene(ROOT / "configs" / "demo.yaml")
+    scene = replace(scene, output=replace(scene.output, size=(320, 320)))
+    stage = prepare(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
+    truth = find_truth(stage, SHOWN_FRAME, TRUTH_TOLERANCE)
+    pictures = []
+    with GLRasterizer() as rasterizer:
+        for tolerance in SHOWN:
+            at = replace(stage, scene=at_tolerance(stage.scene, tolerance))
+            pictures += [frame.image for frame in render_frames(at, [SHOWN_FRAME], rasterizer, clock=time.process_time)]
+    iio.imwrite(PICTURE, np.concatenate(pictures, axis=1))
+    points = list(measured(stage, truth, SHOWN))
+    yield f"![The demo at {', '.join(f'{p.psnr:.0f}' for p in points)} dB]({PICTURE.name})"
+    yield ""
+    yield (
+        f"The demo at `tolerance` {', '.join(f'{p.tolerance:g}' for p in points)}: "
+        f"{', '.join(f'{p.psnr:.0f}' for p in points)} dB in {', '.join(f'{p.ms:.0f}' for p in points)} ms."
+    )
+    yield ""
+
+
+def stills(data: Path, found: dict[str, Any]) -> Iterator[str]:
+    """A single picture by a whole command, where the footprint that needs more beforehand loses most."""
+    yield "## One picture, from the command to the file"
+    yield ""
+    yield (
+        "`hsplat render --frames 11`, processor seconds with start-up, reading and encoding, medians of three. Bricks "
+        "need the whole pyramid, of which splats at a coarse tolerance need a part: what that costs beforehand the "
+        "first frames of a film give back."
+    )
+    yield ""
+    yield "| scene | accuracy | integrated | gaussian | ratio |"
+    yield "| --- | --- | --- | --- | --- |"
+    for name, scene, volume in (
+        ("demo", ROOT / "configs" / "demo.yaml", None),
+        ("engine_close", CLOSE / "engine_close.yaml", data / "engine.nhdr"),
+        ("bonsai_close", CLOSE / "bonsai_close.yaml", data / "bonsai.nhdr"),
+    ):
+        for accuracy in (20.0, 30.0):
+            cpu = {}
+            for footprint in FOOTPRINTS:
+                best = fastest(found[name]["points"][footprint], accuracy)
+                assert best is not None, (name, footprint, accuracy)
+                cpu[footprint] = statistics.median(command_s(scene, volume, footprint, best) for _ in range(3))
+            own, other = cpu["integrated"], cpu["gaussian"]
+            yield f"| {name} | {accuracy:g} dB | {own:.2f} s | {other:.2f} s | {own / other:.2f} |"
+    yield ""
+
+
+def command_s(scene: Path, volume: Path | None, footprint: str, point: Point) -> float:
+    """Processor seconds of a whole command that draws one frame."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "hsplat_cli", "render", str(scene), "--quiet", "--workers", "1"]
+        command += ["--frames", str(FRAME), "--output", f"{folder}/still.png", "--set", "output.size=[256, 256]"]
+        command += ["--set", f"splat={{footprint: {footprint}}}", "--set", f"error.tolerance={point.tolerance!r}"]
+        before = os.times()
+        subprocess.run([*command, *(["--volume", str(volume)] if volume else [])], check=True, cwd=ROOT)
+        after = os.times()
+    return after.children_user + after.children_system - before.children_user - before.children_system
+
+
+def ratio_at(found: dict[str, Any], accuracy: float) -> float | None:
+    """Time of the integrated footprint over the other's, where both reach the accuracy."""
+    own, other = (fastest(found["points"][footprint], accuracy) for footprint in ("integrated", "gaussian"))
+    return own.ms / other.ms if own and other else None
+
+
+def subjects(data: Path) -> dict[str, Subject]:
+    """The volumes, most with the scene that `hsplat init` suggests."""
+    engine, bonsai = data / "engine.nhdr", data / "bonsai.nhdr"
+    walnut = RawSource(data / "walnut.raw", (128, 96, 114), "uint16", spacing=(0.015625,) * 3)
+    close_engine = load_scene(CLOSE / "engine_close.yaml", volume=engine)
+    own = {
+        "engine_close": Subject("CT of an engine, filling the picture", close_engine),
+        "bonsai_close": Subject(
+            "CT of a bonsai, filling the picture", load_scene(CLOSE / "bonsai_close.yaml", volume=bonsai)
+        ),
+        "engine_lit": Subject("the same engine, lit", replace(close_engine, shading=ShadingSpec())),
+        "demo": Subject("configs/demo.yaml", load_scene(ROOT / "configs/demo.yaml")),
+        "marschner_lobb": Subject("configs/marschner_lobb.yaml", load_scene(ROOT / "configs/marschner_lobb.yaml")),
+    }
+    read: dict[str, tuple[str, FileSource | RawSource]] = {
+        "hydrogen": ("simulation, 128^3", FileSource(data / "hydrogenAtom.nhdr")),
+        "fuel": ("simulation, 64^3", FileSource(data / "fuel.nhdr")),
+        "ct_pitch": ("CT of a head, oblique", FileSource(data / "medical/CT_pitch.nii.gz")),
+        "t1": ("MRI, anisotropic", FileSource(data / "medical/t1_dicom_part")),
+        "walnut": ("micro-CT", walnut),
+        "lidc": ("CT of a chest", FileSource(data / "medical/LIDC2.mha")),
+        "engine": ("CT, as `hsplat init` suggests", FileSource(engine)),
+        "bonsai": ("CT, as `hsplat init` suggests", FileSource(bonsai)),
+    }
+    return own | {name: Subject(what, suggested(VolumeSpec(source))) for name, (what, source) in read.items()}
+
+
+def suggested(volume: VolumeSpec) -> Scene:
+    """As `hsplat init` has it."""
+    scene = Path("suggested.yaml")
+    text = suggest_scene(volume, FilmOptions(), colormap=None, scene=scene, output=Path("film.mp4")).text
+    return scene_in(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
+
+
+def figures(subject: Subject, size: int = 256) -> dict[str, Any]:
+    """All settings of a subject, by footprint, and processor seconds of what a film does once."""
+    scene = replace(subject.scene, output=replace(subject.scene.output, size=(size, size)))
+    truth: Truth | None = None
+    points: dict[str, list[Point]] = {}
+    once: dict[str, float] = {}
+    for footprint, splat in FOOTPRINTS.items():
+        own = replace(scene, splat=splat)
+        for _ in range(2):  # the first compiles
+            stage = prepare(own, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
+        once[footprint] = stage.seconds["pyramid"] + stage.seconds.get("bricks", 0.0)
+        if truth is None:
+            truth = find_truth(stage, FRAME, TRUTH_TOLERANCE)
+        points[footprint] = list(measured(stage, truth, (*TOLERANCES, *FINE[footprint])))
+    return {"what": subject.what, "once_s": once, "points": points}
+
+
+def measured(stage: Stage, truth: Truth, tolerances: Sequence[float]) -> Iterator[Point]:
+    """Each tolerance, from coarse to fine, until frames take too long."""
+    with GLRasterizer() as rasterizer:
+        for tolerance in tolerances:
+            at = replace(stage, scene=at_tolerance(stage.scene, tolerance))
+            (frame,) = render_frames(at, [truth.frame], rasterizer, clock=time.process_time)
+            difference = over_background(frame.radiance, stage.scene.output.background) - truth.picture
+            taken: list[float] = []
+            once: list[float] = []
+            while len(taken) < REPEATS and sum(taken) < PATIENCE_S:
+                (frame,) = render_frames(at, [truth.frame], rasterizer, clock=time.process_time)
+                once.append(frame.seconds["cut"] + frame.seconds["splats"])
+                taken.append(sum(frame.seconds[stage] for stage in ("order", "draw", "quantize")))
+            ms, psnr = 1e3 * statistics.median(taken), -10 * float(np.log10(np.mean(difference**2)))
+            yield Point(tolerance, psnr, ms, 1e3 * statistics.median(once))
+            if ms > 1e3 * LONG_S:
+                return
+
+
+def table(name: str, found: dict[str, Any]) -> Iterator[str]:
+    """Rows: accuracy, and each footprint's fastest setting that reaches it."""
+    yield f"## {name}: {found['what']}"
+    yield ""
+    yield "| accuracy | " + " | ".join(FOOTPRINTS) + " | integrated / gaussian |"
+    yield "| --- " * (len(FOOTPRINTS) + 2) + "|"
+    for accuracy in ACCURACIES:
+        best = {footprint: fastest(found["points"][footprint], accuracy) for footprint in FOOTPRINTS}
+        cells = [f"{p.ms:.1f} ms at {p.tolerance:g}" if p else "not reached" for p in best.values()]
+        at = ratio_at(found, accuracy)
+        ratio = f"{at:.2f}" if at else ("only integrated" if best["integrated"] else "")
+        yield f"| {accuracy:g} dB | " + " | ".join(cells) + f" | {ratio} |"
+    yield ""
+    once = ", ".join(f"{footprint} {seconds:.2f} s" for footprint, seconds in found["once_s"].items())
+    yield f"Pyramid and bricks: {once}."
+    yield ""
+
+
+def fastest(points: Sequence[Any], accuracy: float) -> Point | None:
+    """The fastest that reaches an accuracy, if any does."""
+    reach = (point for point in (Point(*each) for each in points) if point.psnr >= accuracy)
+    return min(reach, key=lambda point: point.ms, default=None)
+
+
+if __name__ == "__main__":
+    main()

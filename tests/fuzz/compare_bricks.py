@@ -1,0 +1,81 @@
+"""A frame of bricks against the reference rasteriser, which draws the same batch in float64."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from compare import WrongError
+
+from renderer.brick_batch import BrickBatch
+from renderer.brick_family import BrickFamily
+from renderer.camera import View
+from renderer.drawing import Frame, Stage, family_of
+from renderer.pipeline import render_frames
+from renderer.quantize import quantize
+from renderer.raster_bricks_reference import rasterize_bricks_reference
+from renderer.raster_gl import GLRasterizer
+
+Float64 = npt.NDArray[np.float64]
+
+# Of places and parts on the device, where nothing is steep (tests/parity/test_brick_parity.py).
+PRECISION = 6e-5
+# Where something is: by how much longer and shorter steps are, to which sides places are off, in units of what they are
+# rounded to, and how many times the spread of such pictures may be off. On a step of a transfer function a sample is on
+# either side; so many pixels may have one, at least and by share.
+NUDGES = ((-1e-3, (1, 1, 1)), (-1e-5, (1, -1, -1)), (1e-5, (-1, 1, -1)), (1e-3, (-1, -1, 1)))
+PLACE = 2.0**-12  # of a cell
+SPREADS = 4.0
+FEWEST_STRAYS, MOST_STRAYS = 2, 0.02
+
+
+def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasterizer) -> dict[str, float]:
+    """The worst difference that is not explained; raises WrongError where there is too much of it."""
+    family = family_of(stage)
+    assert isinstance(family, BrickFamily)
+    detail = family.detail(frame.tolerance, lambda stage: None)
+    if frame.num_cells != detail.num_cells:
+        raise WrongError(f"{frame.num_cells} bricks in the frame, {detail.num_cells} in its cut")
+    ((_, order),) = detail.orders(view)
+    bare = replace(stage, scene=replace(stage.scene, overlay="none"))
+    (below,) = render_frames(bare, [frame.number], rasterizer, clock=time.perf_counter)
+    _require_bounds(frame.radiance, stage)
+    if not np.array_equal(frame.image, quantize(frame.radiance, stage.scene.output.background)):
+        raise WrongError("the 8 bits are not those of the radiance")
+    with np.errstate(under="ignore"):
+        expected = rasterize_bricks_reference(detail.splats, order, view)
+        others = [
+            rasterize_bricks_reference(_nudged(detail.splats, nudge), order, _moved(view, detail.splats, sides))
+            for nudge, sides in NUDGES
+        ]
+    spread = np.ptp([expected, *others], axis=0)
+    off = np.abs(below.radiance - expected)
+    excess = off - PRECISION - detail.splats.thrift.least_transmittance - SPREADS * spread
+    num_strays = int(np.count_nonzero(excess.max(axis=2) > 0))
+    if num_strays > max(FEWEST_STRAYS, MOST_STRAYS * excess[..., 0].size):
+        row, column, channel = np.unravel_index(excess.argmax(), excess.shape)
+        raise WrongError(
+            f"{num_strays} of {excess[..., 0].size} pixels; row {row}, column {column}, channel {channel}: "
+            f"{below.radiance[row, column].tolist()} instead of {expected[row, column].tolist()}"
+        )
+    return {"radiance": float(off.max()), "strays": float(num_strays)}
+
+
+def _nudged(batch: BrickBatch, nudge: float) -> BrickBatch:
+    thrift = replace(batch.thrift, spread=batch.thrift.spread * (1 + nudge))
+    return replace(batch, steps=batch.steps * (1 + nudge), thrift=thrift)
+
+
+def _moved(view: View, batch: BrickBatch, sides: tuple[int, int, int]) -> View:
+    cell = batch.cut.volume.world_from_index[:3, :3] * 2.0 ** int(batch.cut.levels.max(initial=0))
+    return replace(view, target=view.target + PLACE * cell @ np.array(sides))
+
+
+def _require_bounds(radiance: npt.NDArray[Any], stage: Stage) -> None:
+    shading = stage.scene.shading
+    brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
+    if radiance.min() < 0 or radiance[..., 3].max() > 1 + 1e-5 or radiance[..., :3].max() > brightest + 1e-5:
+        raise WrongError(f"radiance from {radiance.min()} to {radiance.max(axis=(0, 1)).tolist()}")

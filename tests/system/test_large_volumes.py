@@ -1,0 +1,95 @@
+"""A volume that is larger than what hsplat may take for it: it stays in its file."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from renderer import gl_atlas
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# Memory that is not a file's, as docs/architecture.md has it: while bricks are made of a volume; and on the device,
+# which is this machine's memory, too, where the renderer is software, with what passes on the way there.
+MOST_BYTES, MOST_BYTES_PER_VOXEL = 64 << 20, 1 / 8
+MOST_BYTES_OF_DEVICE = 2 * gl_atlas.MOST_BYTES + (64 << 20)
+
+CHILD = """
+import json, sys, threading, time
+from pathlib import Path
+import numpy as np
+from hsplat_cli.scene_file import load_scene
+from renderer.pipeline import prepare, render_frames
+from renderer.raster_gl import GLRasterizer
+from renderer.volume import make_volume
+
+def anonymous_bytes():
+    with open("/proc/self/status") as status:
+        (line,) = (line for line in status if line.startswith("RssAnon"))
+    return int(line.split()[1]) << 10
+
+class Peak(threading.Thread):
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.most, self.is_over = 0, False
+    def run(self):
+        while not self.is_over:
+            self.most = max(self.most, anonymous_bytes())
+            time.sleep(0.002)
+
+scene = load_scene(Path(sys.argv[1]))
+with GLRasterizer() as rasterizer:
+    def draw(stage):
+        (frame,) = render_frames(stage, [0], rasterizer, clock=time.perf_counter)
+        return frame
+    tiny = make_volume(np.arange(64000, dtype=np.uint8).reshape(40, 40, 40) % 200, np.eye(4), "tiny")
+    draw(prepare(scene, clock=time.perf_counter, num_threads=2, volume=tiny))  # kernels and shaders are there now
+    before, peak = anonymous_bytes(), Peak()
+    peak.start()
+    stage = prepare(scene, clock=time.perf_counter, num_threads=2)
+    after_build = peak.most
+    frame = draw(stage)
+    peak.is_over = True
+    peak.join()
+    print(json.dumps({
+        "build": after_build - before, "all": peak.most - before, "cells": frame.num_cells,
+        "mean": float(frame.image.mean()), "is_mapped": stage.volume.source is not None,
+    }))
+"""
+
+SCENE = """
+version: 1
+volume:
+  raw: {{file: large.raw, shape: [{n}, {n}, {n}], dtype: uint8, spacing: [1, 1, 1]}}
+transfer_function:
+  unit: 4
+  points: [{{value: 40, color: "#4c66cc", opacity: 0}}, {{value: 250, color: "#ffe6b2", opacity: 0.3}}]
+camera: {{path: {{type: turntable, frames: 8}}}}
+splat: {{footprint: integrated}}
+error: {{tolerance: 0.5}}
+output: {{file: large.mp4, size: [96, 96]}}
+"""
+
+
+def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
+    """Everything in it is visible, so that a pyramid of all levels would take 1.6 bytes a voxel beside the voxels."""
+    n = 512
+    plane = np.add.outer(np.arange(n), np.arange(n)) % 150 + 60
+    with (tmp_path / "large.raw").open("wb") as file:
+        for z in range(n):
+            file.write(np.roll(plane, z * z // 64, axis=1).astype(np.uint8).tobytes())
+    (tmp_path / "large.yaml").write_text(SCENE.format(n=n))
+    child = subprocess.run(
+        [sys.executable, "-c", CHILD, str(tmp_path / "large.yaml")],
+        cwd=ROOT, check=True, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    found = json.loads(child.stdout)
+    assert found["is_mapped"]
+    assert found["cells"] > 50 and found["mean"] > 10  # it is a picture
+    most = MOST_BYTES + MOST_BYTES_PER_VOXEL * n**3
+    assert found["build"] <= most < n**3
+    assert found["all"] <= most + MOST_BYTES_OF_DEVICE

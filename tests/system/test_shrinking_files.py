@@ -1,0 +1,138 @@
+"""A mapped file that loses its end while it is read: always the error, and never the signal that kills."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsplat_cli import main
+
+CODE = Path(main.__file__).parents[1]
+SHAPE = (256, 512, 520)  # 65 MiB, more than what is read into memory
+LEFT = 1_000_000
+
+SCENE = """
+version: 1
+volume: {file: large.npy}
+transfer_function:
+  unit: 4
+  points: [{value: 40, color: "#4c66cc", opacity: 0}, {value: 250, color: "#ffe6b2", opacity: 0.6}]
+camera: {path: {type: turntable, frames: FRAMES}}
+splat: {footprint: FOOTPRINT}
+error: {tolerance: 0.01}
+output: {file: "out/frame{frame}.png", size: [64, 48]}
+"""
+
+# What every Python of the job runs first. After a look at the file that found nothing, called from a function of this
+# name, the file loses its end: just then whoever looked begins to read. Only in the program that is meant.
+FIRST = """\
+import os, sys
+from pathlib import Path
+program, caller = os.environ["HSPLAT_TEST_SHRINK"].split()
+if program in sys.orig_argv:
+    from renderer.mapped_file import MappedFile
+    look = MappedFile.require_unchanged
+    def look_and_shrink(self):
+        look(self)
+        frame = sys._getframe(1)
+        names = set()
+        while frame is not None:
+            names.add(Path(frame.f_code.co_filename).stem + "." + frame.f_code.co_name)
+            frame = frame.f_back
+        if caller in names:
+            os.truncate(self.path, 1_000_000)
+            Path("was_here").write_text("")
+    MappedFile.require_unchanged = look_and_shrink
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """With a volume whose voxels are different everywhere that anything is visible."""
+    save_volume(tmp_path)
+    (tmp_path / "sitecustomize.py").write_text(FIRST)
+    return tmp_path
+
+
+def save_volume(folder: Path) -> None:
+    values = np.zeros(SHAPE, np.uint8)
+    values[150:230, 180:280, 180:330] = np.add.outer(np.arange(100), np.arange(150)) % 200 + 50
+    np.save(folder / "large.npy", values)
+
+
+def render(folder: Path, footprint: str, workers: str, shrink: str, *options: str) -> subprocess.CompletedProcess[str]:
+    frames = "4" if workers == "1" else "2000"  # of which one process draws the first, until the others are ready
+    (folder / "scene.yaml").write_text(SCENE.replace("FOOTPRINT", footprint).replace("FRAMES", frames))
+    environment = os.environ | {"PYTHONPATH": f"{folder}:{CODE}", "HSPLAT_TEST_SHRINK": shrink}
+    command = [sys.executable, "-m", "hsplat_cli", "render", "scene.yaml", "--workers", workers, "--quiet", *options]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+HSPLAT, WORKER = "hsplat_cli", "hsplat_cli.workers.worker"
+
+
+@pytest.mark.parametrize(
+    ("footprint", "workers", "program", "caller"),
+    [
+        ("integrated", "1", HSPLAT, "volume.make_volume"),
+        ("integrated", "1", HSPLAT, "pyramid.work"),
+        ("integrated", "1", HSPLAT, "bricks.work"),
+        ("integrated", "1", HSPLAT, "brick_texels.scalar_texels"),
+        ("gaussian", "1", HSPLAT, "octree._joined"),
+        ("integrated", "2", HSPLAT, "pyramid.work"),
+        ("integrated", "2", WORKER, "brick_texels.scalar_texels"),
+    ],
+)
+def test_between_a_look_and_the_reading(footprint: str, workers: str, program: str, caller: str, folder: Path) -> None:
+    whole = (folder / "large.npy").stat().st_size
+    done = render(folder, footprint, workers, f"{program} {caller}")
+    assert (folder / "was_here").exists()
+    assert done.returncode == 2, (done.returncode, done.stderr)
+    assert done.stderr.startswith(
+        f"{folder / 'large.npy'}: the volume's file became shorter while it was in use\n"
+        f"  got: {LEFT} bytes\n  expected: {whole} bytes, as when it was opened\n"
+    )
+    kept = {path.name: path.read_bytes() for path in folder.glob("out/*.png")}
+    assert not kept or program == WORKER
+    if kept:  # from before: they show the volume, and not what is left of it
+        save_volume(folder)
+        last = max(int(name[5:-4]) for name in kept)
+        assert (
+            render(
+                folder, footprint, workers, "nothing nowhere", f"--frames={last - 1}:{last + 1}", "--force"
+            ).returncode
+            == 0
+        )
+        for number in (last - 1, last):
+            assert (folder / f"out/frame{number}.png").read_bytes() == kept[f"frame{number}.png"]
+
+
+# Guards an array that is mapped from one file, and reads one from another, which nobody guards, beyond its end.
+STRANGER = """\
+import os
+import numpy as np
+from hsplat_cli.shrinking import guard
+from renderer.mapped_file import file_behind
+for name in ("ours", "another"):
+    np.ones(1 << 20, np.uint8).tofile(name)
+ours, another = np.memmap("ours", np.uint8, "r"), np.memmap("another", np.uint8, "r")
+guard(file_behind(ours), ours)
+os.truncate("ours", 5000)
+assert int(ours.sum()) == 5000
+os.truncate("another", 5000)
+another.sum()
+"""
+
+
+def test_other_faults_kill_as_ever(tmp_path: Path) -> None:
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    done = subprocess.run(
+        [sys.executable, "-c", STRANGER], cwd=tmp_path, env=environment, capture_output=True, check=False
+    )
+    assert done.returncode == -signal.SIGBUS, done.stderr

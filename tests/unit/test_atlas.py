@@ -1,0 +1,137 @@
+"""The atlas of bricks on devices that are smaller than most: it stays smaller, and says so where it cannot be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+
+from renderer import gl_atlas
+from renderer.errors import ContextLostError, InputError, RenderError
+from renderer.gl_atlas import SIDE, Atlas
+
+
+class Texture:
+    """Of so many bytes in the device's memory."""
+
+    def __init__(self, device: Device, num_bytes: int) -> None:
+        self.device, self.num_bytes = device, num_bytes
+        device.used += num_bytes
+
+    def write(self, content: Any, viewport: tuple[int, ...]) -> None:
+        """Nobody looks at it."""
+
+    def release(self) -> None:
+        self.device.used -= self.num_bytes
+
+
+class Device:
+    """What an Atlas needs of a GL context, with so much memory."""
+
+    def __init__(self, num_bytes: int, largest_side: int = 2048) -> None:
+        self.info = {"GL_MAX_3D_TEXTURE_SIZE": largest_side}
+        self.num_bytes, self.used, self.complaint = num_bytes, 0, "GL_NO_ERROR"
+
+    def texture3d(self, size: tuple[int, int, int], num_channels: int, dtype: str) -> Texture:
+        texture = Texture(self, 4 * num_channels * int(np.prod(size)))
+        if self.used > self.num_bytes:
+            self.complaint = "GL_OUT_OF_MEMORY"
+        return texture
+
+    @property
+    def error(self) -> str:
+        """The last complaint, once."""
+        complaint, self.complaint = self.complaint, "GL_NO_ERROR"
+        return complaint
+
+
+def zeros(keys: Any) -> Any:
+    return np.zeros((len(keys), SIDE, SIDE, SIDE, 4), np.float32)
+
+
+def test_a_device_with_little_memory_holds_fewer_bricks() -> None:
+    device = Device(20 << 20)
+    atlas = Atlas(device, 4, 4000)
+    atlas.reserve(1000)
+    assert atlas.size == (128, 128, 64)  # 16 MiB; what was too large is given back
+    assert device.used == 16 << 20
+    assert atlas.most_places == 7 * 7 * 3
+    first = atlas.place(np.arange(147), zeros)
+    assert len(np.unique(first, axis=0)) == 147
+    atlas.reserve(1000)  # is not tried again
+    assert np.array_equal(atlas.place(np.arange(147), pytest.fail), first)
+
+
+def test_a_device_without_memory_for_a_batch() -> None:
+    device = Device(1 << 20)
+    atlas = Atlas(device, 4, 4000)
+    with pytest.raises(RenderError) as raised:
+        atlas.reserve(30)
+    assert str(raised.value) == (
+        "the device has no memory for a batch of bricks\n"
+        "  got: not even 4 MiB, for 27 bricks\n"
+        "  hint: other programs may be using it; other footprints than splat.footprint: integrated need less"
+    )
+    assert not isinstance(raised.value, ContextLostError)  # another context would not help
+    assert device.used == 0
+
+
+def test_a_device_with_small_textures() -> None:
+    with pytest.raises(RenderError) as raised:
+        Atlas(Device(1 << 30, largest_side=32), 4, 4000)
+    assert str(raised.value) == (
+        "this device cannot draw bricks: its 3D textures are too small\n"
+        "  got: at most 32 texels a side\n"
+        "  expected: 64 or more\n"
+        "  hint: other footprints than splat.footprint: integrated need no 3D textures"
+    )
+    assert Atlas(Device(1 << 30, largest_side=64), 4, 4000).most_places == 27
+
+
+def test_little_room_by_choice_is_room_for_some(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gl_atlas, "MOST_BYTES", 1 << 10)
+    assert Atlas(Device(1 << 30), 4, 4000).most_places == 27
+
+
+def test_a_lost_context(monkeypatch: pytest.MonkeyPatch) -> None:
+    device = Device(1 << 30)
+    atlas = Atlas(device, 1, 4000)
+    device.complaint = "GL_INVALID_OPERATION"
+    with pytest.raises(ContextLostError, match="OpenGL made no texture for bricks, or its context was lost"):
+        atlas.reserve(1)
+
+    def refuse(*arguments: Any, **options: Any) -> None:
+        raise moderngl.Error("cannot create texture")
+
+    monkeypatch.setattr(device, "texture3d", refuse)
+    with pytest.raises(ContextLostError) as raised:
+        atlas.reserve(1)
+    assert str(raised.value) == (
+        "the device has no room for the bricks of a picture, or its context was lost\n"
+        "  got: 1 MiB, for 27 bricks: cannot create texture\n"
+        "  hint: if it is the room, a larger error.tolerance needs fewer"
+    )
+
+
+def test_bricks_that_could_not_be_made_are_not_there() -> None:
+    """After an error in the middle of a batch they are asked for again."""
+    atlas = Atlas(Device(1 << 30), 4, 4000)
+    atlas.reserve(1000)
+
+    def fail_late(keys: Any) -> Any:
+        if keys[0] > 0:
+            raise InputError("the file became shorter")
+        return zeros(keys)
+
+    with pytest.raises(InputError):
+        atlas.place(np.arange(600), fail_late)
+    asked = []
+
+    def note(keys: Any) -> Any:
+        asked.extend(keys.tolist())
+        return zeros(keys)
+
+    atlas.place(np.arange(600), note)
+    assert asked == list(range(256, 600))

@@ -1,0 +1,146 @@
+"""Means that are made when a brick is drawn are those that a complete pyramid has; and which of them are kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from dense_bricks import OBLIQUE, Shape, patches
+
+from renderer import brick_means
+from renderer.brick_kernels import APRON, BRICK, SIDE
+from renderer.brick_means import MadeMeans, made_means
+from renderer.bricks import make_bricks
+from renderer.octree import children
+from renderer.pyramid import Pyramid, build_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
+
+SOFT = TransferFunction(np.array([0.0, 100, 250]), np.eye(3), np.array([0.0, 0.0, 1.5]), 1.0)
+
+
+def volume_of(shape: Shape, dtype: str) -> Volume:
+    return make_volume((patches(shape, 3) * 250).astype(dtype), OBLIQUE, "patches")
+
+
+def dense_nodes(pyramid: Pyramid, level: int) -> npt.NDArray[np.floating]:
+    """[z, y, x, 4]: the stored means of a level, 0 where nothing is visible, and beyond the volume as far as bricks and
+    their aprons go."""
+    shape = [((n - 1 >> (level + 4)) + 1) * BRICK + 2 * APRON for n in pyramid.volume.values.shape]
+    means = np.zeros((*shape, 4), pyramid.levels[0].means.dtype)
+    nodes, cells = np.arange(len(pyramid.levels[-1].errors)), np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
+    for number in range(pyramid.num_levels, level, -1):
+        above = pyramid.levels[number - 1]
+        nodes, cells = children(nodes, cells, above.masks, above.first_children)
+    x, y, z = cells.T + APRON
+    means[z, y, x] = pyramid.levels[level - 1].means[nodes]
+    return means
+
+
+@pytest.mark.parametrize(
+    ("dtype", "spec", "error", "shading"),
+    [
+        ("uint8", PyramidSpec(), ErrorSpec(), None),
+        ("uint16", PyramidSpec(precision="single"), ErrorSpec(), None),
+        ("uint8", PyramidSpec("opacity"), ErrorSpec(), None),
+        ("float32", PyramidSpec("opacity", "single"), ErrorSpec(measure="rms"), None),
+        ("float32", PyramidSpec(), ErrorSpec(measure="rms", of="scalar"), None),
+        ("uint8", PyramidSpec(), ErrorSpec(measure="rms"), ShadingSpec()),
+    ],
+    ids=["table", "single", "opacity", "segments", "scalar", "lit"],
+)
+@pytest.mark.parametrize("shape", [(1, 1, 1), (3, 40, 70), (37, 66, 5), (64, 65, 130), (20, 33, 129)], ids=str)
+def test_means_are_those_of_a_complete_pyramid(
+    shape: Shape, dtype: str, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
+) -> None:
+    """Bit for bit, apron and all; and so is everything that was stored."""
+    volume = volume_of(shape, dtype)
+    whole = build_pyramid(volume, SOFT, spec=spec, error=error, shading=shading)
+    pyramid = make_bricks(volume, SOFT, spec=spec, error=error, shading=shading).pyramid
+    assert pyramid.num_levels >= 3 and pyramid.finest_level == 3
+    for level in (1, 2):
+        if level > whole.num_levels:
+            continue
+        dense = dense_nodes(whole, level)
+        grid = [((n - 1) >> (level + 4)) + 1 for n in shape]
+        cells = np.stack(np.indices(grid)[::-1], axis=-1).reshape(-1, 3).astype(np.int32)
+        for (x, y, z), got in zip((cells * BRICK).tolist(), made_means(pyramid, level, cells), strict=True):
+            np.testing.assert_array_equal(got, dense[z : z + SIDE, y : y + SIDE, x : x + SIDE])
+        assert len(pyramid.levels[level - 1].errors) == 0
+    for one, other in zip(pyramid.levels[2:], whole.levels[2:], strict=whole.num_levels >= 3):
+        np.testing.assert_array_equal(one.means, other.means)
+        np.testing.assert_array_equal(one.errors, other.errors)
+
+
+# What is kept
+
+NUM_BYTES = SIDE**3 * 4 * 2
+
+
+@pytest.fixture
+def pyramid() -> Pyramid:
+    return make_bricks(volume_of((64, 64, 128), "uint8"), SOFT, spec=PyramidSpec(), error=ErrorSpec()).pyramid
+
+
+CELLS = np.array([(x, y, z) for z in range(2) for y in range(2) for x in range(4)], np.int32)
+
+
+def num_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Filled, from now on, with how many bricks are made each time."""
+    made: list[int] = []
+
+    def note(pyramid: Pyramid, level: int, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.floating]:
+        made.append(len(cells))
+        return made_means(pyramid, level, cells)
+
+    monkeypatch.setattr(brick_means, "made_means", note)
+    return made
+
+
+def test_bricks_that_are_asked_for_in_turns(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where half of them have room, half of them are made for each picture."""
+    monkeypatch.setattr(brick_means, "MOST_KEPT_BYTES", 8 * NUM_BYTES)
+    made, kept = num_made(monkeypatch), MadeMeans()
+    want = made_means(pyramid, 1, CELLS)
+    for _ in range(4):
+        kept.begin(is_used=True)
+        for part in (slice(0, 6), slice(6, 12), slice(12, 16)):
+            np.testing.assert_array_equal(kept.of(pyramid, 1, CELLS[part]), want[part])
+    assert made == [6, 6, 4, *(3 * [0, 4, 4])]
+
+
+def test_what_is_not_needed_any_more_goes(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(brick_means, "MOST_KEPT_BYTES", 8 * NUM_BYTES)
+    made, kept = num_made(monkeypatch), MadeMeans()
+    want = made_means(pyramid, 1, CELLS)
+    for part in (slice(0, 8), slice(8, 16), slice(8, 16), slice(8, 16), slice(5, 11)):
+        kept.begin(is_used=True)
+        np.testing.assert_array_equal(kept.of(pyramid, 1, CELLS[part]), want[part])
+    assert made == [8, 8, 8, 0, 3]
+
+
+def test_nothing_is_kept_where_the_device_holds_all(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, kept = num_made(monkeypatch), MadeMeans()
+    for is_used in (False, False, True, True, False, True):
+        kept.begin(is_used=is_used)
+        kept.of(pyramid, 2, CELLS[:2])
+    assert made == [2, 2, 2, 0, 2, 2]
+
+
+def test_levels_are_not_mistaken_for_each_other(pyramid: Pyramid) -> None:
+    kept = MadeMeans()
+    kept.begin(is_used=True)
+    one, two = (kept.of(pyramid, level, CELLS[:2]) for level in (1, 2))
+    assert not np.array_equal(one, two)
+    np.testing.assert_array_equal(kept.of(pyramid, 1, CELLS[:2]), one)
+    np.testing.assert_array_equal(kept.of(pyramid, 2, CELLS[:2]), two)
+
+
+def test_no_brick_more_than_there_is_room_for(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(brick_means, "MOST_KEPT_BYTES", NUM_BYTES - 1)
+    made, kept = num_made(monkeypatch), MadeMeans()
+    for _ in range(2):
+        kept.begin(is_used=True)
+        kept.of(pyramid, 1, CELLS[:3])
+    assert made == [3, 3]

@@ -1,0 +1,24 @@
+"""However rough a brick is, and however small the tolerance: a ray takes no more than so many samples in it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.brick_batch import SHORTEST_STEP, SLACK, steps_at
+from renderer.bricks import BRICK
+
+# From corner to corner of a brick, in the shortest steps; docs/architecture.md states it.
+MOST_SAMPLES = 3548
+
+
+@pytest.mark.parametrize("is_depth", [True, False])
+@pytest.mark.parametrize("tolerance", [0.0, 5e-324, 1e-6, 0.3, 1e300, math.inf])
+def test_samples_of_a_ray_in_a_brick_are_bounded(tolerance: float, is_depth: bool) -> None:
+    roughness = np.array([0.0, 5e-324, 1e-9, 1.0, 1e9, 1.7e308])
+    steps = steps_at(roughness, tolerance, is_depth=is_depth)
+    assert np.isfinite(steps).all()
+    samples = np.ceil(BRICK * math.sqrt(3) / steps - SLACK)
+    assert samples.max() <= MOST_SAMPLES == math.ceil(BRICK * math.sqrt(3) / SHORTEST_STEP - SLACK)

@@ -1,0 +1,295 @@
+"""Volumes that stay in their files: the same voxels as in memory, and a clear error where the file does not stay."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from film_stages import INTEGRATED, PLAIN
+from volume_files import write_volume
+
+from hsplat_cli.workers.shared import SharedStage, map_stage
+from renderer.brick_texels import mean_texels, scalar_texels
+from renderer.bricks import make_bricks
+from renderer.drawing import Stage
+from renderer.errors import InputError
+from renderer.parcel import pack, unpack
+from renderer.pipeline import prepare, render_frames
+from renderer.pyramid import build_pyramid
+from renderer.raster_gl import GLRasterizer
+from renderer.readers import common, read_volume
+from renderer.scene import ErrorSpec, FileSource, PyramidSpec, RawSource, Scene, VolumeSpec
+from renderer.statistics import measure
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume
+
+Array = npt.NDArray[Any]
+
+SOFT = TransferFunction(np.array([60.0, 250.0]), np.ones((2, 3)), np.array([0.0, 1.0]), 1.0)
+
+HINT = "large volumes are read from their files while they are drawn: start again, and let nothing write to this one"
+
+
+@pytest.fixture
+def everything_mapped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Volumes need not be large."""
+    monkeypatch.setattr(common, "_MAPPED_FROM", 1)
+
+
+def noise(shape: tuple[int, ...] = (9, 7, 11), dtype: str = "uint8") -> Array:
+    return np.random.default_rng(0).integers(0, 100, shape).astype(dtype)
+
+
+def raw(path: Path, values: Array) -> VolumeSpec:
+    values.tofile(path)
+    z, y, x = values.shape
+    return VolumeSpec(RawSource(path, (x, y, z), values.dtype.name, spacing=(1.0, 1.0, 1.0)))
+
+
+def read(path: Path, **options: Any) -> Volume:
+    return read_volume(VolumeSpec(FileSource(path), **options))
+
+
+@pytest.mark.parametrize("name", ["v.npy", "v.nrrd", "v.mha", "v.nii"])
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "int32", "float32", "float64"])
+def test_the_same_voxels_as_in_memory(name: str, dtype: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In native byte order they are mapped, in the other one copied."""
+    for order in "<>":
+        write_volume(tmp_path / name, noise(dtype=dtype), order)
+        copied = read(tmp_path / name)
+        assert copied.source is None
+        with monkeypatch.context() as patch:
+            patch.setattr(common, "_MAPPED_FROM", 1)
+            volume = read(tmp_path / name)
+        np.testing.assert_array_equal(volume.values, noise(dtype=dtype))
+        assert type(volume.values) is np.ndarray and volume.values.dtype.isnative
+        assert not volume.values.flags.writeable and volume.values.flags.c_contiguous
+        assert volume.fingerprint == copied.fingerprint
+        assert np.array_equal(volume.world_from_index, copied.world_from_index)
+        assert volume.value_range() == copied.value_range()
+        assert measure(volume.values, volume.source).mean == measure(copied.values).mean
+        is_native = order == "<" or dtype == "uint8"
+        assert (volume.source is not None) == is_native
+        if volume.source is not None:
+            again = volume.source.mapped()
+            assert not again.flags.writeable
+            np.testing.assert_array_equal(again, volume.values)
+
+
+DETACHED = {
+    "v.nhdr": "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 11 7 9\nencoding: raw\n{}data file: voxels.raw\n",
+    "v.mhd": "NDims = 3\nDimSize = 11 7 9\nElementType = MET_UCHAR\n{}ElementDataFile = voxels.raw\n",
+}
+
+
+@pytest.mark.usefixtures("everything_mapped")
+@pytest.mark.parametrize(
+    ("name", "line", "skipped", "is_mapped"),
+    [
+        ("v.nhdr", "", 0, True),
+        ("v.nhdr", "byte skip: 5\n", 5, False),  # left to SimpleITK
+        ("v.nhdr", "byte skip: -1\n", 5, False),
+        ("v.mhd", "", 0, True),
+        ("v.mhd", "HeaderSize = 5\n", 5, False),
+        ("v.mhd", "HeaderSize = -1\n", 5, False),
+    ],
+)
+def test_detached_voxels(name: str, line: str, skipped: int, is_mapped: bool, tmp_path: Path) -> None:
+    (tmp_path / "voxels.raw").write_bytes(bytes(skipped) + noise().tobytes())
+    (tmp_path / name).write_text(DETACHED[name].format(line))
+    volume = read(tmp_path / name)
+    np.testing.assert_array_equal(volume.values, noise())
+    assert (volume.source is not None) == is_mapped
+    if volume.source is not None:
+        assert volume.source.path == tmp_path / "voxels.raw"
+
+
+@pytest.mark.usefixtures("everything_mapped")
+def test_words_in_an_order_that_is_not_said(tmp_path: Path) -> None:
+    (tmp_path / "v.mhd").write_text(DETACHED["v.mhd"].format("").replace("UCHAR", "USHORT"))
+    noise(dtype="uint16").tofile(tmp_path / "voxels.raw")
+    volume = read(tmp_path / "v.mhd")
+    assert volume.source is None
+    np.testing.assert_array_equal(volume.values, noise(dtype="uint16"))
+
+
+@pytest.mark.usefixtures("everything_mapped")
+def test_parts_that_lie_together_are_mapped(tmp_path: Path) -> None:
+    values = noise((3, 9, 7, 11), "int16")
+    np.save(tmp_path / "v.npy", values)
+    for options, part, is_mapped in (
+        ({"time": 1}, values[1], True),
+        ({"time": 2, "crop": ((0, 11), (0, 7), (2, 5))}, values[2, 2:5], True),
+        ({"time": 2, "crop": ((0, 11), (1, 7), (2, 5))}, values[2, 2:5, 1:], False),
+        ({"component": 4}, values[..., 4], False),
+    ):
+        volume = read(tmp_path / "v.npy", **options)
+        np.testing.assert_array_equal(volume.values, part)
+        assert (volume.source is not None) == is_mapped
+        if volume.source is not None:
+            np.testing.assert_array_equal(volume.source.mapped(), part)
+
+
+@pytest.mark.usefixtures("everything_mapped")
+def test_what_is_replaced_is_copied(tmp_path: Path) -> None:
+    values = noise(dtype="float32")
+    spec = raw(tmp_path / "v.raw", values)
+    assert read_volume(spec).source is not None
+    values[3, 4, 5] = np.nan
+    spec = raw(tmp_path / "v.raw", values)
+    volume = read_volume(replace(spec, nonfinite="lowest"))
+    assert volume.source is None
+    assert volume.values[3, 4, 5] == 0
+
+
+def test_few_voxels_are_copied(tmp_path: Path) -> None:
+    assert read_volume(raw(tmp_path / "v.raw", noise())).source is None
+
+
+@pytest.mark.usefixtures("everything_mapped")
+def test_voxels_that_are_not_aligned(tmp_path: Path) -> None:
+    """A header of an odd length."""
+    values = noise((20, 18, 17), "uint16")
+    (tmp_path / "v.raw").write_bytes(b"abc" + values.tobytes())
+    source = RawSource(tmp_path / "v.raw", (17, 18, 20), "uint16", spacing=(1.0, 1.0, 1.0), offset=3)
+    volume = read_volume(VolumeSpec(source))
+    assert volume.source is not None and not volume.values.flags.aligned
+    in_memory = replace(volume, values=values, source=None)
+    one, other = (make_bricks(v, SOFT, spec=PyramidSpec(), error=ErrorSpec()) for v in (volume, in_memory))
+    for level, level_in_memory in zip(one.levels, other.levels, strict=True):
+        np.testing.assert_array_equal(level.boxes, level_in_memory.boxes)
+        np.testing.assert_array_equal(level.roughness, level_in_memory.roughness)
+
+
+# Files that do not stay as they are
+
+
+def shrink(path: Path) -> str:
+    num_bytes = path.stat().st_size
+    os.truncate(path, num_bytes - 100)
+    return (
+        f"{path}: the volume's file became shorter while it was in use\n"
+        f"  got: {num_bytes - 100} bytes\n  expected: {num_bytes} bytes, as when it was opened\n  hint: {HINT}"
+    )
+
+
+def grow(path: Path) -> str:
+    num_bytes = path.stat().st_size
+    os.truncate(path, num_bytes + 1)
+    return (
+        f"{path}: the volume's file grew while it was in use\n"
+        f"  got: {num_bytes + 1} bytes\n  expected: {num_bytes} bytes, as when it was opened\n  hint: {HINT}"
+    )
+
+
+def write(path: Path) -> str:
+    os.utime(path, ns=(0, path.stat().st_mtime_ns + 1))
+    return f"{path}: the volume's file was written to while it was in use\n  hint: {HINT}"
+
+
+def remove(path: Path) -> str:
+    path.unlink()
+    return (
+        f"{path}: the volume's file was taken away while it was in use\n"
+        f"  got: No such file or directory\n  hint: {HINT}"
+    )
+
+
+def swap(path: Path) -> str:
+    """Another volume of the same length and time under the same name."""
+    status = path.stat()
+    other = path.with_suffix(".other")
+    other.write_bytes(bytes(status.st_size))
+    os.utime(other, ns=(0, status.st_mtime_ns))
+    os.replace(other, path)
+    return f"{path}: the volume's file was replaced by another while it was in use\n  hint: {HINT}"
+
+
+def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -> Stage:
+    scene = replace(scene, volume=raw(path, noise(shape) * 2), error=ErrorSpec(((0, 0.0),)))
+    return prepare(scene, clock=lambda: 0.0, num_threads=1)
+
+
+@pytest.mark.usefixtures("everything_mapped")
+@pytest.mark.parametrize("change", [shrink, grow, write, remove, swap])
+@pytest.mark.parametrize("scene", [PLAIN, INTEGRATED], ids=["splats", "bricks"])
+def test_between_build_and_frame(
+    scene: Scene, change: Callable[[Path], str], tmp_path: Path, rasterizer: GLRasterizer
+) -> None:
+    stage = film(tmp_path / "v.raw", scene)
+    list(render_frames(stage, [0], rasterizer, clock=lambda: 0.0))
+    message = change(tmp_path / "v.raw")
+    with pytest.raises(InputError) as raised:
+        list(render_frames(stage, [1], rasterizer, clock=lambda: 0.0))
+    assert str(raised.value) == message
+
+
+@pytest.mark.usefixtures("everything_mapped")
+def test_during_a_build(tmp_path: Path) -> None:
+    """After some nodes the file loses all that comes behind them."""
+    volume = read_volume(raw(tmp_path / "v.raw", noise((64, 64, 64 * 5)) * 2))
+    told = []
+
+    def tell(level: int, *_: Any) -> None:
+        told.append(level)
+        os.truncate(tmp_path / "v.raw", 0)
+
+    with pytest.raises(InputError, match="became shorter while it was in use"):
+        build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1, tell=tell)
+    assert told == [1, 2]  # the first task had read all that it needs, and no other one began
+
+
+@pytest.mark.usefixtures("everything_mapped")
+def test_bricks_that_are_made_later(tmp_path: Path) -> None:
+    stage = film(tmp_path / "v.raw", INTEGRATED, (40, 40, 40))
+    assert stage.bricks is not None
+    shrink(tmp_path / "v.raw")
+    first = np.zeros((1, 3), np.int32)
+    with pytest.raises(InputError, match="became shorter while it was in use"):
+        scalar_texels(stage.bricks, first, lit=False)
+    with pytest.raises(InputError, match="became shorter while it was in use"):
+        mean_texels(stage.bricks, 1, first)
+
+
+@pytest.mark.usefixtures("everything_mapped")
+def test_workers_see_another_file(tmp_path: Path) -> None:
+    shared = SharedStage(film(tmp_path / "v.raw", INTEGRATED))
+    try:
+        message = swap(tmp_path / "v.raw")
+        with pytest.raises(InputError) as raised:
+            map_stage(shared.descriptor)
+        assert str(raised.value) == message
+    finally:
+        shared.close()
+
+
+@pytest.mark.usefixtures("everything_mapped")
+def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
+    """What they share does not grow with the voxels; whoever has no files gets them all."""
+    stage = film(tmp_path / "v.raw", INTEGRATED, (100, 90, 80))
+    num_shared = sum(len(piece) for piece in pack(stage, without_files=False))
+    num_alone = sum(len(piece) for piece in pack(stage, without_files=True))
+    assert num_shared < stage.volume.values.nbytes / 2 and num_alone > stage.volume.values.nbytes
+    shared = SharedStage(stage)
+    try:
+        other = map_stage(shared.descriptor)
+        for there in (shared.stage, other):
+            assert there.volume.source == stage.volume.source
+            assert there.bricks is not None
+            for volume in (there.volume, there.bricks.volume):
+                np.testing.assert_array_equal(volume.values, stage.volume.values)
+                assert not volume.values.flags.writeable
+        alone = unpack(memoryview(bytearray(b"".join(pack(stage, without_files=True)))))
+        shrink(tmp_path / "v.raw")
+        assert alone.volume.source is None
+        np.testing.assert_array_equal(alone.volume.values, noise((100, 90, 80)) * 2)
+        with pytest.raises(InputError, match="became shorter while it was in use"):
+            map_stage(shared.descriptor)
+    finally:
+        shared.close()

@@ -1,0 +1,72 @@
+"""What a picture in bricks need not be exact in, by its tolerance."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from renderer.brick_batch import MOST_SPREAD, MOST_UNSEEN, SPREAD, STRIDES, UNSEEN, Thrift, thrift_at
+
+TOLERANCES = np.geomspace(1e-4, 1e2, 61).tolist()
+CELL_PX = [1e-3, 0.3, 1.0, 2.0, 5.0, 40.0, 1e6]
+
+
+def test_nothing_is_spared_at_0() -> None:
+    assert thrift_at(0.0, 1.0) == Thrift((1,), 0.0, 0.0)
+
+
+@pytest.mark.parametrize("cell_px", CELL_PX)
+def test_all_pixels_are_drawn_at_fine_tolerances(cell_px: float) -> None:
+    """The default among them. What is hidden follows the tolerance there, too."""
+    below = np.nextafter(STRIDES[-1][0], 0)
+    for tolerance in (1e-4, 0.01, 0.1, below):
+        assert thrift_at(tolerance, cell_px) == Thrift((1,), 0.0, UNSEEN * tolerance)
+
+
+def test_what_is_hidden_stays_so_at_any_tolerance() -> None:
+    found = [thrift_at(tolerance, 3.0).least_transmittance for tolerance in TOLERANCES]
+    assert found == sorted(found)
+    assert found[-1] == MOST_UNSEEN
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "cell_px", "strides"),
+    [
+        (0.15, 2.1, (1,)),  # nodes four pixels apart would be more than 1.25 * 1.5 cells apart
+        (0.15, 2.2, (4, 1)),
+        (0.3, 1.0, (1,)),
+        (0.3, 1.1, (4, 1)),
+        (1.0, 0.3, (1,)),
+        (1.0, 0.4, (4, 2)),
+        (2.0, 0.3, (4, 2)),
+        (2.0, 0.4, (8, 4)),
+        (1e3, 1e-6, (1,)),
+    ],
+)
+def test_lattices(tolerance: float, cell_px: float, strides: tuple[int, ...]) -> None:
+    """Of 1.25 cells at most from node to node for each tenth of the tolerance; all of them are refined."""
+    spread = min(SPREAD * tolerance, MOST_SPREAD) if len(strides) > 1 else 0.0
+    assert thrift_at(tolerance, cell_px) == Thrift(strides, spread, min(UNSEEN * tolerance, MOST_UNSEEN))
+
+
+def test_nodes_do_not_stand_beside_a_thin_volume() -> None:
+    """Two of them, at least, are on its thinnest side."""
+    assert [thrift_at(2.0, 5.0, thinnest_px).strides for thinnest_px in (7.9, 8.0, 15.9, 16.0)] == [
+        (1,),
+        (4, 2),
+        (4, 2),
+        (8, 4),
+    ]
+
+
+def test_coarser_tolerances_and_larger_cells_draw_no_more() -> None:
+    for tolerance in TOLERANCES:
+        for small, large in pairwise(CELL_PX):
+            assert thrift_at(tolerance, small).strides[0] <= thrift_at(tolerance, large).strides[0]
+    for cell_px in CELL_PX:
+        for fine, coarse in pairwise(TOLERANCES):
+            first, last = thrift_at(fine, cell_px).strides, thrift_at(coarse, cell_px).strides
+            assert first[0] <= last[0] and first[-1] <= last[-1]
+            assert all(a % b == 0 and a > b for a, b in pairwise(last))
