@@ -134,7 +134,11 @@ def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
     footprint = given.get("footprint", SplatSpec.footprint)
     hints = _without_use(footprint)
     for key in known(given, *hints):
-        node.key(key).complain(f"contradicts footprint: {footprint}", hint=hints[key])
+        if "footprint" in given:
+            node.key(key).complain(f"contradicts footprint: {footprint}", hint=hints[key])
+        else:  # nobody has written what it contradicts
+            hint = f"this section names no footprint, and so asks for {footprint}, which has no {key}"
+            node.key(key).complain("needs footprint: gouraud", hint=hint)
     profile = given.get("profile", INVALID)
     if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
         _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))

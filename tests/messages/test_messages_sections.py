@@ -283,6 +283,28 @@ scene.yaml:19:3: splat.angular: contradicts footprint: gaussian
   hint: only footprint: gouraud has it
 """,
     ),
+    "gouraud_setting_without_a_footprint": (
+        "footprint: gaussian",
+        "angular: 8",
+        """\
+scene.yaml:18:3: splat.angular: needs footprint: gouraud
+    | angular: 8
+    | ^
+  hint: this section names no footprint, and so asks for gaussian, which has no angular
+""",
+    ),
+    "profile_without_weight": (
+        "footprint: gaussian",
+        "{footprint: gouraud, radial: 2, profile: [[0, 0], [0.25, 1], [0.5, 0], [1, 0]]}",
+        """\
+scene.yaml:18:44: splat.profile: no weight at the radii that the footprint has
+    | {footprint: gouraud, radial: 2, profile: [[0, 0], [0.25, 1], [0.5, 0], [1, 0]]}
+    |                                          ^
+  got: [[0, 0], [0.25, 1], [0.5, 0], [1, 0]]
+  expected: a weight of at least 1e-06 at one of the radii k / 2
+  hint: a larger splat.radial has more radii
+""",
+    ),
     "settings_of_others": (
         "footprint: gaussian",
         """\
