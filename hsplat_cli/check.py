@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.counts import counted
 from hsplat_cli.job import load_job
 from renderer.output_files import first_files, unfinished_folder
 from renderer.output_lock import require_no_other
 from renderer.scene import (
     AccuracyGoal,
     ByFrame,
-    ErrorSpec,
     FileSource,
     ProceduralSource,
     RawSource,
@@ -56,17 +56,18 @@ def check(
 
 def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     output, num_in_all = scene.output, scene.camera.path.frames
-    frames = "1 frame" if num_in_all == 1 else f"{num_in_all} frames"
+    frames = counted(num_in_all, "frame")
     if num_frames < num_in_all:
         frames = f"{num_frames} of {frames}"
     seconds = num_frames / output.frames_per_second
     is_film = output.file.suffix.lower() != ".png"
-    film = f", {seconds:.3g} s at {output.frames_per_second:g} frames per second" if is_film else ""
+    rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"
+    film = f", {seconds:.3g} s at {rate} per second" if is_film else ""
     width, height = output.size
     return [
         ("volume", _source(scene.volume.source)),
         ("camera", f"{_path(scene)}, {frames}"),
-        ("error", _schedule(scene.error)),
+        ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{film}"),
     ]
 
@@ -87,14 +88,15 @@ def _path(scene: Scene) -> str:
     return "rocker" if isinstance(path, RockerPath) else "keyframes"
 
 
-def _schedule(error: ErrorSpec) -> str:
-    goal = error.goal
+def _schedule(scene: Scene) -> str:
+    error, goal = scene.error, scene.error.goal
     if goal is None:
         wanted = f"tolerance {_first_to_last(error.tolerance)}"
     elif isinstance(goal, AccuracyGoal):
         wanted = f"{goal.metric} {goal.value:g}" + " dB" * (goal.metric == "psnr")
     elif isinstance(goal, SplatBudget):
-        wanted = f"at most {_first_to_last(goal.by_frame)} splats"
+        num = _first_to_last(goal.by_frame)
+        wanted = f"at most {num} {scene.splat.noun}{'s' * (num != '1')}"
     else:
         wanted = f"{_first_to_last(goal.by_frame)} s a frame"
     return f"{error.measure}, {wanted}"

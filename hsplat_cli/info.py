@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hsplat_cli.counts import counted
 from hsplat_cli.scene_text import transfer_dict, transfer_lines
 from hsplat_cli.volume_options import read_as_told, volume_options, volume_spec
 
@@ -59,6 +60,7 @@ def _facts(
         "shape": list(volume.shape_xyz),
         "dtype": volume.values.dtype.name,
         "bytes": volume.values.nbytes,
+        "stays_in_file": volume.source is not None,
         "spacing": spacing.tolist(),
         "world_size": (spacing * volume.shape_xyz).tolist(),
         "origin": volume.world_from_index[:3, 3].tolist(),
@@ -110,17 +112,20 @@ def _number(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else f"{value:.6g}"
 
 
+def _room(num_bytes: int) -> str:
+    return f"{num_bytes / 2**20:.1f} MiB" if num_bytes >= 2**20 else counted(num_bytes, "byte")
+
+
 def _numbers(values: list[float], between: str = ", ") -> str:
     return between.join(_number(round(value, 9)) for value in values)
 
 
 def _report(facts: dict[str, Any], marks: str) -> str:
-    size = facts["bytes"]
     lines = [
         facts["name"],
         f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
-        f"  type         {facts['dtype']}, "
-        + (f"{size / 2**20:.1f} MiB in memory" if size >= 2**20 else f"{size} bytes in memory"),
+        f"  type         {facts['dtype']}, {_room(facts['bytes'])}"
+        + (", which stay in the file" if facts["stays_in_file"] else " in memory"),
         f"  spacing      {_numbers(facts['spacing'], ' x ')}",
         f"  world size   {_numbers(facts['world_size'], ' x ')}",
         f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",

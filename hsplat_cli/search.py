@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import click
 
+from hsplat_cli.counts import counted
 from hsplat_cli.truths import find_truths
 from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
@@ -37,15 +38,14 @@ def search_tolerance(
         rasterizer,
         truth_of=_truths(stage, truth_tolerance, on_step, quiet=quiet),
         clock=time.perf_counter,
-        on_trial=_teller(want, on_step, quiet=quiet),
+        on_trial=_teller(want, stage.scene.splat.noun, on_step, quiet=quiet),
     )
 
 
 def beyond_full_resolution(found: Found, scene: Scene, *, where: str, hint: str) -> RenderError:
     """The error where nothing was good enough. hint: what to do about it, to which is added what limits the scene."""
     want, worst = found.want, found.worst
-    level, noun = scene.error.finest_level, scene.splat.noun
-    drawn = f"{worst.num_cells} {noun if worst.num_cells != 1 else noun.removesuffix('s')}"
+    level, drawn = scene.error.finest_level, counted(worst.num_cells, scene.splat.noun)
     page = "docs/scene.md" if scene.splat.footprint == "integrated" else "docs/accuracy.md"
     limit = f"error.finest_level: {level} lets no cell be smaller" if level else f"what limits it is told in {page}"
     return RenderError(
@@ -55,11 +55,6 @@ def beyond_full_resolution(found: Found, scene: Scene, *, where: str, hint: str)
         expected=str(want),
         hint=f"{hint}; {limit}",
     )
-
-
-def cells_text(trial: Trial) -> str:
-    """`1 cell`, `8 cells`."""
-    return "1 cell" if trial.num_cells == 1 else f"{trial.num_cells} cells"
 
 
 def _truths(stage: Stage, tolerance: float, on_step: Callable[[], None], *, quiet: bool) -> TruthOf:
@@ -75,11 +70,11 @@ def _truths(stage: Stage, tolerance: float, on_step: Callable[[], None], *, quie
     return truth_of
 
 
-def _teller(want: Want, on_step: Callable[[], None], *, quiet: bool) -> Callable[[Trial], None]:
+def _teller(want: Want, noun: str, on_step: Callable[[], None], *, quiet: bool) -> Callable[[Trial], None]:
     def tell(trial: Trial) -> None:
         on_step()
         if not quiet:
             what = f"tolerance {trial.tolerance:g}: {want.of(trial.value)} on frame {trial.frame}"
-            click.echo(f"{what}, {cells_text(trial)}", err=True)
+            click.echo(f"{what}, {counted(trial.num_cells, noun)}", err=True)
 
     return tell

@@ -223,8 +223,8 @@ class SplatSpec:
 
     @property
     def noun(self) -> str:
-        """What is drawn, in the plural, for messages: a frame's `num_splats` counts them."""
-        return "bricks" if self.footprint == "integrated" else "splats"
+        """What is drawn, in the singular, for messages: a frame's `num_splats` and a cut's `num_cells` count them."""
+        return "brick" if self.footprint == "integrated" else "splat"
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import click
 from hsplat_cli.assemble.agreement import Picked, file_problems, film_problems, pick
 from hsplat_cli.assemble.merged import cause_of_parts, merged_record, part_notes, parts_of
 from hsplat_cli.assemble.parts import Part
+from hsplat_cli.counts import counted
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
@@ -53,7 +54,7 @@ def assemble_film(
         write_sidecar(sidecar, record, folder)
     if not quiet:
         num_parts = len(parts_of(picked))
-        num = f"{len(picked)} frame{'s' * (len(picked) > 1)} of {num_parts} part{'s' * (num_parts > 1)}"
+        num = f"{counted(len(picked), 'frame')} of {counted(num_parts, 'part')}"
         click.echo(f"{output.file}: {num}")
         for note in notes:
             click.echo(f"note: {note}")

@@ -12,7 +12,7 @@ from pathlib import Path
 from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.skipped import folder_notes, template_notes
-from hsplat_cli.compare.words import count_text
+from hsplat_cli.counts import counted
 from hsplat_cli.input_file import is_same_file, nearest_file
 from hsplat_cli.picture_file import file_content, is_picture, picture_in, read_picture
 from renderer.errors import InputError
@@ -204,7 +204,7 @@ def _together(errors: Sequence[InputError]) -> InputError:
     if len(errors) == 1:
         return errors[0]
     num_more = len(errors) - _MAX_TOLD
-    more = [f"... and {count_text(num_more, 'more frame')} that cannot be read"] if num_more > 0 else []
+    more = [f"... and {counted(num_more, 'more frame')} that cannot be read"] if num_more > 0 else []
     return InputError("\n".join([*map(str, errors[:_MAX_TOLD]), *more]))
 
 
@@ -270,8 +270,8 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
         raise InputError(
             "films of different numbers of frames",
             where=str(actual),
-            got=count_text(num_actuals, "frame"),
-            expected=f"{count_text(num_goldens, 'frame')}, as in {golden}",
+            got=counted(num_actuals, "frame"),
+            expected=f"{counted(num_goldens, 'frame')}, as in {golden}",
         )
     if num_goldens == 0:
         raise InputError("a film without a frame", where=str(golden))

@@ -12,7 +12,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 from hsplat_cli.compare.outcome import Comparison, Failure, Outcome, Status
-from hsplat_cli.compare.words import count_text, figure_text, printable
+from hsplat_cli.compare.words import figure_text, printable
+from hsplat_cli.counts import counted
 from renderer.frame_difference import FIGURES
 
 # The worst of those that fail; a terminal shows them at once. All are in the files.
@@ -38,9 +39,7 @@ def table_of(comparison: Comparison) -> str:
     failing = [outcome for outcome in comparison.worst_first if not outcome.passes]
     lines = list(_table(failing[:MAX_ROWS]))
     if len(failing) > MAX_ROWS:
-        lines.append(
-            f"... and {count_text(len(failing) - MAX_ROWS, 'more frame')} that fail; --json FILE has all of them"
-        )
+        lines.append(f"... and {counted(len(failing) - MAX_ROWS, 'more frame')} that fail; --json FILE has all of them")
     return "\n".join([*lines, *([""] if lines else []), *_summary(comparison), *_remarks(comparison)])
 
 
@@ -57,7 +56,7 @@ def _reason(outcome: Outcome) -> str:
     more = len(outcome.exceeded) - 1
     if more < 1:
         return outcome.why
-    return f"{outcome.why}; {count_text(more, 'more figure')} over {'its limit' if more == 1 else 'their limits'}"
+    return f"{outcome.why}; {counted(more, 'more figure')} over {'its limit' if more == 1 else 'their limits'}"
 
 
 def _summary(comparison: Comparison) -> Iterator[str]:
@@ -65,10 +64,10 @@ def _summary(comparison: Comparison) -> Iterator[str]:
     parts = ", ".join(f"{counts[status]} {_WORDS.get(status, status)}" for status in _ORDER if counts[status])
     num, num_failing = len(comparison.outcomes), sum(not outcome.passes for outcome in comparison.outcomes)
     if num_failing:
-        yield f"{num_failing} of {count_text(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
+        yield f"{num_failing} of {counted(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
         return
     verb = "passes" if num == 1 else "pass"
-    yield f"{count_text(num, 'frame')} {verb} at {printable(comparison.strictness)}: {parts}"
+    yield f"{counted(num, 'frame')} {verb} at {printable(comparison.strictness)}: {parts}"
     worst = comparison.worst_first[0]
     if worst.status == "close":
         yield f"  {printable(worst.name)}: {worst.why}"

@@ -20,7 +20,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.compare.words import count_text, number_text
+from hsplat_cli.compare.words import number_text
+from hsplat_cli.counts import counted
 from hsplat_cli.input_file import MAX_SCENE_BYTES, decode, read_content
 from hsplat_cli.picture_file import is_picture, require_file
 from hsplat_cli.scene_editor import excerpt
@@ -74,7 +75,7 @@ class Rules:
                 told.append(f"{', '.join(others)} by {source}")
         num_frames = sum(self.limits_for(name) != self.limits_for("") for name in self.frames)
         if num_frames:
-            told.append(f"those of {count_text(num_frames, 'frame')} by {self.file}")
+            told.append(f"those of {counted(num_frames, 'frame')} by {self.file}")
         return told
 
     def require_frames(self, names: Iterable[str]) -> None:

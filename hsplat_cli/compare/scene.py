@@ -10,6 +10,7 @@ from typing import Any
 
 from hsplat_cli.compare.pair import Pair
 from hsplat_cli.compare.words import printable
+from hsplat_cli.counts import counted
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.frame_range import parse_frames
@@ -89,7 +90,7 @@ def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bo
         raise InputError(
             "the scene has none of the frames of which there are goldens",
             where=str(scene),
-            got=f"{len(job.frames)} frames up to frame {job.frames[-1]}",
+            got=f"{counted(len(job.frames), 'frame')} up to frame {job.frames[-1]}",
             expected=f"such as frame {goldens[0].frame}, which is in {folder / NAME}",
         )
     tell_first_run(quiet=quiet)

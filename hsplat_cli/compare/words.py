@@ -67,8 +67,3 @@ def _escaped(letter: str) -> str:
     if "\udc80" <= letter <= "\udcff":  # how Python has a byte that it cannot decode (PEP 383)
         return f"\\x{ord(letter) - 0xDC00:02x}"
     return letter.encode("unicode_escape").decode("ascii")
-
-
-def count_text(count: int, one: str, more: str | None = None) -> str:
-    """`1 frame`, `2 frames`."""
-    return f"{count} {one if count == 1 else more or f'{one}s'}"

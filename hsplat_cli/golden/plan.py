@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hsplat_cli.counts import counted
 from hsplat_cli.golden.draw import Drawing
 from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes
 from hsplat_cli.picture_file import read_picture
@@ -149,7 +150,7 @@ def described(plan: Plan) -> Iterator[str]:
     """Lines for the terminal: what changes and how much, what goes, what stays, and what may be the cause."""
     assert plan.before is not None, "first goldens are no change"
     num_changes, num_asked = len(plan.changes), plan.num_asked
-    frames = f"{num_asked} frame{'s' * (num_asked > 1)}"
+    frames = counted(num_asked, "frame")
     if num_changes:
         yield f"{num_changes} of {frames} change{'s' * (num_changes == 1)}:"
         yield from _lines_of(plan.changes)

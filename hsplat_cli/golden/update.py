@@ -15,6 +15,7 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.counts import counted
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.golden.draw import Drawing, drawn
 from hsplat_cli.golden.plan import Plan, described, make_plan, unasked_lines
@@ -60,7 +61,7 @@ def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) 
             raise InputError(
                 "there are goldens already",
                 where=str(folder),
-                got=f"{len(before.goldens)} frame{'s' * (len(before.goldens) > 1)}",
+                got=counted(len(before.goldens), "frame"),
                 hint="--update says what has changed, and writes it over them; `hsplat compare SCENE FOLDER` compares",
             )
         frames = wish.frames or _same_frames(before, job.frames)
@@ -80,7 +81,7 @@ def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) 
             _apply(plan, folder)
     if not wish.quiet:
         num_written, num_all = len(plan.sources), len(plan.after.goldens)
-        goldens = f"{num_all} golden{'s' * (num_all > 1)}"
+        goldens = counted(num_all, "golden")
         num = goldens if num_written == num_all else f"{num_written} of {goldens} written"
         _tell([f"{folder}: {num}", f"what they were drawn from: {folder / NAME}"])
 

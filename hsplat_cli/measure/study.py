@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from hsplat_cli.counts import counted
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.machine import PeakMemory, describe_machine
 from hsplat_cli.measure.notes import monotony_notes, scene_notes
@@ -97,7 +98,7 @@ def run_study(request: Request) -> None:
         notes = [*scene_notes(scene, has_transparent_border=request.peer is not None), *request.sweep.notes]
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
-            notes.insert(0, f"{why}: {len(measurements)} settings had been measured")
+            notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
         study = Study(
             name=request.name,
             scene=scene_to_dict(scene),

@@ -6,15 +6,17 @@ from collections.abc import Sequence
 
 import click
 
+from hsplat_cli.counts import counted
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.measure.stage import prepared
-from hsplat_cli.search import beyond_full_resolution, cells_text, search_tolerance
+from hsplat_cli.search import beyond_full_resolution, search_tolerance
 from hsplat_cli.shrinking import read_guarded
 from hsplat_cli.truths import nothing_to_measure
 from renderer.errors import InputError
 from renderer.metrics import SSIM_WINDOW_PX, require_measuring_packages
 from renderer.raster_gl import GLRasterizer
 from renderer.scene import Scene
+from renderer.trials import Found
 from renderer.want import Want
 
 
@@ -30,12 +32,17 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
     if found.tolerance is None:
         where = f"--want {want.metric}={want.value:g}"
         raise beyond_full_resolution(found, scene, where=where, hint="want less")
-    worst = found.worst
     click.echo(_line(scene, found.tolerance))
-    click.echo(
-        f"# {want.of(worst.value)} or better on the frames {', '.join(map(str, found.frames))}; "
-        f"{cells_text(worst)}; frame {worst.frame} is the worst"
-    )
+    click.echo(f"# {_comment(found, scene.splat.noun)}")
+
+
+def _comment(found: Found, noun: str) -> str:
+    """What the tolerance comes to, and with how many bricks or splats."""
+    worst, frames = found.worst, ", ".join(map(str, found.frames))
+    drawn, value = counted(worst.num_cells, noun), found.want.of(worst.value)
+    if len(found.frames) == 1:
+        return f"{value} on frame {frames}; {drawn}"
+    return f"{value} or better on the frames {frames}; {drawn}; frame {worst.frame} is the worst"
 
 
 def _require_measurable(scene: Scene, want: Want) -> None:

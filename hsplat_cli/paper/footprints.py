@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Pixels, Row, Table
 from hsplat_cli.paper.studio import Studio, transfer_of, with_splat
 from renderer.drawing import Stage, view_of
@@ -139,7 +140,7 @@ def _drawn(stage: Stage, name: str, num_triangles: int, studio: Studio) -> Footp
     if frame.num_splats != 1 or view.projection != "orthographic":
         raise InputError(
             "figure 1 is of one splat in parallel projection",
-            got=f"{frame.num_splats} splats, {view.projection}",
+            got=f"{counted(frame.num_splats, 'splat')}, {view.projection}",
             hint="give it a volume of 1 x 1 x 1 voxels",
         )
     width, height = view.size

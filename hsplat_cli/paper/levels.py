@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, counted, transfer_of, with_error, with_splat
+from hsplat_cli.paper.studio import Studio, transfer_of, with_error, with_splat
 from renderer.drawing import Stage, view_of
 from renderer.errors import InputError
 from renderer.integrator import integrate

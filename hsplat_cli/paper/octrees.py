@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import Studio, counted, transfer_of, with_error
+from hsplat_cli.paper.studio import Studio, transfer_of, with_error
 from hsplat_cli.report.numbers import short_count_text
 from renderer.drawing import Stage, finest_level_at
 from renderer.errors import InputError
@@ -141,14 +142,14 @@ def judge(numbers: Octrees) -> tuple[Claim, ...]:
         Claim(
             "As the tolerated error falls the octree gets more cells, and the picture nearer to the exact one.",
             "cells and PSNR against the ray integral rise with every step",
-            ", ".join(f"{octree.num_cells} cells {octree.psnr_db:.1f} dB" for octree in octrees),
+            ", ".join(f"{counted(octree.num_cells, 'cell')} {octree.psnr_db:.1f} dB" for octree in octrees),
             is_finer and is_better,
         ),
         Claim(
             "The octree is refined where the data vary, and stays coarse where they are steady.",
             f"in every octree of {LEAST_CELLS} cells or more, the quarter of the blocks where the data vary most has "
             f"{TIMES_THE_CELLS:g} times as many cells as that where they vary least, or more",
-            ", ".join(f"{octree.num_cells} cells {octree.times:.1f} times" for octree in octrees),
+            ", ".join(f"{counted(octree.num_cells, 'cell')} {octree.times:.1f} times" for octree in octrees),
             bool(refined) and all(octree.times >= TIMES_THE_CELLS for octree in refined),
         ),
     )

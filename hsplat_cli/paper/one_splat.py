@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.paper.studio import OPAQUE, Studio, counted, transfer_of, with_error, with_splat
+from hsplat_cli.paper.studio import OPAQUE, Studio, transfer_of, with_error, with_splat
 from renderer.drawing import Frame
 from renderer.errors import InputError
 from renderer.scene import ProceduralSource, Scene

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, with_error
 from renderer.drawing import Stage
@@ -123,7 +124,7 @@ def judge(numbers: Refinement) -> tuple[Claim, ...]:
             "A picture that is good enough to look around with can be drawn several times a second.",
             f"a frame takes {FIVE_TIMES_A_SECOND:g} s or less in the median and has {USEFUL_DB:g} dB or more against "
             "the ray integral",
-            f"{quick.seconds:.3f} s, {quick.psnr_db:.1f} dB with {quick.num_splats} splats",
+            f"{quick.seconds:.3f} s, {quick.psnr_db:.1f} dB with {counted(quick.num_splats, 'splat')}",
             quick.fits and quick.psnr_db >= USEFUL_DB,
         ),
         Claim(

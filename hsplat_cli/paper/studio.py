@@ -64,8 +64,3 @@ def with_error(stage: Stage, **changes: Any) -> Stage:
 def with_splat(stage: Stage, **changes: Any) -> Stage:
     """The stage with other fields of its SplatSpec."""
     return replace(stage, scene=replace(stage.scene, splat=replace(stage.scene.splat, **changes)))
-
-
-def counted(num: int, noun: str) -> str:
-    """`1 cell`, `8 cells`."""
-    return f"{num} {noun}" if num == 1 else f"{num} {noun}s"

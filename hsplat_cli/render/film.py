@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from hsplat_cli.counts import counted
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.drawn import Drawer
 from hsplat_cli.interrupts import deferrable_interrupts
@@ -108,7 +109,7 @@ def _draw(
                 record = with_seconds(record, encode=time.perf_counter() - before)
             records.append(record)
             if drawn is not None:
-                bar.advance(f"{record['splats']} {job.scene.splat.noun}")
+                bar.advance(counted(record["splats"], job.scene.splat.noun))
     if film is None:
         finishing()
     return records, notes

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.counts import counted
 from hsplat_cli.job import Job
 from hsplat_cli.render.cause import Cause, Made, differences, made_before
 from hsplat_cli.render.goals import Plan
@@ -41,7 +42,7 @@ def _is_as_planned(plan: Plan, record: Record) -> bool:
 def tell_kept(kept: KeptFrames, job: Job, plan: Plan) -> None:
     """Say which frames are there already, and why others are not."""
     if kept.records:
-        click.echo(f"{len(kept.records)} of {len(job.frames)} frames are there already", err=True)
+        click.echo(f"{len(kept.records)} of {counted(len(job.frames), 'frame')} are there already", err=True)
     if kept.former_cause is not None:
         why = f": {differences(kept.former_cause, kept.cause)}" if kept.former_cause else ""
         click.echo(f"{_drawn_anew(kept.num_former)} of another film{why}", err=True)
@@ -62,7 +63,7 @@ def tell_left(kept: KeptFrames, job: Job, folder: Path, cause: Cause, *, force: 
         command = "the same command"
         if force:
             command += f" without --force{_once_removed(job, cause)}"
-        num = f"{len(kept.records)} of {len(job.frames)} frames"
+        num = f"{len(kept.records)} of {counted(len(job.frames), 'frame')}"
         click.echo(f"{num} are kept; {command} goes on from there", err=True)
 
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import click
 
+from hsplat_cli.counts import counted, counted_span
 from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
@@ -198,13 +199,13 @@ class _Maker:
         self._differences.see(drawn.number, drawn.picture.pixels)
         if drawn.number != self._job.frames[-1]:
             self.require_time()
-        bar.advance(f"{record['splats']} {self._job.scene.splat.noun}")
+        bar.advance(counted(record["splats"], self._job.scene.splat.noun))
         return record
 
 
 def _facts(made: Record, frames: Sequence[Record], noun: str, difference: Difference | None) -> Iterator[str]:
     yield f"tolerance {span(made['tolerance'])}"
-    yield f"{span([frame['splats'] for frame in frames], 'd')} {noun} a frame"
+    yield f"{counted_span([frame['splats'] for frame in frames], noun)} a frame"
     yield f"{made['seconds']:.1f} s (predicted: {made['predicted_seconds']:.1f} s)"
     if difference:
         yield str(difference)

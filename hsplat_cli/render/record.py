@@ -7,6 +7,7 @@ import statistics
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from hsplat_cli.counts import counted, counted_span
 from hsplat_cli.job import Job
 from hsplat_cli.render.again import plain_name, recorded_schedule
 from hsplat_cli.versions import package_versions
@@ -96,6 +97,8 @@ def visibility_notes(frames: Sequence[Record]) -> list[str]:
     empty = [frame["frame"] for frame in frames if frame["splats"] == 0]
     if not empty:
         return []
+    if len(frames) == 1:
+        return ["nothing is in view"]
     return [f"nothing is in view on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]}"]
 
 
@@ -106,8 +109,8 @@ def summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | N
 
 def _summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None, num_kept: int) -> Iterator[str]:
     num, goal = len(frames), job.scene.error.goal
-    yield f"{num} frame{'s' * (num > 1)} in {seconds:.1f} s" + (f" ({num_kept} drawn before)" if num_kept else "")
-    yield f"{span([frame['splats'] for frame in frames], 'd')} {job.scene.splat.noun} a frame"
+    yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_kept} drawn before)" if num_kept else "")
+    yield f"{counted_span([frame['splats'] for frame in frames], job.scene.splat.noun)} a frame"
     if goal is not None:
         yield f"tolerance {span([frame['tolerance'] for frame in frames])}"
     if isinstance(goal, TimeBudget):

@@ -22,6 +22,23 @@ def tool_of(measurement: Measurement) -> str:
     return str(measurement.setting.options.get("tool", OWN))
 
 
+def has_bricks(measurements: Sequence[Measurement]) -> bool:
+    """Whether any of them draws bricks, which `num_cells` counts then."""
+    return any(m.setting.options.get("footprint") == "integrated" for m in measurements)
+
+
+def has_splats(measurements: Sequence[Measurement]) -> bool:
+    """Whether any of them draws splats, a cell each."""
+    return any(m.num_splats is not None for m in measurements)
+
+
+def cells_title(measurements: Sequence[Measurement]) -> str:
+    """What a column of `num_cells` counts: `cells`, `bricks`, or `bricks or cells` by the footprint of the row."""
+    if not has_bricks(measurements):
+        return "cells"
+    return "bricks or cells" if has_splats(measurements) else "bricks"
+
+
 def by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]:
     """Numbers of the measurements of each series, series and members in the order in which they come."""
     members: dict[str, list[int]] = {}

@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 
-from hsplat_cli.report.costs import OWN, PEER, Cost, Price, by_series, fronts_of, prices, tool_of
+from hsplat_cli.report.costs import (
+    OWN,
+    PEER,
+    Cost,
+    Price,
+    by_series,
+    cells_title,
+    fronts_of,
+    has_bricks,
+    has_splats,
+    prices,
+    tool_of,
+)
 from hsplat_cli.report.html import facts_of, page_of, plot_style, png_data_uri, svg_of
 from hsplat_cli.report.numbers import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.report.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, trade_figure
@@ -95,7 +107,8 @@ def study_page(study: Study, *, date: str) -> str:
         plots=_plots(measurements),
         prices=[_price_texts(price) for price in prices(measurements)],
         has_peer=any(tool_of(m) == PEER for m in measurements),
-        has_splats=any(m.num_splats is not None for m in measurements),
+        has_bricks=has_bricks(measurements),
+        has_splats=has_splats(measurements),
         is_shaded=study.scene.get("shading") is not None,
         truth_tolerance=f"{study.truth_tolerance:g}",
         truths=[_truth_texts(truth) for truth in study.truths],
@@ -118,15 +131,16 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
 
 
 def _plots(measurements: Sequence[Measurement]) -> list[Plot]:
-    series = ", ".join(by_series(measurements))
     plots = []
     with plot_style():
         for name, axis in (("time", TIME), ("splats", SPLATS)):
-            if plottable(measurements, axis):
+            if shown := plottable(measurements, axis):
+                series = ", ".join(by_series([measurements[i] for i in shown]))
                 alt = f"PSNR in dB over the {axis.title}, logarithmic, of {series}"
                 svg = svg_of(trade_figure(measurements, axis), name=name, alt=alt)
                 plots.append(Plot(svg, _trade_caption(measurements, axis)))
         if plottable(measurements, TIME):
+            series = ", ".join(by_series(measurements))
             alt = f"PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3 over the {TIME.title}, of {series}"
             svg = svg_of(metrics_figure(measurements), name="metrics", alt=alt)
             plots.append(Plot(svg, "The same settings by other metrics."))
@@ -196,9 +210,10 @@ def _measured_table(measurements: Sequence[Measurement]) -> Table:
         Column("picture", sorts=False),
         Column("difference", sorts=False),
     ]
+    shows_splats = has_splats(measurements) or not has_bricks(measurements)
     costs = [
-        Column("cells"),
-        Column("splats"),
+        Column(cells_title(measurements)),
+        *[Column("splats")] * shows_splats,
         Column("time", "ms"),
         Column("quartiles", "ms"),
         Column("once", "ms"),
@@ -215,17 +230,35 @@ def _measured_table(measurements: Sequence[Measurement]) -> Table:
     time, splats = fronts_of(measurements)
     rows = [
         Row(
-            [*_identity_cells(m, i), *_cost_cells(m), *_metric_cells(m), _front_cell(i in time, i in splats)], i in time
+            [
+                *_identity_cells(m, i),
+                *_cost_cells(m, shows_splats=shows_splats),
+                *_metric_cells(m),
+                _front_cell(i in time, i in splats),
+            ],
+            i in time,
         )
         for i, m in enumerate(measurements)
     ]
+    return Table(_measured_caption(measurements), groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
+
+
+def _measured_caption(measurements: Sequence[Measurement]) -> str:
+    """What the columns count."""
     caption = (
-        "“Once”: the cut and its splats, done for all frames together, without the pyramid, which is under "
-        "“Time by stage”. Memory: the most that the process held."
+        f"“Once”: the cut and its {_drawn(measurements)}, done for all frames together, without the pyramid, which is "
+        "under “Time by stage”. Memory: the most that the process held."
     )
-    if any(m.setting.options.get("footprint") == "integrated" for m in measurements):
-        caption += f" Cells of the integrated footprint are bricks of {BRICK} x {BRICK} x {BRICK}, no splats."
-    return Table(caption, groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
+    if has_bricks(measurements):
+        caption += f" The integrated footprint draws bricks of {BRICK} x {BRICK} x {BRICK} cells"
+        caption += ", which are no splats; the others a splat for each cell." if has_splats(measurements) else "."
+    return caption
+
+
+def _drawn(measurements: Sequence[Measurement]) -> str:
+    """`bricks`, `splats`, or `bricks or splats` by the footprint."""
+    bricks = has_bricks(measurements)
+    return " or ".join([*["bricks"] * bricks, *["splats"] * (has_splats(measurements) or not bricks)])
 
 
 def _short(metric: Metric) -> str:
@@ -242,12 +275,12 @@ def _identity_cells(measurement: Measurement, number: int) -> list[Cell]:
     ]
 
 
-def _cost_cells(measurement: Measurement) -> list[Cell]:
+def _cost_cells(measurement: Measurement, *, shows_splats: bool) -> list[Cell]:
     low, high = measurement.frame_seconds_spread
     once = [float(np.median(seconds)) for seconds in measurement.seconds.values()]
     return [
         _number(measurement.num_cells, count_text(measurement.num_cells)),
-        _number(measurement.num_splats, count_text(measurement.num_splats)),
+        *[_number(measurement.num_splats, count_text(measurement.num_splats))] * shows_splats,
         _number(measurement.frame_seconds, ms_text(measurement.frame_seconds)),
         _number(high - low, f"{ms_text(low)} – {ms_text(high)}"),
         _number(sum(once), ms_text(sum(once))) if once else _number(None, ABSENT),
@@ -279,15 +312,20 @@ def _stages_table(measurements: Sequence[Measurement]) -> Table:
     times = [_stage_times(m) for m in measurements]
     names = list(dict.fromkeys(name for stages in times for name in stages))
     columns = [Column("setting", is_text=True)]
-    columns += [Column(stage, f"ms, {'once' if is_once else 'each frame'}") for stage, is_once in names]
+    titles = {("splats", True): _drawn(measurements)}
+    columns += [
+        Column(titles.get((stage, is_once), stage), f"ms, {'once' if is_once else 'each frame'}")
+        for stage, is_once in names
+    ]
     rows = []
     for i, (m, stages) in enumerate(zip(measurements, times, strict=True)):
         cells = [Cell(m.setting.label, str(i), series=m.setting.series)]
         rows.append(Row([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
     caption = (
         "Median, quartiles in brackets, × how many times it was timed: on all frames together for what is done for "
-        "each frame. The pyramid is built once and serves all settings of the same error measure; with it, the bricks."
+        "each frame. The pyramid is built once and serves all settings of the same error measure"
     )
+    caption += "; with it, the bricks." if has_bricks(measurements) else "."
     return Table(caption, (), columns, rows)
 
 

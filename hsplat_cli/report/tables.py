@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hsplat_cli.report.costs import by_series, fronts_of
+from hsplat_cli.report.costs import by_series, cells_title, fronts_of, has_bricks, has_splats
 from hsplat_cli.report.numbers import bytes_text, metric_text, ms_text, short_count_text
 from renderer.metrics import METRICS, Accuracy, Metric
 from renderer.study import Study, TruthRecord
@@ -24,7 +24,8 @@ TERMINAL_COLUMNS = 120
 _GAP = "  "
 _NULL_MEANS = (
     "what is not defined, not known or infinite; a psnr is infinite where the rmse is 0, "
-    "num_cells, num_splats and pyramid_seconds are null for a program that has none, num_splats for bricks"
+    "num_cells, num_splats and pyramid_seconds are null for a program that has none, num_splats for bricks, "
+    "which num_cells counts"
 )
 
 
@@ -44,9 +45,8 @@ def _metric_column(first: str, second: str, name: str, pixels: str = "everywhere
     return _Column((first, second), lambda m: metric_text(metric, getattr(getattr(m.overall, pixels), metric.name)))
 
 
+_SPLATS = _Column(("", "splats"), lambda m: short_count_text(m.num_splats))
 _COLUMNS = (
-    _Column(("", "cells"), lambda m: short_count_text(m.num_cells)),
-    _Column(("", "splats"), lambda m: short_count_text(m.num_splats)),
     _Column(("frame", "ms"), lambda m: ms_text(m.frame_seconds)),
     _Column(("quartiles", "ms"), lambda m: " .. ".join(map(ms_text, m.frame_seconds_spread))),
     _metric_column("PSNR", "dB", "psnr"),
@@ -64,10 +64,11 @@ def terminal_table(study: Study) -> str:
     `T` marks what is on the Pareto front of time, `S` on that of splats, where any were drawn.
     """
     measurements = study.measurements
+    columns = _terminal_columns(measurements)
     time, splats = fronts_of(measurements)
     marks = [f"{'T' if i in time else ' '} {'S' if i in splats else ' '}" for i in range(len(measurements))]
-    texts = [[column.text(m) for column in _COLUMNS] for m in measurements]
-    widths = [max(map(len, [*column.heading, *(row[k] for row in texts)])) for k, column in enumerate(_COLUMNS)]
+    texts = [[column.text(m) for column in columns] for m in measurements]
+    widths = [max(map(len, [*column.heading, *(row[k] for row in texts)])) for k, column in enumerate(columns)]
     room = TERMINAL_COLUMNS - sum(width + len(_GAP) for width in widths) - len(_GAP) - len("front")
     labels = [_fitted(f"{_GAP}{m.setting.label}", room) for m in measurements]
     label_width = max(map(len, ["setting", *labels]))
@@ -76,7 +77,7 @@ def terminal_table(study: Study) -> str:
         aligned = [cell.rjust(width) for cell, width in zip(cells, widths, strict=True)]
         return _GAP.join([label.ljust(label_width), *aligned, mark]).rstrip()
 
-    above, headings = zip(*(column.heading for column in _COLUMNS), strict=True)
+    above, headings = zip(*(column.heading for column in columns), strict=True)
     lines = [line("", above, ""), line("setting", headings, "front")]
     for series, members in by_series(measurements).items():
         lines.append(_fitted(series, TERMINAL_COLUMNS))
@@ -84,6 +85,14 @@ def terminal_table(study: Study) -> str:
     legend = "T: no other setting of the same program is as fast and as exact."
     lines.append(f"{legend} S: none is with as few splats." if splats else legend)
     return "".join(f"{text}\n" for text in lines)
+
+
+def _terminal_columns(measurements: Sequence[Measurement]) -> list[_Column]:
+    """Of what is drawn, what there is; then what it costs and comes to."""
+    first, _, rest = cells_title(measurements).partition(" ")
+    cells = _Column((first, rest) if rest else ("", first), lambda m: short_count_text(m.num_cells))
+    splats = [_SPLATS] if has_splats(measurements) or not has_bricks(measurements) else []
+    return [cells, *splats, *_COLUMNS]
 
 
 def _fitted(text: str, width: int) -> str:

@@ -35,8 +35,11 @@ PATIENCE_S = 60.0
 BRIEFLY_S = 2.0
 _SILENT_S, _LOOK_S = 2.0, 0.02
 
-_COLUMNS = ("volume", "status", "kind", "frames", "splats", "seconds", "film")
-_NUMBERS = ("frames", "splats", "seconds")
+# Titles, and the keys of records. What the scenes of this program draw are bricks; a sidecar counts whatever is drawn
+# as `splats`, and so does the report.
+_COLUMNS = {name: name for name in ("volume", "status", "kind", "frames")}
+_COLUMNS |= {"bricks": "splats", "seconds": "seconds", "film": "film"}
+_NUMBERS = ("frames", "bricks", "seconds")
 
 _TEXTS = ("volume", "scene", "film", "status")  # that each record has
 OF, _DIGESTS = "scene_of", "scene_digests"
@@ -205,11 +208,11 @@ def table(records: Sequence[Record]) -> str:
 
 
 def _row(record: Record) -> list[str]:
-    row = [str(record.get(name, "-")) for name in _COLUMNS]
+    row = [str(record.get(key, "-")) for key in _COLUMNS.values()]
     if "error" in record:
         row[-1] = record["error"].splitlines()[0]
     elif record["status"] != DONE:
         row[-1] = "-"
     if "seconds" in record:
-        row[_COLUMNS.index("seconds")] = f"{record['seconds']:.1f}"
+        row[list(_COLUMNS).index("seconds")] = f"{record['seconds']:.1f}"
     return [cell.replace("\n", "?") for cell in row]

@@ -145,7 +145,7 @@ def _require_own(scene: Path, digest: str, of: str, report: Report) -> None:
 
 
 def _cost(sidecar: Path) -> Record:
-    """Frames, the mean number of splats and seconds, as far as the file beside the film tells them.
+    """Frames, the mean number of bricks (as `splats`) and seconds, as far as the file beside the film tells them.
 
     Anybody may have written that, if the film was there already.
     """

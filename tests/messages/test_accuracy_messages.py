@@ -58,12 +58,19 @@ def test_an_accuracy_beyond_full_resolution(
     assert Path("engine.mp4").stat().st_size > 0
 
 
+@pytest.mark.usefixtures("scene_folder")
+def test_check_calls_bricks_bricks(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["check", "scene.yaml", *schedule("splats=100"), "--set", "splat.footprint=integrated"]) == 0
+    assert "  error    optical, at most 100 bricks\n" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [
         ("tolerance={0: 0.5, 60: 0.02}", "optical, tolerance 0.5 to 0.02"),
         ("splats=100000", "optical, at most 100000 splats"),
         ("splats={0: 1000, 60: 1234567}", "optical, at most 1000 to 1234567 splats"),
+        ("splats=1", "optical, at most 1 splat"),
         ("seconds=0.1", "optical, 0.1 s a frame"),
         ("seconds={0: 0.1, 60: 2}", "optical, 0.1 to 2 s a frame"),
         ("psnr=38", "optical, psnr 38 dB"),

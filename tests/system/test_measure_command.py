@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -143,21 +144,32 @@ def test_a_peer_is_measured_beside(monkeypatch: pytest.MonkeyPatch, capsys: pyte
 
 
 @pytest.mark.parametrize(
-    ("end", "code", "note"),
+    ("end", "num_before", "code", "note"),
     [
-        (KeyboardInterrupt(), 130, "interrupted: 2 settings had been measured"),
-        (RenderError("the device is gone"), 1, "ended by an error (the device is gone): 2 settings had been measured"),
+        (KeyboardInterrupt(), 2, 130, "interrupted: 2 settings had been measured"),
+        (KeyboardInterrupt(), 1, 130, "interrupted: 1 setting had been measured"),
+        (
+            RenderError("the device is gone"),
+            2,
+            1,
+            "ended by an error (the device is gone): 2 settings had been measured",
+        ),
     ],
 )
 def test_what_was_measured_before_the_end_is_kept(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], end: BaseException, code: int, note: str
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    end: BaseException,
+    num_before: int,
+    code: int,
+    note: str,
 ) -> None:
     num = 0
 
     def ending(*arguments: Any, **options: Any) -> Measurement:
         nonlocal num
         num += 1
-        if num == 3:
+        if num > num_before:
             raise end
         return measure_setting(*arguments, **options)
 
@@ -165,15 +177,22 @@ def test_what_was_measured_before_the_end_is_kept(
     monkeypatch.setattr(study, "measure_setting", ending)
     arguments = ["measure", "scene.yaml", "--quiet", *QUICK, "--tolerances", "1,0.5,0.2,0.1"]
     assert main.run(arguments) == code
-    assert len({row["tolerance"] for row in rows()}) == 2
+    assert len({row["tolerance"] for row in rows()}) == num_before
     assert note in capsys.readouterr().out
 
 
-def test_an_even_volume_needs_a_single_splat(capsys: pytest.CaptureFixture[str]) -> None:
-    measure("--want", "psnr=5", "--set", "volume.procedural.name=constant")
-    line, comment = capsys.readouterr().out.splitlines()
+@pytest.mark.parametrize(("footprint", "drawn"), [("gaussian", "1 splat"), ("integrated", "1 brick")])
+def test_what_an_even_volume_needs(footprint: str, drawn: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The trials and the result name what is drawn."""
+    even = ["--set", "volume.procedural.name=constant", "--set", f"splat.footprint={footprint}"]
+    assert main.run(["measure", "scene.yaml", "--want", "psnr=5", *even]) == 0
+    told = capsys.readouterr()
+    line, comment = told.out.splitlines()
     assert line == "error: {measure: optical, tolerance: 1}"
-    assert "; 1 cell; " in comment
+    assert f"; {drawn}; frame " in comment
+    assert all(said.endswith(f", {drawn}") for said in told.err.splitlines() if said.startswith("tolerance "))
+    measure("--want", "psnr=5", *even, "--frames", "3")
+    assert re.fullmatch(f"# psnr [0-9.]+ dB on frame 3; {drawn}", capsys.readouterr().out.splitlines()[1])
 
 
 @pytest.mark.parametrize("want", ["psnr=27", "rmse=0.05", "ssim=0.9", "flip=0.11"])

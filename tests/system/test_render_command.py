@@ -209,3 +209,6 @@ def test_a_camera_that_looks_away_on_some_frames(capsys: pytest.CaptureFixture[s
     empty = [frame["frame"] for frame in sidecar("film.mp4.json")["frames"] if frame["splats"] == 0]
     assert 0 < len(empty) < 6
     assert note == f"nothing is in view on {len(empty)} of 6 frames, the first of them frame {empty[0]}"
+    away = ["--set", "camera.target=[0, 200, 0]", "--set", "camera.distance=100", "--frames", str(empty[0])]
+    render(*away, "--output", "still.png")
+    assert sidecar("still.png.json")["notes"] == ["nothing is in view"]

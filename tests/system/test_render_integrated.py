@@ -86,6 +86,20 @@ def test_bricks_are_called_bricks(capsys: pytest.CaptureFixture[str]) -> None:
         Path("scene.yaml").write_text(SCENE + "splat: {footprint: gaussian}\n", encoding="utf-8")
 
 
+def test_one_brick_is_no_bricks(capsys: pytest.CaptureFixture[str]) -> None:
+    """Nor one frame frames."""
+    one = ["scene.yaml", "--set", "volume.procedural.shape=[8, 8, 8]", "--frames", "0", "--output", "one.png"]
+    for how in ([], ["--progressive", "--force"]):
+        assert main.run(["render", *one, *how]) == 0
+        told = capsys.readouterr()
+        assert "1 brick a frame" in told.out and told.err.endswith(", 1 brick\n")
+        assert "1 bricks" not in told.out + told.err and "one.png: 1 frame in " in told.out
+    budget = [*NO_TOLERANCE, "--set", "error.splats=1", "--set", "output.frames_per_second=1"]
+    assert main.run(["check", "scene.yaml", *budget]) == 0
+    told = capsys.readouterr()
+    assert "optical, at most 1 brick\n" in told.out and "4 s at 1 frame per second\n" in told.out
+
+
 def test_a_budget_of_bricks(folder: Path) -> None:
     """The last frame may have all that there are."""
     made = render(*NO_TOLERANCE, "--set", "error.splats={0: 1, 3: 100}")

@@ -31,6 +31,7 @@ EVIL = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
 CASES = {
     "all": study_of([*own_series(), *peer_series()]),
     "bricks": study_of([*brick_series(), *peer_series()]),
+    "both": study_of([*brick_series(), *own_series()]),
     "nothing measured": study_of([], notes=()),
     "undefined": study_of([measure("tolerance 1", 10, 0, UNDEFINED), measure("tolerance 0", 20, 5, INFINITE)]),
     "only the peer, once exact": study_of(
@@ -110,8 +111,21 @@ def test_bricks_are_not_counted_as_splats() -> None:
     assert "Error against time and splats" not in text and "Error against time" in text
     assert "25 ≤ 20.0 ≤ 100 - integrated, optical, tolerance 1" in text
     assert "splats of a frame" not in text_of("bricks") and "splats of a frame" in text_of("all")
-    assert "Cells of the integrated footprint are bricks of 16 x 16 x 16, no splats." in text
-    assert "bricks of" not in text_of("all")
+    assert "difference bricks time ms" in text
+    assert "the cut and its bricks, done for all" in text and "pyramid ms, once cut ms, once" in text
+    assert "The integrated footprint draws bricks of 16 x 16 x 16 cells. " in text
+    assert "splats" not in text and "bricks" not in " ".join(Page(text_of("all")).words)
+
+
+def test_bricks_beside_splats() -> None:
+    """A column that counts both says so, and no curve that is not in a plot is in its description."""
+    text = " ".join(" ".join(Page(text_of("both")).words).split())
+    assert "bricks or cells splats time ms" in text and "the cut and its bricks or splats, done for all" in text
+    assert "bricks of 16 x 16 x 16 cells, which are no splats; the others a splat for each cell." in text
+    assert "Splats: the fewest of a footprint that draws them" in text and "Splats: the" not in text_of("all")
+    plots = re.findall(r'"(PSNR in dB over[^"]*)"', text_of("both"))
+    assert "logarithmic, of integrated, optical, gaussian, optical" in plots[0]
+    assert plots[-1] == "PSNR in dB over the splats of a frame, logarithmic, of gaussian, optical"
 
 
 def test_stages_say_how_often_they_were_timed() -> None:

@@ -136,7 +136,7 @@ def test_several_volumes_of_which_one_fails(capfd: pytest.CaptureFixture[str]) -
     assert turntable("in/*.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
     said = capfd.readouterr()
     table = [line.split() for line in said.out.splitlines()]
-    assert table[0] == ["volume", "status", "kind", "frames", "splats", "seconds", "film"]
+    assert table[0] == ["volume", "status", "kind", "frames", "bricks", "seconds", "film"]
     assert [row[:2] for row in table[1:]] == [
         ["in/broken.npy", "failed"],
         ["in/labels.npy", "done"],

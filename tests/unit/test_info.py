@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from hsplat_cli.info import describe_direction, info
 from renderer.errors import InputError
+from renderer.readers import common
 
 RAMP = np.arange(60).reshape(3, 4, 5)
 
@@ -110,6 +111,20 @@ def test_json_says_the_same(tmp_path):
     assert facts["percentiles"]["50"] == 29.0
     assert sum(facts["histogram"]["counts"]) == 60
     assert facts["transfer_function"] == suggestion(run(str(tmp_path / "a.npy")))
+
+
+def test_voxels_that_stay_in_their_file_are_not_in_memory(tmp_path, monkeypatch):
+    np.save(tmp_path / "a.npy", RAMP.astype(np.int16))
+    assert "int16, 120 bytes in memory\n" in run(str(tmp_path / "a.npy"))
+    assert json.loads(run(str(tmp_path / "a.npy"), "--json"))["stays_in_file"] is False
+    monkeypatch.setattr(common, "_MAPPED_FROM", 1)  # those of a large file
+    assert "int16, 120 bytes, which stay in the file\n" in run(str(tmp_path / "a.npy"))
+    assert json.loads(run(str(tmp_path / "a.npy"), "--json"))["stays_in_file"] is True
+
+
+def test_one_voxel_of_one_byte(tmp_path):
+    np.save(tmp_path / "a.npy", np.ones((1, 1, 1), np.uint8))
+    assert "uint8, 1 byte in memory\n" in run(str(tmp_path / "a.npy"))
 
 
 def test_headerless_file(tmp_path):

@@ -25,6 +25,7 @@ from hsplat_cli.report.tables import TERMINAL_COLUMNS, csv_text, json_text, term
 from renderer.metrics import METRICS
 from renderer.pareto import pareto_front
 from renderer.study import Study
+from renderer.sweep import Measurement
 
 METRIC = {metric.name: metric for metric in METRICS}
 
@@ -152,6 +153,22 @@ T: no other setting of the same program is as fast and as exact. S: none is with
 
 def test_the_table() -> None:
     assert terminal_table(ALL) == TABLE
+
+
+@pytest.mark.parametrize(
+    ("measurements", "heading"),
+    [
+        (brick_series(), "setting bricks ms"),
+        ([*brick_series(), *peer_series()], "setting bricks ms"),
+        ([*brick_series(), *own_series()], "setting or cells splats ms"),
+        (own_series(), "setting cells splats ms"),
+        (peer_series(), "setting cells splats ms"),
+    ],
+)
+def test_the_table_names_what_it_counts(measurements: list[Measurement], heading: str) -> None:
+    above, titles, *_ = terminal_table(study_of(measurements)).splitlines()
+    assert " ".join(titles.split()).startswith(heading)
+    assert ("bricks" in above.split()) == ("or cells" in titles)
 
 
 def test_the_table_is_never_too_wide() -> None:

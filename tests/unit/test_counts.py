@@ -1,0 +1,18 @@
+"""Numbers of things in messages: one of them is no plural."""
+
+from __future__ import annotations
+
+from hsplat_cli.counts import counted, counted_span
+
+
+def test_counted() -> None:
+    assert [counted(num, "brick") for num in (0, 1, 2, 1000)] == ["0 bricks", "1 brick", "2 bricks", "1000 bricks"]
+
+
+def test_counted_span() -> None:
+    assert [counted_span(nums, "splat") for nums in ([1, 1], [7], [0, 1, 0], [3, 9, 1])] == [
+        "1 splat",
+        "7 splats",
+        "0 to 1 splat",
+        "1 to 9 splats",
+    ]
