@@ -123,7 +123,8 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
     frames = ", ".join(str(truth.frame) for truth in study.truths)
     size = study.scene.get("output", {}).get("size", ())
     volume = facts_of({f"volume, {name}" if name != "name" else "volume": v for name, v in study.volume.items()})
-    picture = [("pictures", f"{' x '.join(map(str, size))} pixels, frames {frames}")] if size else []
+    noun = "frame" if len(study.truths) == 1 else "frames"
+    picture = [("pictures", f"{' x '.join(map(str, size))} pixels, {noun} {frames}")] if size else []
     return [*volume, *picture, *facts_of(study.machine), ("date", date)]
 
 
@@ -156,6 +157,7 @@ def _trade_caption(measurements: Sequence[Measurement], axis: Axis) -> str:
         words += [f"{common} ({'hsplat' if tool == OWN else 'VTK'})"] if common else []
     parts = ["Higher and further to the left is better."]
     parts += [f"Beside the points of a front: {', '.join(words)}."] if words else []
+    parts += ["Bricks are no splats, and not in this plot."] if axis is SPLATS and has_bricks(measurements) else []
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.spread else []
     exact = sum(m.overall.everywhere.psnr == math.inf for m in measurements if axis.of(m) > 0)
     parts += [f"Not shown, as equal to the truth: {exact}."] if exact else []

@@ -122,10 +122,16 @@ def test_bricks_beside_splats() -> None:
     text = " ".join(" ".join(Page(text_of("both")).words).split())
     assert "bricks or cells splats time ms" in text and "the cut and its bricks or splats, done for all" in text
     assert "bricks of 16 x 16 x 16 cells, which are no splats; the others a splat for each cell." in text
+    assert "Bricks are no splats, and not in this plot." in text and "Bricks" not in text_of("all")
     assert "Splats: the fewest of a footprint that draws them" in text and "Splats: the" not in text_of("all")
     plots = re.findall(r'"(PSNR in dB over[^"]*)"', text_of("both"))
     assert "logarithmic, of integrated, optical, gaussian, optical" in plots[0]
     assert plots[-1] == "PSNR in dB over the splats of a frame, logarithmic, of gaussian, optical"
+
+
+def test_one_frame_is_no_frames() -> None:
+    facts = " ".join(Page(text_of("evil, one measurement of one frame")).words)
+    assert "8 x 6 pixels, frame 5 " in " ".join(facts.split())
 
 
 def test_stages_say_how_often_they_were_timed() -> None:
