@@ -25,7 +25,6 @@ import numpy.typing as npt
 
 from renderer.bricks import BrickCut, Bricks
 from renderer.scene import ShadingSpec
-from renderer.transfer import TransferFunction
 
 Float64 = npt.NDArray[np.float64]
 
@@ -46,19 +45,15 @@ STRIDES = ((2.0, (8, 4)), (1.0, (4, 2)), (0.15, (4, 1)))
 # no further than this share of the volume's thinnest side. What is thinner may fall between them: a sheet seen edge-on,
 # or what a steep transfer function cuts out of a cell.
 CELLS_BETWEEN_NODES, FINE, OF_THINNEST = 1.25, 0.1, 0.5
-# In tolerances: how much nodes may differ that are interpolated. With 1/4 pictures are as exact as those of all pixels,
-# within 2 dB at 0.15 to 0.5, where two of three CT scans take half to three quarters of their time; with 1 a shaded
-# scan lost 10 dB for nothing. And the transmittance behind which nothing is drawn.
-SPREAD, MOST_SPREAD, UNSEEN, MOST_UNSEEN = 0.25, 0.25, 0.15, 0.05
+# In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
+# With a third, pictures are as exact as those of all pixels, within 2 dB at 0.15 to 0.5, where two of three CT scans
+# take half to three quarters of their time; with 1 a shaded scan lost 10 dB for nothing. Behind 0.15 instead of 0.08
+# the engine loses 2 dB and gains no time.
+SPREAD, MOST_SPREAD, UNSEEN, MOST_UNSEEN = 0.35, 0.35, 0.08, 0.05
 
 # Of a part, by which parts may be longer than the step. Rays along an axis take a whole number of steps through a
 # brick; without it rounding would decide which of them take one more.
 SLACK = 2.0**-10
-
-# Between which numbers of a table's entries a good one is looked for: usually, and where a piece of the transfer
-# function would have fewer than CELLS_OF_PIECE of them. Any device can hold the most in a row.
-USUAL_ENTRIES, MOST_ENTRIES = (1 << 10, 1 << 12), (1 << 13, 1 << 14)
-CELLS_OF_PIECE = 4
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,7 @@ class BrickBatch:
     """Boxes in the order of their cut.
 
     steps: float64 [n], the longest step in cells of the brick.
-    table: float32 [k, 4], (tau c, tau), 1 / world unit, evenly spaced; texel 0 is the first entry, texel 1 the last.
+    table: as in Bricks; texel 0 is the first entry, texel 1 the last.
     origin: float64 [3], world position of the model's origin, the volume's centre. length: world units in a model unit.
     """
 
@@ -123,7 +118,7 @@ def make_brick_batch(
         cut,
         bricks,
         steps_at(cut.roughness, tolerance, is_depth=bricks.pyramid.measure == "optical"),
-        optical_table(bricks.transfer, *bricks.scalar_range),
+        bricks.table,
         shading,
         thrift_at(tolerance if change is None else change, voxel_px * 2.0**finest, voxel_px * thinnest),
         volume.centre,
@@ -146,28 +141,3 @@ def thrift_at(tolerance: float, cell_px: float, thinnest_px: float = math.inf) -
     strides = next((wanted for least, wanted in STRIDES if tolerance >= least and wanted[0] <= most), (1,))
     spread = min(SPREAD * tolerance, MOST_SPREAD) if len(strides) > 1 else 0.0
     return Thrift(strides, spread, min(UNSEEN * tolerance, MOST_UNSEEN))
-
-
-def optical_table(transfer: TransferFunction, first: float, last: float) -> npt.NDArray[np.float32]:
-    """float32 [k, 4]: (tau c, tau) at evenly spaced scalars from `first` to `last`.
-
-    What lies between two entries is linear, as the transfer function is between two control values: it is exact where
-    these fall on entries, and so the number of entries is the one, of the usual ones, with which they do so best.
-    """
-    share = np.linspace(0, 1, _num_entries(transfer.values, first, last))
-    colors, extinctions = transfer.classify(first * (1 - share) + last * share)
-    return np.column_stack([colors * extinctions[:, None], extinctions]).astype(np.float32)
-
-
-def _num_entries(values: Float64, first: float, last: float) -> int:
-    """How many entries a table has: more where the transfer function has steps, which take one from one to the next."""
-    exponent = max(math.frexp(first)[1], math.frexp(last)[1])
-    scale = math.ldexp(1.0, min(-exponent, 1023))  # differences are finite then, and so is the scale of denormals
-    inside = values[(values >= first) & (values <= last)]
-    shares = (inside * scale - first * scale) / (last * scale - first * scale)
-    fewest, most = USUAL_ENTRIES
-    if float(np.diff(shares).min(initial=1.0)) * most < CELLS_OF_PIECE:
-        fewest, most = MOST_ENTRIES
-    nums = np.arange(fewest, most)
-    at = np.multiply.outer(nums, shares)
-    return int(nums[np.abs(at - np.round(at)).max(axis=1, initial=0.0).argmin()]) + 1

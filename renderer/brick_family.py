@@ -66,7 +66,7 @@ class BrickFamily:
         the scalar the volume's range.
     """
 
-    few: ClassVar[float] = 30
+    few: ClassVar[float] = 60
     growth: ClassVar[float] = 16  # the number of samples grows with about the cube root
 
     def __init__(

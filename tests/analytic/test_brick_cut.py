@@ -169,7 +169,7 @@ def test_the_engine_in_bricks(data_dir: Path) -> None:
     bricks = make_bricks(volume, transfer, spec=PyramidSpec(), error=ErrorSpec())
     visible = depths_of(volume, transfer)[..., 3] > 0
     num_before = 10**9
-    for tolerance in (0.0, 1.2, 2.4, 4.0, 8.0, 20.0):
+    for tolerance in (0.0, 2.4, 4.8, 8.0, 16.0, 40.0):
         cut = cut_bricks(bricks, tolerance)
         assert np.all(coverage(cut, cut.boxes)[visible] == 1)
         assert coverage(cut, regions(cut) - 0.5).max() == 1

@@ -29,8 +29,8 @@ from dense_bricks import (
 )
 from number_types import TYPES, limits
 
-from renderer.brick_batch import optical_table
 from renderer.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
+from renderer.optical_table import optical_table
 from renderer.pyramid import TOLD_LEVELS
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
