@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -41,6 +42,7 @@ SOFT = TransferFunction(
 )
 
 
+@cache
 def soft(shape: Shape) -> Bricks:
     """Patches of noise, and a smooth part for which coarse bricks will do."""
     values = patches(shape, 1, side=24)
@@ -48,6 +50,13 @@ def soft(shape: Shape) -> Bricks:
     values = np.where(np.indices(shape)[2] > shape[2] * 0.6, smooth, values)
     volume = make_volume((values * 250).astype(np.uint8), OBLIQUE, "soft")
     return make_bricks(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec())
+
+
+@cache
+def largest_errors(shape: Shape) -> list[dict[tuple[int, int, int], float]]:
+    """By level, those of its bricks, in plain numpy."""
+    bricks = soft(shape)
+    return [errors_of_bricks(bricks.volume, SOFT, level) for level in range(len(bricks.levels))]
 
 
 def regions(cut: BrickCut) -> npt.NDArray[np.int64]:
@@ -90,7 +99,7 @@ def test_errors_are_below_the_tolerance(shape: Shape, tolerance: float) -> None:
     bricks = soft(shape)
     cut = cut_bricks(bricks, tolerance)
     top = len(bricks.levels)
-    largest = [errors_of_bricks(bricks.volume, SOFT, level) for level in range(top)]
+    largest = largest_errors(shape)
     for level, cell in zip(cut.levels.tolist(), cut.cells.tolist(), strict=True):
         if level > 0:
             assert largest[level][tuple(cell)] < tolerance * (1 + 2.0**-11) + 4e-6

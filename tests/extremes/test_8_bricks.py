@@ -12,7 +12,7 @@ from extremes import Extreme, Section
 from number_types import random_ranges
 
 from renderer.brick_texels import FARTHEST, mean_texels, scalar_texels
-from renderer.bricks import APRON, Bricks, make_bricks
+from renderer.bricks import APRON, BRICK, BRICK_LEVELS, Bricks, make_bricks
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import make_volume
@@ -82,7 +82,7 @@ def cut_ramp_error(num_cases: int) -> float:
         ramp = rng.uniform(0.5, 1.0) + np.arange(num) * rng.uniform(0, 1) / num
         bricks = bricks_of(ramp[:, None, None].copy(), (0.0, 3.0), 3.0)
         for level in range(1, len(bricks.levels)):
-            last = (num - 1) >> (level + 4)
+            last = (num - 1) >> (level + BRICK_LEVELS)
             texels = mean_texels(bricks, level, np.array([[0, 0, last]], np.int32))[0, :, 1, 1, 3]
             cells = 16 * last - APRON + np.arange(len(texels))
             places = (cells + 0.5) * 2**level - 0.5
@@ -103,13 +103,14 @@ def noise_growth(num_cases: int) -> float:
         values[0] = 1.0
         bricks = bricks_of(values, (0.0, 1.0))
         for level in range(1, len(bricks.levels)):
-            last = (num - 1) >> (level + 4)
+            last = (num - 1) >> (level + BRICK_LEVELS)
             texels = mean_texels(bricks, level, np.array([[0, 0, last]], np.int32))[0, :, 1, 1, 3].astype(np.float64)
-            at = num / 2**level - 16 * last - 0.5 + APRON  # of the face, in texels
+            at = num / 2**level - BRICK * last - 0.5 + APRON  # of the face, in texels
             k = int(at)
             field = (k + 1 - at) * texels[k] + (at - k) * texels[k + 1]
-            largest = np.add.reduceat(values[:, 0, 0], np.arange(0, num, 1 << level)).max() / 2**level
-            worst = max(worst, float(field / largest))
+            starts = np.arange(0, num, 1 << level)
+            means = np.add.reduceat(values[:, 0, 0], starts) / np.diff(starts, append=num)
+            worst = max(worst, float(field / means.max()))
     return worst
 
 

@@ -15,7 +15,7 @@ from renderer.brick_batch import Thrift
 from renderer.brick_family import BrickDetail, BrickFamily, num_samples
 from renderer.brick_projection import ray_frame
 from renderer.brick_sizes import brick_sizes
-from renderer.bricks import Bricks, num_bricks_at
+from renderer.bricks import BRICK, Bricks, num_bricks_at
 from renderer.camera import View
 from renderer.drawing import Stage, family_of
 from renderer.scene import ControlPoint, ErrorSpec, TransferSpec
@@ -192,5 +192,5 @@ def test_bricks_around_the_eye_are_held_to_the_picture() -> None:
     assert isinstance(detail, BrickDetail)
     view = look(target=tuple(stage.volume.centre), distance=1e-3, size=(40, 30))
     ((_, order),) = detail.orders(view)
-    longest = 16 * math.sqrt(3) * 1.5 / detail.splats.steps.min() + 7
+    longest = BRICK * math.sqrt(3) * 1.5 / detail.splats.steps.min() + 7
     assert 0 < num_samples(detail.splats, order, view) < len(order) * 40 * 30 * longest

@@ -8,7 +8,7 @@ import pytest
 from dense_bricks import OBLIQUE, Shape, patches
 
 from renderer import brick_means
-from renderer.brick_kernels import APRON, BRICK, SIDE
+from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS, SIDE
 from renderer.brick_means import MadeMeans, made_means
 from renderer.bricks import make_bricks
 from renderer.octree import children
@@ -27,7 +27,7 @@ def volume_of(shape: Shape, dtype: str) -> Volume:
 def dense_nodes(pyramid: Pyramid, level: int) -> npt.NDArray[np.floating]:
     """[z, y, x, 4]: the stored means of a level, 0 where nothing is visible, and beyond the volume as far as bricks and
     their aprons go."""
-    shape = [((n - 1 >> (level + 4)) + 1) * BRICK + 2 * APRON for n in pyramid.volume.values.shape]
+    shape = [((n - 1 >> (level + BRICK_LEVELS)) + 1) * BRICK + 2 * APRON for n in pyramid.volume.values.shape]
     means = np.zeros((*shape, 4), pyramid.levels[0].means.dtype)
     nodes, cells = np.arange(len(pyramid.levels[-1].errors)), np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     for number in range(pyramid.num_levels, level, -1):
@@ -63,7 +63,7 @@ def test_means_are_those_of_a_complete_pyramid(
         if level > whole.num_levels:
             continue
         dense = dense_nodes(whole, level)
-        grid = [((n - 1) >> (level + 4)) + 1 for n in shape]
+        grid = [((n - 1) >> (level + BRICK_LEVELS)) + 1 for n in shape]
         cells = np.stack(np.indices(grid)[::-1], axis=-1).reshape(-1, 3).astype(np.int32)
         for (x, y, z), got in zip((cells * BRICK).tolist(), made_means(pyramid, level, cells), strict=True):
             np.testing.assert_array_equal(got, dense[z : z + SIDE, y : y + SIDE, x : x + SIDE])
