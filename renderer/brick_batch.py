@@ -42,8 +42,8 @@ STEP_POWER = 0.4
 # finer lattice differ there, and what is thin must not fall between nodes.
 STRIDES = ((2.0, (8, 4)), (1.0, (4, 2)), (0.15, (4, 1)))
 # Nodes of the first lattice lie no further apart than so many of the finest cells for each FINE of the tolerance, four
-# of them at 0.3, and no further than this share of the volume's thinnest side. What is thinner may fall between them: a sheet seen edge-on,
-# or what a steep transfer function cuts out of a cell.
+# of them at 0.3, and no further than this share of the volume's thinnest side. What is thinner may fall between them: a
+# sheet seen edge-on, or what a steep transfer function cuts out of a cell.
 CELLS_BETWEEN_NODES, FINE, OF_THINNEST = 1.35, 0.1, 0.5
 # In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
 # With a third, pictures are as exact as those of all pixels, within 2 dB at 0.15 to 0.5, where two of three CT scans

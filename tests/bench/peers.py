@@ -23,7 +23,9 @@ OPTIONS = (
     "--footprints", "integrated", "--measures", "optical", "--corrections", "on", "--peer", "vtk", "--repeats", "7",
     "--quiet",
 )  # fmt: skip
-TOLERANCES = "6,4,3,2,1.6,1.3,1,0.8,0.7,0.6,0.5,0.4,0.3,0.25,0.2,0.17,0.15,0.12,0.1,0.07,0.05,0.03,0.02,0.01,0.003,0.001,0"
+TOLERANCES = (
+    "6,4,3,2,1.6,1.3,1,0.8,0.7,0.6,0.5,0.4,0.3,0.25,0.2,0.17,0.15,0.12,0.1,0.07,0.05,0.03,0.02,0.01,0.003,0.001,0"
+)
 # Accuracies, dB, and the part of VTK's time that a frame may take.
 GOALS = ((30.0, 1 / 3), (35.0, 1 / 4), (40.0, 1 / 5), (45.0, 1 / 8))
 GOAL_AT_BEST = 1 / 10
