@@ -58,6 +58,10 @@ def guard(file: MappedFile, values: Array) -> None:
         descriptor = os.open(file.path, os.O_RDONLY)
     except OSError:  # gone, which the next look tells
         return
+    status = os.fstat(descriptor)
+    if (status.st_dev, status.st_ino) != (file.device, file.inode):  # replaced, which it tells, too
+        os.close(descriptor)
+        return
     begin, end = np.lib.array_utils.byte_bounds(values)
     region = regions[free[0]]
     region[[0, 2, 3]] = begin & -mmap.PAGESIZE, descriptor, file.num_bytes

@@ -24,7 +24,7 @@ Float64 = npt.NDArray[np.float64]
 
 # Where a film on a budget of time ends: beyond tolerances so much smaller than the error of the whole as one cell,
 # there is only 0.
-_FINEST = 1e6
+_FINEST = 2e6
 # What a pixel under a brick costs beside the samples of its way, in samples, on a software renderer.
 _PER_PIXEL = 6.5
 # Of the time for all pixels the first lattice takes `stride^-_POWER` (pixels are drawn in groups, of which few are

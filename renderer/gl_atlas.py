@@ -94,6 +94,8 @@ class Atlas:
         if self.texture is not None:
             self.texture.release()
             self.texture = None
+        self._places[:] = -1
+        self._keys, self._last_used = np.empty(0, np.int64), np.empty(0, np.int64)
 
     def _made(self) -> Any:
         """A texture of this size; None where the device has no memory for it, but perhaps for a smaller one."""
@@ -128,7 +130,6 @@ class Atlas:
     def _grow(self, num: int) -> None:
         """A texture with room for so many, and some more; what was in the old one is gone."""
         self.release()
-        self._places[:] = -1
         while self.texture is None:
             self.size = next((size for size in self._sizes if _num_places(size) >= 2 * num), self._sizes[-1])
             self.texture = self._made()

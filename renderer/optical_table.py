@@ -40,5 +40,8 @@ def _num_entries(values: Float64, first: float, last: float) -> int:
     if float(np.diff(shares).min(initial=1.0)) * most < CELLS_OF_PIECE:
         fewest, most = MOST_ENTRIES
     nums = np.arange(fewest, most)
-    at = np.multiply.outer(nums, shares)
-    return int(nums[np.abs(at - np.round(at)).max(axis=1, initial=0.0).argmin()]) + 1
+    farthest = np.zeros(len(nums))
+    for share in shares:  # there may be many, all of which at a time take much memory
+        at = nums * share
+        np.maximum(farthest, np.abs(at - np.round(at)), out=farthest)
+    return int(nums[farthest.argmin()]) + 1

@@ -49,6 +49,8 @@ _RECORDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_OF_STAGE, *
 def pack(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
     """The bytes of a stage, piece by piece; its arrays are not copied, and one that it has twice is there once.
 
+    A piece is to be read before the next one is asked for: after the last the volume's file is looked at.
+
     without_files: who unpacks it does not have the files of this machine: all voxels are in the bytes. Raises
     InputError where such a file was changed.
     """
@@ -61,6 +63,15 @@ def pack(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
         yield array.reshape(-1).view(np.uint8).data
         yield memoryview(bytes(_rest(array.nbytes)))
     stage.volume.require_unchanged()
+
+
+def packed(stage: Stage) -> npt.NDArray[np.uint8]:
+    """uint8 [n]: the bytes of a stage for who does not have the files of this machine. Raises InputError where such a
+    file was changed."""
+    pieces = [np.frombuffer(piece, np.uint8) for piece in pack(stage, without_files=True) if piece.nbytes]
+    content = np.concatenate(pieces)
+    stage.volume.require_unchanged()  # once more: they were not read before
+    return content
 
 
 def unpack(content: memoryview, on_mapped: OnMapped | None = None) -> Stage:

@@ -15,8 +15,6 @@ from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from hsplat_cli.cluster.connection import connect
 from hsplat_cli.cluster.roster import Roster
 from hsplat_cli.cluster.worker import Parcel, draw
@@ -24,7 +22,7 @@ from hsplat_cli.drawn import Drawn
 from hsplat_cli.versions import package_versions
 from renderer.drawing import Stage
 from renderer.errors import ContextLostError, HsplatError, RenderError
-from renderer.parcel import pack
+from renderer.parcel import packed
 from renderer.picture import Picture
 
 if TYPE_CHECKING:
@@ -140,8 +138,7 @@ class ClusterDrawer:
 
     def _send(self) -> Future | None:
         """The stage to one worker, if it is still there; the others get it from it, and from each other."""
-        pieces = [np.frombuffer(piece, np.uint8) for piece in pack(self._stage, without_files=True) if piece.nbytes]
-        parcel = Parcel(np.concatenate(pieces))
+        parcel = Parcel(packed(self._stage))
         try:
             return self._client.scatter(parcel, workers=[min(self._roster.fit)], hash=False)
         except (KeyError, OSError, TimeoutError):

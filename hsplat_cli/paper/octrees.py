@@ -167,6 +167,7 @@ def _variation_of_blocks(stage: Stage) -> Float64:
             block = opacity[:, y * side : (y + 1) * side, x * side : (x + 1) * side]
             if block.any():
                 variation[z, y, x] = block.std()
+    volume.require_unchanged()
     return variation
 
 

@@ -111,7 +111,8 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
 
     VTK's volume ends at the outer voxel centres, hsplat's half a voxel further out; with such a border that makes no
     difference. The value is the lowest of the volume where that is transparent, else the highest, else the transparent
-    one nearest to what the volume holds. Raises InputError where its type has none or nothing would be left.
+    one nearest to what the volume holds. Raises InputError where its type has none or nothing would be left, and
+    where the volume's file was changed.
     """
     if min(volume.shape_xyz) < 3:
         raise InputError(
@@ -132,6 +133,7 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
     values = np.full_like(volume.values, value)
     inner = (slice(1, -1),) * 3
     values[inner] = volume.values[inner]
+    volume.require_unchanged()
     return make_volume(values, volume.world_from_index, f"{volume.name} with a transparent border")
 
 

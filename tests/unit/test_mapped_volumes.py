@@ -19,7 +19,7 @@ from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import make_bricks
 from renderer.drawing import Stage
 from renderer.errors import InputError
-from renderer.parcel import pack, unpack
+from renderer.parcel import pack, packed, unpack
 from renderer.pipeline import prepare, render_frames
 from renderer.pyramid import build_pyramid
 from renderer.raster_gl import GLRasterizer
@@ -270,6 +270,23 @@ def test_workers_see_another_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("everything_mapped")
+def test_voxels_that_go_while_they_are_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are read when all pieces are there, which is after the last look of those who made the pieces."""
+    stage = film(tmp_path / "v.raw", INTEGRATED, (100, 90, 80))
+    assert unpack(memoryview(bytearray(packed(stage)))).volume.source is None
+    join = np.concatenate
+
+    def joined(pieces: list[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:
+        content = join(pieces)
+        shrink(tmp_path / "v.raw")
+        return content
+
+    monkeypatch.setattr("renderer.parcel.np.concatenate", joined)
+    with pytest.raises(InputError, match="became shorter while it was in use"):
+        packed(stage)
+
+
+@pytest.mark.usefixtures("everything_mapped")
 def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
     """What they share does not grow with the voxels; whoever has no files gets them all."""
     stage = film(tmp_path / "v.raw", INTEGRATED, (100, 90, 80))
@@ -285,7 +302,7 @@ def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
             for volume in (there.volume, there.bricks.volume):
                 np.testing.assert_array_equal(volume.values, stage.volume.values)
                 assert not volume.values.flags.writeable
-        alone = unpack(memoryview(bytearray(b"".join(pack(stage, without_files=True)))))
+        alone = unpack(memoryview(bytearray(packed(stage))))
         shrink(tmp_path / "v.raw")
         assert alone.volume.source is None
         np.testing.assert_array_equal(alone.volume.values, noise((100, 90, 80)) * 2)
