@@ -6,7 +6,7 @@ file after everything that it reads of it, and raises InputError. All that is no
 that cannot be read or shared memory that has run out, is left to what handled the signal before: it kills as ever.
 
 The handler is compiled, for Python's own run between two bytecodes, and none of them comes before the loop goes on. It
-calls nothing but lseek, mmap and sigaction. It is there on Linux of 64 bits only, whose structures it knows.
+calls nothing but lseek, mmap, sigaction and raise. It is there on Linux of 64 bits only, whose structures it knows.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ Array = npt.NDArray[Any]
 _MOST = 64
 # Not in Python's modules; of sigaction(2), and of mmap(2), the last one without room set aside for what is not written.
 _SA_SIGINFO, _MAP_FIXED, _MAP_NORESERVE = 4, 0x10, 0x4000
+# Of siginfo_t.si_code, the lower half of a word: of a fault it is positive and small, of what was sent it is not.
+_LOW_BITS, _MOST_CODES = 0xFFFFFFFF, 0xFFFF
 
 
 def read_guarded(spec: VolumeSpec) -> Volume:
@@ -128,6 +130,7 @@ def _compiled(regions_address: int, before_address: int) -> Any:
 
     at: Any = intrinsic(pointer)
     lseek, map_memory, sigaction = _of_libc("lseek", 3), _of_libc("mmap", 6), _of_libc("sigaction", 3, ctypes.c_int)
+    send = _of_libc("raise", 1, ctypes.c_int)
     page, to_end, readable = mmap.PAGESIZE, os.SEEK_END, mmap.PROT_READ
     zeros = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | _MAP_FIXED | _MAP_NORESERVE
 
@@ -143,5 +146,7 @@ def _compiled(regions_address: int, before_address: int) -> Any:
                     if map_memory(first, regions[index + 1] - first, readable, zeros, -1, 0) == first:
                         return
         sigaction(number, before_address, 0)  # the same instruction faults again
+        if not 0 < (information[1] & _LOW_BITS) <= _MOST_CODES:  # it was sent, and comes when this returns
+            send(number)
 
     return numba.cfunc(types.void(types.int32, words, types.voidptr))(handle)

@@ -42,13 +42,19 @@ def _is_as_planned(plan: Plan, record: Record) -> bool:
 def tell_kept(kept: KeptFrames, job: Job, plan: Plan) -> None:
     """Say which frames are there already, and why others are not."""
     if kept.records:
-        click.echo(f"{len(kept.records)} of {counted(len(job.frames), 'frame')} are there already", err=True)
+        click.echo(f"{_some(kept, job)} there already", err=True)
     if kept.former_cause is not None:
         why = f": {differences(kept.former_cause, kept.cause)}" if kept.former_cause else ""
         click.echo(f"{_drawn_anew(kept.num_former)} of another film{why}", err=True)
     if kept.num_dropped:
         why = "not drawn on a budget of time" if plan.by_clock else "drawn at other tolerances"
         click.echo(f"{_drawn_anew(kept.num_dropped)} {why}", err=True)
+
+
+def _some(kept: KeptFrames, job: Job) -> str:
+    """`1 of 5 frames is`, `4 of 5 frames are`."""
+    num = len(kept.records)
+    return f"{num} of {counted(len(job.frames), 'frame')} {'is' if num == 1 else 'are'}"
 
 
 def _drawn_anew(num: int) -> str:
@@ -63,8 +69,7 @@ def tell_left(kept: KeptFrames, job: Job, folder: Path, cause: Cause, *, force: 
         command = "the same command"
         if force:
             command += f" without --force{_once_removed(job, cause)}"
-        num = f"{len(kept.records)} of {counted(len(job.frames), 'frame')}"
-        click.echo(f"{num} are kept; {command} goes on from there", err=True)
+        click.echo(f"{_some(kept, job)} kept; {command} goes on from there", err=True)
 
 
 def _once_removed(job: Job, cause: Cause) -> str:

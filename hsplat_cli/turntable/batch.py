@@ -16,6 +16,7 @@ from typing import Any
 
 import click
 
+from hsplat_cli.counts import counted
 from hsplat_cli.film_options import as_arguments
 from hsplat_cli.scene_text import volume_file
 from hsplat_cli.turntable.report import BRIEFLY_S, DONE, FILE, INTERRUPTED, NOT_BEGUN, Record, table, write_report
@@ -61,7 +62,7 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
     num_failed = sum(record["status"] != DONE for record in records)
     if num_failed:
         raise RenderError(
-            f"{num_failed} of {len(records)} films could not be made",
+            f"{num_failed} of {counted(len(records), 'film')} could not be made",
             where=str(folder),
             hint=f"the same command{' without --force' * orders[0].force} makes only what is missing",
         )

@@ -138,7 +138,7 @@ def test_a_second_job_on_the_same_output(output: str, capsys: pytest.CaptureFixt
         first.send_signal(signal.SIGKILL)
         first.communicate()
     assert main.run(arguments(f"out/{output}", *many)) == 0
-    found = re.search(r"([0-9]+) of 100 frames are there already", capsys.readouterr().err)
+    found = re.search(r"([0-9]+) of 100 frames (?:is|are) there already", capsys.readouterr().err)
     assert found and int(found[1]) >= 2
     assert_clean()
 

@@ -236,7 +236,7 @@ def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsy
     said(capsys)
     again("film.mp4.json")
     anew = "2 frames that were there are drawn anew, for they were drawn at other tolerances"
-    assert said(capsys)[-2:] == ["1 of 5 frames are there already", anew]
+    assert said(capsys)[-2:] == ["1 of 5 frames is there already", anew]
     assert draws.taken() == [1, 2, 3, 4]
     assert made() == expected
 

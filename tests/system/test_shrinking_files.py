@@ -130,6 +130,28 @@ another.sum()
 """
 
 
+SENT = """\
+import os, signal
+import numpy as np
+from hsplat_cli.shrinking import guard
+from renderer.mapped_file import file_behind
+np.ones(1 << 20, np.uint8).tofile("ours")
+ours = np.memmap("ours", np.uint8, "r")
+guard(file_behind(ours), ours)
+assert int(ours.sum()) == 1 << 20
+os.kill(os.getpid(), signal.SIGBUS)
+print("still there")
+"""
+
+
+def test_a_signal_that_is_sent_kills_as_ever(tmp_path: Path) -> None:
+    environment = os.environ | {"PYTHONPATH": str(CODE)}
+    done = subprocess.run(
+        [sys.executable, "-c", SENT], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (-signal.SIGBUS, ""), done.stderr
+
+
 def test_other_faults_kill_as_ever(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(CODE)}
     done = subprocess.run(
