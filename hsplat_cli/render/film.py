@@ -5,15 +5,17 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from hsplat_cli.counts import counted
 from hsplat_cli.crew_options import CrewSpec
-from hsplat_cli.drawn import Drawer
+from hsplat_cli.drawn import Drawer, Drawn
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
+from hsplat_cli.render.behind import one_behind
 from hsplat_cli.render.crew import open_crew
 from hsplat_cli.render.done import Done, record, tell
 from hsplat_cli.render.goals import make_plan
@@ -22,7 +24,7 @@ from hsplat_cli.render.record import makers, with_seconds
 from hsplat_cli.render.start import start_film
 from renderer.costs import CostLog
 from renderer.errors import RenderError
-from renderer.film import open_film, require_encoder
+from renderer.film import FilmWriter, open_film, require_encoder
 from renderer.frame_record import Record
 from renderer.kept_frames import KeptFrames, forget_frames
 from renderer.output_files import has_frame_files, sidecar_path
@@ -98,18 +100,24 @@ def _draw(
             notes = film.notes
         bar = stack.enter_context(progress(len(missing), label=label, quiet=quiet))
         drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
-        for number in job.frames:
-            drawn = None if number in kept.records else next(drawing)
-            before = time.perf_counter()
-            record = kept.records[number] if drawn is None else kept.keep(number, drawn.picture.png, drawn.record)
-            if film is not None:
-                picture = kept.picture(number) if drawn is None else drawn.picture
-                film.write(number, picture.pixels)
-            if drawn is not None or film is not None:
-                record = with_seconds(record, encode=time.perf_counter() - before)
+        missed = frozenset(missing)
+        tasks = (partial(_store, kept, film, n, next(drawing) if n in missed else None) for n in job.frames)
+        for record in stack.enter_context(contextlib.closing(one_behind(tasks))):
             records.append(record)
-            if drawn is not None:
+            if record["frame"] in missed:
                 bar.advance(counted(record["splats"], job.scene.splat.noun))
     if film is None:
         finishing()
     return records, notes
+
+
+def _store(kept: KeptFrames, film: FilmWriter | None, number: int, drawn: Drawn | None) -> Record:
+    """Keep a frame that was drawn, or take the one that is kept, for the film, too; its record."""
+    before = time.perf_counter()
+    record = kept.records[number] if drawn is None else kept.keep(number, drawn.picture.png, drawn.record)
+    if film is not None:
+        picture = kept.picture(number) if drawn is None else drawn.picture
+        film.write(number, picture.pixels)
+    if drawn is None and film is None:
+        return record
+    return with_seconds(record, encode=time.perf_counter() - before)

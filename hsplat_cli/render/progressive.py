@@ -7,11 +7,13 @@ little longer than the last one alone.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +25,7 @@ from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
 from hsplat_cli.progress import Progress, progress
+from hsplat_cli.render.behind import one_behind
 from hsplat_cli.render.cause import Cause
 from hsplat_cli.render.difference import Difference, Differences
 from hsplat_cli.render.done import Done, record, tell
@@ -154,7 +157,9 @@ class _Maker:
             open_film(job.scene.output, job.frames, within=self._folder, finishing=finishing) as film,
             progress(len(job.frames), label=label, quiet=self._quiet) as bar,
         ):
-            frames = [self._write(drawn, film, bar) for drawn in self._drawer(each.plan).draw(job.frames)]
+            tasks = (partial(self._write, drawn, film) for drawn in self._drawer(each.plan).draw(job.frames))
+            with contextlib.closing(one_behind(tasks)) as written:
+                frames = [self._count(record, bar) for record in written]
         now = time.perf_counter()
         difference = self._differences.of_pass()
         made = {
@@ -192,12 +197,15 @@ class _Maker:
     def _drawer(self, plan: Plan) -> LocalDrawer:
         return LocalDrawer(plan.stage, self._rasterizer, plan.guide)
 
-    def _write(self, drawn: Drawn, film: FilmWriter, bar: Progress) -> Record:
+    def _write(self, drawn: Drawn, film: FilmWriter) -> Record:
         before = time.perf_counter()
         film.write(drawn.number, drawn.picture.pixels)
         record = with_seconds(drawn.record, encode=time.perf_counter() - before)
         self._differences.see(drawn.number, drawn.picture.pixels)
-        if drawn.number != self._job.frames[-1]:
+        return record
+
+    def _count(self, record: Record, bar: Progress) -> Record:
+        if record["frame"] != self._job.frames[-1]:
             self.require_time()
         bar.advance(counted(record["splats"], self._job.scene.splat.noun))
         return record

@@ -1,0 +1,102 @@
+"""Work behind the drawing: in order, one at a time, and finished whatever ends the drawing."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing
+
+import pytest
+
+from hsplat_cli.render.behind import one_behind
+
+LONGEST_S = 30.0  # until a thread that waits is taken for stuck
+
+
+def test_results_come_in_order_of_their_tasks() -> None:
+    """As many as there are tasks, of none none."""
+    assert list(one_behind(lambda k=k: k for k in range(7))) == list(range(7))
+    assert list(one_behind(iter(()))) == []
+
+
+def test_the_next_is_made_ready_while_one_is_done() -> None:
+    """A task that waits for the next one to be made ready ends, in another thread than the one that makes tasks."""
+    is_ready, threads = threading.Event(), set()
+
+    def first() -> bool:
+        threads.add(threading.current_thread())
+        return is_ready.wait(LONGEST_S)
+
+    def tasks() -> Iterator[Callable[[], bool]]:
+        yield first
+        threads.add(threading.current_thread())
+        is_ready.set()
+        yield lambda: True
+
+    assert list(one_behind(tasks())) == [True, True]
+    assert len(threads) == 2
+
+
+def test_never_two_at_a_time() -> None:
+    """A task begins when the one before it has ended, though that takes its time."""
+    at_work, most = 0, 0
+    guard, pause = threading.Lock(), threading.Event()
+
+    def task() -> None:
+        nonlocal at_work, most
+        with guard:
+            at_work += 1
+            most = max(most, at_work)
+        pause.wait(0.01)
+        with guard:
+            at_work -= 1
+
+    assert len(list(one_behind([task] * 5))) == 5
+    assert most == 1
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_what_has_begun_is_finished_where_the_next_cannot_be_made(error: type[BaseException]) -> None:
+    """The frame that was drawn is kept when drawing the one after it is interrupted."""
+    done: list[int] = []
+    is_left = threading.Event()
+
+    def first() -> None:
+        is_left.wait(LONGEST_S)
+        done.append(1)
+
+    def tasks() -> Iterator[Callable[[], None]]:
+        yield first
+        is_left.set()
+        raise error
+
+    with pytest.raises(error):
+        list(one_behind(tasks()))
+    assert done == [1]
+
+
+def test_what_a_task_raises_comes_and_ends_the_rest() -> None:
+    """When the next is ready, which is not begun any more."""
+    done: list[int] = []
+
+    def fails() -> None:
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        list(one_behind([lambda: done.append(1), fails, lambda: done.append(2)]))
+    assert done == [1]
+
+
+def test_closing_waits_for_what_has_begun() -> None:
+    """Nobody who closes what a task writes to does so under its hands; what has not begun is left."""
+    done: list[int] = []
+    is_left = threading.Event()
+
+    def second() -> None:
+        is_left.wait(LONGEST_S)
+        done.append(2)
+
+    with closing(one_behind([lambda: done.append(1), second, lambda: done.append(3)])) as results:
+        next(results)
+        is_left.set()
+    assert done == [1, 2]
