@@ -35,14 +35,20 @@ class Hook:
     def __init__(self, plan: dict[str, Any], folder: Path) -> None:
         self._plan, self._folder = plan, str(folder)
         self._phase, self._num_kept, self._is_busy = 0, 0, False
+        self._lock = threading.RLock()  # frames are kept by another thread than draws them
         self.events = [0] * len(PHASES)
         self.begins = [time.monotonic()]
         self._enter()
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
         """An audit hook; what it does itself is not an event."""
-        if event not in EVENTS or self._is_busy or threading.current_thread() is not threading.main_thread():
+        if event not in EVENTS:
             return
+        with self._lock:
+            if not self._is_busy:
+                self._notice(event, arguments)
+
+    def _notice(self, event: str, arguments: tuple[Any, ...]) -> None:
         paths = [os.fsdecode(item) for item in arguments[:2] if isinstance(item, (str, bytes, os.PathLike))]
         if event != "subprocess.Popen" and not any(self._folder in os.path.abspath(path) for path in paths):
             return
