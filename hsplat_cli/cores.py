@@ -6,8 +6,7 @@ import math
 import os
 from pathlib import Path
 
-_QUOTA_V2 = Path("/sys/fs/cgroup/cpu.max")
-_QUOTA_V1, _PERIOD_V1 = Path("/sys/fs/cgroup/cpu/cpu.cfs_quota_us"), Path("/sys/fs/cgroup/cpu/cpu.cfs_period_us")
+_GROUPS, _OWN = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 
 def num_cores() -> int:
@@ -16,13 +15,32 @@ def num_cores() -> int:
     return max(1, math.ceil(min(allowed, _quota())))
 
 
-def _quota() -> float:
-    """Processors' worth of time, by Linux' control groups; infinite where nothing limits it."""
+def _quota(groups: Path = _GROUPS, own: Path = _OWN) -> float:
+    """Processors' worth of time, by Linux' control groups (cgroups(7)); infinite where nothing limits it.
+
+    A group has no more than those that it is in. In a container its own is usually the root of what can be seen, and
+    what `own` says of it is not there.
+    """
     try:
-        if _QUOTA_V2.exists():
-            quota, period = _QUOTA_V2.read_text().split()
+        lines = [line.split(":", 2) for line in own.read_text(encoding="utf-8").splitlines()]
+    except (OSError, ValueError):
+        lines = []
+    folders = {groups, groups / "cpu"}
+    for _, controllers, path in (line for line in lines if len(line) == 3):
+        if controllers == "" or "cpu" in controllers.split(","):  # of version 2, or of version 1
+            root = groups / "cpu" if controllers else groups
+            inner = root / path.lstrip("/")
+            folders.update(folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))
+    return min(map(_quota_of, folders))
+
+
+def _quota_of(group: Path) -> float:
+    """That of one group, by whichever version it has files of."""
+    try:
+        if (group / "cpu.max").exists():
+            quota, period = (group / "cpu.max").read_text().split()
         else:
-            quota, period = _QUOTA_V1.read_text(), _PERIOD_V1.read_text()
+            quota, period = ((group / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
         return int(quota) / int(period) if int(quota) > 0 else math.inf
-    except (OSError, ValueError):  # no such file, or `max`
+    except (OSError, ValueError, ZeroDivisionError):  # no such file, or `max`
         return math.inf

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+from hsplat_cli.cores import num_cores
 from hsplat_cli.progress import progress
 from renderer.drawing import Stage
 from renderer.errors import InputError
@@ -42,7 +43,7 @@ def find_truths(
 
         for frame in frames:
             start = time.perf_counter()
-            truth = find_truth(stage, frame, tolerance, on_progress=show)
+            truth = find_truth(stage, frame, tolerance, num_threads=num_cores(), on_progress=show)
             seconds = time.perf_counter() - start
             truths.append(truth)
             show(0.0)

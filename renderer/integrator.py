@@ -16,7 +16,6 @@ convergence.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -78,7 +77,7 @@ def integrate(
     *,
     step_voxels: float,
     shading: ShadingSpec | None = None,
-    num_threads: int | None = None,
+    num_threads: int = 2,
     on_progress: Progress | None = None,
 ) -> Float64:
     """The image as float64 [height, width, 4], premultiplied RGBA, unclipped, row 0 at the top.
@@ -89,7 +88,7 @@ def integrate(
     shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
         differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
         gradient is zero.
-    num_threads: None is one for each core; the image does not depend on it.
+    num_threads: the image does not depend on it.
     on_progress: told, in the thread of the caller, the share in (0, 1] of the rays that are done. What it raises, like
         an interrupt, ends the work: rays that have not begun are dropped.
     """
@@ -108,7 +107,7 @@ def converged_image(
     tolerance: float,
     shading: ShadingSpec | None = None,
     max_refinements: int = 12,
-    num_threads: int | None = None,
+    num_threads: int = 2,
     on_progress: Progress | None = None,
 ) -> tuple[Float64, Convergence]:
     """`integrate` at ever shorter steps, each pixel until halving the step changed no channel by `tolerance` or more.
@@ -224,7 +223,7 @@ def _part_of(on_progress: Progress | None, start: float, end: float) -> Progress
 
 
 def _integrate_pixels(
-    field: _Field, view: View, pixels: Int64, step_voxels: float, num_threads: int | None, on_progress: Progress
+    field: _Field, view: View, pixels: Int64, step_voxels: float, num_threads: int, on_progress: Progress
 ) -> Float64:
     """Float64 [n, 4] for the given pixels."""
     radiance = np.empty((pixels.size, 4))
@@ -246,7 +245,7 @@ def _integrate_pixels(
             radiance[part],
         )
 
-    with ThreadPoolExecutor(num_threads or os.cpu_count()) as pool:
+    with ThreadPoolExecutor(num_threads) as pool:
         try:
             parts = [pool.submit(integrate_part, first) for first in range(0, pixels.size, _RAYS_PER_TASK)]
             for number, part in enumerate(parts, 1):

@@ -6,8 +6,10 @@ therefore kept in a folder named by all sources together: an edit anywhere compi
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -18,6 +20,9 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 _config: Any = numba.config  # its attributes are made at run time
 
+# A folder of the cache; where none of its version has run for 30 days, it goes when another one is made.
+_PREFIX, _LONGEST_UNUSED_S = "kernels-", 30 * 86400.0
+
 
 def _cache_folder() -> Path | None:
     """A writable folder for this version of the sources: beside them, or in the user's home; None if there is none."""
@@ -26,15 +31,28 @@ def _cache_folder() -> Path | None:
     for source in sorted(here.glob("*.py")):
         digest.update(source.read_bytes())
     asked_for = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
-    for base in (*asked_for, here / "__pycache__", Path.home() / ".cache" / "hsplat"):
-        folder = base / f"kernels-{digest.hexdigest()}"
+    for base in (*asked_for, here / "__pycache__", Path("~/.cache/hsplat")):
         try:
+            folder = base.expanduser() / f"{_PREFIX}{digest.hexdigest()}"
+            is_new = not folder.is_dir()
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
+            os.utime(folder)  # that it is in use
+        except (OSError, RuntimeError):  # the latter: there is no home
             continue
         if os.access(folder, os.W_OK):
+            if is_new:
+                _remove_unused(folder)
             return folder
     return None
+
+
+def _remove_unused(folder: Path) -> None:
+    """Remove the caches of other versions beside a folder that nobody has used for long."""
+    now = folder.stat().st_mtime
+    for other in folder.parent.glob(f"{_PREFIX}*"):
+        with contextlib.suppress(OSError):
+            if now - other.stat().st_mtime > _LONGEST_UNUSED_S:
+                shutil.rmtree(other, ignore_errors=True)
 
 
 _FOLDER = _cache_folder()

@@ -36,7 +36,9 @@ class Truth:
     convergence: Convergence
 
 
-def find_truth(stage: Stage, frame: int, tolerance: float, *, on_progress: Progress | None = None) -> Truth:
+def find_truth(
+    stage: Stage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress | None = None
+) -> Truth:
     """The truth of a frame to `tolerance` in every channel. Raises RenderError where it does not converge.
 
     on_progress: told the share of the work that is done, in (0, 1].
@@ -49,6 +51,7 @@ def find_truth(stage: Stage, frame: int, tolerance: float, *, on_progress: Progr
         view_of(stage, frame),
         tolerance=tolerance,
         shading=scene.shading,
+        num_threads=num_threads,
         on_progress=on_progress,
     )
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)

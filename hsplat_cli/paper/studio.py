@@ -48,7 +48,7 @@ class Studio:
 
     def truth(self, stage: Stage) -> Picture:
         """The ray integral of the first frame, to TRUTH_TOLERANCE: float64 [h, w, 3], over the scene's background."""
-        return find_truth(stage, 0, TRUTH_TOLERANCE).picture
+        return find_truth(stage, 0, TRUTH_TOLERANCE, num_threads=self.num_threads).picture
 
 
 def transfer_of(stage: Stage) -> TransferFunction:

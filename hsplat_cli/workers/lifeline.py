@@ -33,7 +33,7 @@ class Lifeline:
     """Starts children that end with this process, and at the end of the block at the latest."""
 
     def __init__(self) -> None:
-        self._ends: list[int] = []
+        self._ends: dict[subprocess.Popen[bytes], int] = {}
 
     def __enter__(self) -> Lifeline:
         return self
@@ -59,10 +59,9 @@ class Lifeline:
         it inherits, under the same numbers; there are no others. Raises OSError where it cannot be started.
         """
         child_end, parent_end = os.pipe()  # one for each: who gets a signal is a property of a pipe's end
-        self._ends.append(parent_end)
         command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(sys.path)), *sys.path]
         try:
-            return subprocess.Popen(
+            child = subprocess.Popen(
                 [*command, module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=stdout,
@@ -71,13 +70,24 @@ class Lifeline:
                 pass_fds=[child_end, *pass_fds],
                 start_new_session=True,
             )
+        except BaseException:
+            os.close(parent_end)
+            raise
         finally:
             os.close(child_end)
+        self._ends[child] = parent_end
+        return child
+
+    def let_go(self, child: subprocess.Popen[bytes]) -> None:
+        """End a child if it has not ended; it is not waited for. For a second time this does nothing."""
+        end = self._ends.pop(child, None)
+        if end is not None:
+            os.close(end)
 
     def cut(self) -> None:
         """End all children that there still are; they are not waited for."""
-        while self._ends:
-            os.close(self._ends.pop())
+        for child in list(self._ends):
+            self.let_go(child)
 
 
 def hold_on(descriptor: int) -> None:

@@ -66,6 +66,7 @@ class WorkerProcess(Generic[Task]):
         self._processor_time: int | None = None
         self._killed_at: float | None = None
         self._socket, other = socket.socketpair()
+        self._lifeline = lifeline
         module, *arguments = program
         with other:
             numbers = [str(other.fileno()), str(descriptor)]
@@ -134,6 +135,7 @@ class WorkerProcess(Generic[Task]):
             self.kill()
         if self._killed_at is not None:
             self._ends_within(self._killed_at + _LONGEST_KILL_S - time.monotonic())
+        self._lifeline.let_go(self._process)
         self._socket.close()
 
     def _ends_within(self, seconds: float) -> bool:

@@ -6,7 +6,10 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
+
+import pytest
 
 import renderer.jit
 
@@ -59,3 +62,33 @@ def test_where_no_cache_can_be_written(tmp_path: Path) -> None:
     _package(tmp_path, 21)
     (tmp_path / "renderer" / "__pycache__").touch()  # in the way of the folder, even for root
     assert _run(tmp_path, "/proc/nowhere") == "42 False False"
+
+
+def test_caches_that_nobody_has_used_for_long_go(tmp_path: Path) -> None:
+    """When another version makes its own; others stay, and so does whatever else is there."""
+    _package(tmp_path, 21)
+    caches = tmp_path / "renderer" / "__pycache__"
+    now = time.time()
+    for name, days in (("kernels-old", 31), ("kernels-young", 29), ("else", 400)):
+        (caches / name).mkdir(parents=True)
+        (caches / name / "file").touch()
+        os.utime(caches / name, (now - days * 86400, now - days * 86400))
+    assert _run(tmp_path, str(tmp_path)) == "42 False True"
+    left = {path.name for path in caches.iterdir() if path.is_dir()}
+    assert {"kernels-young", "else"} < left
+    assert "kernels-old" not in left
+
+
+def test_without_a_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As for a user of a container whom its system does not know: a folder beside the sources serves, or none."""
+
+    def no_home(_: Path) -> Path:
+        raise RuntimeError
+
+    monkeypatch.setattr(Path, "home", no_home)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    assert renderer.jit._cache_folder() is not None
+    monkeypatch.setattr(renderer.jit, "__file__", str(tmp_path / "jit.py"))
+    monkeypatch.setattr(renderer.jit._config, "CACHE_DIR", "")
+    (tmp_path / "__pycache__").touch()
+    assert renderer.jit._cache_folder() is None

@@ -138,6 +138,19 @@ def test_cut_twice(mark: str) -> None:
     child.stdout.close()
 
 
+def test_who_is_let_go_ends_and_leaves_no_descriptor(mark: str) -> None:
+    """However many there have been in a block: a long film may replace many workers."""
+    with Lifeline() as lifeline:
+        before = len(os.listdir("/proc/self/fd"))
+        for _ in range(3):
+            with start(lifeline, "wait") as child:
+                assert says(child) == "waiting"
+                lifeline.let_go(child)
+                lifeline.let_go(child)
+                assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)
+        assert len(os.listdir("/proc/self/fd")) == before
+
+
 def test_what_cannot_be_started_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.executable", "/nowhere/python")
     before = len(os.listdir("/proc/self/fd"))

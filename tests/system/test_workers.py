@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
@@ -92,7 +93,10 @@ def test_what_can_be_done_again_is(
 
 def test_workers_that_die_often(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
     with open_pool(stage, 1, threads_each=1, program=faulty("kill_often", tmp_path)) as pool:
+        before = len(os.listdir("/proc/self/fd"))
         assert draw_all(pool) == expected
+        gc.collect()
+        assert len(os.listdir("/proc/self/fd")) == before
         assert pool.notes == ["3 of the processes that draw died and were replaced, and what they had was drawn again"]
 
 

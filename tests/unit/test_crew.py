@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hsplat_cli import cores
 from hsplat_cli.cores import num_cores
 from hsplat_cli.drawn import Drawn
 from hsplat_cli.render import crew
@@ -118,9 +120,36 @@ def test_how_many_workers(gl: str, free: float, most: int, monkeypatch: pytest.M
     assert crew._default_workers(gl) == most
 
 
-def test_cores_within_a_quota(monkeypatch: pytest.MonkeyPatch) -> None:
-    from hsplat_cli import cores  # noqa: PLC0415
+@pytest.mark.parametrize(
+    ("own", "files", "quota"),
+    [
+        ("0::/", {}, float("inf")),
+        ("0::/", {"cpu.max": "150000 100000"}, 1.5),
+        ("0::/a/b", {"a/cpu.max": "max 100000", "a/b/cpu.max": "300000 100000"}, 3.0),
+        ("0::/a/b", {"a/cpu.max": "200000 100000", "a/b/cpu.max": "300000 100000"}, 2.0),
+        ("0::/a", {"b/cpu.max": "100000 100000", "a/cpu.max": "no numbers"}, float("inf")),
+        ("0::/not/here", {"cpu.max": "50000 100000"}, 0.5),
+        (None, {"cpu/cpu.cfs_quota_us": "250000", "cpu/cpu.cfs_period_us": "100000"}, 2.5),
+        (
+            "12:memory:/m\n4:cpu,cpuacct:/job\n0::/",
+            {"cpu/job/cpu.cfs_quota_us": "400000", "cpu/job/cpu.cfs_period_us": "100000",
+             "cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"},
+            4.0,
+        ),
+        ("no such lines\n\n", {"cpu.max": "100000 0"}, float("inf")),
+    ],
+)  # fmt: skip
+def test_quotas_of_control_groups(own: str | None, files: dict[str, str], quota: float, tmp_path: Path) -> None:
+    """The least of a group's own and those it is in, as batch systems and services nest them."""
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(content)
+    if own is not None:
+        (tmp_path / "own").write_text(own)
+    assert cores._quota(tmp_path, tmp_path / "own") == quota
 
+
+def test_cores_within_a_quota(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cores.os, "sched_getaffinity", lambda _: range(16))
     for quota, expected in ((float("inf"), 16), (2.5, 3), (0.2, 1), (100.0, 16)):
         monkeypatch.setattr(cores, "_quota", lambda quota=quota: quota)
