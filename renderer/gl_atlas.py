@@ -12,7 +12,7 @@ at most 2^11 texels along a side float32 holds these exactly, and their products
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import moderngl
@@ -131,7 +131,7 @@ class Atlas:
         """A texture with room for so many, and some more; what was in the old one is gone."""
         self.release()
         while self.texture is None:
-            self.size = next((size for size in self._sizes if _num_places(size) >= 2 * num), self._sizes[-1])
+            self.size = _size_for(num, self._sizes)
             self.texture = self._made()
         num = _num_places(self.size)
         self._keys, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
@@ -149,6 +149,16 @@ def _sizes(num_channels: int, largest_side: int) -> Iterator[tuple[int, int, int
         size = (2 * x, y, z) if x == z else (x, 2 * y, z) if y == z else (x, y, 2 * z)
         if _num_bytes(size, num_channels) > MOST_BYTES:
             return
+
+
+def _size_for(num: int, sizes: Sequence[tuple[int, int, int]]) -> tuple[int, int, int]:
+    """The smallest with room for so many bricks, and as many more; the last one where there is none."""
+    return next((size for size in sizes if _num_places(size) >= 2 * num), sizes[-1])
+
+
+def most_atlas_bytes(num_channels: int, num_keys: int) -> int:
+    """What an atlas takes at most of that many bricks."""
+    return _num_bytes(_size_for(num_keys, list(_sizes(num_channels, _LARGEST_SIDE))), num_channels) if num_keys else 0
 
 
 def _num_places(size: tuple[int, int, int]) -> int:

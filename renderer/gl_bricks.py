@@ -104,6 +104,11 @@ class BrickDrawer:
         coarse.target.read_into(nodes, components=4, dtype="f4")
         return nodes if coarse.stride == 1 else interpolated(nodes, coarse.stride, view.size)
 
+    def forget(self) -> None:
+        """Let go of bricks, on the device and here."""
+        self._release_atlases()
+        self._bricks, self._made = None, MadeMeans()
+
     def _look_at(self, batch: BrickBatch, size: tuple[int, int]) -> None:
         """Let go of what belongs to other bricks, or to pictures of another size."""
         num_channels = 4 if batch.shading else 1

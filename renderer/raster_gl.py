@@ -1,4 +1,4 @@
-"""Rasterise splats with OpenGL: the only module that makes GL calls.
+"""Rasterise with OpenGL: splats and edges; bricks are drawn by `gl_bricks`, in the context that is made here.
 
 A headless EGL context (any GPU's driver, or Mesa's llvmpipe) and a float32 RGBA target. Splats come sorted back to
 front and are streamed to the device in batches of bounded size, so that neither their number nor the driver's limits on
@@ -62,7 +62,7 @@ PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
 class GLRasterizer:
-    """A GL context with the programs for splats; reusable for any number of frames, of any size.
+    """A GL context with its programs; reusable for any number of frames, of any size.
 
     Use as a context manager, or call `release`. Raises RenderError where no context can be made, and ContextLostError
     where it is lost while it draws: then it is of no more use, and `raster_lasting` takes another one.
@@ -109,6 +109,11 @@ class GLRasterizer:
                 image = self._bricks.draw(batch, order, view)
                 self._require_no_failure()
             return image
+
+    def forget(self) -> None:
+        """Let go of the bricks, of which there may be many, until some are drawn again."""
+        with self._context:
+            self._bricks.forget()
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
         """Lines along the edges, one over the other in their order: as `rasterize`, float32 [height, width, 4]."""

@@ -46,6 +46,10 @@ class LastingRasterizer:
         times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
         return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
 
+    def forget(self) -> None:
+        """As in GLRasterizer."""
+        self._current.forget()
+
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """As in GLRasterizer."""
         return self._draw(lambda gl: gl.rasterize(batch, order, view))

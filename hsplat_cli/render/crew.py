@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 from hsplat_cli.cluster.drawer import Cluster, open_cluster
 from hsplat_cli.cores import num_cores
@@ -14,6 +15,8 @@ from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.drawn import Drawer, Drawn, LocalDrawer
 from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers.pool import Pool, open_pool
+from renderer.brick_memory import most_bytes
+from renderer.drawing import Stage
 from renderer.errors import RenderError
 from renderer.raster_lasting import LastingRasterizer
 from renderer.scene import AccuracyGoal, Scene
@@ -22,7 +25,7 @@ from renderer.scene import AccuracyGoal, Scene
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast")
 # A device is shared by the processes; what they do beside drawing is not.
 _MOST_ON_DEVICE = 4
-# What a worker takes beside the stage that they share, for the bound by the memory that is free.
+# What a worker takes beside the stage that they share, and bricks, for the bound by the memory that is free.
 _WORKER_BYTES = 400 * 2**20
 # Workers take about a second of several cores until they are ready, which must be worth it.
 _WORTH_S = 4.0
@@ -56,67 +59,103 @@ class Crew:
         return self.rasterizer.renderer_name
 
     @contextlib.contextmanager
-    def drawer(self, plan: Plan, num_frames: int) -> Iterator[tuple[Plan, Drawer]]:
-        """What draws so many frames, and the plan to go on with: the volume may have moved to shared memory.
+    def drawer(self, plan: Plan, num_frames: int) -> Iterator[FilmDrawer]:
+        """What draws so many frames of a plan, which the caller lets go of: its volume may move to shared memory.
 
         Frames on a budget of time are drawn one by one, as they were timed.
         """
         if self._cluster is not None:
             with self._cluster.drawer(plan.stage) as drawer:
-                yield plan, drawer
+                yield _Elsewhere(plan, drawer)
             return
         assert self.rasterizer is not None
-        num_workers = min(self._spec.workers or _default_workers(self.gl), num_frames)
-        if num_workers < 2 or plan.by_clock:
-            yield plan, _Alone(plan, self.rasterizer)
+        num_workers = min(self._spec.workers or _default_workers(self.gl, plan.stage), num_frames)
+        alone, by_clock = _Alone(plan, self.rasterizer), plan.by_clock
+        del plan
+        if num_workers < 2 or by_clock:
+            yield alone
             return
         with contextlib.ExitStack() as stack:
-            try:
-                opened = open_pool(plan.stage, 0, threads_each=max(1, num_cores() // num_workers))
-                pool = stack.enter_context(opened)
-            except RenderError as error:
-                if self._spec.workers is not None:
-                    raise
-                yield plan, _Alone(plan, self.rasterizer, [_ALONE.format(error.what)])
-                return
-            plan = replace(plan, stage=pool.stage)
-            alone = _Alone(plan, self.rasterizer)
-            yield plan, _GrowingDrawer(alone, pool, num_workers, must=self._spec.workers is not None)
+
+            def call(stage: Stage) -> Pool:
+                return stack.enter_context(open_pool(stage, num_workers, threads_each=max(1, num_cores() // num_workers)))
+
+            yield _GrowingDrawer(alone, call, must=self._spec.workers is not None)
+
+
+class FilmDrawer(Drawer, Protocol):
+    """plan: by which it draws; another one, with the same pictures, where the volume has moved."""
+
+    @property
+    def plan(self) -> Plan: ...
+
+
+class _Elsewhere:
+    """Others draw, on a cluster."""
+
+    def __init__(self, plan: Plan, drawer: Drawer) -> None:
+        self.plan, self._drawer = plan, drawer
+
+    @property
+    def made_by(self) -> Sequence[str]:
+        """As in Drawer."""
+        return self._drawer.made_by
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """As in Drawer."""
+        return self._drawer.notes
+
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+        """As in Drawer."""
+        return self._drawer.draw(numbers)
 
 
 class _Alone(LocalDrawer):
-    """This process draws. notes: besides what there is to be said of OpenGL."""
+    """This process draws."""
 
-    def __init__(self, plan: Plan, rasterizer: LastingRasterizer, notes: Sequence[str] = ()) -> None:
+    def __init__(self, plan: Plan, rasterizer: LastingRasterizer) -> None:
         super().__init__(plan.stage, rasterizer, plan.guide)
-        self.made_by = [rasterizer.renderer_name]
-        self._gl, self._notes = rasterizer, notes
+        self.plan, self.made_by, self._gl = plan, [rasterizer.renderer_name], rasterizer
 
     @property
-    def notes(self) -> list[str]:
+    def notes(self) -> Sequence[str]:
         """As in Drawer."""
-        return [*self._notes, *self._gl.notes]
+        return self._gl.notes
+
+    def hand_over(self, stage: Stage) -> None:
+        """Go on with the same stage at another place; this process draws it no more, and keeps nothing to draw with."""
+        self.plan = replace(self.plan, stage=stage)
+        super().__init__(stage, self._gl, self.plan.guide)
+        self._gl.forget()
 
 
 class _GrowingDrawer:
     """This process draws, until its workers are ready; they are called when there is enough to be done.
 
-    must: the user wants workers: they are called at once, and without them there is no film.
+    call: starts them, and moves the stage to memory that they share. must: the user wants workers: they are called at
+    once, and without them there is no film.
     """
 
-    def __init__(self, alone: Drawer, pool: Pool, num_workers: int, *, must: bool) -> None:
-        self._alone, self._pool, self._num_workers, self._must = alone, pool, num_workers, must
-        self._is_called, self._notes = False, list[str]()
+    def __init__(self, alone: _Alone, call: Callable[[Stage], Pool], *, must: bool) -> None:
+        self._alone, self._call, self._must = alone, call, must
+        self._pool: Pool | None = None
+        self._notes = list[str]()
+
+    @property
+    def plan(self) -> Plan:
+        """As in FilmDrawer."""
+        return self._alone.plan
 
     @property
     def notes(self) -> list[str]:
         """As in Drawer."""
-        return [*self._notes, *self._alone.notes, *self._pool.notes]
+        return [*self._notes, *self._alone.notes, *(self._pool.notes if self._pool else ())]
 
     @property
     def made_by(self) -> tuple[str, ...]:
         """As in Drawer."""
-        return tuple(dict.fromkeys([*self._alone.made_by, *self._pool.made_by]))
+        return tuple(dict.fromkeys([*self._alone.made_by, *(self._pool.made_by if self._pool else ())]))
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
         """As in Drawer."""
@@ -130,29 +169,34 @@ class _GrowingDrawer:
                 if num_drawn > 1:  # the first one compiles shaders
                     seconds = sum(drawn.record["seconds"].values())
                 yield drawn
+        del frames  # and the stage with it
+        assert self._pool is not None
+        self._alone.hand_over(self._pool.stage)
         yield from self._pool.draw(numbers[num_drawn:])
 
     def _has_workers(self, seconds_left: float) -> bool:
         """Whether workers can draw; calls them once that is worth it."""
-        if self._notes or not (self._is_called or seconds_left > _WORTH_S):
+        if self._notes or not (self._pool or seconds_left > _WORTH_S):
             return False
         try:
-            if not self._is_called:
-                self._is_called = True
-                self._pool.start(self._num_workers)
+            if self._pool is None:
+                self._pool = self._call(self._alone.plan.stage)
             return self._pool.is_ready
         except RenderError as error:
             if self._must:
                 raise
-            self._pool.close()
+            if self._pool is not None:
+                self._pool.close()
             self._notes.append(_ALONE.format(error.what))
             return False
 
 
-def _default_workers(gl: str) -> int:
+def _default_workers(gl: str, stage: Stage) -> int:
     """One for each core where they draw; as many as there is memory for."""
-    most = num_cores() if any(name in gl for name in _SOFTWARE) else min(num_cores(), _MOST_ON_DEVICE)
-    return max(1, int(min(most, _free_bytes() / 2 / _WORKER_BYTES)))
+    on_cores = any(name in gl for name in _SOFTWARE)
+    most = num_cores() if on_cores else min(num_cores(), _MOST_ON_DEVICE)
+    each = _WORKER_BYTES + (most_bytes(stage.bricks, lit=stage.scene.shading is not None) if stage.bricks else 0)
+    return max(1, int(min(most, _free_bytes() / 2 / each)))
 
 
 def _free_bytes() -> float:

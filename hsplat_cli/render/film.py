@@ -15,7 +15,7 @@ from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
-from hsplat_cli.render.behind import one_behind
+from hsplat_cli.render.behind import in_turn, one_behind
 from hsplat_cli.render.crew import open_crew
 from hsplat_cli.render.done import Done, record, tell
 from hsplat_cli.render.goals import make_plan
@@ -69,8 +69,13 @@ def render_once(
         num_kept = len(kept.records)
         label = "drawing" if in_passing else output.file.name
         try:
-            with crew.drawer(plan, len(frames) - num_kept) as (plan, drawer):
-                records, notes = _draw(job, kept, drawer, folder, defer_interrupts, label=label, quiet=quiet)
+            with crew.drawer(plan, len(frames) - num_kept) as drawer:
+                by_clock = plan.by_clock
+                del plan  # its volume may move
+                records, notes = _draw(
+                    job, kept, drawer, folder, defer_interrupts, by_clock=by_clock, label=label, quiet=quiet
+                )
+                plan = drawer.plan
                 notes = [*notes, *drawer.notes]
                 made_by = list(dict.fromkeys([*makers(records), *drawer.made_by])) or [crew.gl]
             seconds = time.perf_counter() - start
@@ -86,7 +91,15 @@ def render_once(
 
 
 def _draw(
-    job: Job, kept: KeptFrames, drawer: Drawer, folder: Path, finishing: Callable[[], None], *, label: str, quiet: bool
+    job: Job,
+    kept: KeptFrames,
+    drawer: Drawer,
+    folder: Path,
+    finishing: Callable[[], None],
+    *,
+    by_clock: bool,
+    label: str,
+    quiet: bool,
 ) -> tuple[list[Record], Sequence[str]]:
     """Draw the frames that are not there, keep them, and make the film of all; their records, and notes on the film."""
     output = job.scene.output
@@ -102,7 +115,8 @@ def _draw(
         drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
         missed = frozenset(missing)
         tasks = (partial(_store, kept, film, n, next(drawing) if n in missed else None) for n in job.frames)
-        for record in stack.enter_context(contextlib.closing(one_behind(tasks))):
+        stored = in_turn(tasks) if by_clock else one_behind(tasks)
+        for record in stack.enter_context(contextlib.closing(stored)):
             records.append(record)
             if record["frame"] in missed:
                 bar.advance(counted(record["splats"], job.scene.splat.noun))

@@ -25,7 +25,7 @@ from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
 from hsplat_cli.progress import Progress, progress
-from hsplat_cli.render.behind import one_behind
+from hsplat_cli.render.behind import in_turn, one_behind
 from hsplat_cli.render.cause import Cause
 from hsplat_cli.render.difference import Difference, Differences
 from hsplat_cli.render.done import Done, record, tell
@@ -158,7 +158,7 @@ class _Maker:
             progress(len(job.frames), label=label, quiet=self._quiet) as bar,
         ):
             tasks = (partial(self._write, drawn, film) for drawn in self._drawer(each.plan).draw(job.frames))
-            with contextlib.closing(one_behind(tasks)) as written:
+            with contextlib.closing(in_turn(tasks) if each.plan.by_clock else one_behind(tasks)) as written:
                 frames = [self._count(record, bar) for record in written]
         now = time.perf_counter()
         difference = self._differences.of_pass()
