@@ -1,4 +1,5 @@
-"""What shows between voxels only: how far the field is, where it is interpolated, from what its voxels show.
+"""What nodes do not tell: how far the field is, where it is interpolated, from what its voxels show, and differences
+of voxels that belong to two nodes.
 
 On level 0 the scalar is interpolated and then classified. Between two voxels it passes through all that lies between
 them, and the transfer function there may be far from both: an opaque peak between 0 and 1 of a mask, of which no voxel

@@ -71,10 +71,12 @@ class BrickLevel:
         where nothing is.
     errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: ERRORS_ON_A_RAY times
         the largest error of the nodes of this level in it and in its apron, or of what shows between the voxels in it
-        only (`renderer.between_voxels`) along a way as long as such a node. 0 on level 0, which shows all of it.
+        only, or of a difference between them (`renderer.between_voxels`), along a way as long as such a node. 0 on
+        level 0, which shows all of it.
     roughness: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
         *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
-        seen in the apron. On level 0 the squares of what shows between voxels only, along a way as long, are added.
+        seen in the apron. On level 0 the squares of what shows between voxels only, along a way as long, are added. At
+        least that of the differences between voxels, along such a way.
     slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty up to TOLD_LEVELS.
     means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty up to
         TOLD_LEVELS, where they are made when they are drawn (`renderer.brick_means`).
@@ -315,11 +317,12 @@ def _largest_of_children(of_brick: Float64) -> Float64:
 
 def _root_mean_square_of_children(of_brick: Float64) -> Float64:
     """float64 [z, y, x]: of the up to eight bricks of the level below, those at the border taken for whole ones."""
-    squares, nums = of_brick**2, np.ones_like(of_brick)
+    largest = float(of_brick.max()) or 1.0  # squares of errors of scalars may be no numbers
+    squares, nums = (of_brick / largest) ** 2, np.ones_like(of_brick)
     for axis in range(3):
         starts = np.arange(0, squares.shape[axis], 2)
         squares, nums = (np.add.reduceat(each, starts, axis) for each in (squares, nums))
-    return np.asarray(np.sqrt(squares / nums))
+    return np.asarray(largest * np.sqrt(squares / nums))
 
 
 def _level_of_voxels(pyramid: Pyramid, transfer: TransferFunction, roughness: Float64, num_threads: int) -> BrickLevel:
