@@ -88,7 +88,7 @@ class _Loader(yaml.SafeLoader):
         super().__init__(stream)
         self._depth = self._num_values = 0
 
-    def compose_node(self, parent: yaml.Node | None, index: yaml.Node | int | None) -> yaml.Node | None:
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         # Counted here, too: the nodes of a large text take seconds and hundreds of megabytes before any is built.
         if parent is None or index is not None:  # the others are keys
             self._num_values += 1
