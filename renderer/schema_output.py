@@ -30,9 +30,8 @@ def _parse_file(node: Node) -> Path:
         expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
         return OUTPUT_FILE.refuse(node, "not a legal template", got=show(node.value), expected=expected)
     if suffix != ".png" and num_fields:
-        return OUTPUT_FILE.refuse(
-            node, f"a film and frames at once: {suffix} with a frame number", got=show(node.value)
-        )
+        what = f"a film and frames at once: {suffix} with a frame number"
+        return OUTPUT_FILE.refuse(node, what, got=show(node.value))
     return Path(node.value)
 
 

@@ -78,9 +78,7 @@ def test_only_the_frame_field_is_replaced() -> None:
     assert frame_path(Path("a{b}/{frame:03}/{frame}.png"), 7) == Path("a{b}/007/7.png")
 
 
-@pytest.mark.parametrize(
-    "field", ["{frame:zz}", "{frame:400000}", "{frame:4}", "{frame!r}", "{frame.real}", "{frame:}"]
-)
+@pytest.mark.parametrize("field", ["{frame:zz}", "{frame:400000}", "{frame:4}", "{frame!r}", "{frame:}"])
 def test_a_format_that_is_not_legal_is_part_of_the_name(field: str) -> None:
     assert frame_path(Path(f"{field}.png"), 7) == Path(f"{field}.png")
 
