@@ -211,7 +211,7 @@ class _Directories:
             )
 
     def _require_there(self, kind: int, count: int, inline: bytes) -> None:
-        """Of every field, also of those that nobody needs: nothing else tells of a file that ends among their values."""
+        """Also of fields that are not needed: nothing else tells of a file that ends among their values."""
         num_bytes = _ITEM_BYTES.get(kind, 0) * count
         if num_bytes > len(inline) and self._place(inline) + num_bytes > self._num_file_bytes:
             raise EOFError
