@@ -12,51 +12,36 @@ import pytest
 from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
+from tests.support.tiff_files import (
+    ASCII,
+    BITS,
+    BYTE,
+    DESCRIPTION,
+    HEIGHT,
+    LONG,
+    PAGE,
+    PIXELS,
+    PLANAR,
+    SAMPLE_FORMAT,
+    SAMPLES,
+    SHORT,
+    STRIP_BYTES,
+    STRIPS,
+    WIDTH,
+    described,
+    directory,
+    ome,
+    tiff,
+)
 
-BYTE, ASCII, SHORT, LONG = 1, 2, 3, 4
-WIDTH, HEIGHT, BITS, COMPRESSION, DESCRIPTION = 256, 257, 258, 259, 270
-STRIPS, SAMPLES, STRIP_BYTES, PLANAR, SAMPLE_FORMAT = 273, 277, 279, 284, 339
-PIXELS = np.arange(16, dtype=np.uint8).reshape(4, 4)
-
-# Type, number of values and value, or place of the values, of each field of a page of PIXELS, which are at byte 8.
-PAGE = {
-    WIDTH: (SHORT, 1, 4),
-    HEIGHT: (SHORT, 1, 4),
-    BITS: (SHORT, 1, 8),
-    COMPRESSION: (SHORT, 1, 1),
-    STRIPS: (LONG, 1, 8),
-    SAMPLES: (SHORT, 1, 1),
-    STRIP_BYTES: (LONG, 1, 16),
-}
 DAMAGED = "  hint: the file is damaged"
 SAVE_AGAIN = "  hint: save it again as a plain stack, all slices in one file"
 COUNT = "  expected: a whole number from 1 to 2147483647\n" + SAVE_AGAIN
 NO_NUMBER = "the description in this TIFF file has something else where a number belongs\n"
 
-Field = tuple[int, int, int]
-
-
-def directory(fields: dict[int, Field], following: int = 0) -> bytes:
-    entries = b"".join(struct.pack("<HHII", tag, *field) for tag, field in sorted(fields.items()))
-    return struct.pack("<H", len(fields)) + entries + struct.pack("<I", following)
-
-
-def tiff(fields: dict[int, Field], values: bytes = b"", following: int = 0) -> bytes:
-    """The pixels, `values` at byte 24 and one directory."""
-    begin = struct.pack("<2sHI", b"II", 42, 24 + len(values))
-    return begin + PIXELS.tobytes() + values + directory({**PAGE, **fields}, following)
-
-
-def described(text: str) -> bytes:
-    return tiff({DESCRIPTION: (ASCII, len(text) + 1, 24)}, text.encode() + b"\0")
-
 
 def big_tiff(first: int, after: bytes = b"") -> bytes:
     return struct.pack("<2sHHHQ", b"II", 43, 8, 0, first) + after
-
-
-def ome(attributes: str) -> bytes:
-    return described(f"<OME><Pixels {attributes}/></OME>")
 
 
 def read(path: Path) -> np.ndarray:

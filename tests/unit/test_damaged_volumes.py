@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from collections.abc import Iterator
 from pathlib import Path
 
 import nibabel as nib
@@ -10,13 +11,15 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from renderer.errors import InputError
+from renderer.errors import HsplatError, InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
+from tests.support.tiff_files import described, field_places, ome
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (6, 7, 8)).astype(np.uint16)
 FORMATS = ("raw.nrrd", "gzip.nrrd", "raw.nhdr", "gzip.nhdr", "raw.mha", "zlib.mha", "raw.mhd", "zlib.mhd")
 OTHERS = ("raw.nii", "gzip.nii.gz", "raw.tif", "packed.tif", "plain.npy")
+DIGITS = b"0123456789.e+-\\\n"  # and what else makes up numbers, and ends them
 
 
 def write(folder: Path, name: str) -> tuple[Path, Path]:
@@ -60,21 +63,78 @@ def test_damage_within_compressed_voxels_is_an_error(tmp_path, name):
             read(path)
 
 
-@pytest.mark.parametrize("name", FORMATS + OTHERS)
-def test_altered_headers_never_escape(tmp_path, name):
+def header_places(name: str, data: bytes) -> np.ndarray:
+    """The bytes of a file, decompressed if it is gzip, that are its header."""
+    if name.endswith(".tif"):
+        return field_places(data)
+    if name.endswith(".nrrd"):
+        return np.arange(data.index(b"\n\n") + 2)
+    if name.endswith(".mha"):
+        return np.arange(data.index(b"\n", data.index(b"ElementDataFile")) + 1)
+    return np.arange({".nii": 352, ".npy": 128}.get(name[-4:], len(data)))
+
+
+def altered(data: bytes, places: np.ndarray, seed: int, num_altered: int) -> Iterator[bytes]:
+    """The data with one to three bytes of those at `places` changed: to any, by a bit, to an end, to a digit."""
+    rng = np.random.default_rng(seed)
+    for _ in range(num_altered):
+        damaged = bytearray(data)
+        for place in places[rng.integers(len(places), size=rng.integers(1, 4))]:
+            to, bit, digit = rng.integers(256), rng.integers(8), rng.integers(len(DIGITS))
+            damaged[place] = (to, damaged[place] ^ 1 << bit, 0, 255, DIGITS[digit], DIGITS[digit])[rng.integers(6)]
+        yield bytes(damaged)
+
+
+def read_or_refuse(path: Path, **choice: int) -> bool:
+    """Whether there is a volume; anything but a volume and an error for users fails."""
+    try:
+        return read_volume(VolumeSpec(FileSource(path), **choice)).values.ndim == 3
+    except HsplatError:
+        return False
+
+
+@pytest.mark.parametrize(("seed", "name"), list(enumerate(FORMATS + OTHERS)))
+def test_altered_headers_never_escape(tmp_path, seed, name):
+    """Files of FORMATS are several of the same kind, and have their hundreds together."""
     path, _ = write(tmp_path, name)
-    data = path.read_bytes()
-    rng = np.random.default_rng(1)
-    for _ in range(40):
-        altered = bytearray(data)
-        for place in rng.integers(0, min(len(data), 400), 3):
-            altered[place] = rng.integers(0, 256)
-        path.write_bytes(altered)
-        try:
-            values = read(path)
-        except InputError:
-            continue
-        assert values.ndim == 3
+    is_gzip = name.endswith(".gz")
+    data = gzip.decompress(path.read_bytes()) if is_gzip else path.read_bytes()
+    results = set()
+    num_altered = 300 if name.endswith(".tif") else 60 if name in FORMATS else 150
+    for damaged in altered(data, header_places(name.removesuffix(".gz"), data), seed, num_altered):
+        path.write_bytes(gzip.compress(damaged, 1) if is_gzip else damaged)
+        results.add(read_or_refuse(path))
+    assert results == {True, False}, "alterations that do nothing, or destroy all, test nothing"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        described("ImageJ=1.53\nimages=1\nchannels=1\nslices=1\nframes=1\nspacing=0.75\n"),
+        ome('DimensionOrder="XYZCT" SizeZ="1" SizeC="1" SizeT="1" PhysicalSizeX="0.5" PhysicalSizeZ="1.5"'),
+    ],
+    ids=["ImageJ", "OME"],
+)
+def test_altered_descriptions_never_escape(tmp_path, data):
+    text = np.arange(24, data.index(b"\0", 24))
+    results = set()
+    for damaged in altered(data, text, 0, 300):
+        (tmp_path / "a.tif").write_bytes(damaged)
+        results.add(read_or_refuse(tmp_path / "a.tif"))
+    assert results == {True, False}
+
+
+def test_altered_dicom_never_escapes(tmp_path):
+    """The elements of the image; altered lengths before them are GDCM's alone."""
+    image = sitk.GetImageFromArray(VALUES[:1].astype(np.int16))
+    sitk.WriteImage(image, str(tmp_path / "a.dcm"))
+    data = (tmp_path / "a.dcm").read_bytes()
+    places = np.arange(data.index(b"\x28\x00\x02\x00"), data.rindex(b"\xe0\x7f\x10\x00"))
+    results = set()
+    for damaged in altered(data, places, 0, 150):
+        (tmp_path / "a.dcm").write_bytes(damaged)
+        results.add(read_or_refuse(tmp_path))
+    assert results == {True, False}
 
 
 def test_gzip_of_several_members_is_whole(tmp_path):
