@@ -149,7 +149,7 @@ def test_headers_that_claim_too_much_take_no_memory(tmp_path):
     meta = "ObjectType = Image\nNDims = 3\nDimSize = {0} {0} {0}\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n"
     for name, header in (("a.nrrd", nrrd), ("a.mha", meta)):
         for size in (1_000_000, 10_000):
-            for encoding in ("raw", "gzip"):
+            for encoding in ("raw", "gzip", "raw\nline skip: 1"):
                 data = gzip.compress(bytes(100)) if encoding == "gzip" else bytes(100)
                 (tmp_path / name).write_bytes(header.format(size, encoding).encode() + data)
                 with pytest.raises(InputError, match=r"too large|shorter than its header says"):
@@ -163,6 +163,59 @@ def test_headers_that_claim_too_much_take_no_memory(tmp_path):
         for name in ("a.nii", "a.nii.gz"):
             with pytest.raises(InputError, match=r"too large|shorter than its header says"):
                 read(tmp_path / name)
+
+
+def test_headers_of_text_that_claim_too_much_take_no_memory(tmp_path):
+    """A value takes a digit at least, and something between it and the next."""
+    nrrd = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: {}\n\n"
+    meta = "ObjectType = Image\nNDims = 3\nDimSize = 5 4 3\nElementType = MET_USHORT\nBinaryData = False\n"
+    vtk = "# vtk DataFile Version 3.0\nscan\n{}\nDATASET STRUCTURED_POINTS\nDIMENSIONS 5 4 3\nORIGIN 0 0 0\n"
+    vtk += "SPACING 1 1 1\nPOINT_DATA 60\nSCALARS values unsigned_short\nLOOKUP_TABLE default\n"
+    text = b"7 " * 60  # MetaIO wants the last to be ended, too
+    for name, header, voxels in (
+        ("a.nrrd", nrrd.format("text"), text),
+        ("a.nrrd", nrrd.format("hex"), b"0007" * 60),
+        ("a.mha", meta + "ElementDataFile = LOCAL\n", text),
+        ("a.vtk", vtk.format("ASCII"), text),
+        ("a.vtk", vtk.format("BINARY"), b"\0\7" * 60),
+    ):
+        (tmp_path / name).write_bytes(header.encode() + voxels)
+        assert read(tmp_path / name).shape == (3, 4, 5)
+        (tmp_path / name).write_bytes(header.encode() + voxels[:118])
+        with pytest.raises(InputError, match="shorter than its header says"):
+            read(tmp_path / name)
+
+
+def test_extensions_that_inflate_take_no_memory(tmp_path):
+    for header, place in ((nib.Nifti1Header(), 352), (nib.Nifti2Header(), 544)):
+        header.set_data_dtype(np.uint8)
+        header.set_data_shape((4, 4, 4))
+        for num_bytes, is_fine in ((2**10, True), (2**26, False)):
+            header["magic"], header["vox_offset"] = header.single_magic, place + num_bytes
+            extension = b"\1\0\0\0" + np.array([num_bytes, 6], "<i4").tobytes() + bytes(num_bytes - 8)
+            (tmp_path / "a.nii.gz").write_bytes(gzip.compress(header.binaryblock + extension + bytes(64), 1))
+            if is_fine:
+                assert read(tmp_path / "a.nii.gz").shape == (4, 4, 4)
+                continue
+            with pytest.raises(InputError, match="too much between the header and the voxels"):
+                read(tmp_path / "a.nii.gz")
+
+
+@pytest.mark.parametrize(
+    ("shape", "got"),
+    [
+        ("-2, -3, 10", "the header has no shape of an array\n  got: a length of -3"),
+        ("1, " * 100, "the header has no shape of an array\n  got: 100 axes"),
+        ("-" * 9000 + "6, 7, 8", "cannot read the header\n  got: too many nested expressions"),
+    ],
+    ids=["negative", "axes", "nested"],
+)
+def test_arrays_without_a_shape(tmp_path, shape, got):
+    header = f"{{'descr': '<u2', 'fortran_order': False, 'shape': ({shape})}}\n".encode()
+    (tmp_path / "a.npy").write_bytes(b"\x93NUMPY\1\0" + np.uint16(len(header)).tobytes() + header + bytes(1000))
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / "a.npy")
+    assert str(caught.value).startswith(f"{tmp_path / 'a.npy'}: {got}")
 
 
 def test_warnings_of_the_libraries_stay_off_the_terminal(tmp_path, capfd):
