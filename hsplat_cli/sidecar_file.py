@@ -35,7 +35,7 @@ class Original:
     fingerprint: of the film's volume.
     asked: how exact the film was to be, as a section `error` says it; None where it is not told.
     told: what else its schedule's record says, but for what a new film has its own of.
-    made_with: the versions of what made it by their names, the OpenGL as `GL`, and as `sources` the digest of what drew.
+    made_with: the versions of what made it by their names, the OpenGL as `GL`, the digest of what drew as `sources`.
     cause: the mark of what its frames depended on; None where it is not told.
     """
 

@@ -134,7 +134,7 @@ class ClusterDrawer:
             self._parcel = self._send()
         while self._parcel is not None and film.left and film.left[0] < first + _AHEAD * len(self._roster.fit):
             worker = min(sorted(self._roster.fit), key=film.busy)
-            if film.busy(worker) >= _AT_ONCE:
+            if film.busy(worker) >= (1 if film.left[0] in film.suspects else _AT_ONCE):
                 return
             index = heapq.heappop(film.left)
             number = film.numbers[index]
@@ -222,7 +222,8 @@ class _Film:
     """Where the frames of a film are: left to be given to a worker, at one, or drawn and waiting for their turn.
 
     left: indices of frames in a heap. drawn: frames by index. num_failures: how often a frame could not be drawn, by
-    index. losses: the workers that were lost while they were at a frame, by its index.
+    index. losses: the workers that were lost while they were at a frame, by its index. suspects: indices of frames that
+    workers had when they were lost; of several threads any may have been why. They are drawn alone.
     """
 
     def __init__(self, numbers: Sequence[int]) -> None:
@@ -230,6 +231,7 @@ class _Film:
         self.drawn: dict[int, Drawn] = {}
         self.num_failures: Counter[int] = Counter()
         self.losses: defaultdict[int, list[str]] = defaultdict(list)
+        self.suspects: set[int] = set()
         self._tasks: dict[str, _Task] = {}  # by the key of the future, in the order in which they were given
         self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
 
@@ -250,8 +252,9 @@ class _Film:
         return [task for task in self._tasks.values() if task.worker == worker]
 
     def busy(self, worker: str) -> int:
-        """How many frames a worker has."""
-        return len(self.tasks_of(worker))
+        """How many frames a worker has, or as many as it may have where nothing is to wait behind one of them."""
+        tasks = self.tasks_of(worker)
+        return _AT_ONCE if any(task.index in self.suspects for task in tasks) else len(tasks)
 
     def remove(self, task: _Task) -> None:
         """Its worker does not have this frame any more."""
@@ -269,8 +272,9 @@ class _Film:
         num_before = len(self.left)
         for worker in {task.worker: None for task in self._tasks.values() if task.worker not in workers}:
             tasks = self.tasks_of(worker)
-            # That one frame only may be why: the others were drawn, or waited. If all were drawn, it is the last.
+            # The others were drawn, or waited, as far as is known. If all were drawn, it is the last.
             at = next((task for task in tasks if task.future.status not in _DRAWN), tasks[-1])
             self.losses[at.index].append(worker)
+            self.suspects.update(task.index for task in tasks)
             self.give_back(tasks)
         return len(self.left) - num_before

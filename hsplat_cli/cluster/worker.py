@@ -94,7 +94,7 @@ class Parcel:
 
 
 def describe() -> dict[str, Any]:
-    """The versions in this process, and as `sources` the digest of what draws, which tells checkouts of one version apart.
+    """The versions in this process, and as `sources` the digest of what draws: checkouts may have one version.
 
     That this can be called tells that hsplat is installed.
     """

@@ -56,14 +56,15 @@ class Future:
 class Cluster:
     """The scheduler and the roster of one worker, in whose place another one comes when it is lost or dismissed.
 
-    does: what happens when a worker, counted from 1, is at a frame.
+    does: what happens when a worker, counted from 1, is at a frame. num_threads: a worker is at so many frames; it
+    dies at any of them before it has drawn the first.
     """
 
     notes: Sequence[str] = ()
 
-    def __init__(self, does: Callable[[int, int], str | None]) -> None:
-        self._does, self._keys = does, itertools.count()
-        self._num_workers, self.num_submitted = 0, 0
+    def __init__(self, does: Callable[[int, int], str | None], num_threads: int = 1) -> None:
+        self._does, self._num_threads, self._keys = does, num_threads, itertools.count()
+        self._num_workers = self._num_submitted = self._num_looks = 0
         self._start()
 
     def _start(self) -> None:
@@ -78,18 +79,21 @@ class Cluster:
 
     def submit(self, _: Any, __: Any, number: int, *, workers: list[str], pure: bool) -> Future:
         assert {*workers} == self.fit and not pure
-        self.num_submitted += 1
-        assert self.num_submitted < MANY
+        self._num_submitted += 1
+        assert self._num_submitted < MANY
         future = Future(f"frame {next(self._keys)}", number)
         self._tasks.append(future)
         return future
 
     def look(self) -> None:
         """The worker is done with its first frame, if it has any."""
+        self._num_looks += 1
+        assert self._num_looks < MANY
         if not self._tasks:
             return
         tasks, future = self._tasks, self._tasks[0]
-        what = self._does(self._num_workers, future.number)
+        each = [self._does(self._num_workers, task.number) for task in tasks[: self._num_threads]]
+        what = DIE if DIE in each else each[0]
         if what == DIE:
             self._start()
         elif what == KILLED:
@@ -98,8 +102,7 @@ class Cluster:
                 each.end("error", KilledWorker(each.key, None, 0))
         elif what == FAIL:
             future.end("error", ValueError("not this one"))
-        elif what == DIE_WITH_PICTURE:
-            self._start()
+        elif what == DIE_WITH_PICTURE:  # which is not noticed yet
             future.end("finished", CancelledError())
         else:
             del tasks[0]
@@ -110,7 +113,8 @@ class Cluster:
         self._start()
 
     def doubt(self, worker: str) -> None:
-        self.fit = self.fit - {worker}
+        if worker in self.fit:
+            self._start()
 
 
 @pytest.fixture(autouse=True)
@@ -130,6 +134,15 @@ def test_a_frame_that_kills_each_worker(how: str) -> None:
     with pytest.raises(RenderError) as caught:
         drawn(cluster, range(10, 18))
     assert str(caught.value) == f"frame 12: {LOST}"
+
+
+def test_a_frame_that_kills_workers_that_are_at_the_one_before_it() -> None:
+    """Which of the two it was is not known; then they are drawn one by one."""
+    cluster = Cluster(lambda worker, number: DIE if number == 11 else None, num_threads=2)
+    with pytest.raises(RenderError) as caught:
+        drawn(cluster, range(10, 18))
+    last = LOST.replace("worker 1, worker 2, worker 3", "worker 2, worker 3, worker 4")
+    assert str(caught.value) == f"frame 11: {last}"
 
 
 def test_a_picture_that_never_comes() -> None:
