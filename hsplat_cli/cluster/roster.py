@@ -37,8 +37,9 @@ class Roster:
         self._unfit[worker] = why
 
     def doubt(self, worker: str) -> None:
-        """Do not use this worker, which may be gone, before it was looked at again."""
+        """Do not use this worker, which may be gone, or the scheduler with it, before it was looked at again: soon."""
         self.fit.discard(worker)
+        self._look_at = time.monotonic()
 
     def look(self) -> None:
         """Find out, if it is time, who has come and who is gone. Raises RenderError when nobody is left."""

@@ -35,11 +35,6 @@ class Client:
         pass
 
 
-@pytest.fixture(autouse=True)
-def _at_every_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(roster, "_LOOK_EVERY_S", 0.0)
-
-
 def roster_of(answers: dict[str, Any]) -> Roster:
     return Roster(Client(answers), ADDRESS, 30.0)  # type: ignore[arg-type]
 
@@ -72,7 +67,9 @@ def test_workers_with_another_hsplat_are_refused(other: Any, told: str) -> None:
     )
 
 
-def test_who_is_in_doubt_is_looked_at_again() -> None:
+def test_who_is_in_doubt_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At once, whenever all were to be looked at."""
+    monkeypatch.setattr(roster, "_LOOK_EVERY_S", 3600.0)
     found = roster_of({"a": SAME, "b": SAME})
     found.look()
     found.doubt("a")
