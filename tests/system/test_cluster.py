@@ -154,14 +154,23 @@ def test_a_worker_with_other_sources_is_refused(
 
 
 def error_of(client: Client, stage: Stage) -> HsplatError:
-    with pytest.raises(HsplatError) as caught:
-        draw(client, stage)
+    """Of a film that begins with the frame that things happen at."""
+    with (
+        Cluster(client, "tcp://here:1", patience_s=30.0).drawer(stage) as drawer,
+        pytest.raises(HsplatError) as caught,
+    ):
+        list(drawer.draw(range(faulty.FRAME, NUM_FRAMES)))
     return caught.value
 
 
-def test_a_frame_that_kills_each_worker(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There are as many as it may kill: Dask does not replace all of those that die as soon as they are there."""
     monkeypatch.setattr(cluster_drawer, "draw", faulty.kill_always)
-    error = error_of(client, stage)
+    with (
+        LocalCluster(n_workers=3, threads_per_worker=1, memory_limit=0, dashboard_address=":0") as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        error = error_of(client, stage)
     assert type(error) is RenderError
     assert (error.what, error.where) == ("a worker was lost, 3 times at the same frame", f"frame {faulty.FRAME}")
     assert error.got is not None and re.fullmatch(r"no longer there(?:[:,] tcp://[\d.]+:\d+){3}", error.got)
