@@ -13,7 +13,7 @@ from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
 from renderer.scene import Scene
 from renderer.trials import Found, Trial, TruthOf, find_tolerance
-from renderer.truths import Truth
+from renderer.truths import KeptTruths, Truth
 from renderer.want import Want
 
 
@@ -58,16 +58,13 @@ def beyond_full_resolution(found: Found, scene: Scene, *, where: str, hint: str)
 
 
 def _truths(stage: Stage, tolerance: float, on_step: Callable[[], None], *, quiet: bool) -> TruthOf:
-    """The truth of a frame, found when it is first asked for."""
-    found: dict[int, Truth] = {}
+    """The truth of a frame, found when it is first asked for; there are at most ten, of 13 bytes a pixel."""
 
-    def truth_of(frame: int) -> Truth:
-        if frame not in found:
-            (truth,), _ = find_truths(stage, [frame], tolerance, quiet=quiet, on_step=on_step)
-            found[frame] = truth
-        return found[frame]
+    def find(frame: int) -> Truth:
+        (truth,), _ = find_truths(stage, [frame], tolerance, quiet=quiet, on_step=on_step)
+        return truth
 
-    return truth_of
+    return KeptTruths(find)
 
 
 def _teller(want: Want, noun: str, on_step: Callable[[], None], *, quiet: bool) -> Callable[[Trial], None]:

@@ -35,7 +35,7 @@ class Original:
     fingerprint: of the film's volume.
     asked: how exact the film was to be, as a section `error` says it; None where it is not told.
     told: what else its schedule's record says, but for what a new film has its own of.
-    made_with: the versions of what made it by their names, and the OpenGL as `GL`.
+    made_with: the versions of what made it by their names, the OpenGL as `GL`, the digest of what drew as `sources`.
     cause: the mark of what its frames depended on; None where it is not told.
     """
 
@@ -177,7 +177,9 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
         fingerprint=given["volume"],
         asked=schedule.get("asked"),
         told={key: value for key, value in schedule.items() if key not in _OWN},
-        made_with=given.get("versions", {}) | ({"GL": given["gl"]} if "gl" in given else {}),
+        made_with=given.get("versions", {})
+        | ({"GL": given["gl"]} if "gl" in given else {})
+        | _sources_in(data.get("cause")),
         cause=_mark_in(data.get("cause")),
     )
     tolerances = () if problems else tuple(record.get("tolerance") for record in data["frames"])
@@ -187,6 +189,12 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
 def _mark_in(cause: Any) -> str | None:
     mark = cause.get("frames") if isinstance(cause, dict) else None
     return mark if isinstance(mark, str) else None
+
+
+def _sources_in(cause: Any) -> dict[str, str]:
+    of = cause.get("of") if isinstance(cause, dict) else None
+    sources = of.get("sources") if isinstance(of, dict) else None
+    return {"sources": sources} if isinstance(sources, str) else {}
 
 
 def _known(node: Node, table: Table, *, required: Collection[str] = ()) -> dict[str, Any]:

@@ -80,15 +80,20 @@ def read_tree(text: str) -> Tree:
 
 
 class _Loader(yaml.SafeLoader):
-    """Composes nodes of limited depth with the scalars of YAML 1.2; constructs nothing."""
+    """Composes nodes of limited number and depth with the scalars of YAML 1.2; constructs nothing."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's name; it is filled in below)
 
     def __init__(self, stream: str) -> None:
         super().__init__(stream)
-        self._depth = 0
+        self._depth = self._num_values = 0
 
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        # Counted here, too: the nodes of a large text take seconds and hundreds of megabytes before any is built.
+        if parent is None or index is not None:  # the others are keys
+            self._num_values += 1
+        if self._num_values > MAX_NODES:
+            raise _too_many()
         self._depth += 1
         if self._depth > MAX_DEPTH:
             mark: yaml.Mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
@@ -118,7 +123,7 @@ class _Builder:
     def build(self, node: yaml.Node, path: str, *, key: yaml.Node | None, depth: int) -> Any:
         self.num_nodes += 1
         if self.num_nodes > MAX_NODES:
-            raise _too_much(f"more than {MAX_NODES} values", None)
+            raise _too_many()
         if depth > MAX_DEPTH:  # an anchor that contains itself
             raise _too_much(f"more than {MAX_DEPTH} levels", node.start_mark)
         at_key = _mark((key or node).start_mark)
@@ -185,6 +190,10 @@ def _integer(text: str) -> int | float:
 
 def _mark(mark: yaml.Mark) -> Mark:
     return Mark(mark.line + 1, mark.column + 1)
+
+
+def _too_many() -> yaml.MarkedYAMLError:
+    return _too_much(f"more than {MAX_NODES} values", None)
 
 
 def _too_much(problem: str, mark: yaml.Mark | None) -> yaml.MarkedYAMLError:

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import brick_kernels as kernels
-from renderer.between_voxels import distances_in_bricks, make_polyline
+from renderer.between_voxels import distances_in_bricks, line_of_scalars, make_polyline
 from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS
 from renderer.brick_sums import NodeSums, ToldSums, grid_of, places_in
 from renderer.classify import FAINTEST, voxel_codes
@@ -71,10 +71,12 @@ class BrickLevel:
         where nothing is.
     errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: ERRORS_ON_A_RAY times
         the largest error of the nodes of this level in it and in its apron, or of what shows between the voxels in it
-        only (`renderer.between_voxels`) along a way as long as such a node. 0 on level 0, which shows all of it.
+        only, or of a difference between them (`renderer.between_voxels`), along a way as long as such a node. 0 on
+        level 0, which shows all of it.
     roughness: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
         *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
-        seen in the apron. On level 0 the squares of what shows between voxels only, along a way as long, are added.
+        seen in the apron. On level 0 the squares of what shows between voxels only, along a way as long, are added. At
+        least that of the differences between voxels, along such a way.
     slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty up to TOLD_LEVELS.
     means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty up to
         TOLD_LEVELS, where they are made when they are drawn (`renderer.brick_means`).
@@ -156,13 +158,17 @@ def make_bricks(
     nodes = [_gathered(level) for level in sums.levels[:num_levels]]
     trees = _trees(pyramid)
     nodes += [_gather(pyramid, number, trees, num_threads) for number in range(len(nodes) + 1, num_levels + 1)]
-    between, roughness = _between_voxels(pyramid, transfer, volume_range, num_threads)
+    between, roughness, steepness = _between_voxels(pyramid, transfer, volume_range, num_threads)
     roughness = np.hypot(nodes[0].roughness_below, _length_of_cells(pyramid, 1) * roughness)
+    np.maximum(roughness, _length_of_cells(pyramid, 1) * steepness, out=roughness)
     levels = [_level_of_voxels(pyramid, transfer, roughness, num_threads)]
     for number, gathered in enumerate(nodes[: num_levels - 1], 1):
         between = _largest_of_children(between)
         largest = np.maximum(gathered.largest, _length_of_cells(pyramid, number) * between)
         np.multiply(ERRORS_ON_A_RAY, largest, out=gathered.largest)
+        steepness = _root_mean_square_of_children(steepness)
+        above = nodes[number].roughness_below
+        np.maximum(above, _length_of_cells(pyramid, number + 1) * steepness, out=above)
     levels += [
         _frozen(BrickLevel(below.boxes, below.largest, above.roughness_below, below.slots, below.means))
         for below, above in pairwise(nodes)
@@ -309,6 +315,16 @@ def _largest_of_children(of_brick: Float64) -> Float64:
     return of_brick
 
 
+def _root_mean_square_of_children(of_brick: Float64) -> Float64:
+    """float64 [z, y, x]: of the up to eight bricks of the level below, those at the border taken for whole ones."""
+    largest = float(of_brick.max()) or 1.0  # squares of errors of scalars may be no numbers
+    squares, nums = (of_brick / largest) ** 2, np.ones_like(of_brick)
+    for axis in range(3):
+        starts = np.arange(0, squares.shape[axis], 2)
+        squares, nums = (np.add.reduceat(each, starts, axis) for each in (squares, nums))
+    return np.asarray(largest * np.sqrt(squares / nums))
+
+
 def _level_of_voxels(pyramid: Pyramid, transfer: TransferFunction, roughness: Float64, num_threads: int) -> BrickLevel:
     volume = pyramid.volume
     flips = _visibility_flips(transfer, volume.finest_spacing)
@@ -329,30 +345,33 @@ def _level_of_voxels(pyramid: Pyramid, transfer: TransferFunction, roughness: Fl
 
 def _between_voxels(
     pyramid: Pyramid, transfer: TransferFunction, volume_range: tuple[float, float], num_threads: int
-) -> tuple[Float64, Float64]:
-    """float64 [z, y, x] each: of the bricks of voxels, the largest distance of the field from what voxels show, and how
-    rough it is, in the channels of errors; 0 where these are scalars, which are interpolated themselves."""
+) -> tuple[Float64, Float64, Float64]:
+    """float64 [z, y, x] each: of the bricks of voxels, in the channels of errors, what `distances_in_bricks` finds."""
     shape = grid_of(pyramid.volume, 0)
-    largest, roughness = np.zeros(shape), np.zeros(shape)
-    if pyramid.of == "scalar":
-        return largest, roughness
+    largest, roughness, steepness = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     lighting, scalars = pyramid.classifier.lighting, pyramid.classifier.scalars
-    line = make_polyline(
-        transfer,
-        pyramid.volume.finest_spacing,
-        opacity=pyramid.measure == "rms",
-        brightest=lighting.ambient + lighting.diffuse if lighting else 1.0,
-        volume_range=volume_range,
-    )
+    if pyramid.of == "scalar":
+        line = line_of_scalars(volume_range)
+    else:
+        line = make_polyline(
+            transfer,
+            pyramid.volume.finest_spacing,
+            opacity=pyramid.measure == "rms",
+            brightest=lighting.ambient + lighting.diffuse if lighting else 1.0,
+            volume_range=volume_range,
+        )
     codes, places = voxel_codes(pyramid.volume), places_in(shape)
 
     def work(part: slice) -> None:
         pyramid.volume.require_unchanged()
-        distances_in_bricks(codes, scalars, *line, places[part], largest, roughness)
+        distances_in_bricks(codes, scalars, *line, places[part], largest, roughness, steepness)
 
     _in_threads(work, _parts(len(places)), num_threads)
     pyramid.volume.require_unchanged()
-    return largest, roughness
+    if pyramid.of == "scalar":
+        half = volume_range[1] / 2 - volume_range[0] / 2  # the range itself may be too large for a number
+        largest, roughness, steepness = (2 * (each * half) for each in (largest, roughness, steepness))
+    return largest, roughness, steepness
 
 
 def _length_of_cells(pyramid: Pyramid, number: int) -> float:

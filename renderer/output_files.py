@@ -7,15 +7,16 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from renderer.scene import OutputSpec, Scene
+from renderer.scene import FRAME_FIELD, OutputSpec, Scene
 
-FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
+# What is meant for FRAME_FIELD, well-formed or not: names that nobody has checked yet may have it.
+ANY_FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
 
 
 def frame_path(template: Path, frame: int) -> Path:
     """The name of one frame's file: `{frame}`, with a format such as `{frame:04}`, replaced by the number.
 
-    Other braces are part of the name.
+    Other braces are part of the name, as are other formats: some ask for gigabytes, or are none.
     """
     return Path(FRAME_FIELD.sub(lambda field: field.group().format(frame=frame), str(template)))
 
@@ -87,7 +88,7 @@ def film_beside(sidecar: Path, recorded: Path) -> Path:
 
     `engine.mp4` for `engine.mp4.json` and for `engine.json`; frames keep their template.
     """
-    if FRAME_FIELD.search(recorded.name) or not recorded.suffix:
+    if ANY_FRAME_FIELD.search(recorded.name) or not recorded.suffix:
         return sidecar.with_name(recorded.name) if recorded.name else recorded
     film = sidecar.with_suffix("")
     return film if film.suffix.lower() == recorded.suffix.lower() else film.with_name(f"{film.name}{recorded.suffix}")

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from renderer.png import encode_png
+from renderer.png import decode_png, encode_png
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -16,7 +16,7 @@ class Picture:
     """Made with one of the two, or with both. Not to be changed.
 
     pixels: uint8 [h, w, 3], with a transparent background [h, w, 4] with straight alpha.
-    png: a PNG file's content, as `renderer.png` makes it.
+    png: a PNG file's content, as `renderer.png` makes it; others are not read.
     """
 
     def __init__(self, pixels: Pixels | None = None, png: bytes | None = None) -> None:
@@ -29,15 +29,7 @@ class Picture:
     @cached_property
     def pixels(self) -> Pixels:
         """The picture as an array. Raises ValueError where the file is not whole."""
-        # Imported where it is used: those who draw have the pixels, and need no decoder.
-        import imageio.v3  # noqa: PLC0415
-
-        try:
-            pixels = np.asarray(imageio.v3.imread(self.png, extension=".png"))
-        except (OSError, SyntaxError) as error:  # what the decoder has for broken data and for broken chunks
-            raise ValueError(str(error)) from error
-        assert pixels.dtype == np.uint8, pixels.dtype
-        return pixels
+        return decode_png(self.png)
 
     @cached_property
     def png(self) -> bytes:

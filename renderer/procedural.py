@@ -8,7 +8,7 @@ with sines, `marschner_lobb`, is rounded to 8 bits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from renderer.errors import InputError, nearest
 from renderer.scene import PROCEDURAL_NAMES, ProceduralSource
 from renderer.volume import Array, Float64, Volume, make_volume
 
-# Working memory is a few float32 arrays of this many voxels.
+# Working memory is a few float arrays of this many voxels: slabs of whole planes, or blocks of rows of larger planes.
 _SLAB_VOXELS = 2**20
 
 CONSTANT_VALUE = 200
@@ -78,13 +78,21 @@ def _marschner_lobb(source: ProceduralSource) -> Array:
     """
     f_M, alpha = 6.0, 0.25
     x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
-    r = np.sqrt(x**2 + y[:, np.newaxis] ** 2)
-    rho_r = np.cos(2 * np.pi * f_M * np.cos(np.pi * r / 2))
     values = np.empty(source.shape[::-1], np.uint8)
-    for plane, z_plane in zip(values, z, strict=True):
-        rho = (1 - np.sin(np.pi * z_plane / 2) + alpha * (1 + rho_r)) / (2 * (1 + alpha))
-        plane[...] = np.floor(255 * rho + 0.5)
+    for rows in _row_blocks(source):
+        r = np.sqrt(x**2 + y[rows, np.newaxis] ** 2)
+        rho_r = np.cos(2 * np.pi * f_M * np.cos(np.pi * r / 2))
+        for plane, z_plane in zip(values, z, strict=True):
+            rho = (1 - np.sin(np.pi * z_plane / 2) + alpha * (1 + rho_r)) / (2 * (1 + alpha))
+            plane[rows] = np.floor(255 * rho + 0.5)
     return values
+
+
+def _row_blocks(source: ProceduralSource) -> list[slice]:
+    """The rows of a plane in blocks of at most _SLAB_VOXELS voxels, or of one row."""
+    num_x, num_y, _ = source.shape
+    num_rows = max(1, _SLAB_VOXELS // num_x)
+    return [slice(begin, begin + num_rows) for begin in range(0, num_y, num_rows)]
 
 
 @dataclass(frozen=True)
@@ -186,31 +194,47 @@ def _engine_block(source: ProceduralSource) -> Array:
         ((np.arange(n) - (n - 1) / 2) * step / unit).astype(np.float32) for n, step in zip(shape, spacing, strict=True)
     )
     blur = np.float32(_BLUR_VOXELS * float(spacing.min()) / unit)
-    random = np.random.PCG64(source.seed)
     values = np.empty(source.shape[::-1], np.uint8)
     thickness = max(1, _SLAB_VOXELS // (len(x) * len(y)))
     parts = tuple(_engine_parts())
+    num_words = 0  # of random bits, for the slabs so far
     for begin in range(0, len(z), thickness):
         slab = values[begin : begin + thickness]
-        field = np.full(slab.shape, _AIR, np.float32)
-        for part in parts:
-            _paint(field, part, (x, y, z[begin : begin + thickness]), blur)
-        field += _noise(random, slab.shape)
-        slab[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)
+        num_voxels = 0  # of the slab so far; several blocks are those of a single plane
+        for rows in _row_blocks(source):
+            block = slab[:, rows]
+            field = np.full(block.shape, _AIR, np.float32)
+            for part in parts:
+                _paint(field, part, (x, y[rows], z[begin : begin + thickness]), blur)
+            first_bytes = [8 * num_words + k * slab.size + num_voxels for k in range(3)]
+            field += _noise(source.seed, first_bytes, block.size).reshape(block.shape)
+            block[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)
+            num_voxels += block.size
+        num_words += -(-3 * slab.size // 8)
     return values
 
 
-def _noise(random: np.random.PCG64, shape: tuple[int, ...]) -> Array:
-    """float32 noise of standard deviation _NOISE: three uniform bytes add up to something close to normal.
+def _noise(seed: int, first_bytes: Sequence[int], num: int) -> Array:
+    """float32 [num], noise of standard deviation _NOISE: three uniform bytes add up to something close to normal.
 
-    Raw bits, because those of a seed are the same in every version of numpy, unlike the distributions made of them.
+    first_bytes: from where on in the random bits of the seed the first, second and third ones are.
     """
-    num_bytes = 3 * math.prod(shape)
-    uniform = random.random_raw(-(-num_bytes // 8)).astype("<u8").view(np.uint8)[:num_bytes].reshape(3, *shape)
     deviation = math.sqrt(3 * (256**2 - 1) / 12)
-    centred: Array = uniform.sum(axis=0, dtype=np.float32) - np.float32(3 * 127.5)
+    centred = np.full(num, -3 * 127.5, np.float32)
+    for first in first_bytes:
+        centred += _random_bytes(seed, first, num)
     centred *= np.float32(_NOISE / deviation)
     return centred
+
+
+def _random_bytes(seed: int, first: int, num: int) -> Array:
+    """uint8 [num]: raw bits, because those of a seed are the same in every version of numpy, unlike the distributions
+    made of them."""
+    word, skipped = divmod(first, 8)
+    random = np.random.PCG64(seed)
+    random.advance(word)
+    words = random.random_raw(-(-(skipped + num) // 8))
+    return words.astype("<u8").view(np.uint8)[skipped : skipped + num]
 
 
 def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np.float32) -> None:

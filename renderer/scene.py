@@ -8,6 +8,7 @@ points and sizes in (x, y, z) and (width, height) order.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -24,6 +25,9 @@ LEAST_TOLERANCE = 1e-300
 
 # What `renderer.procedural` can make; here because the schema checks names without importing numpy.
 PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb")
+
+# The number in the names of frames: padded with zeros, to nine digits at most, so that names sort in their order.
+FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
 
 @dataclass(frozen=True)

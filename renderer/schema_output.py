@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
-from renderer.scene import OutputSpec
+from renderer.scene import FRAME_FIELD, OutputSpec
 from renderer.schema import INVALID, Kind, Node, Table, integer, known, number, section, sequence, show
 from renderer.schema_transfer import COLOR
 
@@ -16,30 +15,28 @@ MAX_SIDE = 16384
 # A GIF's delay is a whole number of centiseconds, and browsers take a delay of 1 for 10.
 MAX_GIF_RATE = 50
 
-# The number is padded with zeros, so that names sort in the order of frames.
-FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
-
 _FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png"
 
 
 def _parse_file(node: Node) -> Path:
     if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
-        return _FILE.refuse(node, "not a file name", got=show(node.value))
+        return OUTPUT_FILE.refuse(node, "not a file name", got=show(node.value))
     name = PurePath(node.value).name
     suffix = PurePath(name).suffix.lower()
     if suffix not in _SUFFIXES or node.value.endswith(("/", "\\")):
-        return _FILE.refuse(node, "unknown output format", got=show(node.value))
+        return OUTPUT_FILE.refuse(node, "unknown output format", got=show(node.value))
     rest, num_fields = FRAME_FIELD.subn("", node.value)
     if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(name)):
         expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
-        return _FILE.refuse(node, "not a legal template", got=show(node.value), expected=expected)
+        return OUTPUT_FILE.refuse(node, "not a legal template", got=show(node.value), expected=expected)
     if suffix != ".png" and num_fields:
-        return _FILE.refuse(node, f"a film and frames at once: {suffix} with a frame number", got=show(node.value))
+        what = f"a film and frames at once: {suffix} with a frame number"
+        return OUTPUT_FILE.refuse(node, what, got=show(node.value))
     return Path(node.value)
 
 
 _SUFFIXES = (".mp4", ".gif", ".png")
-_FILE: Kind[Path] = Kind(_FILE_WORDS, _parse_file)
+OUTPUT_FILE: Kind[Path] = Kind(_FILE_WORDS, _parse_file)
 _SIZE = sequence(integer(least=1, most=MAX_SIDE), f"[width, height]: two whole numbers from 1 to {MAX_SIDE}", count=2)
 _BACKGROUND: Kind[Any] = Kind(
     COLOR.expected + ", or transparent",
@@ -48,7 +45,7 @@ _BACKGROUND: Kind[Any] = Kind(
 )
 
 _FIELDS: Table = {
-    "file": _FILE,
+    "file": OUTPUT_FILE,
     "size": _SIZE,
     "frames_per_second": number(least=0.01, most=1000),
     "background": _BACKGROUND,

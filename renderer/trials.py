@@ -11,7 +11,7 @@ from renderer.pipeline import render_frames
 from renderer.schedule import at_tolerance
 from renderer.search import coarsest_good
 from renderer.tolerances import distinct_rungs
-from renderer.truths import Truth, extreme_frames, is_loop, spread_frames
+from renderer.truths import Truth, as_kept, extreme_frames, is_loop, spread_frames
 from renderer.want import Want
 
 # Frames that are probed, besides those with the smallest and the largest picture; as many lie between them as a check.
@@ -64,7 +64,8 @@ def find_tolerance(
 
     stage: with a pyramid for every tolerance. Its scene's own schedule is not looked at, nor is its overlay, which is
         no error. frames: of the film, ascending.
-    truth_of: the truth of a frame; asked for the same one more than once. on_trial: told of every picture.
+    truth_of: the truth of a frame, as `KeptTruths` has it; asked for the same one more than once.
+    on_trial: told of every picture.
     """
     stage = replace(stage, scene=replace(stage.scene, overlay="none"))
     rungs = list(distinct_rungs(stage.pyramid, family_of(stage).work))
@@ -129,7 +130,7 @@ class Trials:
         scene = at_tolerance(self._stage.scene, tolerance)
         stage = replace(self._stage, scene=scene)
         for frame in render_frames(stage, frames, self._rasterizer, clock=self._clock):
-            picture = over_background(frame.radiance, scene.output.background)
+            picture = as_kept(over_background(frame.radiance, scene.output.background))
             value = single(self._want.metric, picture, self._truth_of(frame.number).picture)
             trial = Trial(tolerance, frame.number, value, frame.num_cells)
             self._done[tolerance, frame.number] = trial

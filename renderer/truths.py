@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.drawing import Clock, Rasterizer, Stage, view_of
 from renderer.integrator import Convergence, Progress, converged_image
@@ -55,6 +56,32 @@ def find_truth(
         on_progress=on_progress,
     )
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
+
+
+class KeptTruths:
+    """The truth of any frame, found when it is first asked for and kept.
+
+    Pictures are kept in float32, 12 bytes a pixel, and handed out `as_kept`.
+    """
+
+    def __init__(self, find: Callable[[int], Truth]) -> None:
+        self._find = find
+        self._kept: dict[int, tuple[npt.NDArray[np.float32], Mask, Convergence]] = {}
+
+    def __call__(self, frame: int) -> Truth:
+        if frame not in self._kept:
+            truth = self._find(frame)
+            self._kept[frame] = truth.picture.astype(np.float32), truth.on_volume, truth.convergence
+        picture, on_volume, convergence = self._kept[frame]
+        return Truth(frame, picture.astype(np.float64), on_volume, convergence)
+
+
+def as_kept(picture: Picture) -> Picture:
+    """A picture to be compared with those of `KeptTruths`, rounded as they are, so that what is equal stays equal.
+
+    Values change by 3e-8 at most, a three hundredth of TRUTH_TOLERANCE, and an RMSE by 6e-8: 0.005 dB at 80 dB.
+    """
+    return picture.astype(np.float32).astype(np.float64)
 
 
 def is_loop(path: TurntablePath | RockerPath | KeyframePath) -> bool:

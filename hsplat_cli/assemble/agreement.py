@@ -14,9 +14,9 @@ from hsplat_cli.assemble.parts import Part
 from renderer.errors import Problem
 from renderer.frame_record import Record
 from renderer.kept_frames import digest
-from renderer.output_files import FRAME_FIELD
 from renderer.png import png_shape
 from renderer.runs import runs
+from renderer.scene import FRAME_FIELD
 from renderer.scene_schema import schedule_to_dict
 from renderer.schema import join, show
 

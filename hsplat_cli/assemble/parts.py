@@ -16,7 +16,9 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.frame_record import Record, is_record
 from renderer.output_files import film_beside, frame_path
 from renderer.scene import ErrorSpec
+from renderer.schema import Node
 from renderer.schema_camera import MAX_FRAMES
+from renderer.schema_output import OUTPUT_FILE
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
@@ -113,7 +115,11 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
             problems.append(Problem("", what, expected=_EXPECTED, place=str(path)))
         return
     data = json.loads(content)
-    wrong = [*sidecar.problems] or [*_record_problems(data), *told_problems(data), *_path_problems(sidecar)]
+    wrong = [*sidecar.problems, *_file_problems(sidecar)] or [
+        *_record_problems(data),
+        *told_problems(data),
+        *_path_problems(sidecar),
+    ]
     if wrong:
         problems.extend(replace(problem, place=str(path)) for problem in wrong)
         return
@@ -128,6 +134,13 @@ def _output_file(sidecar: Sidecar | None) -> Path | None:
     output = sidecar.scene.get("output") if sidecar else None
     file = output.get("file") if isinstance(output, dict) else None
     return Path(file) if isinstance(file, str) else None
+
+
+def _file_problems(sidecar: Sidecar) -> list[Problem]:
+    """Of the names of its pictures, as in a scene: they may have been changed by hand."""
+    problems: list[Problem] = []
+    OUTPUT_FILE.read(Node(sidecar.scene["output"]["file"], "scene.output.file", problems))
+    return problems
 
 
 def _record_problems(data: Mapping[str, Any]) -> Iterator[Problem]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import heapq
 import queue
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
@@ -33,12 +33,14 @@ PATIENCE_S = 60.0
 _AT_ONCE = 2
 # So many frames for each worker may be under way or wait for one before them.
 _AHEAD = 4
-# A frame that so many workers have failed on, or died with, is not given to another.
+# A frame that so many workers have failed on, or so many were lost at, is not given to another.
 _MOST_TRIES = 3
 # When nothing is done for so long, workers are looked for.
 _WAIT_S = 0.5
 # If a picture that is drawn has not come after so long, a look is taken whether its worker is still there.
 _FETCH_S = 2.0
+# Of a frame's future, once it was drawn: Dask has the picture, or had it.
+_DRAWN = ("finished", "lost")
 
 
 @contextlib.contextmanager
@@ -107,12 +109,15 @@ class ClusterDrawer:
         return [*notes, *self._roster.notes, *[again] * bool(self._num_again)]
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
-        """As in Drawer. Raises RenderError, or what a frame failed with, once it has failed on several workers."""
+        """As in Drawer.
+
+        Raises RenderError, or what a frame failed with, once several workers have failed on it, or were lost at it.
+        """
         film = _Film(numbers)
         for index in range(len(numbers)):
             while index not in film.drawn:
                 self._roster.look()
-                self._num_again += film.take_back(self._roster.fit)
+                self._take_back(film)
                 self._hand_out(film, index)
                 self._receive(film)
             yield film.drawn.pop(index)
@@ -129,7 +134,7 @@ class ClusterDrawer:
             self._parcel = self._send()
         while self._parcel is not None and film.left and film.left[0] < first + _AHEAD * len(self._roster.fit):
             worker = min(sorted(self._roster.fit), key=film.busy)
-            if film.busy(worker) >= _AT_ONCE:
+            if film.busy(worker) >= (1 if film.left[0] in film.suspects else _AT_ONCE):
                 return
             index = heapq.heappop(film.left)
             number = film.numbers[index]
@@ -149,14 +154,16 @@ class ClusterDrawer:
         task = film.next_done(_WAIT_S)
         if task is None:
             return
-        if task.future.status == "error":
-            self._fail(film, task, task.future.exception())
+        error = task.future.exception() if task.future.status == "error" else None
+        if error is not None and not _is_loss(error):
+            self._fail(film, task, error)
             return
-        result = self._fetch(task)
+        result = None if error is not None else self._fetch(task)
         if result is None:
-            film.give_back(task)
-            self._num_again += 1
+            self._roster.doubt(task.worker)
+            self._take_back(film)
             return
+        film.remove(task)
         png, record, maker = result
         film.drawn[task.index] = Drawn(film.numbers[task.index], Picture(png=png), {**record, "gl": maker["GL"]})
         if maker not in self._makers:
@@ -176,12 +183,25 @@ class ClusterDrawer:
                     return None
                 seconds *= 2
 
+    def _take_back(self, film: _Film) -> None:
+        """Frames of workers that are gone go to others, unless one of them may be why they are gone."""
+        self._num_again += film.take_back(self._roster.fit)
+        for index, workers in film.losses.items():
+            if len(workers) >= _MOST_TRIES:
+                raise RenderError(
+                    f"a worker was lost, {_MOST_TRIES} times at the same frame",
+                    where=f"frame {film.numbers[index]}",
+                    got=f"no longer there: {', '.join(workers)}",
+                    hint="their logs may say why; those that take more memory than they may are ended",
+                )
+
     def _fail(self, film: _Film, task: _Task, error: BaseException) -> None:
         """A worker could not draw a frame: is it the worker, or the frame?"""
-        film.give_back(task)
-        self._num_again += 1
-        if not isinstance(error, ContextLostError):  # which may come back
+        film.num_failures[task.index] += 1
+        lost_context = isinstance(error, ContextLostError)  # which may come back
+        if not lost_context:
             self._roster.dismiss(task.worker, str(error))
+        self._num_again += film.give_back([task] if lost_context else film.tasks_of(task.worker))
         if film.num_failures[task.index] >= _MOST_TRIES or not self._roster.fit:
             if isinstance(error, HsplatError):
                 raise error
@@ -191,17 +211,28 @@ class ClusterDrawer:
             ) from error
 
 
+def _is_loss(error: BaseException) -> bool:
+    """Whether this is what Dask makes of a task whose worker died, once too often by its own settings."""
+    from distributed import KilledWorker  # noqa: PLC0415  an extra, and slow to load
+
+    return isinstance(error, KilledWorker)
+
+
 class _Film:
     """Where the frames of a film are: left to be given to a worker, at one, or drawn and waiting for their turn.
 
-    left: indices of frames in a heap. drawn: frames by index. num_failures: how often a frame came to nothing.
+    left: indices of frames in a heap. drawn: frames by index. num_failures: how often a frame could not be drawn, by
+    index. losses: the workers that were lost while they were at a frame, by its index. suspects: indices of frames that
+    workers had when they were lost; of several threads any may have been why. They are drawn alone.
     """
 
     def __init__(self, numbers: Sequence[int]) -> None:
         self.numbers, self.left = numbers, list(range(len(numbers)))
         self.drawn: dict[int, Drawn] = {}
         self.num_failures: Counter[int] = Counter()
-        self._tasks: dict[str, _Task] = {}  # by the key of the future
+        self.losses: defaultdict[int, list[str]] = defaultdict(list)
+        self.suspects: set[int] = set()
+        self._tasks: dict[str, _Task] = {}  # by the key of the future, in the order in which they were given
         self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
 
     def add(self, task: _Task) -> None:
@@ -210,24 +241,40 @@ class _Film:
         task.future.add_done_callback(lambda future: self._done.put(future.key))
 
     def next_done(self, timeout_s: float) -> _Task | None:
-        """A frame that its worker does not have any more, or None when there was none for so long."""
+        """A frame that its worker is done with, one way or another, or None when there was none for so long."""
         try:
-            return self._tasks.pop(self._done.get(timeout=timeout_s), None)
+            return self._tasks.get(self._done.get(timeout=timeout_s))
         except queue.Empty:
             return None
 
-    def busy(self, worker: str) -> int:
-        """How many frames a worker has."""
-        return sum(task.worker == worker for task in self._tasks.values())
+    def tasks_of(self, worker: str) -> list[_Task]:
+        """The frames that a worker has, in the order in which it draws them."""
+        return [task for task in self._tasks.values() if task.worker == worker]
 
-    def give_back(self, task: _Task) -> None:
-        """A frame is to be drawn by another worker."""
-        self.num_failures[task.index] += 1
-        heapq.heappush(self.left, task.index)
+    def busy(self, worker: str) -> int:
+        """How many frames a worker has, or as many as it may have where nothing is to wait behind one of them."""
+        tasks = self.tasks_of(worker)
+        return _AT_ONCE if any(task.index in self.suspects for task in tasks) else len(tasks)
+
+    def remove(self, task: _Task) -> None:
+        """Its worker does not have this frame any more."""
+        del self._tasks[task.future.key]
+
+    def give_back(self, tasks: Sequence[_Task]) -> int:
+        """Frames are to be drawn by other workers; how many."""
+        for task in tasks:
+            self.remove(task)
+            heapq.heappush(self.left, task.index)
+        return len(tasks)
 
     def take_back(self, workers: set[str]) -> int:
-        """Frames of other workers than these are to be drawn by these; how many."""
-        lost = [key for key, task in self._tasks.items() if task.worker not in workers]
-        for key in lost:
-            self.give_back(self._tasks.pop(key))
-        return len(lost)
+        """Frames of other workers than these, which are lost, are to be drawn by these; how many."""
+        num_before = len(self.left)
+        for worker in {task.worker: None for task in self._tasks.values() if task.worker not in workers}:
+            tasks = self.tasks_of(worker)
+            # The others were drawn, or waited, as far as is known. If all were drawn, it is the last.
+            at = next((task for task in tasks if task.future.status not in _DRAWN), tasks[-1])
+            self.losses[at.index].append(worker)
+            self.suspects.update(task.index for task in tasks)
+            self.give_back(tasks)
+        return len(self.left) - num_before

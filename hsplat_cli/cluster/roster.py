@@ -7,7 +7,6 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.cluster.worker import describe
-from hsplat_cli.versions import package_versions
 from renderer.errors import RenderError
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ class Roster:
 
     def __init__(self, client: Client, address: str, patience_s: float) -> None:
         self._client, self._address, self._patience_s = client, address, patience_s
-        self._versions = package_versions()
+        self._here = describe()
         self._unfit: dict[str, str] = {}  # why, by address
         self._had_any = False
         self._look_at = self._last_seen = time.monotonic()
@@ -36,6 +35,11 @@ class Roster:
         """Do not use this worker again."""
         self.fit.discard(worker)
         self._unfit[worker] = why
+
+    def doubt(self, worker: str) -> None:
+        """Do not use this worker, which may be gone, or the scheduler with it, before it was looked at again: soon."""
+        self.fit.discard(worker)
+        self._look_at = time.monotonic()
 
     def look(self) -> None:
         """Find out, if it is time, who has come and who is gone. Raises RenderError when nobody is left."""
@@ -61,7 +65,7 @@ class Roster:
                 "no worker of the cluster can draw this film",
                 where=f"--scheduler {self._address}",
                 got=_counted([self._unfit[worker] for worker in present]),
-                expected=f"hsplat {self._versions['hsplat']} and OpenGL, as here",
+                expected=f"hsplat {self._here['hsplat']} of the same sources, and OpenGL, as here",
             )
 
     @property
@@ -75,14 +79,25 @@ class Roster:
         # Not a task: a worker without the module of a task's function would end.
         answers = self._ask(lambda: self._client.run(describe, workers=sorted(workers), on_error="return"))
         for worker, answer in answers.items():
-            if isinstance(answer, dict) and answer["hsplat"] == self._versions["hsplat"]:
-                self.fit.add(worker)
-            elif isinstance(answer, dict):
-                self._unfit[worker] = f"hsplat {answer['hsplat']}"
+            if isinstance(answer, dict):
+                other = self._other_hsplat(answer)
+                if other is None:
+                    self.fit.add(worker)
+                else:
+                    self._unfit[worker] = other
             elif _is_missing(answer):
                 self._unfit[worker] = f"without hsplat ({answer})"
             elif not isinstance(answer, OSError):  # that one is gone again
                 self._unfit[worker] = str(answer)
+
+    def _other_hsplat(self, answer: dict[str, Any]) -> str | None:
+        """Which one a worker has that draws otherwise than the one here may."""
+        if answer["hsplat"] != self._here["hsplat"]:
+            return f"hsplat {answer['hsplat']}"
+        # Checkouts are installed under the version of their release, whatever is changed in them.
+        if answer.get("sources") != self._here["sources"]:  # older ones do not tell
+            return f"hsplat {answer['hsplat']} of other sources"
+        return None
 
     def _require_hsplat_in_scheduler(self) -> None:
         try:
@@ -92,7 +107,7 @@ class Roster:
                 "the scheduler needs hsplat, too: it passes on what workers are to do",
                 where=f"--scheduler {self._address}",
                 got=str(error),
-                hint=f"install hsplat {self._versions['hsplat']} in its environment",
+                hint=f"install hsplat {self._here['hsplat']} in its environment",
             ) from error
 
     def _ask(self, question: Any) -> Any:

@@ -6,6 +6,7 @@ its functions on by their names.
 
 from __future__ import annotations
 
+import functools
 import os
 import threading
 import weakref
@@ -16,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.drawn import Drawn, LocalDrawer
-from hsplat_cli.versions import package_versions
+from hsplat_cli.versions import package_versions, sources_digest
 from renderer.errors import ContextLostError
 from renderer.parcel import unpack
 from renderer.raster_gl import GLRasterizer
@@ -93,8 +94,15 @@ class Parcel:
 
 
 def describe() -> dict[str, Any]:
-    """The versions in this process; that this can be called tells that hsplat is installed."""
-    return package_versions()
+    """The versions in this process, and as `sources` the digest of what draws: checkouts may have one version.
+
+    That this can be called tells that hsplat is installed.
+    """
+    return package_versions() | {"sources": _sources_digest()}
+
+
+# As they are when this process has loaded them: it goes on with those if a checkout is changed.
+_sources_digest = functools.cache(sources_digest)
 
 
 def draw(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:

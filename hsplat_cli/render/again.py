@@ -7,7 +7,7 @@ from typing import Any
 
 from hsplat_cli.job import Job
 from hsplat_cli.sidecar_file import Original
-from hsplat_cli.versions import package_versions
+from hsplat_cli.versions import package_versions, sources_digest
 from renderer.scene_schema import schedule_to_dict
 from renderer.schema import show
 
@@ -15,7 +15,7 @@ _LONGEST_NAME = 200
 
 
 def maker_notes(job: Job, made_by: str) -> list[str]:
-    """That the film did not meet what was asked for, if so, and that other versions or another OpenGL make it now."""
+    """That the film did not meet what was asked for, if so, and that other versions, sources or OpenGL make it now."""
     return [] if job.original is None else [*_missed(job, job.original), *_others(job.original, made_by)]
 
 
@@ -32,7 +32,7 @@ def _asked_before(job: Job, original: Original) -> Mapping[str, Any]:
 
 
 def _others(original: Original, made_by: str) -> list[str]:
-    before, now = original.made_with, package_versions() | {"GL": made_by}
+    before, now = original.made_with, package_versions() | {"GL": made_by, "sources": sources_digest()}
     changed = [
         f"{name} {plain_name(now[name])}, which was {plain_name(before[name])}"
         for name in now

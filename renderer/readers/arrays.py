@@ -14,6 +14,9 @@ from renderer.readers.common import Image, affine, check_dtype, check_size, choo
 from renderer.scene import RawSource
 from renderer.volume import Array
 
+# Of numpy's arrays of all versions; a volume has fewer.
+_MAX_AXES = 32
+
 
 def read_npy(path: Path, time: int | None, component: int | None) -> Image:
     """A `.npy` array [z, y, x] (or [y, x]), spacing 1, origin 0.
@@ -73,6 +76,16 @@ def _map_npy(path: Path) -> Array:
             offset = file.tell()
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, OSError) as error:  # of numpy's header parser
         raise unreadable(path, error) from error
+    except (MemoryError, RecursionError) as error:  # of Python's parser, where the header is nested too deeply
+        raise InputError("cannot read the header", where=where, got="too many nested expressions") from error
+    if len(shape) > _MAX_AXES or any(n < 0 for n in shape):  # which numpy writes, and maps, in no file
+        raise InputError(
+            "the header has no shape of an array",
+            where=where,
+            got=f"{len(shape)} axes" if len(shape) > _MAX_AXES else f"a length of {min(shape)}",
+            expected=f"at most {_MAX_AXES} axes, none of them negative",
+            hint="the file is damaged",
+        )
     check_dtype(dtype, where)
     num_bytes = check_size(shape[::-1], dtype, where)
     stored_bytes = path.stat().st_size - offset

@@ -160,12 +160,27 @@ class StoredVoxels:
 
     byte_order: "<" or ">" of voxels that lie there one behind the other, and as they are, or "|" where that is not
         said; None where it is for their reader to find them.
+    is_text: whether they are written as text, a digit or more and what separates them.
     """
 
     file: Path
     offset: int
     compressed: bool
     byte_order: str | None = None
+    is_text: bool = False
+
+
+def check_text(stored: StoredVoxels, num_values: int, shape_xyz: tuple[int, ...]) -> None:
+    """Raise InputError unless the file has room for so many values as text, before memory is taken for them."""
+    found_bytes, needed = stored.file.stat().st_size - stored.offset, 2 * num_values - 1
+    if found_bytes < needed:
+        raise InputError(
+            "the file is shorter than its header says",
+            where=str(stored.file),
+            got=f"{max(found_bytes, 0)} bytes of text",
+            expected=f"at least {needed} bytes ({describe_shape(shape_xyz)} voxels)",
+            hint="the file is truncated or its header is wrong",
+        )
 
 
 def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:

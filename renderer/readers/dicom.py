@@ -16,7 +16,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, choose, describe_shape
 from renderer.readers.headers import PIXEL_DATA
-from renderer.readers.itk import executed, open_itk, pixel_dtype, quiet_simpleitk, read_itk, view_of
+from renderer.readers.itk import distill, executed, open_itk, pixel_dtype, quiet_simpleitk, read_itk, view_of
 from renderer.volume import Array, Float64
 
 # Slices may lie this part of the spacing away from even steps. Positions are written with few digits and gantries are
@@ -68,7 +68,16 @@ def read_dicom(folder: Path, time: int | None, component: int | None) -> Image:
 
 
 def _series_files(sitk: Any, folder: Path) -> list[Path]:
-    series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
+    try:
+        series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
+        files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), uid) for uid in series}
+    except RuntimeError as error:
+        raise InputError(
+            "the DICOM files in this folder cannot be read",
+            where=str(folder),
+            got=distill(str(error)),
+            hint="one of them is damaged",
+        ) from error
     if not series:
         raise InputError(
             "this folder holds neither a DICOM series nor TIFF slices",
@@ -76,7 +85,6 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
             got="an empty folder" if not any(folder.iterdir()) else None,
             expected="the files of one DICOM series, or .tif files, directly in the folder",
         )
-    files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), uid) for uid in series}
     if len(series) > 1:
         raise InputError(
             f"this folder holds {len(series)} DICOM series, and one is rendered",

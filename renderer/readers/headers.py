@@ -1,4 +1,4 @@
-"""Where the voxels of a NRRD, MetaImage or DICOM file are: the few header fields that say so.
+"""Where the voxels of a NRRD, MetaImage, VTK or DICOM file are: the few header fields that say so.
 
 SimpleITK reads these formats; it reports a missing data file as an unreadable header, takes the memory that a header
 asks for before it looks at the file, and fills up truncated slices. These functions find the data first.
@@ -24,29 +24,40 @@ _SEQUENCE_END = b"\xfe\xff\xdd\xe0"
 
 
 def nrrd_voxels(path: Path) -> StoredVoxels | None:
-    """The data of a NRRD file; None when it is text, bzip2 or spread over several files, which its reader checks.
+    """The data of a NRRD file; None when it is spread over several files or compressed behind lines of text, which its
+    reader checks.
 
-    Raises InputError for a data file that is not there.
+    Raises InputError for a data file that is not there, and for bzip2.
     """
     header, offset = _split(_head(path))
     fields = _fields(header, ":")
     encoding = fields.get("encoding", "raw").lower()
+    if encoding in ("bzip2", "bz2"):  # SimpleITK says so when it has taken the memory
+        raise InputError(
+            "voxels that are compressed by bzip2 cannot be read",
+            where=str(path),
+            got=f"encoding: {encoding}",
+            expected="encoding: raw or gzip",
+            hint="save it anew with gzip",
+        )
+    is_packed, is_text = encoding in ("gzip", "gz"), encoding not in ("raw", "gzip", "gz")
     name = fields.get("data file") or fields.get("datafile")
     lines_skipped = fields.get("line skip") or fields.get("lineskip") or "0"
     order: str | None = {"little": "<", "big": ">"}.get(fields.get("endian", "").lower(), "|")
-    if fields.get("byte skip", fields.get("byteskip", "0")) != "0" or encoding != "raw":
+    if fields.get("byte skip", fields.get("byteskip", "0")) != "0" or lines_skipped != "0" or encoding != "raw":
         order = None
     if name is None:
-        stored = StoredVoxels(path, offset, encoding != "raw", order)
+        stored = StoredVoxels(path, offset, is_packed, order, is_text)
     elif name.split()[0] == "LIST" or "%" in name:
         return None
     else:
-        stored = _detached(path, name, encoding != "raw", order)
-    return stored if encoding in ("raw", "gzip", "gz") and lines_skipped == "0" else None
+        stored = _detached(path, name, is_packed, order, is_text)
+    return None if is_packed and lines_skipped != "0" else stored
 
 
 def metaimage_voxels(path: Path) -> StoredVoxels | None:
-    """The data of a MetaImage file; None when it is text or spread over several files, which its reader checks.
+    """The data of a MetaImage file; None when it is spread over several files or begins elsewhere, which its reader
+    checks.
 
     Raises InputError for a damaged header and for a data file that is not there.
     """
@@ -66,13 +77,21 @@ def metaimage_voxels(path: Path) -> StoredVoxels | None:
     if name.split()[0] == "LIST" or "%" in name:
         return None
     is_big = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "")).lower()
-    order = None if compressed else {"false": "<", "true": ">", "0": "<", "1": ">"}.get(is_big, "|")
+    is_text = fields.get("binarydata", "True").lower() not in ("true", "1")
+    order = None if compressed or is_text else {"false": "<", "true": ">", "0": "<", "1": ">"}.get(is_big, "|")
     if name.upper() == "LOCAL":
-        stored = StoredVoxels(path, start, compressed, order)
+        stored = StoredVoxels(path, start, compressed, order, is_text)
     else:
-        stored = _detached(path, name, compressed, order)
-    is_plain = fields.get("binarydata", "True").lower() in ("true", "1") and "headersize" not in fields
-    return stored if is_plain else None
+        stored = _detached(path, name, compressed, order, is_text)
+    return stored if "headersize" not in fields else None
+
+
+def vtk_voxels(path: Path) -> StoredVoxels:
+    """The data of VTK's legacy file; they come after the line with a lookup table, where there is one."""
+    head = _head(path)
+    start = head.find(b"\n", head.find(b"LOOKUP_TABLE")) + 1 if b"LOOKUP_TABLE" in head else 0
+    kind = [*head.split(b"\n", 3), b"", b"", b""][2]
+    return StoredVoxels(path, start, False, None, kind.strip().upper() == b"ASCII")
 
 
 def check_dicom_pixels(path: Path, num_bytes: int) -> None:
@@ -113,7 +132,7 @@ def _fields(header: bytes, mark: str) -> dict[str, str]:
     return fields
 
 
-def _detached(header: Path, name: str, compressed: bool, order: str | None) -> StoredVoxels:
+def _detached(header: Path, name: str, compressed: bool, order: str | None, is_text: bool) -> StoredVoxels:
     file = header.parent / name
     if not file.is_file():
         raise InputError(
@@ -123,4 +142,4 @@ def _detached(header: Path, name: str, compressed: bool, order: str | None) -> S
             expected=f"a file {file}",
             hint="the two belong together: move or copy both",
         )
-    return StoredVoxels(existing(file), 0, compressed, order)
+    return StoredVoxels(existing(file), 0, compressed, order, is_text)

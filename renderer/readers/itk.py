@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,30 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, StoredVoxels, affine, check_size, check_stored, choose, stays_mapped
-from renderer.readers.headers import check_dicom_pixels, metaimage_voxels, nrrd_voxels
+from renderer.readers.common import (
+    Image,
+    StoredVoxels,
+    affine,
+    check_size,
+    check_stored,
+    check_text,
+    choose,
+    stays_mapped,
+)
+from renderer.readers.headers import check_dicom_pixels, metaimage_voxels, nrrd_voxels, vtk_voxels
 from renderer.volume import Array
 from renderer.volume_files import UnknownFormatError
 
 _BITS_ALLOCATED = "0028|0100"
+
+# Formats of which it is known where in the file the voxels are.
+_LOCATED: dict[str, Callable[[Path], StoredVoxels | None]] = {
+    ".nrrd": nrrd_voxels,
+    ".nhdr": nrrd_voxels,
+    ".mha": metaimage_voxels,
+    ".mhd": metaimage_voxels,
+    ".vtk": vtk_voxels,
+}
 
 
 @contextmanager
@@ -44,14 +62,15 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
 
     Raises InputError for unknown, truncated and broken files, and when `time` or `component` do not fit.
     """
-    headers = {".nrrd": nrrd_voxels, ".nhdr": nrrd_voxels, ".mha": metaimage_voxels, ".mhd": metaimage_voxels}
-    voxels = headers[path.suffix.lower()](path) if path.suffix.lower() in headers else None
+    voxels = _LOCATED[path.suffix.lower()](path) if path.suffix.lower() in _LOCATED else None
     with quiet_simpleitk() as sitk:
         reader = open_itk(sitk, path)
         size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
         dtype = pixel_dtype(sitk, reader, path)
         num_bytes = check_size((*size, num_components), dtype, str(path))
-        if voxels is not None:
+        if voxels is not None and voxels.is_text:
+            check_text(voxels, num_bytes // dtype.itemsize, size)
+        elif voxels is not None:
             check_stored(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")

@@ -9,7 +9,9 @@ x and y. Axes after z are time (the fourth) and component (the fifth), as the st
 
 from __future__ import annotations
 
+import gzip
 import logging
+import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,6 +35,11 @@ from renderer.readers.common import (
     unreadable,
 )
 from renderer.volume import Array, Float64
+
+# The lengths of the headers of NIfTI-1 and NIfTI-2, by which they begin.
+_NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
+# Extensions of a header hold reports, colours and names. In a compressed file a thousandth of this is enough for this.
+_MAX_OFFSET = 2**26
 
 
 def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
@@ -107,9 +114,31 @@ def _quiet(logger: logging.Logger) -> Iterator[None]:
         logger.setLevel(level)
 
 
+def _check_extensions(path: Path) -> None:
+    """Raise InputError where a compressed file has very much between header and voxels: nibabel keeps it in memory."""
+    try:
+        with gzip.open(path) as file:
+            head = file.read(_NIFTI_2_BYTES)
+    except (OSError, EOFError, zlib.error):  # not compressed, or damaged, which nibabel sees as well
+        return
+    for order in "<>" if len(head) == _NIFTI_2_BYTES else "":
+        num_header_bytes = struct.unpack_from(order + "i", head)[0]
+        code, place = {_NIFTI_1_BYTES: ("f", 108), _NIFTI_2_BYTES: ("q", 168)}.get(num_header_bytes, ("b", 0))
+        offset = struct.unpack_from(order + code, head, place)[0]
+        if code != "b" and offset > _MAX_OFFSET:
+            raise InputError(
+                "there is too much between the header and the voxels",
+                where=str(path),
+                got=f"voxels from byte {offset:.0f} on",
+                expected=f"at most {_MAX_OFFSET} bytes before them",
+                hint="if no extensions of the header are that long, it is damaged",
+            )
+
+
 def _open(path: Path) -> Any:
     import nibabel as nib  # noqa: PLC0415  (0.2 s that other formats do not need)
 
+    _check_extensions(path)
     try:
         with _quiet(nib.imageglobals.logger):
             image = nib.load(path)

@@ -290,6 +290,17 @@ def test_sidecars_that_tell_odd_things(capsys: pytest.CaptureFixture[str]) -> No
     assert refused(capsys, "parts", "--output", "film.mp4") == ODD_THINGS
 
 
+def test_names_of_pictures_that_no_scene_may_have(capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["{frame:zz}.png", "{frame:400000}.png", "{frame}-{frame}.png"]
+    for part, name in zip(("0-2", "3-5", "6-8"), names, strict=True):
+        change(f"parts/frames.{part}.json", lambda data, name=name: data["scene"]["output"].update(file=name))
+    expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
+    assert refused(capsys, "parts", "--output", "film.mp4") == "".join(
+        f"parts/frames.{part}.json: scene.output.file: not a legal template\n  got: '{name}'\n  expected: {expected}\n"
+        for part, name in zip(("0-2", "3-5", "6-8"), names, strict=True)
+    )
+
+
 def test_a_sidecar_without_its_frames_and_one_too_deep(capsys: pytest.CaptureFixture[str]) -> None:
     def nest(data: dict[str, Any]) -> None:
         for _ in range(30):

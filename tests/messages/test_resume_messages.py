@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -137,8 +138,15 @@ def test_a_folder_that_is_none(render: Render) -> None:
 
 @pytest.mark.parametrize("output", ["film.mp4", "film.gif", "{frame}.png"])
 def test_an_output_folder_that_vanishes(render: Render, output: str) -> None:
-    render.at_frame(3, lambda: shutil.rmtree("out"))
-    place = "out/3.png" if output == "{frame}.png" else f"out/{output}.unfinished/000003.png"
+    folder = Path("out", "frames.unfinished" if output == "{frame}.png" else f"{output}.unfinished")
+
+    def vanish() -> None:
+        while not (folder / "000002.json").exists():  # frames are kept by a thread behind the drawing
+            time.sleep(0.001)
+        shutil.rmtree("out")
+
+    render.at_frame(3, vanish)
+    place = "out/3.png" if output == "{frame}.png" else folder / "000003.png"
     assert render("--output", f"out/{output}") == (
         1,
         f"{place}: the folder of the output is gone\n  hint: it was there when the work began\n",

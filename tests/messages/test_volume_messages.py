@@ -173,6 +173,16 @@ def test_unreadable_header(folder):
     assert message("a.nrrd") == 'a.nrrd: cannot read the header\n  got: couldn\'t parse type "half"'
 
 
+def test_bzip2(folder):
+    Path("a.nrrd").write_bytes(b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: bzip2\n\nBZh9")
+    assert message("a.nrrd") == (
+        "a.nrrd: voxels that are compressed by bzip2 cannot be read\n"
+        "  got: encoding: bzip2\n"
+        "  expected: encoding: raw or gzip\n"
+        "  hint: save it anew with gzip"
+    )
+
+
 def test_truncated_tiff(folder):
     sitk.WriteImage(sitk.GetImageFromArray(VALUES), "a.tif")
     Path("a.tif").write_bytes(Path("a.tif").read_bytes()[:400])

@@ -115,9 +115,10 @@ def channels_of(transfer: TransferFunction, finest_spacing: float) -> Float64:
     return np.concatenate([transfer.colors * depths, depths], axis=1)
 
 
-def between_scalars(low: Float64, high: Float64, values: Float64, points: Float64) -> tuple[Float64, Float64]:
-    """[...] each: D^2 and width^2 from low to high scalars, as `renderer.between_voxels` has them, of `points` [n, c]
-    at control `values`. By Simpson's rule, exact for squares of what is linear, in every piece that is in the range."""
+def between_scalars(low: Float64, high: Float64, values: Float64, points: Float64) -> tuple[Float64, Float64, Float64]:
+    """[...] each: D^2, width^2 and J^2 from low to high scalars, as `renderer.between_voxels` has them, of `points`
+    [n, c] at control `values`. D by Simpson's rule, exact for squares of what is linear, in every piece that is in the
+    range."""
 
     def linear(k: int, at: Float64) -> Float64:
         """On the line through the points before and at k, the ends of which are constant."""
@@ -151,7 +152,8 @@ def between_scalars(low: Float64, high: Float64, values: Float64, points: Float6
         jump = points[values == value][-1] - points[values == value][0]
         slopes += np.where((low < value) & (value <= high), 16 * (jump**2).sum(), 0.0)
     width = np.where(slopes > 0, 12 * squares / np.where(slopes > 0, slopes, 1.0), 1.0)
-    return squares, np.clip(width, 1 / 16**2, 1.0)
+    jump = 0.35**2 * ((last - first) ** 2).sum(axis=-1)
+    return squares, np.clip(width, 1 / 16**2, 1.0), jump
 
 
 def dual_cells(brick: tuple[int, int, int], side: int) -> tuple[slice, slice, slice]:
@@ -172,12 +174,13 @@ def means_over_dual_cells(values: Float64) -> dict[tuple[int, int, int], float]:
 
 
 def errors_of_bricks(volume: Volume, transfer: TransferFunction, level: int) -> dict[tuple[int, int, int], float]:
-    """By brick (x, y, z) of a level above 0, the largest error of its nodes and its apron's, and of what shows between
-    its voxels only, as of such a node; times that of a ray."""
+    """By brick (x, y, z) of a level above 0, the largest error of its nodes and its apron's, of what shows between
+    its voxels only, and of their differences, as of such a node; times that of a ray."""
     nodes = per_brick(errors_of_cells(volume, depths_of(volume, transfer), level), 16, apron=1)
-    squares, _ = between_scalars(
+    distances, _, jumps = between_scalars(
         *ranges_of_dual_cells(volume), transfer.values, channels_of(transfer, volume.finest_spacing)
     )
+    squares = np.maximum(distances, jumps)
     length = 2**level * np.cbrt(volume.voxel_volume) / volume.finest_spacing
     return {
         brick: ERRORS_ON_A_RAY * max(part.max(), length * np.sqrt(squares[dual_cells(brick, 16 << level)].max()))

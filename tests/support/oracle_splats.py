@@ -177,10 +177,6 @@ def centers(voxels: Field, cells: Cells) -> Float64:
 def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profile: _Profile) -> _Footprints:
     """Every cell's Gaussian, cut by the near plane, on the image."""
     edges = voxels.volume.world_from_index[:3, :3]
-    spacing = float(np.linalg.norm(edges, axis=0).min())
-    num_voxels = np.prod(cells.extent, axis=1, dtype=np.float64)
-    thickness = num_voxels if spec.opacity_correction else num_voxels ** (2 / 3)
-    areas = spacing**2 * abs(np.linalg.det(edges / spacing)) * thickness  # optical area of a depth of 1
     to_away = np.diag([1.0, 1.0, -1.0]) @ view.view_from_world[:3]
     mean = centers(voxels, cells) @ to_away[:, :3].T + to_away[:, 3]
     axes = to_away[:, :3] @ (edges * (spec.sigma * cells.extent)[:, None, :])
@@ -201,16 +197,11 @@ def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profil
     lost = np.clip(hazard * (hazard - a), 0, 1) * covariance[:, 2, 2]
     covariance = covariance - lost[:, None, None] * regression[:, :, None] * regression[:, None, :]
 
-    size = np.array(view.size)
-    limit = SLOPE_LIMIT * size / 2 / view.scale_px
     perspective = view.projection == "perspective"
     depth = np.where(mass > 0, mean[:, 2], 1.0) if perspective else np.ones(len(mean))
-    slopes = np.clip(mean[:, :2] / depth[:, None], -limit, limit) if perspective else np.zeros((len(mean), 2))
-    jacobian = np.zeros((len(mean), 2, 3))
-    jacobian[:, 0, 0], jacobian[:, 1, 1] = 1, -1
-    jacobian[:, 0, 2], jacobian[:, 1, 2] = -slopes[:, 0], slopes[:, 1]
     px_per_unit = view.scale_px / depth
-    jacobian *= px_per_unit[:, None, None]
+    slopes = _slopes(mean, depth, view)
+    jacobian = _jacobian(px_per_unit, slopes)
     variances, directions = np.linalg.eigh(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
     variances = np.maximum(variances, profile.narrowest_px**2)
     offset_px = mean[:, :2] * px_per_unit[:, None] * [1, -1]
@@ -221,7 +212,7 @@ def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profil
     cut_slack = ULPS * ((length + near_beyond_middle) / sigma + np.abs(a))
     relative_cut = RELATIVE_CUT + (1 + np.abs(a)) * cut_slack
     relative = relative_depth + np.where(is_cut, relative_cut, RELATIVE)
-    away_px = np.linalg.norm(offset_px, axis=1)
+    size, away_px = np.array(view.size), np.linalg.norm(offset_px, axis=1)
     sigma_px = np.sqrt(variances[:, 1])
     shift_px = (
         px_per_unit * math.hypot(off[0], off[1])
@@ -232,13 +223,41 @@ def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profil
     return _Footprints(
         size / 2 + offset_px,
         (directions * variances[:, None, :]) @ directions.transpose(0, 2, 1),
-        mass * areas * px_per_unit**2 * np.sqrt(1 + np.sum(slopes**2, axis=1)) / np.sqrt(np.prod(variances, axis=1)),
+        mass
+        * _areas(edges, cells, spec)
+        * px_per_unit**2
+        * np.sqrt(1 + np.sum(slopes**2, axis=1))
+        / np.sqrt(np.prod(variances, axis=1)),
         shift_px,
         np.minimum(relative, 1.0),
         a,
         cut_slack,
         _rounding(profile, np.sqrt(variances[:, 0]), view),
     )
+
+
+def _areas(edges: Float64, cells: Cells, spec: SplatSpec) -> Float64:
+    """[n]: the optical area of a cell with a depth of 1."""
+    spacing = float(np.linalg.norm(edges, axis=0).min())
+    num_voxels = np.prod(cells.extent, axis=1, dtype=np.float64)
+    thickness = num_voxels if spec.opacity_correction else num_voxels ** (2 / 3)
+    return np.asarray(spacing**2 * abs(np.linalg.det(edges / spacing)) * thickness)
+
+
+def _slopes(mean: Float64, depth: Float64, view: View) -> Float64:
+    """[n, 2]: of the rays through the centres, [n, 3] in the view, as far beside the picture as they count."""
+    if view.projection != "perspective":
+        return np.zeros((len(mean), 2))
+    limit = SLOPE_LIMIT * np.array(view.size) / 2 / view.scale_px
+    return np.clip(mean[:, :2] / depth[:, None], -limit, limit)
+
+
+def _jacobian(px_per_unit: Float64, slopes: Float64) -> Float64:
+    """[n, 2, 3]: pixels, rows downwards, by lengths in the view."""
+    jacobian = np.zeros((len(slopes), 2, 3))
+    jacobian[:, 0, 0], jacobian[:, 1, 1] = 1, -1
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = -slopes[:, 0], slopes[:, 1]
+    return jacobian * px_per_unit[:, None, None]
 
 
 def _rounding(profile: _Profile, narrow_px: Float64, view: View) -> Float64:

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
+import shutil
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import faulty_cluster_worker as faulty
 import pytest
 from distributed import Client, LocalCluster
+from processes import wait_until
 
+import renderer
 from hsplat_cli import main
+from hsplat_cli.cluster import drawer as cluster_drawer
 from hsplat_cli.cluster.drawer import Cluster
 from hsplat_cli.drawn import LocalDrawer
+from hsplat_cli.versions import package_versions
 from renderer.drawing import Stage
-from renderer.errors import RenderError
+from renderer.errors import HsplatError, InputError, RenderError
 from renderer.pipeline import prepare
 from renderer.raster_gl import GLRasterizer
 from renderer.scene_schema import parse_scene
@@ -107,6 +117,79 @@ def test_frames_of_workers_that_die_are_drawn_again(
     files, (note,) = draw(client, stage, kill)
     assert files == expected
     assert note.endswith(" drawn again by other workers")
+
+
+@contextlib.contextmanager
+def another_checkout(client: Client, folder: Path) -> Iterator[None]:
+    """One worker more meanwhile, whose hsplat has the same version and, in one shader, another comment."""
+
+    def is_there() -> bool:
+        return bool(client.run_on_scheduler(lambda dask_scheduler: "another" in dask_scheduler.aliases))
+
+    for package in ("hsplat_cli", "renderer"):
+        source = Path(renderer.__file__).parents[1] / package
+        shutil.copytree(source, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    with next((folder / "renderer").rglob("*.glsl")).open("a", encoding="utf-8") as shader:
+        shader.write("// A better one.\n")
+    options = ["--name=another", "--no-nanny", "--nthreads=1", "--memory-limit=0", "--no-dashboard"]
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", client.scheduler.address, *options]
+    environment = os.environ | {"PYTHONPATH": str(folder)}
+    with subprocess.Popen(command, cwd=folder, env=environment, stderr=subprocess.DEVNULL) as process:
+        try:
+            assert wait_until(is_there, 60)
+            yield
+        finally:
+            process.kill()
+    assert wait_until(lambda: not is_there(), 60)
+
+
+def test_a_worker_with_other_sources_is_refused(
+    client: Client, stage: Stage, expected: list[bytes], tmp_path: Path
+) -> None:
+    with another_checkout(client, tmp_path):
+        files, notes = draw(client, stage)
+    assert files == expected
+    version = package_versions()["hsplat"]
+    assert notes == [f"workers that could not draw were not used: 1 x hsplat {version} of other sources"]
+
+
+def error_of(client: Client, stage: Stage) -> HsplatError:
+    """Of a film that begins with the frame that things happen at."""
+    with (
+        Cluster(client, "tcp://here:1", patience_s=30.0).drawer(stage) as drawer,
+        pytest.raises(HsplatError) as caught,
+    ):
+        list(drawer.draw(range(faulty.FRAME, NUM_FRAMES)))
+    return caught.value
+
+
+def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There are as many as it may kill: Dask does not replace all of those that die as soon as they are there."""
+    monkeypatch.setattr(cluster_drawer, "draw", faulty.kill_always)
+    with (
+        LocalCluster(n_workers=3, threads_per_worker=1, memory_limit=0, dashboard_address=":0") as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        error = error_of(client, stage)
+    assert type(error) is RenderError
+    assert (error.what, error.where) == ("a worker was lost, 3 times at the same frame", f"frame {faulty.FRAME}")
+    assert error.got is not None and re.fullmatch(r"no longer there(?:[:,] tcp://[\d.]+:\d+){3}", error.got)
+
+
+def test_a_frame_that_is_wrong(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is told is what a worker said."""
+    monkeypatch.setattr(cluster_drawer, "draw", faulty.input_error)
+    error = error_of(client, stage)
+    text = "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another"
+    assert (type(error), str(error)) == (InputError, text)
+
+
+def test_a_frame_that_nobody_can_draw(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_drawer, "draw", faulty.out_of_memory)
+    error = error_of(client, stage)
+    assert type(error) is RenderError
+    assert (error.what, error.got) == (f"frame {faulty.FRAME} cannot be drawn", "MemoryError: all of it is taken")
+    assert error.where in client.nthreads()
 
 
 def test_nobody_is_there(stage: Stage) -> None:

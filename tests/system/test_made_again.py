@@ -12,6 +12,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
+from hsplat_cli.versions import sources_digest
 
 SCENE = small_scene(frames=7, size="48, 32")
 
@@ -207,12 +208,14 @@ def test_other_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     def make_other(data: dict[str, Any]) -> None:
         data["gl"] = "Other GL\x1b[31m"
         data["versions"] |= {"numpy": "1.0", "abandoned": "3.2"}
+        data["cause"]["of"]["sources"] = "0" * 32
 
     change(Path("film.mp4.json"), make_other)
     assert main.run(["render", "film.mp4.json", "--force"]) == 0
     note = (
         "the bytes may differ from those of the film before, made with other versions: "
-        f"numpy {np.__version__}, which was 1.0; GL {made['gl']}, which was 'Other GL\\x1b[31m'"
+        f"numpy {np.__version__}, which was 1.0; GL {made['gl']}, which was 'Other GL\\x1b[31m'; "
+        f"sources {sources_digest()}, which was {'0' * 32}"
     )
     assert f"note: {note}\n" in capsys.readouterr().out
     again = read(Path("film.mp4.json"))

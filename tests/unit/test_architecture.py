@@ -209,7 +209,7 @@ def test_nothing_dangerous(path: Path) -> None:
         assert not (isinstance(node, ast.ExceptHandler) and node.type is None), "a bare except"
 
 
-@pytest.mark.parametrize("path", sources(), ids=module)
+@pytest.mark.parametrize("path", [*sources(), *sorted((ROOT / "tests").rglob("*.py"))], ids=module)
 def test_files_and_functions_can_be_read(path: Path) -> None:
     num_lines = len(path.read_text(encoding="utf-8").splitlines())
     assert num_lines <= MAX_FILE_LINES

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from typing import Literal
 
 import numpy as np
@@ -29,6 +30,7 @@ from dense_bricks import (
 )
 from number_types import TYPES, limits
 
+from renderer.between_voxels import STEEPNESS
 from renderer.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
 from renderer.optical_table import optical_table
 from renderer.pyramid import TOLD_LEVELS
@@ -146,15 +148,15 @@ def test_means_lie_where_their_cells_are(shape: Shape, precision: str) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 def test_errors_of_a_brick(shape: Shape) -> None:
-    """The largest of its nodes and its apron's, and of what shows between its voxels; and the root mean square, over
-    its volume, of nodes twice as large and of that."""
+    """The largest of its nodes and its apron's, of what shows between its voxels, and of their differences; and the
+    root mean square, over its volume, of nodes twice as large and of what shows between voxels, or of differences."""
     volume = soft(shape)
     depths = depths_of(volume, SOFT)
-    between, widths = between_scalars(
+    between, widths, jumps = between_scalars(
         *ranges_of_dual_cells(volume), SOFT.values, channels_of(SOFT, volume.finest_spacing)
     )
     side = np.cbrt(volume.voxel_volume) / volume.finest_spacing
-    rough = means_over_dual_cells(between / widths**2)
+    rough, steep = means_over_dual_cells(between / widths**2), means_over_dual_cells(jumps)
     for number, level in enumerate(bricks_of(volume, SOFT).levels):
         errors = errors_of_bricks(volume, SOFT, number)
         above = errors_of_cells(volume, depths, number + 1)
@@ -169,7 +171,12 @@ def test_errors_of_a_brick(shape: Shape) -> None:
             want = own[z, y, x] if own[z, y, x] > 1e-7 else around.max()
             if number == 0:
                 want = np.hypot(want, 2 * side * np.sqrt(rough[x, y, z]))
+            want = max(want, 2 ** (number + 1) * side * np.sqrt(steep[x, y, z]))
             np.testing.assert_allclose(level.roughness[z, y, x], want, rtol=HALF_RTOL, atol=1e-7)
+        children = defaultdict(list)
+        for (x, y, z), mean in steep.items():
+            children[x // 2, y // 2, z // 2].append(mean)
+        steep = {brick: float(np.mean(means)) for brick, means in children.items()}
 
 
 def test_a_brick_without_errors_beside_one_with_errors() -> None:
@@ -206,7 +213,7 @@ def test_what_shows_between_voxels_only() -> None:
 
 @pytest.mark.parametrize(("measure", "of"), [("rms", "classified"), ("rms", "scalar")])
 def test_in_the_unit_of_the_measure(measure: Literal["rms"], of: Literal["classified", "scalar"]) -> None:
-    """An opacity does not grow with the cell; the scalar is interpolated, so that nothing is between."""
+    """An opacity does not grow with the cell; of the scalar, which is interpolated, there is only the difference."""
     values = np.zeros((40, 4, 4), np.uint8)
     values[20:] = 1
     opaque = hills((0.25, 0), (0.5, 2), (0.75, 0))
@@ -216,9 +223,29 @@ def test_in_the_unit_of_the_measure(measure: Literal["rms"], of: Literal["classi
     opacity = -math.expm1(-2.0)
     distance = opacity * math.sqrt((1 + 0.9**2 + 0.5**2 + 0.2**2) * 0.5 / 3)
     for level in levels:  # of which no cell has voxels of both kinds
-        want = ERRORS_ON_A_RAY * distance if of == "classified" else 0.0
+        want = ERRORS_ON_A_RAY * (distance if of == "classified" else STEEPNESS)
         assert level.errors.max() == pytest.approx(want, rel=1e-6)
-    assert (fine.roughness[1, 0, 0] > 0.1) == (of == "classified")
+    if of == "scalar":  # one layer of dual cells in 16
+        assert fine.roughness[1, 0, 0] == pytest.approx(STEEPNESS / 4, rel=1e-6)
+    else:
+        assert fine.roughness[1, 0, 0] > 0.1
+
+
+@pytest.mark.parametrize("shift", [0, 1, 2, 8, 16])
+def test_differences_count_wherever_they_are(shift: int) -> None:
+    """A box has the errors of its surface also where nodes end there, each of which is constant: of each level, about
+    as it has where it is in the middle of nodes."""
+    values = np.zeros((80, 80, 80), np.uint8)
+    values[16 + shift : 48 + shift, 16 + shift : 48 + shift, 16 + shift : 48 + shift] = 255
+    volume = make_volume(values, np.eye(4), "box")
+    ramp = TransferFunction(np.array([0.0, 255.0]), np.ones((2, 3)), np.array([0.0, 0.5]), 1.0)
+    difference = 0.5 * 2  # in four channels
+    for number, level in enumerate(bricks_of(volume, ramp).levels):
+        if number:
+            relative = level.errors.max() / (ERRORS_ON_A_RAY * 2**number * difference)
+            assert STEEPNESS * (1 - HALF_RTOL) <= relative <= 0.5 * (1 + HALF_RTOL)
+        assert (level.roughness[level.errors > 0] > 0).all()
+        assert level.roughness.max() > 0.1
 
 
 def test_light_counts_at_its_brightest() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from collections.abc import Iterator
 from pathlib import Path
 
 import nibabel as nib
@@ -10,13 +11,15 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from renderer.errors import InputError
+from renderer.errors import HsplatError, InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
+from tests.support.tiff_files import described, field_places, ome
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (6, 7, 8)).astype(np.uint16)
 FORMATS = ("raw.nrrd", "gzip.nrrd", "raw.nhdr", "gzip.nhdr", "raw.mha", "zlib.mha", "raw.mhd", "zlib.mhd")
 OTHERS = ("raw.nii", "gzip.nii.gz", "raw.tif", "packed.tif", "plain.npy")
+DIGITS = b"0123456789.e+-\\\n"  # and what else makes up numbers, and ends them
 
 
 def write(folder: Path, name: str) -> tuple[Path, Path]:
@@ -60,21 +63,78 @@ def test_damage_within_compressed_voxels_is_an_error(tmp_path, name):
             read(path)
 
 
-@pytest.mark.parametrize("name", FORMATS + OTHERS)
-def test_altered_headers_never_escape(tmp_path, name):
+def header_places(name: str, data: bytes) -> np.ndarray:
+    """The bytes of a file, decompressed if it is gzip, that are its header."""
+    if name.endswith(".tif"):
+        return field_places(data)
+    if name.endswith(".nrrd"):
+        return np.arange(data.index(b"\n\n") + 2)
+    if name.endswith(".mha"):
+        return np.arange(data.index(b"\n", data.index(b"ElementDataFile")) + 1)
+    return np.arange({".nii": 352, ".npy": 128}.get(name[-4:], len(data)))
+
+
+def altered(data: bytes, places: np.ndarray, seed: int, num_altered: int) -> Iterator[bytes]:
+    """The data with one to three bytes of those at `places` changed: to any, by a bit, to an end, to a digit."""
+    rng = np.random.default_rng(seed)
+    for _ in range(num_altered):
+        damaged = bytearray(data)
+        for place in places[rng.integers(len(places), size=rng.integers(1, 4))]:
+            to, bit, digit = rng.integers(256), rng.integers(8), rng.integers(len(DIGITS))
+            damaged[place] = (to, damaged[place] ^ 1 << bit, 0, 255, DIGITS[digit], DIGITS[digit])[rng.integers(6)]
+        yield bytes(damaged)
+
+
+def read_or_refuse(path: Path, **choice: int) -> bool:
+    """Whether there is a volume; anything but a volume and an error for users fails."""
+    try:
+        return read_volume(VolumeSpec(FileSource(path), **choice)).values.ndim == 3
+    except HsplatError:
+        return False
+
+
+@pytest.mark.parametrize(("seed", "name"), list(enumerate(FORMATS + OTHERS)))
+def test_altered_headers_never_escape(tmp_path, seed, name):
+    """Files of FORMATS are several of the same kind, and have their hundreds together."""
     path, _ = write(tmp_path, name)
-    data = path.read_bytes()
-    rng = np.random.default_rng(1)
-    for _ in range(40):
-        altered = bytearray(data)
-        for place in rng.integers(0, min(len(data), 400), 3):
-            altered[place] = rng.integers(0, 256)
-        path.write_bytes(altered)
-        try:
-            values = read(path)
-        except InputError:
-            continue
-        assert values.ndim == 3
+    is_gzip = name.endswith(".gz")
+    data = gzip.decompress(path.read_bytes()) if is_gzip else path.read_bytes()
+    results = set()
+    num_altered = 300 if name.endswith(".tif") else 60 if name in FORMATS else 150
+    for damaged in altered(data, header_places(name.removesuffix(".gz"), data), seed, num_altered):
+        path.write_bytes(gzip.compress(damaged, 1) if is_gzip else damaged)
+        results.add(read_or_refuse(path))
+    assert results == {True, False}, "alterations that do nothing, or destroy all, test nothing"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        described("ImageJ=1.53\nimages=1\nchannels=1\nslices=1\nframes=1\nspacing=0.75\n"),
+        ome('DimensionOrder="XYZCT" SizeZ="1" SizeC="1" SizeT="1" PhysicalSizeX="0.5" PhysicalSizeZ="1.5"'),
+    ],
+    ids=["ImageJ", "OME"],
+)
+def test_altered_descriptions_never_escape(tmp_path, data):
+    text = np.arange(24, data.index(b"\0", 24))
+    results = set()
+    for damaged in altered(data, text, 0, 300):
+        (tmp_path / "a.tif").write_bytes(damaged)
+        results.add(read_or_refuse(tmp_path / "a.tif"))
+    assert results == {True, False}
+
+
+def test_altered_dicom_never_escapes(tmp_path):
+    """The elements of the image; altered lengths before them are GDCM's alone."""
+    image = sitk.GetImageFromArray(VALUES[:1].astype(np.int16))
+    sitk.WriteImage(image, str(tmp_path / "a.dcm"))
+    data = (tmp_path / "a.dcm").read_bytes()
+    places = np.arange(data.index(b"\x28\x00\x02\x00"), data.rindex(b"\xe0\x7f\x10\x00"))
+    results = set()
+    for damaged in altered(data, places, 0, 150):
+        (tmp_path / "a.dcm").write_bytes(damaged)
+        results.add(read_or_refuse(tmp_path))
+    assert results == {True, False}
 
 
 def test_gzip_of_several_members_is_whole(tmp_path):
@@ -89,7 +149,7 @@ def test_headers_that_claim_too_much_take_no_memory(tmp_path):
     meta = "ObjectType = Image\nNDims = 3\nDimSize = {0} {0} {0}\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n"
     for name, header in (("a.nrrd", nrrd), ("a.mha", meta)):
         for size in (1_000_000, 10_000):
-            for encoding in ("raw", "gzip"):
+            for encoding in ("raw", "gzip", "raw\nline skip: 1"):
                 data = gzip.compress(bytes(100)) if encoding == "gzip" else bytes(100)
                 (tmp_path / name).write_bytes(header.format(size, encoding).encode() + data)
                 with pytest.raises(InputError, match=r"too large|shorter than its header says"):
@@ -103,6 +163,59 @@ def test_headers_that_claim_too_much_take_no_memory(tmp_path):
         for name in ("a.nii", "a.nii.gz"):
             with pytest.raises(InputError, match=r"too large|shorter than its header says"):
                 read(tmp_path / name)
+
+
+def test_headers_of_text_that_claim_too_much_take_no_memory(tmp_path):
+    """A value takes a digit at least, and something between it and the next."""
+    nrrd = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: {}\n\n"
+    meta = "ObjectType = Image\nNDims = 3\nDimSize = 5 4 3\nElementType = MET_USHORT\nBinaryData = False\n"
+    vtk = "# vtk DataFile Version 3.0\nscan\n{}\nDATASET STRUCTURED_POINTS\nDIMENSIONS 5 4 3\nORIGIN 0 0 0\n"
+    vtk += "SPACING 1 1 1\nPOINT_DATA 60\nSCALARS values unsigned_short\nLOOKUP_TABLE default\n"
+    text = b"7 " * 60  # MetaIO wants the last to be ended, too
+    for name, header, voxels in (
+        ("a.nrrd", nrrd.format("text"), text),
+        ("a.nrrd", nrrd.format("hex"), b"0007" * 60),
+        ("a.mha", meta + "ElementDataFile = LOCAL\n", text),
+        ("a.vtk", vtk.format("ASCII"), text),
+        ("a.vtk", vtk.format("BINARY"), b"\0\7" * 60),
+    ):
+        (tmp_path / name).write_bytes(header.encode() + voxels)
+        assert read(tmp_path / name).shape == (3, 4, 5)
+        (tmp_path / name).write_bytes(header.encode() + voxels[:118])
+        with pytest.raises(InputError, match="shorter than its header says"):
+            read(tmp_path / name)
+
+
+def test_extensions_that_inflate_take_no_memory(tmp_path):
+    for header, place in ((nib.Nifti1Header(), 352), (nib.Nifti2Header(), 544)):
+        header.set_data_dtype(np.uint8)
+        header.set_data_shape((4, 4, 4))
+        for num_bytes, is_fine in ((2**10, True), (2**26, False)):
+            header["magic"], header["vox_offset"] = header.single_magic, place + num_bytes
+            extension = b"\1\0\0\0" + np.array([num_bytes, 6], "<i4").tobytes() + bytes(num_bytes - 8)
+            (tmp_path / "a.nii.gz").write_bytes(gzip.compress(header.binaryblock + extension + bytes(64), 1))
+            if is_fine:
+                assert read(tmp_path / "a.nii.gz").shape == (4, 4, 4)
+                continue
+            with pytest.raises(InputError, match="too much between the header and the voxels"):
+                read(tmp_path / "a.nii.gz")
+
+
+@pytest.mark.parametrize(
+    ("shape", "got"),
+    [
+        ("-2, -3, 10", "the header has no shape of an array\n  got: a length of -3"),
+        ("1, " * 100, "the header has no shape of an array\n  got: 100 axes"),
+        ("-" * 9000 + "6, 7, 8", "cannot read the header\n  got: too many nested expressions"),
+    ],
+    ids=["negative", "axes", "nested"],
+)
+def test_arrays_without_a_shape(tmp_path, shape, got):
+    header = f"{{'descr': '<u2', 'fortran_order': False, 'shape': ({shape})}}\n".encode()
+    (tmp_path / "a.npy").write_bytes(b"\x93NUMPY\1\0" + np.uint16(len(header)).tobytes() + header + bytes(1000))
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / "a.npy")
+    assert str(caught.value).startswith(f"{tmp_path / 'a.npy'}: {got}")
 
 
 def test_warnings_of_the_libraries_stay_off_the_terminal(tmp_path, capfd):

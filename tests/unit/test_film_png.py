@@ -78,6 +78,11 @@ def test_only_the_frame_field_is_replaced() -> None:
     assert frame_path(Path("a{b}/{frame:03}/{frame}.png"), 7) == Path("a{b}/007/7.png")
 
 
+@pytest.mark.parametrize("field", ["{frame:zz}", "{frame:400000}", "{frame:4}", "{frame!r}", "{frame:}"])
+def test_a_format_that_is_not_legal_is_part_of_the_name(field: str) -> None:
+    assert frame_path(Path(f"{field}.png"), 7) == Path(f"{field}.png")
+
+
 def test_a_folder_under_the_name_of_a_frame(tmp_path: Path) -> None:
     (tmp_path / "1.png").mkdir()
     with pytest.raises(InputError, match="is a folder"), open_film(OutputSpec(tmp_path / "{frame}.png"), [1]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +34,7 @@ from renderer.scene import (
 from renderer.splats import SplatBatch
 from renderer.tolerances import two_digit_numbers
 from renderer.trials import Found, Trial, find_tolerance
-from renderer.truths import Truth
+from renderer.truths import KeptTruths, Truth, as_kept
 from renderer.want import Want
 
 NUM_FRAMES = 24
@@ -135,6 +136,64 @@ def test_both_ends_of_a_path_that_is_no_whole_loop_are_tried(stage: Stage) -> No
     for of, frames in ((stage, range(NUM_FRAMES // 2)), (rocker, range(5, 20))):
         found = search(of, Want("psnr", 20.0), frames)
         assert {frames[0], frames[-1]} <= set(found.frames)
+
+
+def test_truths_are_found_once_and_kept_in_float32() -> None:
+    shape, asked = (200, 300, 3), []
+    exact = np.random.default_rng(4).random(shape)
+
+    def find(frame: int) -> Truth:
+        asked.append(frame)
+        return Truth(frame, exact + frame, np.full(shape[:2], frame > 0), Convergence((0.5,), (0.0,), (frame,)))
+
+    truth_of = KeptTruths(find)
+    tracemalloc.start()
+    try:
+        for frame in (0, 1, 2, 1, 0):
+            truth_of(frame)
+        held, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert asked == [0, 1, 2]
+    assert held < 3 * 14 * (200 * 300)  # 12 bytes a pixel for the picture, 1 for where the volume is
+    truth = truth_of(2)
+    assert (truth.frame, truth.convergence.num_pixels, truth.on_volume.all()) == (2, (2,), True)
+    assert truth.picture.dtype == np.float64
+    np.testing.assert_array_equal(truth.picture, as_kept(exact + 2))
+    np.testing.assert_array_max_ulp(truth_of(0).picture.astype(np.float32), exact.astype(np.float32), 0)
+
+
+@pytest.mark.parametrize(("metric", "value"), [("psnr", 28.0), ("rmse", 0.03)])
+def test_what_is_kept_of_truths_is_enough(stage: Stage, metric: str, value: float) -> None:
+    """The same is found, and told in the same digits."""
+
+    def truth_of(frame: int) -> Truth:
+        truth = Truths()(frame)
+        return replace(truth, picture=truth.picture + np.random.default_rng(frame).random(truth.picture.shape) / 100)
+
+    want = Want(metric, value)  # type: ignore[arg-type]
+    told: tuple[list[Trial], list[Trial]] = ([], [])
+    exact = search(stage, want, truth_of=truth_of, told=told[0])
+    kept = search(stage, want, truth_of=KeptTruths(truth_of), told=told[1])
+    assert (exact.tolerance, exact.frames, exact.worst.frame) == (kept.tolerance, kept.frames, kept.worst.frame)
+    assert [want.of(trial.value) for trial in told[0]] == [want.of(trial.value) for trial in told[1]]
+    assert len(told[0]) > 5
+
+
+def test_equal_pictures_are_equal_as_they_are_kept(stage: Stage) -> None:
+    """Though 0.1, the background, is no number of float32."""
+
+    class Nothing(Grey):
+        def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+            return np.zeros((*SHAPE, 4), np.float32)
+
+    behind = replace(stage.scene.output, background=(0.1, 0.1, 0.1))
+    empty = replace(stage, scene=replace(stage.scene, output=behind))
+    truths = KeptTruths(lambda frame: replace(Truths()(frame), picture=np.full((*SHAPE, 3), 0.1)))
+    found = find_tolerance(
+        empty, range(3), Want("psnr", 90.0), Nothing(), truth_of=truths, clock=lambda: 0.0, on_trial=[].append
+    )
+    assert found.worst.value == math.inf
 
 
 def test_a_film_of_nothing_is_said_to_be_one(stage: Stage) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -61,6 +63,41 @@ def test_engine_block_in_slabs_is_seamless(monkeypatch):
     monkeypatch.setattr("renderer.procedural._SLAB_VOXELS", 40 * 40 * 3)
     # The noise is drawn slab by slab, so that it differs; the phantom under it does not.
     assert abs(procedural_values(source) - whole).max() <= 2 * 3 * 128 * 2.5 / 127
+
+
+# Digests of the values as they were when planes were made whole, with slabs of at most so many voxels.
+DIGESTS = [
+    ("engine_block", (7, 5, 3), 1, 2**20, "55a543a462f9acce"),
+    ("engine_block", (101, 203, 3), 7, 2**20, "77ae22373ec6b84d"),
+    ("engine_block", (2051, 777, 1), 4, 2**20, "4b7797523257964f"),
+    ("engine_block", (1500, 1300, 2), 1, 2**20, "ef651f1c1a5099d5"),
+    ("engine_block", (101, 203, 3), 7, 1000, "dd834b79b01bf6dc"),
+    ("engine_block", (7, 5, 3), 1, 37, "ecd7e1867559df74"),
+    ("engine_block", (1, 300, 7), 5, 37, "3fe2f3f1de63d186"),
+    ("marschner_lobb", (101, 203, 3), 7, 2**20, "f85e3df5f8476717"),
+    ("marschner_lobb", (2051, 777, 1), 4, 2**20, "8d231b0be5e77419"),
+    ("marschner_lobb", (101, 203, 3), 7, 1000, "f85e3df5f8476717"),
+]
+
+
+@pytest.mark.parametrize(("name", "shape", "seed", "most", "expected"), DIGESTS)
+def test_rows_in_blocks_are_those_of_whole_planes(name, shape, seed, most, expected, monkeypatch):
+    monkeypatch.setattr("renderer.procedural._SLAB_VOXELS", most)
+    values = procedural_values(ProceduralSource(name, shape, seed))
+    assert hashlib.blake2b(values.tobytes(), digest_size=8).hexdigest() == expected
+
+
+@pytest.mark.parametrize("name", PROCEDURAL_NAMES)
+def test_working_memory_does_not_grow_with_a_plane(name, monkeypatch):
+    most = 2**14
+    monkeypatch.setattr("renderer.procedural._SLAB_VOXELS", most)
+    tracemalloc.start()
+    try:
+        values = procedural_values(ProceduralSource(name, (1024, 1024, 2)))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak - values.nbytes < 8 * most * np.dtype(np.float64).itemsize
 
 
 def test_engine_block_has_two_materials():

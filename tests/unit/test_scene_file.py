@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hsplat_cli.scene_file import load_scene
-from hsplat_cli.yaml_tree import Mark, NotYamlError, Place, read_tree
+from hsplat_cli.yaml_tree import MAX_NODES, Mark, NotYamlError, Place, read_tree
 from renderer.errors import InputError
 from renderer.scene import FileSource, Scene
 from renderer.scene_schema import scene_to_dict
@@ -83,6 +83,30 @@ def test_an_anchor_is_its_value_each_time() -> None:
     tree = read_tree("a: &x [1, 2]\nb: *x\n")
     assert tree.data == {"a": [1, 2], "b": [1, 2]}
     assert tree.data["a"] is not tree.data["b"]
+
+
+@pytest.mark.parametrize("item", ["a", "{k: v}", "{[k, k]: v}", "*anchor"])
+def test_too_many_values_are_refused_before_they_are_composed(item: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    num_composed = 0
+    compose = yaml.composer.Composer.compose_node
+
+    def counted(*arguments: Any) -> Any:
+        nonlocal num_composed
+        num_composed += 1
+        return compose(*arguments)
+
+    monkeypatch.setattr("yaml.composer.Composer.compose_node", counted)
+    with pytest.raises(NotYamlError, match=f"more than {MAX_NODES} values"):
+        read_tree(f"[&anchor b{f', {item}' * MAX_NODES}]")
+    assert num_composed <= 2 * MAX_NODES  # each value of a mapping has a key
+
+
+def test_keys_are_no_values() -> None:
+    most = MAX_NODES - 1  # the mapping is a value, too
+    keys = [f"k{number}" for number in range(most)]
+    assert list(read_tree("\n".join(f"{key}:" for key in keys)).data) == keys
+    with pytest.raises(NotYamlError, match=f"more than {MAX_NODES} values"):
+        read_tree("\n".join(f"{key}:" for key in [*keys, "one_more"]))
 
 
 TREES = st.recursive(

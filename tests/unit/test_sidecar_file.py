@@ -67,6 +67,21 @@ def test_what_is_taken_from_it() -> None:
 
 
 @pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("cause", "sources"),
+    [
+        ({"of": {"sources": "cd" * 16}}, {"sources": "cd" * 16}),
+        *((cause, {}) for cause in (None, 7, {}, {"of": None}, {"of": ["sources"]}, {"of": {"sources": 7}})),
+    ],
+)
+def test_which_sources_have_drawn_it(cause: Any, sources: dict[str, str]) -> None:
+    """Where that is told."""
+    job = load(SIDECAR | {"cause": cause})
+    assert job.original is not None
+    assert job.original.made_with == {"python": "3.10.0", "hsplat": "0.1.0", "GL": "GL 4.5"} | sources
+
+
+@pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("cause", [None, 7, [], {}, {"frames": None}, {"frames": ["89"]}])
 def test_a_cause_that_is_none(cause: object) -> None:
     job = load(SIDECAR | {"cause": cause})

@@ -1,0 +1,33 @@
+"""What a worker of a cluster does with something wrong, in place of `hsplat_cli.cluster.worker.draw`.
+
+Workers import it by its name, from the folders where the test's process looks for modules.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from typing import Any
+
+from hsplat_cli.cluster.worker import Parcel, draw
+from renderer.errors import InputError
+
+FRAME = 3  # the one that things happen at
+
+
+def kill_always(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+    if number == FRAME:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return draw(parcel, number)
+
+
+def input_error(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+    if number == FRAME:
+        raise InputError("a bad frame", where="scene.yaml", got="this", expected="that", hint="another")
+    return draw(parcel, number)
+
+
+def out_of_memory(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+    if number == FRAME:
+        raise MemoryError("all of it is taken")
+    return draw(parcel, number)

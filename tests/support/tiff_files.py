@@ -1,0 +1,59 @@
+"""TIFF files of one page, field by field, so that any of them can be damaged; and where a TIFF file has its fields."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import numpy.typing as npt
+
+BYTE, ASCII, SHORT, LONG, RATIONAL = 1, 2, 3, 4, 5
+WIDTH, HEIGHT, BITS, COMPRESSION, DESCRIPTION = 256, 257, 258, 259, 270
+STRIPS, SAMPLES, STRIP_BYTES, PLANAR, SAMPLE_FORMAT = 273, 277, 279, 284, 339
+PIXELS = np.arange(16, dtype=np.uint8).reshape(4, 4)
+
+# Type, number of values and value, or place of the values, of each field of a page of PIXELS, which are at byte 8.
+PAGE = {
+    WIDTH: (SHORT, 1, 4),
+    HEIGHT: (SHORT, 1, 4),
+    BITS: (SHORT, 1, 8),
+    COMPRESSION: (SHORT, 1, 1),
+    STRIPS: (LONG, 1, 8),
+    SAMPLES: (SHORT, 1, 1),
+    STRIP_BYTES: (LONG, 1, 16),
+}
+Field = tuple[int, int, int]
+
+
+def directory(fields: dict[int, Field], following: int = 0) -> bytes:
+    entries = b"".join(struct.pack("<HHII", tag, *field) for tag, field in sorted(fields.items()))
+    return struct.pack("<H", len(fields)) + entries + struct.pack("<I", following)
+
+
+def tiff(fields: dict[int, Field], values: bytes = b"", following: int = 0) -> bytes:
+    """The pixels, `values` at byte 24 and one directory."""
+    begin = struct.pack("<2sHI", b"II", 42, 24 + len(values))
+    return begin + PIXELS.tobytes() + values + directory({**PAGE, **fields}, following)
+
+
+def described(text: str) -> bytes:
+    return tiff({DESCRIPTION: (ASCII, len(text) + 1, 24)}, text.encode() + b"\0")
+
+
+def ome(attributes: str) -> bytes:
+    return described(f"<OME><Pixels {attributes}/></OME>")
+
+
+def field_places(data: bytes) -> npt.NDArray[np.int64]:
+    """The bytes of a little-endian file that are no pixels: its head, its directories and their values."""
+    places, offset = [*range(8)], struct.unpack_from("<I", data, 4)[0]
+    while offset:
+        num_fields = struct.unpack_from("<H", data, offset)[0]
+        end = offset + 2 + 12 * num_fields
+        places += range(offset, end + 4)
+        for at in range(offset + 2, end, 12):
+            _, kind, count, place = struct.unpack_from("<HHII", data, at)
+            num_bytes = {BYTE: 1, ASCII: 1, SHORT: 2, LONG: 4, RATIONAL: 8}[kind] * count
+            places += range(place, place + num_bytes) if num_bytes > 4 else ()
+        offset = struct.unpack_from("<I", data, end)[0]
+    return np.array(places)

@@ -1,0 +1,79 @@
+"""Which workers of a cluster may draw: those with this hsplat, to the last byte of what draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from hsplat_cli.cluster import roster
+from hsplat_cli.cluster.roster import Roster
+from hsplat_cli.cluster.worker import describe
+from hsplat_cli.versions import package_versions, sources_digest
+from renderer.errors import RenderError
+
+HERE = package_versions()["hsplat"]
+SAME = describe()
+ADDRESS = "tcp://here:1"
+
+
+class Client:
+    """Of a scheduler whose workers answer so, by their addresses."""
+
+    def __init__(self, answers: dict[str, Any]) -> None:
+        self.answers = answers
+
+    def nthreads(self) -> dict[str, int]:
+        return dict.fromkeys(self.answers, 1)
+
+    def run(self, _: Callable[[], Any], *, workers: list[str], on_error: str) -> dict[str, Any]:
+        assert on_error == "return"
+        return {worker: self.answers[worker] for worker in workers}
+
+    def run_on_scheduler(self, _: Callable[[], Any]) -> None:
+        pass
+
+
+def roster_of(answers: dict[str, Any]) -> Roster:
+    return Roster(Client(answers), ADDRESS, 30.0)  # type: ignore[arg-type]
+
+
+def test_what_a_worker_tells() -> None:
+    assert package_versions() | {"sources": sources_digest()} == SAME
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        (SAME | {"hsplat": "0.0.1"}, "hsplat 0.0.1"),
+        (SAME | {"sources": "0" * 32}, f"hsplat {HERE} of other sources"),
+        (package_versions(), f"hsplat {HERE} of other sources"),  # one that does not tell them yet
+        ("ModuleNotFoundError: hsplat_cli", "without hsplat (ModuleNotFoundError: hsplat_cli)"),
+    ],
+    ids=["version", "sources", "older", "none"],
+)
+def test_workers_with_another_hsplat_are_refused(other: Any, told: str) -> None:
+    found = roster_of({"a": SAME, "b": other})
+    found.look()
+    assert found.fit == {"a"}
+    assert found.notes == [f"workers that could not draw were not used: 1 x {told}"]
+    with pytest.raises(RenderError) as caught:
+        roster_of({"b": other, "c": other}).look()
+    assert str(caught.value) == (
+        f"--scheduler {ADDRESS}: no worker of the cluster can draw this film\n"
+        f"  got: 2 x {told}\n"
+        f"  expected: hsplat {HERE} of the same sources, and OpenGL, as here"
+    )
+
+
+def test_who_is_in_doubt_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At once, whenever all were to be looked at."""
+    monkeypatch.setattr(roster, "_LOOK_EVERY_S", 3600.0)
+    found = roster_of({"a": SAME, "b": SAME})
+    found.look()
+    found.doubt("a")
+    assert found.fit == {"b"}
+    found.look()
+    assert found.fit == {"a", "b"}
+    assert found.notes == []

@@ -1,0 +1,210 @@
+"""Directories and descriptions of TIFF files that are damaged, or made to take memory: what the user is told."""
+
+from __future__ import annotations
+
+import struct
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.errors import InputError
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+from tests.support.tiff_files import (
+    ASCII,
+    BITS,
+    BYTE,
+    DESCRIPTION,
+    HEIGHT,
+    LONG,
+    PAGE,
+    PIXELS,
+    PLANAR,
+    SAMPLE_FORMAT,
+    SAMPLES,
+    SHORT,
+    STRIP_BYTES,
+    STRIPS,
+    WIDTH,
+    described,
+    directory,
+    ome,
+    tiff,
+)
+
+DAMAGED = "  hint: the file is damaged"
+SAVE_AGAIN = "  hint: save it again as a plain stack, all slices in one file"
+COUNT = "  expected: a whole number from 1 to 2147483647\n" + SAVE_AGAIN
+NO_NUMBER = "the description in this TIFF file has something else where a number belongs\n"
+
+
+def big_tiff(first: int, after: bytes = b"") -> bytes:
+    return struct.pack("<2sHHHQ", b"II", 43, 8, 0, first) + after
+
+
+def read(path: Path) -> np.ndarray:
+    return read_volume(VolumeSpec(FileSource(path))).values
+
+
+def test_the_page_itself_is_read(tmp_path):
+    for name, data in {
+        "plain.tif": tiff({}),
+        "imagej.tif": described("ImageJ=1.53\nimages=1\nslices=1\nspacing=NaN\n"),
+        "ome.tif": ome('SizeZ="1" PhysicalSizeX="unknown"'),
+        "planar.tif": tiff({PLANAR: (SHORT, 1, 2)}),
+        "no description.tif": tiff({DESCRIPTION: (ASCII, 0, 0)}),
+    }.items():
+        (tmp_path / name).write_bytes(data)
+        np.testing.assert_array_equal(read(tmp_path / name), PIXELS[np.newaxis])
+
+
+CASES = {
+    "a field without a value": (
+        tiff({WIDTH: (SHORT, 0, 4)}),
+        "a field of this TIFF file has no value\n  got: 0 values in TIFF field 256 on page 1\n"
+        f"  expected: one value or more\n{DAMAGED}",
+    ),
+    "strips without a place": (
+        tiff({STRIPS: (LONG, 0, 8)}),
+        "a field of this TIFF file has no value\n  got: 0 values in TIFF field 273 on page 1\n"
+        f"  expected: one value or more\n{DAMAGED}",
+    ),
+    "no frames": (described("ImageJ=1.53\nimages=1\nframes=0\n"), f"{NO_NUMBER}  got: frames=0\n{COUNT}"),
+    "a count of many digits": (
+        described(f"ImageJ=1.53\nslices={'7' * 5000}\n"),
+        f"{NO_NUMBER}  got: slices={'7' * 40}...\n{COUNT}",
+    ),
+    "no count": (described("ImageJ=1.53\nchannels=\x1b[31m\n"), f"{NO_NUMBER}  got: channels=\\x1b[31m\n{COUNT}"),
+    "spacing that is no number": (
+        described("ImageJ=1.53\nslices=1\nspacing=e\n"),
+        f"{NO_NUMBER}  got: spacing=e\n  expected: a finite number\n{SAVE_AGAIN}",
+    ),
+    "a size that is no number": (ome('SizeZ="1.2.3"'), f"{NO_NUMBER}  got: SizeZ=1.2.3\n{COUNT}"),
+    "a size beyond all bounds": (ome('SizeZ="1e999"'), f"{NO_NUMBER}  got: SizeZ=1e999\n{COUNT}"),
+    "a pixel that is no number": (
+        ome('SizeZ="1" PhysicalSizeX="."'),
+        f"{NO_NUMBER}  got: PhysicalSizeX=.\n  expected: a finite number\n{SAVE_AGAIN}",
+    ),
+    "sizes whose product overflows": (
+        ome(f'SizeZ="{2**31 - 1}" SizeC="{2**31 - 1}" SizeT="4"'),
+        "the description in this TIFF file does not fit its pages\n  got: 1 pages\n"
+        f"  expected: 4 T x 2147483647 Z x 2147483647 C\n{SAVE_AGAIN}",
+    ),
+    "planes with short strips": (
+        tiff({PLANAR: (SHORT, 1, 2), STRIP_BYTES: (LONG, 1, 15)}),
+        f"page 1 has fewer pixels than its size says\n  got: 15 bytes\n  expected: 16 bytes (4 x 4 pixels)\n{DAMAGED}",
+    ),
+    "floats of 8 bits": (
+        tiff({SAMPLE_FORMAT: (SHORT, 1, 3)}),
+        "voxels of this type cannot be rendered\n  got: void8\n"
+        "  expected: int8 to int64, uint8 to uint64, float16, float32 or float64",
+    ),
+    "no samples": (
+        tiff({SAMPLES: (SHORT, 1, 0)}),
+        "this TIFF file holds no image\n  hint: the file is truncated or damaged",
+    ),
+    "pixels in several strips at once": (
+        tiff({HEIGHT: (SHORT, 1, 2000), STRIPS: (LONG, 500, 24), STRIP_BYTES: (LONG, 500, 2024)}, b"\x10\0\0\0" * 1000),
+        "the file is shorter than its directory says\n  got: 4114 bytes\n"
+        "  expected: 8000 bytes of pixels (1 pages)\n  hint: the file is truncated",
+    ),
+    "pages in a circle": (
+        tiff({}, following=24),
+        "the pages of this TIFF file go round in a circle\n  got: a page after page 1 that came before\n" + DAMAGED,
+    ),
+    "a page beyond all bounds": (
+        big_tiff(2**64 - 8),
+        "the file ends within its directory\n  got: 16 bytes, 0 complete pages\n  hint: the file is truncated",
+    ),
+    "fields beyond all bounds": (
+        big_tiff(16, struct.pack("<Q", 2**64 - 1)),
+        "a directory of this TIFF file has too many fields\n  got: 18446744073709551615 fields on page 1\n"
+        f"  expected: at most 65535\n{DAMAGED}",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_damage_is_told(tmp_path, monkeypatch, case):
+    monkeypatch.chdir(tmp_path)
+    data, message = CASES[case]
+    Path("a.tif").write_bytes(data)
+    with pytest.raises(InputError) as caught:
+        read(Path("a.tif"))
+    assert str(caught.value) == f"a.tif: {message}"
+
+
+def test_no_number_is_one_to_python_alone(tmp_path):
+    """Neither digits of other scripts nor Python's separators between digits."""
+    for text in ("1_0", "٣", "0x1", "+-1", "1e", "", " 1", "inf", "nan"):
+        (tmp_path / "a.tif").write_bytes(ome(f'SizeZ="{text}"'))
+        with pytest.raises(InputError, match="something else where a number belongs"):
+            read(tmp_path / "a.tif")
+
+
+NUM_SHARED = 2**16
+SHARED = bytes(NUM_SHARED)
+
+
+def fields_that_nobody_needs() -> bytes:
+    return tiff({40000 + k: (BYTE, NUM_SHARED, 24) for k in range(200)}, SHARED)
+
+
+def needed_fields_of_many_values() -> bytes:
+    fields = dict.fromkeys((BITS, *range(262, 269)), (BYTE, NUM_SHARED, 24))
+    return tiff(fields, b"\x08" + SHARED)
+
+
+def strips_that_share_their_bytes() -> bytes:
+    """Each has the whole page, and all that comes behind it."""
+    places = np.full(1000, 8, "<u4").tobytes() + np.full(1000, NUM_SHARED, "<u4").tobytes()
+    return tiff({STRIPS: (LONG, 1000, 24), STRIP_BYTES: (LONG, 1000, 4024)}, places + SHARED)
+
+
+@pytest.mark.parametrize(
+    "make", [fields_that_nobody_needs, needed_fields_of_many_values, strips_that_share_their_bytes]
+)
+def test_a_small_file_takes_little_memory(tmp_path, make):
+    (tmp_path / "a.tif").write_bytes(make())
+    assert peak_bytes(tmp_path / "a.tif") < 4 * NUM_SHARED
+
+
+def pages_that_share_their_strips() -> bytes:
+    """2000 pages of 8000 strips each, all of them the same list."""
+    num_strips, num_pages = 8000, 2000
+    places = np.full(num_strips, 8, "<u4").tobytes() + np.full(num_strips, 16, "<u4").tobytes()
+    fields = {**PAGE, STRIPS: (LONG, num_strips, 24), STRIP_BYTES: (LONG, num_strips, 24 + 4 * num_strips)}
+    begin, size = 24 + len(places), len(directory(fields))
+    following = [begin + size * (page + 1) for page in range(num_pages - 1)] + [0]
+    header = struct.pack("<2sHI", b"II", 42, begin)
+    return header + PIXELS.tobytes() + places + b"".join(directory(fields, place) for place in following)
+
+
+def directories_that_overlap() -> bytes:
+    """Each of 1000 fields, and six bytes behind the one before."""
+    num_fields, num_pages = 1000, 900
+    data = bytearray(struct.pack("<H", num_fields) * (6 * (num_pages + 2 * num_fields + 10)))
+    data[:8] = struct.pack("<2sHI", b"II", 42, 8)
+    for place in range(8, 8 + 6 * num_pages, 6):
+        struct.pack_into("<I", data, place + 2 + 12 * num_fields, place + 6)
+    return bytes(data)
+
+
+@pytest.mark.parametrize("make", [pages_that_share_their_strips, directories_that_overlap])
+def test_directories_are_read_once(tmp_path, make):
+    (tmp_path / "a.tif").write_bytes(make())
+    with pytest.raises(InputError, match="the directories of this TIFF file lie one over the other"):
+        read(tmp_path / "a.tif")
+
+
+def peak_bytes(path: Path) -> int:
+    """The most that Python and numpy had at once while they read a page of PIXELS."""
+    read(path)  # what is imported on first use is no part of it
+    tracemalloc.start()
+    try:
+        np.testing.assert_array_equal(read(path), PIXELS[np.newaxis])
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
