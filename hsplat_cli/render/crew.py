@@ -69,7 +69,8 @@ class Crew:
                 yield _Elsewhere(plan, drawer)
             return
         assert self.rasterizer is not None
-        num_workers = min(self._spec.workers or _default_workers(self.gl, plan.stage), num_frames)
+        num_workers = max(1, min(self._spec.workers or _default_workers(self.gl, plan.stage), num_frames))
+        threads_each = max(1, num_cores() // num_workers)
         alone, by_clock = _Alone(plan, self.rasterizer), plan.by_clock
         del plan
         if num_workers < 2 or by_clock:
@@ -78,7 +79,7 @@ class Crew:
         with contextlib.ExitStack() as stack:
 
             def call(stage: Stage) -> Pool:
-                return stack.enter_context(open_pool(stage, num_workers, threads_each=max(1, num_cores() // num_workers)))
+                return stack.enter_context(open_pool(stage, num_workers, threads_each=threads_each))
 
             yield _GrowingDrawer(alone, call, must=self._spec.workers is not None)
 

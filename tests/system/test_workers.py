@@ -6,21 +6,26 @@ import gc
 import os
 import signal
 import subprocess
+import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, LONG_S, START_FAULTS
-from film_stages import PLAIN, stage_of
+from film_stages import INTEGRATED, PLAIN, stage_of, waves
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
+from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.drawn import LocalDrawer
+from hsplat_cli.render.crew import Crew
+from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers import process
 from hsplat_cli.workers.pool import Pool, open_pool
 from hsplat_cli.workers.process import Patience
 from renderer.drawing import Stage
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.raster_gl import GLRasterizer
+from renderer.raster_lasting import LastingRasterizer
 
 NUMBERS = [0, 1, 2, 3, 4, 5, 6, 7, 2, 1]  # some twice, and backwards
 
@@ -292,3 +297,23 @@ def test_the_stage_moves(stage: Stage) -> None:
         assert len(memory) >= 1 and max(len(by) for by in memory.values()) == 3
         assert (pool.stage.volume.values == stage.volume.values).all()
         assert len(pool.made_by) == 1
+
+
+def test_one_process_lets_go_of_what_the_others_draw() -> None:
+    """The volume is in memory once, and there are no bricks here, when workers have taken over."""
+    stage = stage_of(INTEGRATED, waves("float32"))
+    assert stage.bricks is not None
+    once = [weakref.ref(thing) for thing in (stage, stage.bricks, stage.volume)]
+    with LastingRasterizer() as rasterizer:
+        plan, most = Plan(stage), 5000  # frames take milliseconds, and workers a second or so
+        with Crew(CrewSpec(workers=2), rasterizer, None).drawer(plan, most) as drawer:
+            del plan, stage
+            drawing = drawer.draw(range(most))
+            for drawn in drawing:
+                gc.collect()
+                if not any(found() for found in once):
+                    break
+            assert [found() for found in once] == [None, None, None]
+            assert next(drawing).number == drawn.number + 1 < most
+            assert drawer.plan.stage.bricks is not None
+            drawing.close()

@@ -35,8 +35,8 @@ ROOMS: dict[str, tuple[str, str]] = {
     ),
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
     "raster": (
-        "raster_gl gl_atlas gl_bricks lattices raster_lasting raster_reference raster_bricks_reference compositing "
-        "shaders",
+        "raster_gl gl_atlas gl_bricks brick_memory lattices raster_lasting raster_reference raster_bricks_reference "
+        "compositing shaders",
         "words classification pyramid bricks splats",
     ),
     "truth": ("cubic integrator integrator_kernel", "words"),
@@ -63,6 +63,7 @@ COMMANDS_MAY_IMPORT = {
     "readers", "volume", "statistics",  # info
     "mapped_file",  # what shrinks
     "drawing", "pacing", "costs", "pipeline", "raster_gl", "raster_lasting", "film", "sidecar", "jit",  # render
+    "brick_memory",  # render
     "frame_record", "kept_frames", "output_lock", "picture", "parcel", "runs", "stream_tail",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "bricks", "png", "staging",  # reports

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from hsplat_cli.render import crew
 from renderer.errors import RenderError
 from renderer.picture import Picture
 
+STAGE = SimpleNamespace(bricks=None)
+
 
 def drawn(number: int, by: str, seconds: float) -> Drawn:
     return Drawn(number, Picture(np.zeros((1, 1, 3), np.uint8)), {"by": by, "seconds": {"draw": seconds}})
@@ -25,6 +28,10 @@ class Alone:
 
     def __init__(self, seconds: float) -> None:
         self.seconds, self.made_by, self.notes = seconds, ("here",), ()
+        self.plan = SimpleNamespace(stage="in memory")
+
+    def hand_over(self, stage: str) -> None:
+        self.plan = SimpleNamespace(stage=stage)
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
         for number in numbers:
@@ -35,13 +42,15 @@ class Pool:
     """Stands in for workers that are ready when they have been asked so many times, or cannot be started."""
 
     def __init__(self, num_asked: int = 0, fails: str = "") -> None:
-        self.num_asked, self.fails, self.num_started, self.is_closed = num_asked, fails, 0, False
-        self.made_by, self.notes = ("there",), ()
+        self.num_asked, self.fails, self.is_called, self.is_closed = num_asked, fails, False, False
+        self.made_by, self.notes, self.stage = ("there",), (), "shared"
 
-    def start(self, num_workers: int) -> None:
+    def call(self, stage: str) -> Pool:
+        assert (stage, self.is_called) == ("in memory", False)
+        self.is_called = True
         if self.fails == "start":
             raise RenderError("no process can be started")
-        self.num_started += num_workers
+        return self
 
     @property
     def is_ready(self) -> bool:
@@ -60,30 +69,30 @@ class Pool:
 
 def who(seconds: float, pool: Pool, *, num: int = 10, must: bool = False) -> tuple[str, Sequence[str]]:
     """A letter for each frame, `a` or `p`, and the notes."""
-    drawer = crew._GrowingDrawer(Alone(seconds), pool, 2, must=must)  # type: ignore[arg-type]
+    drawer = crew._GrowingDrawer(Alone(seconds), pool.call, must=must)  # type: ignore[arg-type]
     frames = list(drawer.draw(range(100, 100 + num)))
     assert [frame.number for frame in frames] == list(range(100, 100 + num))
-    assert drawer.made_by == ("here", "there")
-    return "".join(frame.record["by"][0] for frame in frames), drawer.notes
+    assert drawer.made_by == (("here", "there") if pool.is_called and pool.fails != "start" else ("here",))
+    who_drew = "".join(frame.record["by"][0] for frame in frames)
+    assert drawer.plan.stage == ("shared" if "p" in who_drew else "in memory")
+    return who_drew, drawer.notes
 
 
 def test_a_short_film_needs_nobody() -> None:
     pool = Pool()
     assert who(0.1, pool) == ("aaaaaaaaaa", [])
-    assert pool.num_started == 0
+    assert not pool.is_called
 
 
 def test_a_long_film_is_handed_over_when_workers_are_ready() -> None:
     """Two frames tell how long it is, the first of which counts for nothing."""
     pool = Pool(num_asked=3)
     assert who(1.0, pool) == ("aaaaappppp", [])
-    assert pool.num_started == 2
 
 
 def test_workers_that_are_asked_for_are_called_at_once() -> None:
     pool = Pool()
     assert who(0.001, pool, must=True) == ("pppppppppp", [])
-    assert pool.num_started == 2
 
 
 def test_workers_that_come_too_late() -> None:
@@ -97,7 +106,7 @@ def test_without_workers_the_film_is_made_all_the_same(fails: str) -> None:
     assert who_drew == "aaaaaaaaaa"
     what = "no process can be started" if fails == "start" else "no OpenGL"
     assert notes == [f"drawn by one process, for others could not be started: {what}"]
-    assert pool.is_closed
+    assert pool.is_closed == (fails == "ready")  # or there is none
 
 
 @pytest.mark.parametrize("fails", ["start", "ready"])
@@ -117,7 +126,22 @@ def test_unless_they_are_asked_for(fails: str) -> None:
 )
 def test_how_many_workers(gl: str, free: float, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(crew, "_free_bytes", lambda: free)
-    assert crew._default_workers(gl) == most
+    assert crew._default_workers(gl, STAGE) == most  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("size", "mib"), [(16, 400 + 3), (512, 400 + 3 * 256)])
+def test_workers_are_counted_by_what_their_bricks_may_take(
+    size: int, mib: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a software renderer atlases are memory of the machine: of a few bricks little, of many all they may take."""
+    monkeypatch.setattr(crew, "num_cores", lambda: 100)
+    grids = [(max(1, size >> 4 + level),) * 3 for level in range(max(1, size.bit_length() - 4))]
+    bricks = SimpleNamespace(levels=[SimpleNamespace(boxes=np.empty((*grid, 2, 3), np.float32)) for grid in grids])
+    stage = SimpleNamespace(bricks=bricks, scene=SimpleNamespace(shading=None))
+    each = mib * 2**20
+    for num in (1, 2, 7):
+        monkeypatch.setattr(crew, "_free_bytes", lambda num=num: 2 * each * (num + 0.3))
+        assert crew._default_workers("llvmpipe", stage) == num  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
