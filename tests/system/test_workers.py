@@ -310,10 +310,11 @@ def test_one_process_lets_go_of_what_the_others_draw() -> None:
             del plan, stage
             drawing = drawer.draw(range(most))
             for drawn in drawing:
+                number = drawn.number
                 gc.collect()
                 if not any(found() for found in once):
                     break
             assert [found() for found in once] == [None, None, None]
-            assert next(drawing).number == drawn.number + 1 < most
+            assert next(drawing).number == number + 1 < most
             assert drawer.plan.stage.bricks is not None
             drawing.close()
