@@ -75,15 +75,25 @@ def camera_poses(path: CameraPath, frames: Sequence[int]) -> Poses:
         else:
             azimuth = path.start + 0.5 * path.swing * np.sin(2.0 * math.pi * at / path.frames)
         elevation, zoom = np.full_like(at, path.elevation), np.ones_like(at)
-    # The remainder is exact: many turns on, a direction is what it was.
-    a, e = np.radians(np.fmod(azimuth, 360.0)), np.radians(elevation)
-    sin_a, cos_a, sin_e, cos_e = np.sin(a), np.cos(a), np.sin(e), np.cos(e)
+    (sin_a, cos_a), (sin_e, cos_e) = _sine_and_cosine(azimuth), _sine_and_cosine(elevation)
     turned = _rotation_from_z_to(path.axis).T
     return Poses(
         direction=np.column_stack([cos_e * sin_a, -cos_e * cos_a, sin_e]) @ turned,
-        right=np.column_stack([cos_a, sin_a, np.zeros_like(a)]) @ turned,
+        right=np.column_stack([cos_a, sin_a, np.zeros_like(cos_a)]) @ turned,
         up=np.column_stack([-sin_e * sin_a, sin_e * cos_a, cos_e]) @ turned,
         zoom=zoom,
+    )
+
+
+def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
+    """Of angles [n]; of right angles exactly 0 and 1, so that rays along an axis are in no plane across it and in none
+    beside it. Remainders are exact, too: many turns on, a direction is what it was."""
+    right_angles = np.rint(degrees / 90.0)
+    rest = np.radians(np.fmod(degrees, 360.0) - 90.0 * np.fmod(right_angles, 4.0))
+    sine, cosine, quarter = np.sin(rest), np.cos(rest), np.mod(right_angles, 4.0)
+    return (
+        np.choose(quarter.astype(np.int64), [sine, cosine, -sine, -cosine]),
+        np.choose(quarter.astype(np.int64), [cosine, -sine, -cosine, sine]),
     )
 
 

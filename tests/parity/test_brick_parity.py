@@ -37,9 +37,11 @@ from brickwork import (
 from renderer.brick_batch import BrickBatch, Thrift
 from renderer.bricks import Bricks
 from renderer.camera import View
+from renderer.camera_paths import make_view
 from renderer.raster_bricks_reference import rasterize_bricks_reference
 from renderer.raster_gl import GLRasterizer
-from renderer.scene import ShadingSpec
+from renderer.scene import CameraSpec, ShadingSpec, TurntablePath
+from renderer.volume import make_volume
 
 PRECISION = 6e-5
 STEP = 1e-5
@@ -105,6 +107,21 @@ def test_rays_along_an_axis(rasterizer: GLRasterizer, azimuth: float) -> None:
     view = view_of(bricks.volume, "orthographic", azimuth=azimuth, elevation=0.0)
     for cut in (level_cut(bricks, 0), random_cut(bricks, 5)):
         assert_parity(rasterizer, batch_of(cut, bricks, step=0.5, num_entries=1024), view, len(cut))
+
+
+@pytest.mark.parametrize("azimuth", [90.0, 270.0])
+@pytest.mark.parametrize("elevation", [-90.0, 90.0])
+def test_the_eye_in_a_plane_between_bricks(rasterizer: GLRasterizer, azimuth: float, elevation: float) -> None:
+    """Rays in that plane pass bricks on one side of it, in the order that bricks have for the eye."""
+    z = np.indices((64, 64, 64))[0]
+    volume = make_volume((4 * z).astype(np.uint8), np.eye(4), "ramp")
+    red, lime, blue = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    transfer = transfer_of((0, red, 0.0), (40, red, 0.3), (128, lime, 0.05), (250, blue, 0.3))
+    bricks = bricks_of(volume, transfer)
+    camera = CameraSpec(TurntablePath(1, start=azimuth, elevation=elevation))
+    for distance in (8.0, 16.0):
+        view = make_view(camera, 0, (31.5, 31.5, 31.5), distance, (33, 33))
+        assert_parity(rasterizer, batch_of(level_cut(bricks, 0), bricks, step=0.5, num_entries=1024), view, distance)
 
 
 @pytest.mark.parametrize("strides", [(1,), (2,), (4, 1), (8, 2), (8, 4, 1)])

@@ -80,6 +80,15 @@ def test_another_axis_is_reached_by_the_smallest_rotation(axis: tuple[float, flo
     np.testing.assert_allclose(rotation @ normal, normal, atol=EXACT)
 
 
+@pytest.mark.parametrize("azimuth", [-450.0, -270.0, -180.0, -90.0, 0.0, 90.0, 180.0, 270.0, 360.0, 36000.0 + 90.0])
+@pytest.mark.parametrize("elevation", [-90.0, 0.0, 90.0])
+def test_along_an_axis_it_is_along_an_axis(azimuth: float, elevation: float) -> None:
+    """Exactly: a cosine of 1e-16 would have rays cross the planes that the eye is in, behind what is ordered before."""
+    pose = camera_pose(TurntablePath(1, start=azimuth, elevation=elevation), 0)
+    for axis in (pose.right, pose.up, pose.direction):
+        assert sorted(np.abs(axis).tolist()) == [0.0, 0.0, 1.0]
+
+
 def test_about_the_opposite_axis_everything_is_turned_half_about_x() -> None:
     pose = camera_pose(TurntablePath(1, 0.0, 0.0, (0.0, 0.0, -1.0)), 0)
     np.testing.assert_allclose(pose.direction, [0, 1, 0], atol=EXACT)
