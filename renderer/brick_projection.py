@@ -21,6 +21,9 @@ from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 
+# What a corner must have of depth, in model units, to be divided by it; a box with one that has not is cut.
+_NEAREST = 1e-6
+
 
 @dataclass(frozen=True)
 class RayFrame:
@@ -108,7 +111,6 @@ def _project_boxes(
     near: float,
     rectangles: Float64,
 ) -> None:
-    # A corner this near to the eye plane, of the box's distance, has no digits to be divided by its depth.
     for i in range(len(boxes)):
         left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
         num_behind, is_cut = 0, False
@@ -122,7 +124,7 @@ def _project_boxes(
             if depth <= near:
                 num_behind += 1
             if perspective:
-                if depth <= 1e-6:
+                if depth <= _NEAREST:
                     is_cut = True
                     continue
                 view_x, view_y = view_x / depth, view_y / depth
