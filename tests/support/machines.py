@@ -15,7 +15,15 @@ from renderer.projection import model_view, square_px
 from renderer.splats import SplatBatch
 
 
-class SimulatedMachine:
+class NothingLasting:
+    """The part of a rasteriser to which every picture is new."""
+
+    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """There is nothing to bring."""
+        return False
+
+
+class SimulatedMachine(NothingLasting):
     """A clock and a rasteriser that draws nothing.
 
     A drawing takes `per_frame + per_splat * splats + per_pixel * pixels`, or samples of bricks, times `pace(number of
