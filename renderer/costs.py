@@ -125,5 +125,5 @@ class CostLog:
         last: how many, at most; 0 for as many as there are otherwise.
         """
         recent = list(self._frames)[-min(last or _NUM_RECENT, _NUM_RECENT) :]
-        drift = statistics.median(taken / self.model.seconds(drawn) for drawn, taken in recent) if recent else 1.0
+        drift = statistics.median_low(taken / self.model.seconds(drawn) for drawn, taken in recent) if recent else 1.0
         return drift * self.model.seconds(load)

@@ -221,6 +221,7 @@ class Pacer:
         seconds = self._seconds_of(number)
         pose = make_pose(self._details.stage, self._chosen.detail, number, watch)
         by_all, predicted = self._details.predict_twice(pose, self._chosen.num_frames)
+        self._chosen.look_around(predicted / seconds)
         # One slow frame, or a speed that is no more, makes them disagree: then there is no telling where to go.
         if self._is_kept(predicted, seconds) or (predicted > seconds) != (by_all > seconds):
             return pose, predicted
@@ -260,8 +261,10 @@ class Pacer:
         share, share_then = predicted / seconds, self._chosen.share
         if share < 1 and self._chosen.detail.tolerance == 0:
             return True
+        if self._chosen.num_frames == 1 and share > 1 and seconds == self._chosen.seconds:
+            return True
         if self._chosen.is_on_the_way:
-            return _KEPT_FROM <= share <= _KEPT_TO
+            return False
         is_new = seconds == self._chosen.seconds and self._chosen.num_frames <= _FEWEST_FRAMES
         if is_new and _FAR_TOO_SHORT * min(1, share_then) <= share < _FAR_TOO_LONG * max(1, share_then):
             return True
@@ -282,3 +285,8 @@ class _Chosen:
     seconds: float
     is_on_the_way: bool
     num_frames: int = 0
+
+    def look_around(self, share: float) -> None:
+        """It turns out to take this part of its time: perhaps one need not go further."""
+        if self.is_on_the_way and abs(share / _AIM - 1) <= _UNCHANGED:
+            self.share, self.is_on_the_way = share, False
