@@ -26,7 +26,7 @@ _AIM, _CLOSE, _MOST_TRIES = 0.95, 0.04, 5
 # does, about what it was predicted to take when it was chosen.
 _KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.84, 1.09, 0.1
 # Before so many frames after the first one tell what it takes, it is not given up, unless it is predicted to take less
-# or more than these parts of its time.
+# or more than these parts of its time; for too long by two frames, for any one may be slow, but none is quick by chance.
 _FEWEST_FRAMES, _FAR_TOO_SHORT, _FAR_TOO_LONG = 3, 0.6, 1.5
 # Where a detail is predicted to take f times its time, the next one is at most f^_REACH times as large or as small,
 # within the family's bounds: with 2.5 one goes twice as far at 1.3 times the time, and 16 times, the most, at 3 times.
@@ -57,16 +57,11 @@ class Details:
         """A frame of the detail of a tolerance."""
         return make_pose(self.stage, self.family.detail(tolerance, watch.lap), number, watch)
 
-    def predict(self, pose: Pose) -> float:
-        """Seconds of a frame whose detail is made, until it is in its file."""
-        return self.predict_twice(pose, 0)[0]
-
-    def predict_twice(self, pose: Pose, last: int) -> tuple[float, float]:
-        """The same, by all that is known and by so many of the last frames; as in CostLog."""
+    def predict(self, pose: Pose, *, last: int = 0) -> float:
+        """Seconds of a frame whose detail is made, until it is in its file; `last` as in CostLog."""
         load = load_of(pose)
         self._seen[self.size(pose.detail)] = load
-        by_all, by_last = self.log.predict(load), self.log.predict(load, last=last)
-        return by_all + pose.order_seconds, by_last + pose.order_seconds
+        return self.log.predict(load, last=last) + pose.order_seconds
 
     def learn(self, pose: Pose, watch: Stopwatch, *, is_first: bool = False) -> None:
         """A frame has been drawn and, at this moment, taken care of.
@@ -77,13 +72,15 @@ class Details:
         others = (*CUT_STAGES, ONCE) if is_first else CUT_STAGES
         self.log.add(load_of(pose), sum(seconds for name, seconds in watch.seconds.items() if name not in others))
 
-    def size_within(self, seconds: float) -> float:
+    def size_within(self, seconds: float, *, last: int = 0) -> float:
         """The size that a frame may have that is to take so long, by the frames that were predicted so far.
 
-        Seconds are taken for a power of the size, that of the two sizes around or nearest.
+        Seconds are taken for a power of the size, that of the two sizes around or nearest. `last` as in CostLog.
         """
         sizes = np.log(sorted(self._seen))
-        costs = np.log(np.maximum.accumulate([self.log.predict(load) for _, load in sorted(self._seen.items())]))
+        costs = np.log(
+            np.maximum.accumulate([self.log.predict(load, last=last) for _, load in sorted(self._seen.items())])
+        )
         wanted, power = math.log(seconds), _MOST_POWER
         near = min(int(np.count_nonzero(costs < wanted)), len(sizes) - 1)
         if len(sizes) > 1:
@@ -138,23 +135,24 @@ def finest_within(
     watch: Stopwatch,
     *,
     sizes: tuple[float, float] = _ANY_SIZE,
+    last: int = 0,
 ) -> tuple[Pose, float]:
     """A frame that is predicted to take nearly so many seconds, or less where it shows every voxel; and what it takes.
 
     Where even a single cell takes longer, the quickest one found. Frames have been predicted before.
-    sizes: the smallest and the largest one that it may have.
+    sizes: the smallest and the largest one that it may have. last: as in CostLog.
     """
     aim = _AIM * seconds
     best: tuple[Pose, float] | None = None
     tried: set[float] = set()
     for _ in range(_MOST_TRIES):
-        wanted = min(max(details.size_within(aim), sizes[0]), sizes[1])
+        wanted = min(max(details.size_within(aim, last=last), sizes[0]), sizes[1])
         tolerance = details.family.at_size(wanted)
         if tolerance in tried:
             break
         tried.add(tolerance)
         pose = details.pose(number, tolerance, watch)
-        predicted = details.predict(pose)
+        predicted = details.predict(pose, last=last)
         if best is None or _badness(predicted, seconds) < _badness(best[1], seconds):
             best = pose, predicted
         if abs(predicted - aim) <= _CLOSE * aim:
@@ -220,24 +218,31 @@ class Pacer:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
         pose = make_pose(self._details.stage, self._chosen.detail, number, watch)
-        by_all, predicted = self._details.predict_twice(pose, self._chosen.num_frames)
+        last = self._chosen.num_frames  # all of this detail
+        predicted = self._details.predict(pose, last=last)
         self._chosen.look_around(predicted / seconds)
-        # One slow frame, or a speed that is no more, makes them disagree: then there is no telling where to go.
-        if self._is_kept(predicted, seconds) or (predicted > seconds) != (by_all > seconds):
+        if self._is_kept(predicted, seconds):
             return pose, predicted
+        if predicted >= _FAR_TOO_SHORT * seconds:
+            last = 0
+            # A hiccup, or a speed that is no more, makes them disagree: then there is no telling where to go.
+            if (predicted > seconds) != (self._details.predict(pose) > seconds):
+                return pose, predicted
         sizes = self._sizes_after(predicted / seconds) if seconds == self._chosen.seconds else _ANY_SIZE
         del pose  # let go of the old ones first
         self._chosen = None
-        return self.choose(number, watch, sizes=sizes)
+        return self.choose(number, watch, sizes=sizes, last=last)
 
-    def choose(self, number: int, watch: Stopwatch, *, sizes: tuple[float, float] = _ANY_SIZE) -> tuple[Pose, float]:
+    def choose(
+        self, number: int, watch: Stopwatch, *, sizes: tuple[float, float] = _ANY_SIZE, last: int = 0
+    ) -> tuple[Pose, float]:
         """Find a detail for a frame and those that follow; of the first one, best before its time begins.
 
-        sizes: as in `finest_within`.
+        sizes, last: as in `finest_within`.
         """
         seconds = self._seconds_of(number)
-        pose, predicted = finest_within(self._details, number, seconds, watch, sizes=sizes)
-        wanted = max(1.0, self._details.size_within(_AIM * seconds))
+        pose, predicted = finest_within(self._details, number, seconds, watch, sizes=sizes, last=last)
+        wanted = max(1.0, self._details.size_within(_AIM * seconds, last=last))
         is_on_the_way = not sizes[0] <= wanted <= sizes[1]
         self._chosen = _Chosen(pose.detail, predicted / seconds, seconds, is_on_the_way)
         return pose, predicted
