@@ -119,11 +119,12 @@ class CostLog:
             self._model = fit_costs([*self._trials, *self._frames])
         return self._model
 
-    def predict(self, load: Load, *, last: int = _NUM_RECENT) -> float:
+    def predict(self, load: Load, *, last: int = 0) -> float:
         """Seconds of drawing: the model's, corrected by what the last frames took against it.
 
-        last: how many, at most; 0 for as many as there are otherwise.
+        last: how many, at most; 0 for as many as there are otherwise. Of an even number the first is left out.
         """
-        recent = list(self._frames)[-min(last or _NUM_RECENT, _NUM_RECENT) :]
-        drift = statistics.median_low(taken / self.model.seconds(drawn) for drawn, taken in recent) if recent else 1.0
+        num = min(last or _NUM_RECENT, _NUM_RECENT, len(self._frames))
+        recent = list(self._frames)[-(num - 1 + num % 2) :] if num else []
+        drift = statistics.median(taken / self.model.seconds(drawn) for drawn, taken in recent) if recent else 1.0
         return drift * self.model.seconds(load)

@@ -26,8 +26,8 @@ _AIM, _CLOSE, _MOST_TRIES = 0.95, 0.04, 5
 # does, about what it was predicted to take when it was chosen.
 _KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.84, 1.09, 0.1
 # Before so many frames after the first one tell what it takes, it is not given up, unless it is predicted to take less
-# or more than these parts of its time; for too long by two frames, for any one may be slow, but none is quick by chance.
-_FEWEST_FRAMES, _FAR_TOO_SHORT, _FAR_TOO_LONG = 3, 0.6, 1.5
+# or more than these parts of its time; for more, by two frames at least, for the first may have been hindered.
+_FEWEST_FRAMES, _FAR_TOO_SHORT, _FAR_TOO_LONG = 3, 0.4, 1.5
 # Where a detail is predicted to take f times its time, the next one is at most f^_REACH times as large or as small,
 # within the family's bounds: with 2.5 one goes twice as far at 1.3 times the time, and 16 times, the most, at 3 times.
 _REACH = 2.5
@@ -266,12 +266,11 @@ class Pacer:
         share, share_then = predicted / seconds, self._chosen.share
         if share < 1 and self._chosen.detail.tolerance == 0:
             return True
-        if self._chosen.num_frames == 1 and share > 1 and seconds == self._chosen.seconds:
-            return True
+        least, most = _FAR_TOO_SHORT * min(1, share_then), _FAR_TOO_LONG * max(1, share_then)
+        num_frames = self._chosen.num_frames if seconds == self._chosen.seconds else _FEWEST_FRAMES + 1
         if self._chosen.is_on_the_way:
-            return False
-        is_new = seconds == self._chosen.seconds and self._chosen.num_frames <= _FEWEST_FRAMES
-        if is_new and _FAR_TOO_SHORT * min(1, share_then) <= share < _FAR_TOO_LONG * max(1, share_then):
+            return num_frames <= 1 and share >= _FAR_TOO_SHORT
+        if share >= least and (num_frames <= 1 or (num_frames <= _FEWEST_FRAMES and share < most)):
             return True
         if not _KEPT_FROM <= share_then <= _KEPT_TO:  # there was none nearer, and there will be none now
             return abs(share / share_then - 1) < _UNCHANGED
