@@ -162,7 +162,7 @@ def test_what_a_frame_took_is_told(stage: Stage) -> None:
 
 
 def test_a_detail_that_is_far_too_quick_is_given_up_at_once(stage: Stage) -> None:
-    """The machine was slow for a while; on the way back no frame takes as little time as the one before."""
+    """The machine was slow for a while, and its last frames still say so."""
     machine = SimulatedMachine(pace=lambda number: 8.0 if 14 <= number < 24 else 1.0)
     taken, _ = film(stage, machine, 0.03)
     quick = [t for t in taken if t < 0.4 * 0.03]
@@ -170,7 +170,7 @@ def test_a_detail_that_is_far_too_quick_is_given_up_at_once(stage: Stage) -> Non
 
 
 def test_near_the_time_one_goes_in_small_steps(stage: Stage) -> None:
-    """By a quarter of the time tolerances change by a factor of 2, where 6 are wanted; three times goes far at once."""
+    """Of a quarter more time tolerances change by a factor of 2; of three times the time far more, at once."""
     for factor, most in ((1.25, 2.1), (3.0, 16.5)):
         machine = SimulatedMachine(pace=lambda number, factor=factor: factor if number > 15 else 1.0)  # type: ignore[misc]
         _, tolerances = film(stage, machine, 0.03)
