@@ -68,6 +68,7 @@ class BrickFamily:
 
     few: ClassVar[float] = 60
     growth: ClassVar[float] = 16  # the number of samples grows with about the cube root
+    step: ClassVar[float] = 2
 
     def __init__(
         self,

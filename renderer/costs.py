@@ -29,9 +29,6 @@ _FASTEST = 1e-3
 _TRUST_IN_TYPICAL = 1e-4
 # Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
 _NUM_REMEMBERED, _NUM_RECENT = 16, 7
-# Loads whose numbers of splats, and of pixels, differ by no more than these parts are of one detail: from another side
-# it has other pixels, and bricks of another tolerance may be as many.
-_ALIKE_SPLATS, _ALIKE_PIXELS = 0.1, 0.3
 
 
 class Load(NamedTuple):
@@ -122,21 +119,12 @@ class CostLog:
             self._model = fit_costs([*self._trials, *self._frames])
         return self._model
 
-    def predict(self, load: Load, *, like_before: bool = False) -> float:
+    def predict(self, load: Load, *, last: int = 0) -> float:
         """Seconds of drawing: the model's, corrected by what the last frames took against it.
 
-        like_before: only those of about as many splats and pixels, if there are any: a load that has been drawn before.
+        last: how many, at most; 0 for as many as there are otherwise. Of an even number the first is left out.
         """
-        frames = list(self._frames)
-        if like_before:
-            frames = [frame for frame in frames if _are_alike(frame[0], load)] or frames
-        recent = frames[-_NUM_RECENT:]
+        num = min(last or _NUM_RECENT, _NUM_RECENT, len(self._frames))
+        recent = list(self._frames)[-(num - 1 + num % 2) :] if num else []
         drift = statistics.median(taken / self.model.seconds(drawn) for drawn, taken in recent) if recent else 1.0
         return drift * self.model.seconds(load)
-
-
-def _are_alike(load: Load, other: Load) -> bool:
-    return (
-        abs(load.num_splats - other.num_splats) <= _ALIKE_SPLATS * other.num_splats
-        and abs(load.num_pixels - other.num_pixels) <= _ALIKE_PIXELS * other.num_pixels
-    )

@@ -26,9 +26,18 @@ from renderer.volume import Volume
 
 Clock = Callable[[], float]
 
+# What a frame does for those after it, too: bricks that were not on the device. Other frames have no such lap.
+ONCE = "bricks"
+
 
 class Rasterizer(Protocol):
-    """What draws sorted splats or bricks, and lines if asked: `renderer.raster_gl.GLRasterizer`, or a stand-in."""
+    """What draws sorted splats or bricks, and lines if asked: `renderer.raster_gl.GLRasterizer`, or a stand-in.
+
+    bring: what the picture shares with later ones to where it is drawn; whether any of it was not there. A picture that
+    was not brought is the same.
+    """
+
+    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool: ...
 
     def rasterize(
         self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
@@ -152,10 +161,17 @@ def make_pose(stage: Stage, detail: Detail, number: int, watch: Stopwatch) -> Po
     return Pose(number, detail, view, detail.orders(view), watch.lap("order"))
 
 
+def bring(pose: Pose, rasterizer: Rasterizer) -> bool:
+    """Make the rasteriser ready for a frame and those like it; whether there was something to do."""
+    return rasterizer.bring(pose.detail.splats, pose.orders[0][1], pose.view)  # the same splats in each order
+
+
 def draw(stage: Stage, pose: Pose, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
     """The finished frame. Raises InputError where the volume's file was changed."""
     detail = pose.detail
     stage.volume.require_unchanged()
+    if bring(pose, rasterizer):
+        watch.lap(ONCE)
     image = _mixture(pose, rasterizer)
     watch.lap("draw")
     if detail.edges is not None:

@@ -53,7 +53,7 @@ class Family(Protocol):
 
     A film on a budget of time goes through *sizes*, which rise as tolerances fall; what they count is the family's.
     few: a size at which a frame shows what it is. growth: from one size to the next that is worth trying, and the most
-    that one goes at once.
+    that one goes at once; step: the most where a little time is wanted, so that the film does not pop.
     """
 
     @property
@@ -61,6 +61,9 @@ class Family(Protocol):
 
     @property
     def growth(self) -> float: ...
+
+    @property
+    def step(self) -> float: ...
 
     def detail(self, tolerance: float, lap: Lap) -> Detail:
         """Cut at a tolerance, and made ready for the rasteriser."""

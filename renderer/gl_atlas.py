@@ -69,6 +69,10 @@ class Atlas:
         if min(num, self.most_places) > len(self._keys):
             self._grow(num)
 
+    def num_missing(self, keys: Int64) -> int:
+        """How many of these bricks are not on the device."""
+        return int(np.count_nonzero(self._places[keys] < 0))
+
     def place(self, keys: Int64, texels: Texels) -> Int64:
         """int64 [n, 3]: the first texel (x, y, z), apron and all, of each of these bricks, of which there is room for.
 

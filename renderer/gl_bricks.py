@@ -24,7 +24,7 @@ from renderer.brick_projection import box_rectangles, ray_frame
 from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK, Bricks
 from renderer.camera import View
-from renderer.gl_atlas import SIDE, Atlas
+from renderer.gl_atlas import SIDE, Atlas, Texels
 from renderer.lattices import interpolated
 
 Image = npt.NDArray[np.float32]
@@ -85,12 +85,32 @@ class BrickDrawer:
         self._made = MadeMeans()
         self._table: tuple[Any, Any] | None = None
 
+    def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """Bring those bricks of `batch[order]` to the device that are not there; whether there were any.
+
+        Where it has no room for all of them, they come and go as they are drawn, and here nothing is done.
+        """
+        self._look_at(batch, view.size)
+        self._reserve(batch, order)
+        kinds = [
+            (atlas, _keys(batch, order[chosen]), texels) for atlas, chosen, texels in self._of_each_kind(batch, order)
+        ]
+        if any(len(keys) > atlas.most_places for atlas, keys, _ in kinds):
+            return False
+        if not any(atlas.num_missing(keys) for atlas, keys, _ in kinds):
+            return False
+        self._made.begin(is_used=False)
+        for atlas, keys, texels in kinds:
+            atlas.place(keys, texels)
+        return True
+
     def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         self._look_at(batch, view.size)
         vertices = _vertices(batch, order, view)
-        num_means = int(np.count_nonzero(batch.cut.levels[order]))
-        self._reserve(len(order) - num_means, num_means)
+        num_means = self._reserve(batch, order)
+        assert self._means is not None
+        self._made.begin(is_used=num_means > self._means.most_places)
         programs = self._prepared(batch, view)
         coarse = None
         for stride in batch.thrift.strides:
@@ -131,13 +151,14 @@ class BrickDrawer:
                 lattice.release()
             self._lattices, self._image_size = {}, size
 
-    def _reserve(self, num_scalars: int, num_means: int) -> None:
-        """Make room for all bricks of a picture: with less they would go up again with every frame."""
+    def _reserve(self, batch: BrickBatch, order: npt.NDArray[np.uint32]) -> int:
+        """Make room for all bricks of a picture, of which so many are means: with less they would go up every time."""
         assert self._scalars is not None
         assert self._means is not None
-        self._scalars.reserve(num_scalars)
+        num_means = int(np.count_nonzero(batch.cut.levels[order]))
+        self._scalars.reserve(len(order) - num_means)
         self._means.reserve(num_means)
-        self._made.begin(is_used=num_means > self._means.most_places)
+        return num_means
 
     def _release_atlases(self) -> None:
         for atlas in (self._scalars, self._means):
@@ -257,18 +278,26 @@ class BrickDrawer:
         self, programs: tuple[Any, Any], batch: BrickBatch, order: npt.NDArray[np.uint32], vertices: Any
     ) -> None:
         """Bring bricks to the device, and tell the vertices where they are."""
-        levels = batch.cut.levels[order]
-        for program, atlas, unit, chosen, texels in (
-            (programs[0], self._scalars, SCALARS, levels == 0, partial(_scalar_texels, batch)),
-            (programs[1], self._means, MEANS, levels > 0, partial(_mean_texels, batch, self._made)),
-        ):
-            assert atlas is not None
+        kinds = self._of_each_kind(batch, order)
+        for program, unit, (atlas, chosen, texels) in zip(programs, (SCALARS, MEANS), kinds, strict=True):
             if not chosen.any():
                 continue
             keys = _keys(batch, order[chosen])
             vertices["first_texel"][chosen] = atlas.place(keys, texels) + APRON
             atlas.texture.use(unit)
             program["atlas_scale"] = tuple(1 / n for n in atlas.size)
+
+    def _of_each_kind(
+        self, batch: BrickBatch, order: npt.NDArray[np.uint32]
+    ) -> list[tuple[Atlas, npt.NDArray[np.bool_], Texels]]:
+        """Of scalars and of means: the atlas, which of `batch[order]` are of the kind, and what makes them ready."""
+        assert self._scalars is not None
+        assert self._means is not None
+        is_mean = batch.cut.levels[order] > 0
+        return [
+            (self._scalars, ~is_mean, partial(_scalar_texels, batch)),
+            (self._means, is_mean, partial(_mean_texels, batch, self._made)),
+        ]
 
     def _draw_group(
         self, programs: tuple[Any, Any], is_mean: npt.NDArray[np.bool_], vertices: npt.NDArray[Any], stride: int

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from renderer.costs import CostLog, Load, load_of
-from renderer.drawing import Clock, Pose, Rasterizer, Stage, Stopwatch, draw, family_of, make_detail, make_pose
+from renderer.drawing import ONCE, Clock, Pose, Rasterizer, Stage, Stopwatch, draw, family_of, make_detail, make_pose
 from renderer.families import Detail
 from renderer.schedule import tolerance_at
 
@@ -25,14 +25,18 @@ _AIM, _CLOSE, _MOST_TRIES = 0.95, 0.04, 5
 # It is kept while it is predicted to take from and up to these parts of its time or, where none could be found that
 # does, about what it was predicted to take when it was chosen.
 _KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.84, 1.09, 0.1
-# Before so many frames after the first one tell what it takes, it is not given up, unless it is predicted to take more
-# than this part of its time.
-_FEWEST_FRAMES, _FAR_TOO_LONG = 3, 1.5
+# Before so many frames after the first one tell what it takes, it is not given up, unless it is predicted to take less
+# or more than these parts of its time; for more, by two frames at least, for the first may have been hindered.
+_FEWEST_FRAMES, _FAR_TOO_SHORT, _FAR_TOO_LONG = 3, 0.4, 1.5
+# Where a detail is predicted to take f times its time, the next one is at most f^_REACH times as large or as small,
+# within the family's bounds: with 2.5 one goes twice as far at 1.3 times the time, and 16 times, the most, at 3 times.
+_REACH = 2.5
 
 # Seconds grow with these powers of the size, a number of cells: of few large cells the pixels cost, of many small ones
 # the splats. Beyond the largest one seen, and from the detail of the frame before, one goes so far at once: a little
 # less time is a thousand times fewer large cells.
 _LEAST_POWER, _MOST_POWER = 0.1, 1.0
+_ANY_SIZE = 0.0, math.inf
 
 # What passes between the start of a frame and the next one but is not drawing it.
 CUT_STAGES = ("cut", "splats", "edges", "order")
@@ -53,25 +57,30 @@ class Details:
         """A frame of the detail of a tolerance."""
         return make_pose(self.stage, self.family.detail(tolerance, watch.lap), number, watch)
 
-    def predict(self, pose: Pose, *, like_before: bool = False) -> float:
-        """Seconds of a frame whose detail is made, until it is in its file; `like_before` as in CostLog."""
+    def predict(self, pose: Pose, *, last: int = 0) -> float:
+        """Seconds of a frame whose detail is made, until it is in its file; `last` as in CostLog."""
         load = load_of(pose)
         self._seen[self.size(pose.detail)] = load
-        return self.log.predict(load, like_before=like_before) + pose.order_seconds
+        return self.log.predict(load, last=last) + pose.order_seconds
 
-    def learn(self, pose: Pose, watch: Stopwatch) -> None:
-        """A frame has been drawn and, at this moment, taken care of."""
+    def learn(self, pose: Pose, watch: Stopwatch, *, is_first: bool = False) -> None:
+        """A frame has been drawn and, at this moment, taken care of.
+
+        is_first: of several of its detail: what it did for the others, too, tells nothing of them.
+        """
         watch.lap("written")
-        drawing = sum(seconds for name, seconds in watch.seconds.items() if name not in CUT_STAGES)
-        self.log.add(load_of(pose), drawing)
+        others = (*CUT_STAGES, ONCE) if is_first else CUT_STAGES
+        self.log.add(load_of(pose), sum(seconds for name, seconds in watch.seconds.items() if name not in others))
 
-    def size_within(self, seconds: float) -> float:
+    def size_within(self, seconds: float, *, last: int = 0) -> float:
         """The size that a frame may have that is to take so long, by the frames that were predicted so far.
 
-        Seconds are taken for a power of the size, that of the two sizes around or nearest.
+        Seconds are taken for a power of the size, that of the two sizes around or nearest. `last` as in CostLog.
         """
         sizes = np.log(sorted(self._seen))
-        costs = np.log(np.maximum.accumulate([self.log.predict(load) for _, load in sorted(self._seen.items())]))
+        costs = np.log(
+            np.maximum.accumulate([self.log.predict(load, last=last) for _, load in sorted(self._seen.items())])
+        )
         wanted, power = math.log(seconds), _MOST_POWER
         near = min(int(np.count_nonzero(costs < wanted)), len(sizes) - 1)
         if len(sizes) > 1:
@@ -109,7 +118,7 @@ def try_drawings(
             draw(details.stage, pose, rasterizer, Stopwatch(clock))
         watch = Stopwatch(clock)
         draw(details.stage, pose, rasterizer, watch)
-        seconds = sum(watch.seconds.values())
+        seconds = sum(watch.seconds.values()) - watch.seconds.get(ONCE, 0.0)
         details.log.add(load_of(pose, is_written=False), seconds)
         details.predict(pose)
         num_trials += 1
@@ -120,27 +129,30 @@ def try_drawings(
 
 
 def finest_within(
-    details: Details, number: int, seconds: float, watch: Stopwatch, *, near: float | None = None
+    details: Details,
+    number: int,
+    seconds: float,
+    watch: Stopwatch,
+    *,
+    sizes: tuple[float, float] = _ANY_SIZE,
+    last: int = 0,
 ) -> tuple[Pose, float]:
     """A frame that is predicted to take nearly so many seconds, or less where it shows every voxel; and what it takes.
 
     Where even a single cell takes longer, the quickest one found. Frames have been predicted before.
-    near: a size that the one found is some times as large as, or as small, but not more.
+    sizes: the smallest and the largest one that it may have. last: as in CostLog.
     """
     aim = _AIM * seconds
     best: tuple[Pose, float] | None = None
     tried: set[float] = set()
     for _ in range(_MOST_TRIES):
-        wanted = details.size_within(aim)
-        if near is not None:
-            growth = details.family.growth
-            wanted = min(max(wanted, near / growth), near * growth)
+        wanted = min(max(details.size_within(aim, last=last), sizes[0]), sizes[1])
         tolerance = details.family.at_size(wanted)
         if tolerance in tried:
             break
         tried.add(tolerance)
         pose = details.pose(number, tolerance, watch)
-        predicted = details.predict(pose)
+        predicted = details.predict(pose, last=last)
         if best is None or _badness(predicted, seconds) < _badness(best[1], seconds):
             best = pose, predicted
         if abs(predicted - aim) <= _CLOSE * aim:
@@ -202,29 +214,51 @@ class Pacer:
 
     def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
         """As in Guide."""
+        if self._chosen is None:
+            return self.choose(number, watch)
         seconds = self._seconds_of(number)
-        if self._chosen is not None:
-            pose = make_pose(self._details.stage, self._chosen.detail, number, watch)
-            predicted = self._details.predict(pose, like_before=True)
-            if self._is_kept(predicted, seconds):
-                self._chosen.num_frames += 1
+        pose = make_pose(self._details.stage, self._chosen.detail, number, watch)
+        last = self._chosen.num_frames  # all of this detail
+        predicted = self._details.predict(pose, last=last)
+        self._chosen.look_around(predicted / seconds)
+        if self._is_kept(predicted, seconds):
+            return pose, predicted
+        if predicted >= _FAR_TOO_SHORT * seconds:
+            last = 0
+            # A hiccup, or a speed that is no more, makes them disagree: then there is no telling where to go.
+            if (predicted > seconds) != (self._details.predict(pose) > seconds):
                 return pose, predicted
-            near = self._details.size(self._chosen.detail) if seconds == self._chosen.seconds else None
-            del pose  # let go of the old ones first
-            self._chosen = None
-            return self.choose(number, watch, near=near)
-        return self.choose(number, watch)
+        sizes = self._sizes_after(predicted / seconds) if seconds == self._chosen.seconds else _ANY_SIZE
+        del pose  # let go of the old ones first
+        self._chosen = None
+        return self.choose(number, watch, sizes=sizes, last=last)
 
-    def choose(self, number: int, watch: Stopwatch, *, near: float | None = None) -> tuple[Pose, float]:
-        """Find a detail for a frame and those that follow; of the first one, best before its time begins."""
+    def choose(
+        self, number: int, watch: Stopwatch, *, sizes: tuple[float, float] = _ANY_SIZE, last: int = 0
+    ) -> tuple[Pose, float]:
+        """Find a detail for a frame and those that follow; of the first one, best before its time begins.
+
+        sizes, last: as in `finest_within`.
+        """
         seconds = self._seconds_of(number)
-        pose, predicted = finest_within(self._details, number, seconds, watch, near=near)
-        self._chosen = _Chosen(pose.detail, predicted / seconds, seconds)
+        pose, predicted = finest_within(self._details, number, seconds, watch, sizes=sizes, last=last)
+        wanted = max(1.0, self._details.size_within(_AIM * seconds, last=last))
+        is_on_the_way = not sizes[0] <= wanted <= sizes[1]
+        self._chosen = _Chosen(pose.detail, predicted / seconds, seconds, is_on_the_way)
         return pose, predicted
 
     def took(self, pose: Pose, watch: Stopwatch) -> None:
         """As in Guide."""
-        self._details.learn(pose, watch)
+        assert self._chosen is not None
+        self._details.learn(pose, watch, is_first=self._chosen.num_frames == 0)
+        self._chosen.num_frames += 1
+
+    def _sizes_after(self, share: float) -> tuple[float, float]:
+        """Those that the next detail may have, where the one that was chosen takes this part of its time."""
+        assert self._chosen is not None
+        family, size = self._details.family, self._details.size(self._chosen.detail)
+        reach = min(max(family.step, share**_REACH, share**-_REACH), family.growth)
+        return size / reach, size * reach
 
     def _is_kept(self, predicted: float, seconds: float) -> bool:
         """Whether the detail stays that was chosen, now that a frame of it is predicted to take so long."""
@@ -232,8 +266,11 @@ class Pacer:
         share, share_then = predicted / seconds, self._chosen.share
         if share < 1 and self._chosen.detail.tolerance == 0:
             return True
-        is_new = seconds == self._chosen.seconds and self._chosen.num_frames < _FEWEST_FRAMES
-        if is_new and share < max(_FAR_TOO_LONG, share_then):
+        least, most = _FAR_TOO_SHORT * min(1, share_then), _FAR_TOO_LONG * max(1, share_then)
+        num_frames = self._chosen.num_frames if seconds == self._chosen.seconds else _FEWEST_FRAMES + 1
+        if self._chosen.is_on_the_way:
+            return num_frames <= 1 and share >= _FAR_TOO_SHORT
+        if share >= least and (num_frames <= 1 or (num_frames <= _FEWEST_FRAMES and share < most)):
             return True
         if not _KEPT_FROM <= share_then <= _KEPT_TO:  # there was none nearer, and there will be none now
             return abs(share / share_then - 1) < _UNCHANGED
@@ -242,9 +279,18 @@ class Pacer:
 
 @dataclass
 class _Chosen:
-    """share: of its time that the detail was predicted to take. num_frames: drawn after the first one."""
+    """share: of its time that the detail was predicted to take. num_frames: drawn so far.
+
+    is_on_the_way: another one, too far away to go there at once, was predicted to be nearer to that time.
+    """
 
     detail: Detail
     share: float
     seconds: float
+    is_on_the_way: bool
     num_frames: int = 0
+
+    def look_around(self, share: float) -> None:
+        """It turns out to take this part of its time: perhaps one need not go further."""
+        if self.is_on_the_way and abs(share / _AIM - 1) <= _UNCHANGED:
+            self.share, self.is_on_the_way = share, False

@@ -97,6 +97,18 @@ class GLRasterizer:
         """Device and driver, as GL names them."""
         return self._renderer_name
 
+    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """Bring what a picture shares with later ones to the device; whether any of it was not there.
+
+        Those are bricks. Splats go up with every picture.
+        """
+        if isinstance(batch, SplatBatch):
+            return False
+        with self._refusals_as_lost(), self._context:
+            is_new = self._bricks.bring(batch, order, view)
+            self._require_no_failure()
+        return is_new
+
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, splats back to front and bricks front to back.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from types import TracebackType
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from renderer.cell_edges import CellEdges
 from renderer.errors import ContextLostError, RenderError
 from renderer.raster_gl import GLRasterizer, Image
 from renderer.splats import SplatBatch
+
+Result = TypeVar("Result")
 
 
 class LastingRasterizer:
@@ -50,6 +53,10 @@ class LastingRasterizer:
         """As in GLRasterizer."""
         self._current.forget()
 
+    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """As in GLRasterizer."""
+        return self._draw(lambda gl: gl.bring(batch, order, view))
+
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """As in GLRasterizer."""
         return self._draw(lambda gl: gl.rasterize(batch, order, view))
@@ -58,7 +65,7 @@ class LastingRasterizer:
         """As in GLRasterizer."""
         return self._draw(lambda gl: gl.rasterize_edges(edges, view))
 
-    def _draw(self, draw: Callable[[GLRasterizer], Image]) -> Image:
+    def _draw(self, draw: Callable[[GLRasterizer], Result]) -> Result:
         try:
             return draw(self._current)
         except ContextLostError as error:

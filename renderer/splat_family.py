@@ -57,6 +57,7 @@ class SplatFamily:
 
     few: ClassVar[float] = 1000
     growth: ClassVar[float] = 4
+    step: ClassVar[float] = 4
 
     def __init__(
         self,

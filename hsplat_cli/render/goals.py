@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.job import Job
 from hsplat_cli.render.record import IN_TIME, drawing_seconds, seconds_for, span
-from renderer.drawing import Rasterizer, Stage, Stopwatch
+from renderer.drawing import Rasterizer, Stage, Stopwatch, bring
 from renderer.errors import RenderError
 from renderer.frame_record import Record
 from renderer.pacing import Details, Guide, Pacer, try_drawings
@@ -74,7 +74,8 @@ def make_plan(
     least = min(value_at(goal.by_frame, frame) for frame in frames)
     try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter, on_step=on_step)
     pacer = Pacer(details, lambda frame: value_at(goal.by_frame, frame))
-    pacer.choose(frames[0], Stopwatch(time.perf_counter))
+    pose, _ = pacer.choose(frames[0], Stopwatch(time.perf_counter))
+    bring(pose, rasterizer)
     return Plan(stage, pacer, by_clock=True)
 
 

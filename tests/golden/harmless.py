@@ -19,6 +19,7 @@ from renderer.camera import View
 from renderer.raster_gl import GLRasterizer
 from renderer.raster_reference import rasterize_reference
 from renderer.splats import SplatBatch
+from tests.support.machines import NothingLasting
 
 # The reference draws one splat after the other: some ten thousand take half a minute.
 MOST_SPLATS_OF_REFERENCE = 12_000
@@ -56,7 +57,7 @@ def _rounded_otherwise(share: float) -> Callable[[Shot], Pixels]:
     return rounded
 
 
-class _Reference:
+class _Reference(NothingLasting):
     """Draws as `renderer.raster_reference`."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:

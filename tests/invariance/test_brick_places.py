@@ -40,6 +40,8 @@ def test_what_was_drawn_before_changes_nothing(
 
     histories: list[Callable[[GLRasterizer, BrickBatch], Any]] = [
         draw,
+        lambda gl, batch: gl.bring(batch, ordered(batch.cut, view), view),
+        lambda gl, batch: [gl.bring(batch, ordered(batch.cut, other), other) for batch in batches],
         lambda gl, batch: gl.rasterize(batch, ordered(batch.cut, other)[::3], other),
         lambda gl, batch: [draw(gl, batch) for batch in batches],
         lambda gl, batch: gl.rasterize(batch, np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32), other),
@@ -51,3 +53,31 @@ def test_what_was_drawn_before_changes_nothing(
             with GLRasterizer() as gl:
                 history(gl, batch)
                 assert draw(gl, batch) == first
+
+
+def test_bricks_are_brought_once() -> None:
+    batches, view, _ = subject(None)
+    with GLRasterizer() as gl:
+        for batch in batches:
+            order = ordered(batch.cut, view)
+            assert gl.bring(batch, order, view)
+            assert not gl.bring(batch, order, view)
+        for batch in batches:  # there is room for all
+            assert not gl.bring(batch, ordered(batch.cut, view), view)
+
+
+def test_what_was_drawn_is_there() -> None:
+    batches, view, _ = subject(ShadingSpec())
+    with GLRasterizer() as gl:
+        for batch in batches:
+            order = ordered(batch.cut, view)
+            gl.rasterize(batch, order, view)
+            assert not gl.bring(batch, order, view)
+
+
+def test_more_than_the_device_holds_is_not_brought(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It comes and goes as it is drawn."""
+    monkeypatch.setattr(gl_atlas, "MOST_BYTES", 1 << 10)
+    batches, view, _ = subject(ShadingSpec())
+    with GLRasterizer() as gl:
+        assert not gl.bring(batches[0], ordered(batches[0].cut, view), view)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,15 @@ from renderer.projection import model_view, square_px
 from renderer.splats import SplatBatch
 
 
-class SimulatedMachine:
+class NothingLasting:
+    """The part of a rasteriser to which every picture is new."""
+
+    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """There is nothing to bring."""
+        return False
+
+
+class SimulatedMachine(NothingLasting):
     """A clock and a rasteriser that draws nothing.
 
     A drawing takes `per_frame + per_splat * splats + per_pixel * pixels`, or samples of bricks, times `pace(number of
@@ -44,16 +53,47 @@ class SimulatedMachine:
         self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
     ) -> npt.NDArray[np.float32]:
         """An empty picture, after a while."""
+        seconds = self.seconds_of(batch, order, view)
+        self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())
+        self.num_drawings += 1
+        return np.zeros((view.size[1], view.size[0], 4), np.float32)
+
+    def seconds_of(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> float:
+        """What drawing takes at the usual pace."""
         if isinstance(batch, BrickBatch):
             num_pixels = num_samples(batch, order, view)
         else:
             num_pixels = square_px(batch, order, model_view(batch, view))
         per_frame, per_splat, per_pixel = self._rates
-        seconds = per_frame + per_splat * len(order) + per_pixel * num_pixels
-        self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())
-        self.num_drawings += 1
-        return np.zeros((view.size[1], view.size[0], 4), np.float32)
+        return per_frame + per_splat * len(order) + per_pixel * num_pixels
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
         """No lines, in no time."""
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
+
+
+class BringingMachine(SimulatedMachine):
+    """One to which each batch is brought once, where it stays until another one is.
+
+    That takes `times` as long as drawing it. A batch that was not brought is brought as it is drawn.
+    """
+
+    def __init__(self, times: float = 10.0, **options: Any) -> None:
+        super().__init__(**options)
+        self._times = times
+        self._there: SplatBatch | BrickBatch | None = None
+
+    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """Take the time that it takes."""
+        if self._there is batch:
+            return False
+        self._there = batch
+        self.now += self._times * self.seconds_of(batch, order, view)
+        return True
+
+    def rasterize(
+        self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
+    ) -> npt.NDArray[np.float32]:
+        """An empty picture, after a while."""
+        self.bring(batch, order, view)
+        return super().rasterize(batch, order, view)

@@ -36,6 +36,7 @@ from renderer.tolerances import two_digit_numbers
 from renderer.trials import Found, Trial, find_tolerance
 from renderer.truths import KeptTruths, Truth, as_kept
 from renderer.want import Want
+from tests.support.machines import NothingLasting
 
 NUM_FRAMES = 24
 SHAPE = (12, 16)
@@ -57,7 +58,7 @@ def stage() -> Stage:
     return prepare(scene, clock=lambda: 0.0, num_threads=1)
 
 
-class Grey:
+class Grey(NothingLasting):
     """Draws an even grey that comes nearer to 0.5 the more splats there are, and is furthest from it seen from -y."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:

@@ -27,6 +27,7 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import SplatBatch
+from tests.support.machines import NothingLasting
 
 SCENE = Scene(
     volume=VolumeSpec(ProceduralSource("constant", (20, 16, 9))),
@@ -37,7 +38,7 @@ SCENE = Scene(
 )
 
 
-class Splats:
+class Splats(NothingLasting):
     """Draws every pixel half opaque, and no lines."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:

@@ -13,7 +13,7 @@ from renderer.drawing import Stage
 from renderer.pacing import Details, Pacer, try_drawings
 from renderer.pipeline import render_frames
 from renderer.scene import CameraSpec, ErrorSpec, OutputSpec, ProceduralSource, TimeBudget, TurntablePath, VolumeSpec
-from tests.support.machines import SimulatedMachine
+from tests.support.machines import BringingMachine, SimulatedMachine
 
 NUM_FRAMES = 40
 WRITING_S = 2e-3
@@ -47,7 +47,7 @@ def film(stage: Stage, machine: SimulatedMachine, seconds: float) -> tuple[list[
     return taken, tolerances
 
 
-BUDGETS = (0.014, 0.02, 0.03, 0.05)
+BUDGETS = (0.016, 0.02, 0.03, 0.05)
 
 
 @pytest.mark.parametrize("seconds", BUDGETS)
@@ -108,3 +108,71 @@ def test_predictions_hold_for_a_film(stage: Stage) -> None:
         taken.append(machine.now - start)
         start = machine.now
     assert predicted[5:] == pytest.approx(taken[5:], rel=0.03)
+
+
+@pytest.mark.parametrize("seconds", BUDGETS)
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_what_a_frame_does_for_the_others_is_not_taken_for_the_speed(
+    stage: Stage, seconds: float, noise: float
+) -> None:
+    """Bricks go to the device once: what is drawn is as fine as if they had been there, whenever the detail changes."""
+    _, needed = film(stage, SimulatedMachine(), seconds)
+    _, tolerances = film(stage, BringingMachine(noise=noise), seconds)
+    assert max(tolerances) <= 2 * needed[-1]
+
+
+@pytest.mark.parametrize("seconds", [0.02, 0.03])
+@pytest.mark.parametrize("factor", [0.5, 2.0, 3.0])
+def test_nor_on_a_machine_that_changes_its_speed(stage: Stage, seconds: float, factor: float) -> None:
+    def pace(number: int) -> float:
+        return factor if number > NUM_FRAMES // 2 else 1.0
+
+    before = film(stage, SimulatedMachine(), seconds)[1][-1]
+    after = film(stage, SimulatedMachine(pace=lambda number: factor), seconds)[1][-1]
+    taken, tolerances = film(stage, BringingMachine(pace=pace), seconds)
+    assert max(tolerances) <= 2 * max(before, after)
+    assert sum(abs(t / seconds - 1) <= 0.2 for t in taken[NUM_FRAMES // 2 :]) >= 14
+
+
+@pytest.mark.parametrize("seconds", [0.02, 0.03])
+def test_frames_that_all_bring_something_are_learnt_from(stage: Stage, seconds: float) -> None:
+    """A camera among the bricks sees others in each frame."""
+
+    class Passing(SimulatedMachine):
+        def bring(self, batch: object, order: object, view: object) -> bool:
+            self.now += seconds / 4
+            return True
+
+    taken, _ = film(stage, Passing(), seconds)
+    assert all(abs(t / seconds - 1) <= 0.2 for t in taken[10:])
+
+
+def test_what_a_frame_took_is_told(stage: Stage) -> None:
+    """With what it did for the others, in a step of its own."""
+    machine = BringingMachine()
+    details = Details(stage, CostLog())
+    try_drawings(details, 0, 0.01, machine, clock=machine.clock)
+    start = machine.now
+    first, second = render_frames(
+        stage, range(2), machine, clock=machine.clock, guide=Pacer(details, lambda frame: 0.03)
+    )
+    assert sum(first.seconds.values()) + sum(second.seconds.values()) == pytest.approx(machine.now - start)
+    assert first.seconds["bricks"] == pytest.approx(10 * first.seconds["draw"])
+    assert "bricks" not in second.seconds
+
+
+def test_a_detail_that_is_far_too_quick_is_given_up_at_once(stage: Stage) -> None:
+    """The machine was slow for a while, and its last frames still say so."""
+    machine = SimulatedMachine(pace=lambda number: 8.0 if 14 <= number < 24 else 1.0)
+    taken, _ = film(stage, machine, 0.03)
+    quick = [t for t in taken if t < 0.4 * 0.03]
+    assert 1 <= len(quick) <= 2
+
+
+def test_near_the_time_one_goes_in_small_steps(stage: Stage) -> None:
+    """Of a quarter more time tolerances change by a factor of 2; of three times the time far more, at once."""
+    for factor, most in ((1.25, 2.1), (3.0, 16.5)):
+        machine = SimulatedMachine(pace=lambda number, factor=factor: factor if number > 15 else 1.0)  # type: ignore[misc]
+        _, tolerances = film(stage, machine, 0.03)
+        steps = [max(a, b) / min(a, b) for a, b in pairwise(tolerances)]
+        assert most / 1.5 < max(steps) <= most

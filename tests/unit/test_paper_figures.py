@@ -24,6 +24,7 @@ from renderer.raster_gl import GLRasterizer
 from renderer.scene import Scene
 from renderer.splats import SplatBatch
 from renderer.truths import TRUTH_TOLERANCE, find_truth
+from tests.support.machines import NothingLasting
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
 STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
@@ -229,7 +230,7 @@ def test_blocks_without_cells_are_no_division_by_zero() -> None:
 # 6: what can be drawn in a time
 
 
-class TimedRasterizer:
+class TimedRasterizer(NothingLasting):
     """Takes some seconds for each splat, by its own clock, and draws nothing."""
 
     def __init__(self, seconds_per_splat: float) -> None:

@@ -34,6 +34,7 @@ from renderer.splats import SplatBatch
 from renderer.sweep import measure_setting
 from renderer.sweep_plan import plan_sweep
 from renderer.truths import Truth, extreme_frames, spread_frames
+from tests.support.machines import NothingLasting
 
 FRAMES = (0, 5)
 RMS = ErrorSpec(measure="rms")
@@ -52,7 +53,7 @@ def stage() -> Stage:
     return prepare(scene, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
 
 
-class Grey:
+class Grey(NothingLasting):
     """Draws a grey that tells the frames apart, and remembers when."""
 
     def __init__(self) -> None:
@@ -233,7 +234,7 @@ def test_frames_spread_over_a_path(frames: range | list[int], num: int, is_loop:
     assert spread_frames(frames, num, is_loop=is_loop) == found
 
 
-class Growing:
+class Growing(NothingLasting):
     """Covers a part of the picture that depends on where the eye is."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
