@@ -3,9 +3,11 @@
 What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, beyond
 the near plane. In index space, in cells of the brick, that way is L long, and is cut into
 
-    n = max(1, ceil(L / step - SLACK))
+    n = max(1, floor(L / step * (1 + DITHER * (phase - 1/2)) + 1/2 + phase))
 
-equal parts of the world length h. In the middle of each the field is looked up, linear between the centres of cells:
+equal parts of the world length h. The phase, from 0 to 1, is the pixel's own, (column, row) . PHASE_PER_PX without its
+whole part: what parts leave out is noise, of a level or less, and not rings where n changes, or whole bricks that are
+off alike. In the middle of each part the field is looked up, linear between the centres of cells:
 
     level 0     u, a scalar; then (tau c, tau) = table(u), linear between its entries; with light, c times the factor
                 of the interpolated gradient
@@ -13,6 +15,9 @@ equal parts of the world length h. In the middle of each the field is looked up,
 
 and a part has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Parts, and bricks, are composited front to
 back.
+
+M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences" (2018): phases that are even over any block of
+pixels, from powers of the plastic number.
 """
 
 from __future__ import annotations
@@ -51,9 +56,12 @@ CELLS_BETWEEN_NODES, FINE, OF_THINNEST = 1.35, 0.1, 0.5
 # the engine loses 2 dB and gains no time.
 SPREAD, MOST_SPREAD, UNSEEN, MOST_UNSEEN = 0.35, 0.35, 0.08, 0.05
 
-# Of a part, by which parts may be longer than the step. Rays along an axis take a whole number of steps through a
-# brick; without it rounding would decide which of them take one more.
-SLACK = 2.0**-10
+# By which share of n the numbers of parts of two pixels differ, beside one part. Over five scans, means of 8 x 8 pixels
+# are 0.35 to 0.7 times as far off, at most, as with one number for all, in 3 to 5 % more time (lanes of a processor that
+# wait for each other); 0.1 leaves more (0.5 to 0.75), 0.3 no less.
+DITHER = 0.15
+# In 2^-32: the plastic number's inverse, and its square.
+PHASE_PER_PX = 3242174889, 2447445414
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.brick_batch import BrickBatch
+from renderer.brick_batch import DITHER, PHASE_PER_PX, BrickBatch
 from renderer.brick_means import MadeMeans
 from renderer.brick_projection import box_rectangles, ray_frame
 from renderer.brick_texels import mean_texels, scalar_texels
@@ -222,6 +222,8 @@ class BrickDrawer:
             "slope_per_px": rays.slope_per_px,
             "start": max(rays.start, -LARGEST),
             "opaque": 1 - max(batch.thrift.least_transmittance, UNSEEN),
+            "phase_per_px": PHASE_PER_PX,
+            "dither": DITHER,
         }
         of_table = {"atlas": SCALARS, "table": TABLE, "entry_of_texel": ((entries - 1) / entries, 0.5 / entries)}
         if batch.shading:

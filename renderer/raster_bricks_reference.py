@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.brick_batch import SLACK, BrickBatch
+from renderer.brick_batch import DITHER, PHASE_PER_PX, BrickBatch
 from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK
 from renderer.camera import View
@@ -32,18 +32,19 @@ Int64 = npt.NDArray[np.int64]
 @dataclass(frozen=True)
 class _Rays:
     """Rays in index coordinates, `origins + t * directions`, all [n, 3], drawn from t = `starts` [n]; t is a world
-    length."""
+    length. phases: [n], of their pixels."""
 
     origins: Float64
     directions: Float64
     starts: Float64
+    phases: Float64
 
     def at(self, t: Float64) -> Float64:
         """[n, 3], index coordinates."""
         return self.origins + t[:, None] * self.directions
 
     def __getitem__(self, which: npt.NDArray[Any]) -> _Rays:
-        return _Rays(self.origins[which], self.directions[which], self.starts[which])
+        return _Rays(self.origins[which], self.directions[which], self.starts[which], self.phases[which])
 
 
 def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
@@ -116,7 +117,14 @@ def _rays(volume: Volume, view: View, columns: Int64, rows: Int64) -> _Rays:
         volume.centre_index + (origins - centre) @ index_from_view.T,
         directions / per_depth[:, None] @ index_from_view.T,
         (view.near - depth) * per_depth,
+        _phases(columns.ravel(), rows.ravel()),
     )
+
+
+def _phases(columns: Int64, rows: Int64) -> Float64:
+    """[n]: multiples of 2^-24 from 0 to 1."""
+    whole = columns * PHASE_PER_PX[0] + rows * PHASE_PER_PX[1] & 0xFFFFFFFF
+    return np.asarray((whole >> 8) / 2.0**24)
 
 
 def _radiance(batch: BrickBatch, order: npt.NDArray[np.uint32], rays: _Rays) -> Float64:
@@ -153,7 +161,8 @@ def _of_brick(batch: BrickBatch, brick: int, rays: _Rays, enter: Float64, leave:
     """[n, 4]: what rays take up in a brick between two lengths."""
     level, cell = int(batch.cut.levels[brick]), batch.cut.cells[brick]
     length = np.linalg.norm(rays.directions, axis=1) * (leave - enter) / 2**level  # in cells
-    num_parts = np.maximum(1, np.ceil(length / batch.steps[brick] - SLACK))
+    spread = 1 + DITHER * (rays.phases - 0.5)
+    num_parts = np.maximum(1, np.floor(length / batch.steps[brick] * spread + 0.5 + rays.phases))
     part = (leave - enter) / num_parts
     number = np.arange(num_parts.max())
     is_part = number < num_parts[:, None]

@@ -8,6 +8,8 @@ uniform float slope_per_px;
 uniform float start;             // of the rays, beyond which nothing is before the near plane
 uniform vec3 atlas_scale;        // 1 / texels of the atlas
 uniform float opaque;            // alpha behind which nothing counts
+uniform uvec2 phase_per_px;      // in 2^-32
+uniform float dither;            // of the number of parts
 
 flat in vec3 brick_low;
 flat in vec3 brick_high;
@@ -16,8 +18,6 @@ flat in vec3 brick_texel;
 flat in vec2 brick_steps;
 out vec4 color;
 
-// Of a part, by which parts may be longer than the step.
-const float SLACK = 1.0 / 1024.0;
 // Added to a place in a brick, it leaves multiples of 2^-12, which float32 holds wherever the brick is in the atlas.
 const float COARSE = 2048.0;
 // No ray is as long.
@@ -42,19 +42,22 @@ void main() {
     float enter = max(max(near.x, near.y), max(near.z, start)), leave = min(far.x, min(far.y, far.z));
     if (!(leave > enter)) discard;
 
-    float num = max(1.0, ceil((leave - enter) * length(direction) * brick_steps.x / brick_steps.y - SLACK));
+    uvec2 pixel = uvec2((gl_FragCoord.xy - 0.5) * stride_px + 0.5);
+    float phase = float((pixel.x * phase_per_px.x + pixel.y * phase_per_px.y) >> 8) / 16777216.0;
+    float num_steps = (leave - enter) * length(direction) * brick_steps.x / brick_steps.y;
+    float num = max(1.0, floor(num_steps * (1.0 + dither * (phase - 0.5)) + 0.5 + phase));
     float part = (leave - enter) / num;
     float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));
     vec3 place = (origin + (enter + 0.5 * part) * direction - brick_corner) * brick_steps.x;
     vec3 step_place = part * brick_steps.x * direction, first_texel = brick_texel - COARSE;
-    int step = 0, num_steps = int(num);
+    int number = 0, num_parts = int(num);
     vec4 result = vec4(0.0);
     // Not `for`: software renderers go through the body of one once more when its condition fails.
     do {
         vec3 texel = (place + COARSE) + first_texel;
         result = behind(result, look_up(texel * atlas_scale), way);
         place += step_place;
-    } while (++step < num_steps && result.a <= opaque);
+    } while (++number < num_parts && result.a <= opaque);
     if (result.a == 0.0) discard;
     color = result;
 }

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from renderer.brick_batch import SHORTEST_STEP, SLACK, steps_at
+from renderer.brick_batch import DITHER, SHORTEST_STEP, steps_at
 from renderer.bricks import BRICK
 
 # From corner to corner of a brick, in the shortest steps; docs/architecture.md states it.
-MOST_SAMPLES = 3548
+MOST_SAMPLES = 3814
 
 
 @pytest.mark.parametrize("is_depth", [True, False])
@@ -20,5 +20,10 @@ def test_samples_of_a_ray_in_a_brick_are_bounded(tolerance: float, is_depth: boo
     roughness = np.array([0.0, 5e-324, 1e-9, 1.0, 1e9, 1.7e308])
     steps = steps_at(roughness, tolerance, is_depth=is_depth)
     assert np.isfinite(steps).all()
-    samples = np.ceil(BRICK * math.sqrt(3) / steps - SLACK)
-    assert samples.max() <= MOST_SAMPLES == math.ceil(BRICK * math.sqrt(3) / SHORTEST_STEP - SLACK)
+    samples = _most_parts(float(steps.min()))
+    assert samples <= MOST_SAMPLES == _most_parts(SHORTEST_STEP)
+
+
+def _most_parts(step: float) -> int:
+    """At a phase of 1, which no pixel has."""
+    return math.floor(BRICK * math.sqrt(3) / step * (1 + DITHER / 2) + 1.5)

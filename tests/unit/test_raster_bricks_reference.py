@@ -30,20 +30,21 @@ def draw(thrift: Thrift = EXACTLY, camera: str = "perspective") -> Float64:
 
 
 def test_one_ray_by_hand() -> None:
-    """Along z through one brick, from the highest voxel to the lowest: 10 parts of 3/5 of a voxel."""
+    """Along z through one brick, from the highest voxel to the lowest: at a phase of 0 there are 9 parts of 2/3 of a
+    voxel, since 10 * 0.925 + 0.5 is below 10."""
     values = np.random.default_rng(1).random((6, 3, 3)).astype(np.float32)
     volume = placed(values)
     bricks = bricks_of(volume, transfer_of((0, (1.0, 0.5, 0.0), 0.0), (1, (1.0, 0.5, 0.0), 1.0)))
     batch = batch_of(level_cut(bricks, 0), bricks, step=0.6)
     view = View(np.eye(3), np.array([0.8, 1.3, 0.0]), 50.0, "orthographic", 1.0, (1, 1))
-    z = 5.5 - 0.6 * (np.arange(10) + 0.5)
+    z = 5.5 - 2 / 3 * (np.arange(9) + 0.5)
     first, last = bricks.scalar_range
     u = np.clip(
-        map_coordinates(values.astype(float), [z, np.full(10, 1.3), np.full(10, 0.8)], order=1, mode="nearest"),
+        map_coordinates(values.astype(float), [z, np.full(9, 1.3), np.full(9, 0.8)], order=1, mode="nearest"),
         first,
         last,
     )
-    alpha = -np.expm1(-0.6 * u)
+    alpha = -np.expm1(-2 / 3 * u)
     behind = np.cumprod(np.append(1.0, 1 - alpha))[:-1]
     expected = np.sum(alpha * behind) * np.array([1.0, 0.5, 0.0, 1.0])
     np.testing.assert_allclose(
