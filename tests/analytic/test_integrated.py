@@ -5,12 +5,15 @@ The reference draws; that the device draws the same is the matter of the parity 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brickwork import (
     AFFINES,
     CAMERAS,
     EACH_SHADING,
+    EXACTLY,
     LIT,
     batch_of,
     bricks_of,
@@ -162,6 +165,22 @@ def test_pictures_converge_to_the_truth_with_the_tolerance(shading: ShadingSpec 
     assert errors[0] < 0.2
     assert errors[-2] < 1e-4
     assert errors[-1] < 1e-6
+
+
+@pytest.mark.parametrize("period", [2, 3, 4])
+@pytest.mark.parametrize("azimuth", [90.0, 75.0])
+def test_no_step_keeps_pace_with_what_is_regular(period: int, azimuth: float) -> None:
+    """Sheets much thinner than a voxel, so many voxels apart: with the same number of parts for all pixels some steps
+    meet all of them, and some none, by up to twice the tolerance. Seen: 0.7 of it."""
+    sheets = (np.arange(64) % period == 0).astype(np.float32)
+    volume = placed(np.tile(sheets, (16, 64, 1)))
+    transfer = transfer_of((0.9, COLOR, 0.0), (1, COLOR, 0.3))
+    bricks, view = bricks_of(volume, transfer), view_of(volume, "orthographic", (24, 24), azimuth=azimuth, elevation=0)
+    truth = integrate(volume, transfer, view, step_voxels=0.02)
+    for tolerance in 0.01 * 10.0 ** (np.arange(13) / 8):
+        batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=None, voxel_px=1)
+        image = rasterize_bricks_reference(replace(batch, thrift=EXACTLY), visible_bricks(batch, view), view)
+        assert np.sqrt(np.mean((image - truth) ** 2)) < tolerance, tolerance
 
 
 def test_columns_at_borders_are_as_right_as_others() -> None:
