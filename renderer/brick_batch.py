@@ -57,8 +57,8 @@ CELLS_BETWEEN_NODES, FINE, OF_THINNEST = 1.35, 0.1, 0.5
 SPREAD, MOST_SPREAD, UNSEEN, MOST_UNSEEN = 0.35, 0.35, 0.08, 0.05
 
 # By which share of n the numbers of parts of two pixels differ, beside one part. Over five scans, means of 8 x 8 pixels
-# are 0.35 to 0.7 times as far off, at most, as with one number for all, in 3 to 5 % more time (lanes of a processor that
-# wait for each other); 0.1 leaves more (0.5 to 0.75), 0.3 no less.
+# are 0.35 to 0.7 times as far off, at most, as with one number for all, in 3 to 5 % more time, since lanes of a
+# processor wait for each other; 0.1 leaves more (0.5 to 0.75), 0.3 no less.
 DITHER = 0.15
 # In 2^-32: the plastic number's inverse, and its square.
 PHASE_PER_PX = 3242174889, 2447445414
