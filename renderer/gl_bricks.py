@@ -20,21 +20,15 @@ import numpy.typing as npt
 
 from renderer.brick_batch import DITHER, PHASE_PER_PX, BrickBatch
 from renderer.brick_means import MadeMeans
-from renderer.brick_projection import box_rectangles, ray_frame
-from renderer.brick_texels import mean_texels, scalar_texels
-from renderer.bricks import APRON, BRICK, Bricks
+from renderer.brick_picture import VERTEX, VERTEX_FORMAT, BrickPicture, make_brick_picture, means_of, scalars_of
+from renderer.brick_projection import ray_frame
+from renderer.bricks import APRON, Bricks
 from renderer.camera import View
-from renderer.gl_atlas import SIDE, Atlas, Texels
+from renderer.gl_atlas import Atlas, Texels
 from renderer.lattices import interpolated
 
 Image = npt.NDArray[np.float32]
 Programs = Callable[[str, str], Any]
-
-VERTEX = np.dtype(
-    [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
-     ("first_texel", "f4", 3), ("steps", "f4", 2)]
-)  # fmt: skip
-VERTEX_FORMAT = "4f 3f 3f 3f 3f 2f"
 
 # Parts of a picture, all of whose pixels are drawn, between which one looks for those that are opaque by then: a look
 # costs more than it saves where few pixels are drawn.
@@ -84,17 +78,15 @@ class BrickDrawer:
         self._means: Atlas | None = None
         self._made = MadeMeans()
         self._table: tuple[Any, Any] | None = None
+        self._picture: BrickPicture | None = None  # the last one, which may be brought and then drawn
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Bring those bricks of `batch[order]` to the device that are not there; whether there were any.
 
         Where it has no room for all of them, they come and go as they are drawn, and here nothing is done.
         """
-        self._look_at(batch, view.size)
-        self._reserve(batch, order)
-        kinds = [
-            (atlas, _keys(batch, order[chosen]), texels) for atlas, chosen, texels in self._of_each_kind(batch, order)
-        ]
+        picture = self._begun(batch, order, view)
+        kinds = [(atlas, picture.keys[chosen], texels) for atlas, chosen, texels in self._of_each_kind(picture)]
         if any(len(keys) > atlas.most_places for atlas, keys, _ in kinds):
             return False
         if not any(atlas.num_missing(keys) for atlas, keys, _ in kinds):
@@ -106,18 +98,15 @@ class BrickDrawer:
 
     def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
-        self._look_at(batch, view.size)
-        vertices = _vertices(batch, order, view)
-        num_means = self._reserve(batch, order)
+        picture = self._begun(batch, order, view)
         assert self._means is not None
-        self._made.begin(is_used=num_means > self._means.most_places)
+        self._made.begin(is_used=int(np.count_nonzero(picture.is_mean)) > self._means.most_places)
         programs = self._prepared(batch, view)
         coarse = None
         for stride in batch.thrift.strides:
             lattice = self._lattice(stride)
             self._begin(lattice, coarse, batch.thrift.spread)
-            num_groups = NUM_GROUPS if batch.thrift.strides == (1,) else 1
-            self._draw_boxes(programs, batch, order, vertices, lattice, num_groups)
+            self._draw_boxes(programs, picture, lattice)
             coarse = lattice
         assert coarse is not None
         nodes = np.empty((coarse.size[1], coarse.size[0], 4), np.float32)
@@ -127,7 +116,15 @@ class BrickDrawer:
     def forget(self) -> None:
         """Let go of bricks, on the device and here."""
         self._release_atlases()
-        self._bricks, self._made = None, MadeMeans()
+        self._bricks, self._picture, self._made = None, None, MadeMeans()
+
+    def _begun(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickPicture:
+        """A picture for which there is room."""
+        self._look_at(batch, view.size)
+        if self._picture is None or not self._picture.is_of(batch, order, view):
+            self._picture = make_brick_picture(batch, order, view)
+        self._reserve(self._picture)
+        return self._picture
 
     def _look_at(self, batch: BrickBatch, size: tuple[int, int]) -> None:
         """Let go of what belongs to other bricks, or to pictures of another size."""
@@ -151,14 +148,13 @@ class BrickDrawer:
                 lattice.release()
             self._lattices, self._image_size = {}, size
 
-    def _reserve(self, batch: BrickBatch, order: npt.NDArray[np.uint32]) -> int:
-        """Make room for all bricks of a picture, of which so many are means: with less they would go up every time."""
+    def _reserve(self, picture: BrickPicture) -> None:
+        """Make room for all bricks: with less they would go up every time."""
         assert self._scalars is not None
         assert self._means is not None
-        num_means = int(np.count_nonzero(batch.cut.levels[order]))
-        self._scalars.reserve(len(order) - num_means)
+        num_means = int(np.count_nonzero(picture.is_mean))
+        self._scalars.reserve(len(picture.is_mean) - num_means)
         self._means.reserve(num_means)
-        return num_means
 
     def _release_atlases(self) -> None:
         for atlas in (self._scalars, self._means):
@@ -241,64 +237,53 @@ class BrickDrawer:
         self._table[1].use(TABLE)
         return programs[0], programs[1]
 
-    def _draw_boxes(
-        self,
-        programs: tuple[Any, Any],
-        batch: BrickBatch,
-        order: npt.NDArray[np.uint32],
-        vertices: Any,
-        lattice: _Lattice,
-        num_groups: int,
-    ) -> None:
+    def _draw_boxes(self, programs: tuple[Any, Any], picture: BrickPicture, lattice: _Lattice) -> None:
         """Group by group, each behind what has been drawn before."""
         for program in programs:
             program["stride_px"], program["num_nodes"] = lattice.stride, lattice.size
-        least = batch.thrift.least_transmittance
-        most, start = -(-len(order) // num_groups), 0
-        while start < len(order):
-            end = self._end_of_group(batch, order, start, most)
-            self._place(programs, batch, order[start:end], vertices[start:end])
+        thrift, num = picture.batch.thrift, len(picture.order)
+        num_groups = NUM_GROUPS if thrift.strides == (1,) else 1
+        most, start = -(-num // num_groups), 0
+        while start < num:
+            end = self._end_of_group(picture, start, most)
+            self._place(programs, picture, slice(start, end))
             lattice.target.use()
             lattice.target.depth_mask = False
             self._context.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE)
             self._context.blend_func = moderngl.ONE_MINUS_DST_ALPHA, moderngl.ONE
             self._context.depth_func = "<"
-            self._draw_group(programs, batch.cut.levels[order[start:end]] > 0, vertices[start:end], lattice.stride)
-            if least > 0 and num_groups > 1 and end < len(order):
-                self._mask_saturated(lattice, least)
+            self._draw_group(programs, picture.is_mean[start:end], picture.vertices[start:end], lattice.stride)
+            if thrift.least_transmittance > 0 and num_groups > 1 and end < num:
+                self._mask_saturated(lattice, thrift.least_transmittance)
             start = end
 
-    def _end_of_group(self, batch: BrickBatch, order: npt.NDArray[np.uint32], start: int, most: int) -> int:
+    def _end_of_group(self, picture: BrickPicture, start: int, most: int) -> int:
         """Where a group of at most so many ends that begins at `start`; an atlas has room for each kind's."""
         assert self._scalars is not None
         assert self._means is not None
-        is_mean = batch.cut.levels[order[start : start + most]] > 0
+        is_mean = picture.is_mean[start : start + most]
         fits = (np.cumsum(is_mean) <= self._means.most_places) & (np.cumsum(~is_mean) <= self._scalars.most_places)
         return start + int(np.count_nonzero(fits))
 
-    def _place(
-        self, programs: tuple[Any, Any], batch: BrickBatch, order: npt.NDArray[np.uint32], vertices: Any
-    ) -> None:
+    def _place(self, programs: tuple[Any, Any], picture: BrickPicture, group: slice) -> None:
         """Bring bricks to the device, and tell the vertices where they are."""
-        kinds = self._of_each_kind(batch, order)
-        for program, unit, (atlas, chosen, texels) in zip(programs, (SCALARS, MEANS), kinds, strict=True):
+        keys, vertices = picture.keys[group], picture.vertices[group]
+        kinds = self._of_each_kind(picture)
+        for program, unit, (atlas, is_chosen, texels) in zip(programs, (SCALARS, MEANS), kinds, strict=True):
+            chosen = is_chosen[group]
             if not chosen.any():
                 continue
-            keys = _keys(batch, order[chosen])
-            vertices["first_texel"][chosen] = atlas.place(keys, texels) + APRON
+            vertices["first_texel"][chosen] = atlas.place(keys[chosen], texels) + APRON
             atlas.texture.use(unit)
             program["atlas_scale"] = tuple(1 / n for n in atlas.size)
 
-    def _of_each_kind(
-        self, batch: BrickBatch, order: npt.NDArray[np.uint32]
-    ) -> list[tuple[Atlas, npt.NDArray[np.bool_], Texels]]:
-        """Of scalars and of means: the atlas, which of `batch[order]` are of the kind, and what makes them ready."""
+    def _of_each_kind(self, picture: BrickPicture) -> list[tuple[Atlas, npt.NDArray[np.bool_], Texels]]:
+        """Of scalars and of means: the atlas, which bricks are of the kind, and what makes them ready."""
         assert self._scalars is not None
         assert self._means is not None
-        is_mean = batch.cut.levels[order] > 0
         return [
-            (self._scalars, ~is_mean, partial(_scalar_texels, batch)),
-            (self._means, is_mean, partial(_mean_texels, batch, self._made)),
+            (self._scalars, ~picture.is_mean, partial(scalars_of, picture.batch)),
+            (self._means, picture.is_mean, partial(means_of, picture.batch, self._made)),
         ]
 
     def _draw_group(
@@ -334,54 +319,3 @@ class BrickDrawer:
         triangle = self._context.vertex_array(program, [])
         triangle.render(moderngl.TRIANGLES, vertices=3)
         triangle.release()
-
-
-def _vertices(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[Any]:
-    """What the device is told of each brick, but for its place in the atlas."""
-    cut, volume = batch.cut, batch.cut.volume
-    boxes, levels = cut.boxes[order], cut.levels[order].astype(np.int64)
-    vertices = np.zeros(len(order), VERTEX)
-    vertices["rectangle_px"] = box_rectangles(batch, order, view)
-    vertices["box_low"] = boxes[:, 0] - volume.centre_index
-    vertices["box_high"] = boxes[:, 1] - volume.centre_index
-    first_voxels = cut.cells[order].astype(np.int64) * BRICK << levels[:, None]
-    vertices["first_corner"] = first_voxels - 0.5 - volume.centre_index
-    vertices["steps"][:, 0] = np.ldexp(1.0, -levels)
-    vertices["steps"][:, 1] = batch.steps[order]
-    return vertices
-
-
-def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
-    """int64 [n]: numbers of bricks; those of level 0 by themselves, those of all others one level after the other."""
-    keys = np.empty(len(chosen), np.int64)
-    levels, cells = batch.cut.levels[chosen], batch.cut.cells[chosen]
-    first = 0
-    for level, here in enumerate(batch.bricks.levels):
-        grid = here.boxes.shape[:3]
-        is_here = levels == level
-        keys[is_here] = first + np.ravel_multi_index(tuple(cells[is_here, ::-1].T), grid)
-        first += int(np.prod(grid)) if level > 0 else 0
-    return keys
-
-
-def _cells(keys: npt.NDArray[np.int64], grid: tuple[int, ...]) -> npt.NDArray[np.int32]:
-    """int32 [n, 3]: x, y, z of bricks by their numbers in a grid."""
-    z, y, x = np.unravel_index(keys, grid)
-    return np.column_stack([x, y, z]).astype(np.int32)
-
-
-def _scalar_texels(batch: BrickBatch, keys: npt.NDArray[np.int64]) -> Image:
-    cells = _cells(keys, batch.bricks.levels[0].boxes.shape[:3])
-    return scalar_texels(batch.bricks, cells, lit=batch.shading is not None)
-
-
-def _mean_texels(batch: BrickBatch, made: MadeMeans, keys: npt.NDArray[np.int64]) -> Image:
-    texels = np.empty((len(keys), SIDE, SIDE, SIDE, 4), np.float32)
-    first = 0
-    for level, here in enumerate(batch.bricks.levels[1:], 1):
-        grid = here.boxes.shape[:3]
-        is_here = (keys >= first) & (keys < first + int(np.prod(grid)))
-        if is_here.any():
-            texels[is_here] = mean_texels(batch.bricks, level, _cells(keys[is_here] - first, grid), made)
-        first += int(np.prod(grid))
-    return texels

@@ -85,13 +85,14 @@ def box_order(
     return np.argsort(~keys, kind="stable")
 
 
+@jit
 def _separation_digits(eye: float, num: int, num_levels: int) -> npt.NDArray[np.uint64]:
     """uint64 [num]: by index along an axis, two bits a level, 1 where its split lies between it and the eye."""
-    index = np.arange(num)
     digits = np.zeros(num, np.uint64)
-    for level in range(num_levels):
-        plane = (index >> (level + 1) << (level + 1)) + (1 << level) - 0.5
-        upper = (index >> level & 1) == 1
-        separated = np.where(upper, eye < plane, eye > plane)
-        digits |= separated.astype(np.uint64) << np.uint64(2 * level)
+    for index in range(num):
+        for level in range(num_levels):
+            plane = (index >> (level + 1) << (level + 1)) + (1 << level) - 0.5
+            is_upper = index >> level & 1 == 1
+            if eye < plane if is_upper else eye > plane:
+                digits[index] |= np.uint64(1) << np.uint64(2 * level)
     return digits

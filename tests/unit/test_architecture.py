@@ -35,7 +35,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     ),
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
     "raster": (
-        "raster_gl gl_atlas gl_bricks brick_memory lattices raster_lasting raster_reference raster_bricks_reference "
+        "raster_gl gl_atlas gl_bricks brick_picture brick_memory lattices raster_lasting raster_reference raster_bricks_reference "
         "compositing shaders",
         "words classification pyramid bricks splats",
     ),

@@ -1,0 +1,103 @@
+"""A picture's bricks as the device is told of them, one vertex for each; where texels are, it finds out itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.brick_batch import BrickBatch
+from renderer.brick_kernels import BRICK, SIDE
+from renderer.brick_means import MadeMeans
+from renderer.brick_projection import box_rectangles
+from renderer.brick_texels import mean_texels, scalar_texels
+from renderer.camera import View
+
+Float32 = npt.NDArray[np.float32]
+
+VERTEX = np.dtype(
+    [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
+     ("first_texel", "f4", 3), ("steps", "f4", 2)]
+)  # fmt: skip
+VERTEX_FORMAT = "4f 3f 3f 3f 3f 2f"
+
+
+@dataclass(frozen=True)
+class BrickPicture:
+    """Some bricks of a batch in a view, front to back.
+
+    is_mean: bool [n], those above level 0. keys: int64 [n], numbers of bricks; those of level 0 by themselves, those of
+    all others one level after the other. vertices: VERTEX [n], whose `first_texel` is yet to be filled in.
+    """
+
+    batch: BrickBatch
+    order: npt.NDArray[np.uint32]
+    view: View
+    is_mean: npt.NDArray[np.bool_]
+    keys: npt.NDArray[np.int64]
+    vertices: npt.NDArray[Any]
+
+    def is_of(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """Whether it was made from these very objects."""
+        return self.batch is batch and self.order is order and self.view is view
+
+
+def make_brick_picture(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickPicture:
+    """Of the bricks `order`, uint32 [n], of a batch."""
+    is_mean = batch.cut.levels[order] > 0
+    return BrickPicture(batch, order, view, is_mean, _keys(batch, order), _vertices(batch, order, view))
+
+
+def _vertices(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[Any]:
+    """What the device is told of each brick, but for its place in the atlas."""
+    cut, volume = batch.cut, batch.cut.volume
+    boxes, levels = cut.boxes[order], cut.levels[order].astype(np.int64)
+    vertices = np.zeros(len(order), VERTEX)
+    vertices["rectangle_px"] = box_rectangles(batch, order, view)
+    vertices["box_low"] = boxes[:, 0] - volume.centre_index
+    vertices["box_high"] = boxes[:, 1] - volume.centre_index
+    first_voxels = cut.cells[order].astype(np.int64) * BRICK << levels[:, None]
+    vertices["first_corner"] = first_voxels - 0.5 - volume.centre_index
+    vertices["steps"][:, 0] = np.ldexp(1.0, -levels)
+    vertices["steps"][:, 1] = batch.steps[order]
+    return vertices
+
+
+def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
+    """int64 [n], as in BrickPicture."""
+    keys = np.empty(len(chosen), np.int64)
+    levels, cells = batch.cut.levels[chosen], batch.cut.cells[chosen]
+    first = 0
+    for level, here in enumerate(batch.bricks.levels):
+        grid = here.boxes.shape[:3]
+        is_here = levels == level
+        keys[is_here] = first + np.ravel_multi_index(tuple(cells[is_here, ::-1].T), grid)
+        first += int(np.prod(grid)) if level > 0 else 0
+    return keys
+
+
+def _cells(keys: npt.NDArray[np.int64], grid: tuple[int, ...]) -> npt.NDArray[np.int32]:
+    """int32 [n, 3]: x, y, z of bricks by their numbers in a grid."""
+    z, y, x = np.unravel_index(keys, grid)
+    return np.column_stack([x, y, z]).astype(np.int32)
+
+
+def scalars_of(batch: BrickBatch, keys: npt.NDArray[np.int64]) -> Float32:
+    """float32 [n, SIDE, SIDE, SIDE(, 4)]: texels of bricks of level 0, by their keys."""
+    cells = _cells(keys, batch.bricks.levels[0].boxes.shape[:3])
+    return scalar_texels(batch.bricks, cells, lit=batch.shading is not None)
+
+
+def means_of(batch: BrickBatch, made: MadeMeans, keys: npt.NDArray[np.int64]) -> Float32:
+    """float32 [n, SIDE, SIDE, SIDE, 4]: texels of bricks above level 0, by their keys."""
+    texels = np.empty((len(keys), SIDE, SIDE, SIDE, 4), np.float32)
+    first = 0
+    for level, here in enumerate(batch.bricks.levels[1:], 1):
+        grid = here.boxes.shape[:3]
+        is_here = (keys >= first) & (keys < first + int(np.prod(grid)))
+        if is_here.any():
+            texels[is_here] = mean_texels(batch.bricks, level, _cells(keys[is_here] - first, grid), made)
+        first += int(np.prod(grid))
+    return texels
