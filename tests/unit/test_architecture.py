@@ -35,8 +35,8 @@ ROOMS: dict[str, tuple[str, str]] = {
     ),
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
     "raster": (
-        "raster_gl gl_atlas gl_bricks brick_picture brick_memory lattices raster_lasting raster_reference raster_bricks_reference "
-        "compositing shaders",
+        "raster_gl gl_atlas gl_bricks brick_picture brick_memory lattices raster_lasting raster_reference "
+        "raster_bricks_reference compositing shaders",
         "words classification pyramid bricks splats",
     ),
     "truth": ("cubic integrator integrator_kernel", "words"),
