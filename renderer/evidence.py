@@ -130,7 +130,6 @@ class Background:
     middle: of it. low, high: where it ends; what is beyond is the object.
     is_there: whether the values at the border stand apart from the others at all.
     below, above: the part of all voxels on either side.
-    contrast: the range without outliers, in standard deviations of the background.
     """
 
     middle: float
@@ -139,7 +138,6 @@ class Background:
     is_there: bool
     below: float
     above: float
-    contrast: float
 
 
 def find_background(sample: Sample) -> Background:
@@ -160,7 +158,7 @@ def find_background(sample: Sample) -> Background:
     middle = (begin + end) / 2
     bottom, top = middle - _NOISE_SIGMAS * sigma, middle + _NOISE_SIGMAS * sigma
     inside = np.count_nonzero((border >= bottom) & (border <= top)) / len(border)
-    contrast = extent / sigma
+    contrast = extent / sigma  # the range without outliers, in standard deviations
     return Background(
         middle,
         bottom,
@@ -168,7 +166,6 @@ def find_background(sample: Sample) -> Background:
         is_there=bool(contrast >= _LEAST_CONTRAST and inside >= _LEAST_BORDER),
         below=float(np.mean(shares < bottom)),
         above=float(np.mean(shares > top)),
-        contrast=contrast,
     )
 
 
