@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from renderer.statistics import Statistics
+from renderer.statistics import HALF_OF_LARGEST, Statistics
 from renderer.volume import Array, Float64, Volume
 
 # Along each axis; two million voxels tell all that a transfer function needs.
@@ -58,7 +58,7 @@ class Sample:
     def value(self, share: float) -> float:
         """The data value at a share of the range, which may be below 0 or above 1."""
         half = (self.maximum / 2 - self.minimum / 2) * share
-        return float(np.clip(self.minimum / 2 + half, -_HALF_OF_LARGEST, _HALF_OF_LARGEST)) * 2
+        return float(np.clip(self.minimum / 2 + half, -HALF_OF_LARGEST, HALF_OF_LARGEST)) * 2
 
     def share(self, value: float) -> float:
         """The share of the range at a data value."""
@@ -80,9 +80,6 @@ class Sample:
             minimum=self.maximum,
             maximum=self.minimum,
         )
-
-
-_HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
 
 
 def take_sample(volume: Volume, statistics: Statistics) -> Sample:
