@@ -177,15 +177,15 @@ def centers(voxels: Field, cells: Cells) -> Float64:
 def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profile: _Profile) -> _Footprints:
     """Every cell's Gaussian, cut by the near plane, on the image."""
     edges = voxels.volume.world_from_index[:3, :3]
-    to_away = np.diag([1.0, 1.0, -1.0]) @ view.axes
-    mean = (centers(voxels, cells) - view.eye) @ to_away.T
-    axes = to_away @ (edges * (spec.sigma * cells.extent)[:, None, :])
+    to_away = np.diag([1.0, 1.0, -1.0]) @ np.column_stack([view.axes, view.in_view(np.zeros(3))])
+    mean = centers(voxels, cells) @ to_away[:, :3].T + to_away[:, 3]
+    axes = to_away[:, :3] @ (edges * (spec.sigma * cells.extent)[:, None, :])
     covariance = axes @ axes.transpose(0, 2, 1)
 
     # In float32 positions are relative to the volume's centre and to half its diagonal.
     middle = voxels.volume.centre
     length = 0.5 * float(np.linalg.norm(edges * np.array(voxels.volume.shape_xyz)))
-    eye = np.abs(to_away @ (middle - view.eye))
+    eye = np.abs(to_away[:, :3] @ middle + to_away[:, 3])
     off = ULPS * (length + eye)
 
     sigma = np.sqrt(covariance[:, 2, 2])
