@@ -1,4 +1,4 @@
-"""Numbers of things as they stand in messages."""
+"""Numbers of things, and things that may be many, as they stand in messages."""
 
 from __future__ import annotations
 
@@ -14,3 +14,9 @@ def counted_span(nums: Sequence[int], one: str) -> str:
     """`190 bricks`, or `1 to 3 bricks`, from the smallest to the largest."""
     low, high = min(nums), max(nums)
     return counted(high, one) if low == high else f"{low} to {counted(high, one)}"
+
+
+def first_few(items: Sequence[object], most: int, between: str = ", ") -> str:
+    """`a, b and 2 more`."""
+    more = f" and {len(items) - most} more" if len(items) > most else ""
+    return between.join(map(str, items[:most])) + more

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.yaml_tree import Mark, NotYamlError, Tree, read_tree
+from hsplat_cli.yaml_tree import Mark, NotYamlError, Tree, excerpt, place_in, read_tree
 from renderer.errors import Problem, SceneError
 from renderer.scene import Scene
 from renderer.scene_schema import parse_scene
@@ -44,22 +44,8 @@ class _Located:
         """The problem with its place and, if that is in the file, the line that it is about."""
         if self.option is not None:
             return replace(self.problem, place=self.option.text)
-        place = f"{path}:{self.mark.line}:{self.mark.column}" if self.mark else str(path)
-        return replace(self.problem, place=place, what=self.problem.what + excerpt(lines, self.mark))
-
-
-def excerpt(lines: Sequence[str], mark: Mark | None) -> str:
-    """A line of the file with a caret below the column, to be appended to a message."""
-    if mark is None:
-        return ""
-    line = lines[mark.line - 1].replace("\t", " ").rstrip()
-    if not line.isprintable() or not 0 < len(line) <= _MAX_LINE:
-        return ""
-    indent = len(line) - len(line.lstrip())
-    return f"\n    | {line[indent:]}\n    | {' ' * (mark.column - 1 - indent)}^"
-
-
-_MAX_LINE = 120
+        what = self.problem.what + excerpt(lines, self.mark)
+        return replace(self.problem, place=place_in(path, self.mark), what=what)
 
 
 class Editor:

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from hsplat_cli.input_file import MAX_SCENE_BYTES, decode, read_content
-from hsplat_cli.scene_editor import Editor, excerpt
-from hsplat_cli.yaml_tree import LINE_BREAK, NotYamlError, read_tree
+from hsplat_cli.input_file import MAX_SCENE_BYTES, read_content
+from hsplat_cli.scene_editor import Editor
+from hsplat_cli.yaml_tree import tree_of_file
 from renderer.errors import InputError
 from renderer.scene import Scene
 from renderer.schema import show
@@ -47,13 +47,7 @@ def scene_in(
     """The scene in the content of the file `path`; as `load_scene`."""
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
-    text = decode(content, path)
-    lines = LINE_BREAK.split(text)
-    try:
-        tree = read_tree(text)
-    except NotYamlError as error:
-        where = str(path) if error.mark is None else f"{path}:{error.mark.line}:{error.mark.column}"
-        raise InputError(error.what + excerpt(lines, error.mark), where=where, hint=error.hint) from error
+    tree, lines = tree_of_file(content, path)
     if not isinstance(tree.data, dict):
         got = "an empty file" if tree.data is None else show(tree.data)
         expected = "the keys volume, transfer_function, camera and output"

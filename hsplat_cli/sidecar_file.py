@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.input_file import MAX_SIDECAR_BYTES, decode, may_be_json
-from hsplat_cli.scene_editor import excerpt
-from hsplat_cli.yaml_tree import Mark
+from hsplat_cli.yaml_tree import Mark, excerpt
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import ErrorSpec
-from renderer.schema import INVALID, Kind, Node, Table, fields, integer, join, show
-from renderer.schema_camera import MAX_FRAMES
+from renderer.schema import INVALID, MAPPING, TEXT, Kind, Node, Table, fields, join, show
+from renderer.schema_camera import FRAME_NUMBER, MAX_FRAMES
 from renderer.schema_error import ERROR
 
 # What the record of a film's schedule has of its own, whatever the film was made from.
@@ -204,20 +203,6 @@ def _known(node: Node, table: Table, *, required: Collection[str] = ()) -> dict[
     return fields(node, table, required=required)
 
 
-def _parse_mapping(node: Node) -> dict[str, Any]:
-    return node.value if isinstance(node.value, dict) else _MAPPING.refuse(node, "not a mapping", got=show(node.value))
-
-
-_MAPPING: Kind[dict[str, Any]] = Kind("a mapping", _parse_mapping)
-
-
-def _parse_text(node: Node) -> str:
-    return node.value if isinstance(node.value, str) else _TEXT.refuse(node, "not text", got=show(node.value))
-
-
-_TEXT: Kind[str] = Kind("text", _parse_text)
-
-
 def _parse_fingerprint(node: Node) -> str:
     if isinstance(node.value, str) and re.fullmatch("[0-9a-f]{32}", node.value):
         return node.value
@@ -229,9 +214,9 @@ _FINGERPRINT: Kind[str] = Kind("32 hexadecimal digits", _parse_fingerprint)
 
 def _parse_schedule(node: Node) -> dict[str, Any]:
     """Whatever it is, it is written into the next sidecar, too."""
-    schedule = _MAPPING.parse(node)
+    schedule = MAPPING.parse(node)
     if schedule is not INVALID and not is_shallow(schedule):
-        return _MAPPING.refuse(node, "too many levels", expected=f"at most {_MOST_LEVELS}")
+        return MAPPING.refuse(node, "too many levels", expected=f"at most {_MOST_LEVELS}")
     return schedule if schedule is INVALID else schedule | _known(node, {"asked": ERROR})
 
 
@@ -253,7 +238,7 @@ def _parse_frames(node: Node) -> tuple[int, ...]:
     for index, record in enumerate(node.value):
         frame = record.get("frame") if isinstance(record, dict) else None
         if type(frame) is not int or not 0 <= frame < MAX_FRAMES:  # others are read slowly
-            frame = _known(node.child(index, record), {"frame": _FRAME}, required=["frame"])["frame"]
+            frame = _known(node.child(index, record), {"frame": FRAME_NUMBER}, required=["frame"])["frame"]
         if frame is INVALID:
             return wrong
         if found and frame <= found[-1]:
@@ -264,17 +249,16 @@ def _parse_frames(node: Node) -> tuple[int, ...]:
     return tuple(found)
 
 
-_FRAME = integer(least=0, most=MAX_FRAMES - 1)
 _FRAMES: Kind[tuple[int, ...]] = Kind("the records of the frames, each with its number as frame", _parse_frames)
 
 _TABLE: Table = {
-    "scene": _MAPPING,
+    "scene": MAPPING,
     "volume": Kind(
         "a mapping with fingerprint",
         lambda node: _known(node, {"fingerprint": _FINGERPRINT}, required=["fingerprint"])["fingerprint"],
     ),
-    "gl": _TEXT,
-    "versions": _MAPPING,
+    "gl": TEXT,
+    "versions": MAPPING,
     "schedule": Kind("a mapping", _parse_schedule),
     "frames": _FRAMES,
 }

@@ -82,7 +82,8 @@ def _data_files(header: Path) -> list[Path]:
         stored = nrrd_voxels(header) if suffix == ".nhdr" else metaimage_voxels(header)
     except (InputError, OSError):  # said by its reader, when its turn comes
         return []
-    return [stored.file.resolve()] if stored else []
+    files = stored if isinstance(stored, list) else [stored] if stored else []
+    return [each.file.resolve() for each in files]
 
 
 def named(volumes: Sequence[Path]) -> list[Named]:

@@ -7,13 +7,15 @@ those of YAML 1.2: PyYAML's own rules (YAML 1.1) read 1e-3 as text, 010 as 8 and
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import yaml
 
-from renderer.errors import Problem
+from hsplat_cli.input_file import decode
+from renderer.errors import InputError, Problem
 from renderer.schema import join, show, underflows
 
 # A scene has a few hundred values in three or four levels; what is far beyond that is a mistake or an attack.
@@ -59,6 +61,36 @@ class NotYamlError(Exception):
     def __init__(self, what: str, mark: Mark | None = None, hint: str | None = None) -> None:
         self.what, self.mark, self.hint = what, mark, hint
         super().__init__(what)
+
+
+def tree_of_file(content: bytes, path: Path) -> tuple[Tree, list[str]]:
+    """The data in the content of a file, and its lines, for `excerpt`. Raises InputError."""
+    text = decode(content, path)
+    lines = LINE_BREAK.split(text)
+    try:
+        return read_tree(text), lines
+    except NotYamlError as error:
+        what = error.what + excerpt(lines, error.mark)
+        raise InputError(what, where=place_in(path, error.mark), hint=error.hint) from error
+
+
+def place_in(path: Path, mark: Mark | None) -> str:
+    """`scene.yaml:14:13`; the file alone where no more is known."""
+    return str(path) if mark is None else f"{path}:{mark.line}:{mark.column}"
+
+
+def excerpt(lines: Sequence[str], mark: Mark | None) -> str:
+    """A line of the file with a caret below the column, to be appended to a message."""
+    if mark is None:
+        return ""
+    line = lines[mark.line - 1].replace("\t", " ").rstrip()
+    if not line.isprintable() or not 0 < len(line) <= _MAX_LINE:
+        return ""
+    indent = len(line) - len(line.lstrip())
+    return f"\n    | {line[indent:]}\n    | {' ' * (mark.column - 1 - indent)}^"
+
+
+_MAX_LINE = 120
 
 
 def read_tree(text: str) -> Tree:

@@ -48,7 +48,7 @@ import numpy.typing as npt
 from renderer.brick_kernels import APRON, BRICK, SIDE
 from renderer.classify import Channels, Codes, scalar_at
 from renderer.jit import jit
-from renderer.transfer import TransferFunction
+from renderer.transfer import LARGEST_EXPONENT, TransferFunction
 
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
@@ -62,9 +62,6 @@ NARROWEST = 1 / 16
 
 # Of the difference of a dual cell's ends, what counts for its error.
 STEEPNESS = 0.35
-
-# Differences of numbers below two to this are finite.
-_LARGEST_EXPONENT = 1022
 
 
 class Polyline(NamedTuple):
@@ -93,7 +90,7 @@ def make_polyline(
         weights = -np.expm1(-weights)
     points = np.column_stack([brightest * transfer.colors * weights[:, None], weights])
     exponent = math.frexp(max(float(np.abs(transfer.values).max()), *map(abs, volume_range)))[1]
-    scale = math.ldexp(1.0, min(0, _LARGEST_EXPONENT - exponent))
+    scale = math.ldexp(1.0, min(0, LARGEST_EXPONENT - exponent))
     is_hidden = np.zeros(len(points), np.bool_)  # between two others at one value
     is_hidden[1:-1] = transfer.values[2:] == transfer.values[:-2]
     values, points = transfer.values[~is_hidden] * scale, points[~is_hidden]
@@ -104,7 +101,7 @@ def make_polyline(
 def line_of_scalars(volume_range: tuple[float, float]) -> Polyline:
     """Of scalars themselves, in shares of the volume's range, as the only channel; no scalar is an end of it."""
     low, high = volume_range
-    scale = math.ldexp(1.0, min(0, _LARGEST_EXPONENT - 1 - math.frexp(max(abs(low), abs(high)))[1]))
+    scale = math.ldexp(1.0, min(0, LARGEST_EXPONENT - 1 - math.frexp(max(abs(low), abs(high)))[1]))
     width = (high * scale - low * scale) or 1.0
     points = np.zeros((2, 4))
     points[:, 3] = -1.0, 2.0

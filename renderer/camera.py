@@ -43,14 +43,6 @@ class View:
         return np.asarray((points_world - self.target) @ self.axes.T - (0.0, 0.0, self.distance))
 
     @property
-    def view_from_world(self) -> Float64:
-        """float64 [4, 4]: the rigid motion `in_view` as a matrix, which rounds where the world's origin is far away."""
-        matrix = np.eye(4)
-        matrix[:3, :3] = self.axes
-        matrix[:3, 3] = self.in_view(np.zeros(3))
-        return matrix
-
-    @property
     def eye(self) -> Float64:
         """float64 [3]: the eye in world coordinates (orthographic: a point on the eye plane)."""
         return np.asarray(self.target + self.distance * self.axes[2])

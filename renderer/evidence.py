@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from renderer.statistics import Statistics
+from renderer.statistics import HALF_OF_LARGEST, Statistics
 from renderer.volume import Array, Float64, Volume
 
 # Along each axis; two million voxels tell all that a transfer function needs.
@@ -58,7 +58,7 @@ class Sample:
     def value(self, share: float) -> float:
         """The data value at a share of the range, which may be below 0 or above 1."""
         half = (self.maximum / 2 - self.minimum / 2) * share
-        return float(np.clip(self.minimum / 2 + half, -_HALF_OF_LARGEST, _HALF_OF_LARGEST)) * 2
+        return float(np.clip(self.minimum / 2 + half, -HALF_OF_LARGEST, HALF_OF_LARGEST)) * 2
 
     def share(self, value: float) -> float:
         """The share of the range at a data value."""
@@ -80,9 +80,6 @@ class Sample:
             minimum=self.maximum,
             maximum=self.minimum,
         )
-
-
-_HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
 
 
 def take_sample(volume: Volume, statistics: Statistics) -> Sample:
@@ -130,7 +127,6 @@ class Background:
     middle: of it. low, high: where it ends; what is beyond is the object.
     is_there: whether the values at the border stand apart from the others at all.
     below, above: the part of all voxels on either side.
-    contrast: the range without outliers, in standard deviations of the background.
     """
 
     middle: float
@@ -139,7 +135,6 @@ class Background:
     is_there: bool
     below: float
     above: float
-    contrast: float
 
 
 def find_background(sample: Sample) -> Background:
@@ -160,7 +155,7 @@ def find_background(sample: Sample) -> Background:
     middle = (begin + end) / 2
     bottom, top = middle - _NOISE_SIGMAS * sigma, middle + _NOISE_SIGMAS * sigma
     inside = np.count_nonzero((border >= bottom) & (border <= top)) / len(border)
-    contrast = extent / sigma
+    contrast = extent / sigma  # the range without outliers, in standard deviations
     return Background(
         middle,
         bottom,
@@ -168,7 +163,6 @@ def find_background(sample: Sample) -> Background:
         is_there=bool(contrast >= _LEAST_CONTRAST and inside >= _LEAST_BORDER),
         below=float(np.mean(shares < bottom)),
         above=float(np.mean(shares > top)),
-        contrast=contrast,
     )
 
 

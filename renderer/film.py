@@ -29,11 +29,6 @@ class FilmWriter(ABC):
         self._frames, self._num_written = tuple(frames), 0
         self.notes = tuple(notes)
 
-    @property
-    @abstractmethod
-    def paths(self) -> tuple[Path, ...]:
-        """The files of the frames written so far, under the names that they have after the block."""
-
     def write(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
         """Take the next frame: uint8 [h, w, 3], with a transparent background [h, w, 4] with straight alpha.
 
@@ -103,10 +98,6 @@ class _PngWriter(FilmWriter):
         for frame in frames[:1]:
             require_writable(frame_path(self._template, frame), within)
 
-    @property
-    def paths(self) -> tuple[Path, ...]:
-        return tuple(frame_path(self._template, frame) for frame in self._frames[: self._num_written])
-
     def _put(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
         self._write_file(frame_path(self._template, frame), encode_png(image))
 
@@ -114,11 +105,7 @@ class _PngWriter(FilmWriter):
 class _VideoWriter(FilmWriter):
     def __init__(self, output: OutputSpec, frames: Sequence[int], notes: Sequence[str], encoder: Encoder) -> None:
         super().__init__(output, frames, notes)
-        self._file, self._encoder = output.file, encoder
-
-    @property
-    def paths(self) -> tuple[Path, ...]:
-        return (self._file,)
+        self._encoder = encoder
 
     def _put(self, frame: int, image: npt.NDArray[np.uint8]) -> None:
         self._encoder.write(image)

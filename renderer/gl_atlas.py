@@ -19,14 +19,14 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import APRON, BRICK
+from renderer.brick_kernels import SIDE
 from renderer.errors import ContextLostError, RenderError
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
 Texels = Callable[[Int64], Float32]  # of the bricks with these keys: float32 [n, SIDE, SIDE, SIDE(, 4)]
 
-SIDE = BRICK + 2 * APRON  # texels of a brick along each axis
+__all__ = ["MOST_BYTES", "SIDE", "Atlas", "Texels", "most_atlas_bytes"]  # SIDE: texels of a brick along each axis
 
 MOST_BYTES = 256 << 20
 _LEAST_SIDE, _LARGEST_SIDE = 64, 2048  # texels

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from renderer.camera import View
 from renderer.errors import RenderError
-from renderer.integrator_kernel import BRICK, Intervals, Lighting, integrate_rays
+from renderer.integrator_kernel import GROUP, Intervals, Lighting, integrate_rays
 from renderer.scene import ShadingSpec
 from renderer.volume import Float64, Volume
 
@@ -186,13 +186,13 @@ class _Field:
     """What the kernel reads, the same for all rays.
 
     values: those of the volume, in a dtype that numba has.
-    bricks: uint8, a byte for each BRICK^3 cells; what a ray found out about one is noted there for all that follow.
+    groups: uint8, a byte for each GROUP^3 cells; what a ray found out about one is noted there for all that follow.
     index_from_world: float64 [3, 3], of directions and of offsets from the volume's centre.
     """
 
     volume: Volume
     values: npt.NDArray[Any]
-    bricks: npt.NDArray[np.uint8]
+    groups: npt.NDArray[np.uint8]
     index_from_world: Float64
     intervals: Intervals
     lighting: Lighting
@@ -203,13 +203,13 @@ def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | N
     if values.dtype == np.float16:  # numba has none; the copy is exact
         values = values.astype(np.float32)
         values.flags.writeable = False  # as in every Volume; the kernels are compiled for that
-    bricks = np.zeros([n // BRICK + 1 for n in values.shape], np.uint8)
+    groups = np.zeros([n // GROUP + 1 for n in values.shape], np.uint8)
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     largest = max(*map(abs, volume.value_range()), float(np.abs(transfer.values).max()))
     exponent = math.frexp(largest)[1]
     scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
     intervals, lighting = _intervals(transfer, scale), _lighting(shading, index_from_world)
-    return _Field(volume, values, bricks, index_from_world, intervals, lighting)
+    return _Field(volume, values, groups, index_from_world, intervals, lighting)
 
 
 def _part_of(on_progress: Progress | None, start: float, end: float) -> Progress:
@@ -235,7 +235,7 @@ def _integrate_pixels(
         origins, directions, starts = rays_about(field.volume.centre, view, pixels[part])
         integrate_rays(
             field.values,
-            field.bricks,
+            field.groups,
             origins @ index_from_world.T + field.volume.centre_index,
             directions @ index_from_world.T,
             starts,

@@ -7,7 +7,7 @@ where the light grazes the surface), which leaves *pieces* on which colour and e
 depth of a piece is then exact, and its radiance is a Gauss-Legendre quadrature of a smooth function. No thin shell can
 be missed, because no crossing is looked for by sampling.
 
-Most cells show nothing, which is found out once per *brick* of cells, when the first ray meets it. What is small is
+Most cells show nothing, which is found out once per *group* of cells, when the first ray meets it. What is small is
 passed in tuples and not in arrays, because each array handed to a function is counted, atomically, in shared memory:
 with a dozen arrays per cell, two threads took twice as long.
 """
@@ -39,9 +39,9 @@ _WEIGHTS = np.array([0.17392742256872692, 0.32607257743127307, 0.326072577431273
 
 # The depth of a piece is not cut into more steps than this, so that their number can be counted in integers.
 _MAX_DEPTH_CUT = 2.0**30
-# Cells per axis of a brick, and what is known of it. Of the cells that rays met in visible bricks of two CT scans 0.70
-# and 0.75 were visible, with bricks of 8^3 0.51 and 0.60.
-BRICK = 4
+# Cells per axis of a group, and what is known of it. Of the cells that rays met in visible groups of two CT scans 0.70
+# and 0.75 were visible, with groups of 8^3 0.51 and 0.60.
+GROUP = 4
 _UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
 
 _ZERO = np.zeros(1)
@@ -262,13 +262,13 @@ def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
 
 
 @jit
-def _look_into_brick(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
-    """Whether anything may be visible in brick (i, j, k) along (x, y, z), whose first cell is BRICK * i - 1."""
+def _look_into_group(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
+    """Whether anything may be visible in group (i, j, k) along (x, y, z), whose first cell is GROUP * i - 1."""
     num_z, num_y, num_x = values.shape
-    low = high = values[min(k * BRICK, num_z - 1), min(j * BRICK, num_y - 1), min(i * BRICK, num_x - 1)]
-    for z in range(max(k * BRICK - 1, 0), min((k + 1) * BRICK, num_z)):
-        for y in range(max(j * BRICK - 1, 0), min((j + 1) * BRICK, num_y)):
-            for x in range(max(i * BRICK - 1, 0), min((i + 1) * BRICK, num_x)):
+    low = high = values[min(k * GROUP, num_z - 1), min(j * GROUP, num_y - 1), min(i * GROUP, num_x - 1)]
+    for z in range(max(k * GROUP - 1, 0), min((k + 1) * GROUP, num_z)):
+        for y in range(max(j * GROUP - 1, 0), min((j + 1) * GROUP, num_y)):
+            for x in range(max(i * GROUP - 1, 0), min((i + 1) * GROUP, num_x)):
                 low, high = min(low, values[z, y, x]), max(high, values[z, y, x])
     return _VISIBLE if _is_visible(float(low) * intervals.scale, float(high) * intervals.scale, intervals) else _EMPTY
 
@@ -340,7 +340,7 @@ def _way_to_plane(cell: int, origin: float, direction: float) -> float:
 @jit
 def _integrate_ray(
     values: Any,
-    bricks: Bytes,
+    groups: Bytes,
     origin: Vector,
     direction: Vector,
     start: float,
@@ -361,10 +361,10 @@ def _integrate_ray(
     while s < end and ray[3] <= _LAST_DEPTH:
         leave = min(max(min(to_x, to_y, to_z), s), end)
         if leave > s:
-            i, j, k = (x + 1) // BRICK, (y + 1) // BRICK, (z + 1) // BRICK
-            if bricks[k, j, i] == _UNKNOWN:  # several threads may come here at once, and will note the same
-                bricks[k, j, i] = _look_into_brick(values, i, j, k, intervals)
-            if bricks[k, j, i] == _VISIBLE:
+            i, j, k = (x + 1) // GROUP, (y + 1) // GROUP, (z + 1) // GROUP
+            if groups[k, j, i] == _UNKNOWN:  # several threads may come here at once, and will note the same
+                groups[k, j, i] = _look_into_group(values, i, j, k, intervals)
+            if groups[k, j, i] == _VISIBLE:
                 length = leave - s
                 entry = (ox + s * dx - x, oy + s * dy - y, oz + s * dz - z)
                 extent = (length * dx, length * dy, length * dz)
@@ -387,7 +387,7 @@ def _integrate_ray(
 @jit
 def integrate_rays(
     values: Any,
-    bricks: Bytes,
+    groups: Bytes,
     origins: Float64,
     directions: Float64,
     starts: Float64,
@@ -398,7 +398,7 @@ def integrate_rays(
 ) -> None:
     """Write premultiplied RGBA of n rays to `radiance` float64 [n, 4].
 
-    values: [z, y, x]. bricks: uint8, for each axis n // BRICK + 1 of them, 0 at first; what was found out is noted in
+    values: [z, y, x]. groups: uint8, for each axis n // GROUP + 1 of them, 0 at first; what was found out is noted in
         it, for calls with the same values and intervals.
     origins, directions: float64 [n, 3] in index space, directions per world unit of length.
     starts: float64 [n], world length along the ray before which nothing counts.
@@ -408,6 +408,6 @@ def integrate_rays(
     for i in range(starts.size):
         origin = (origins[i, 0], origins[i, 1], origins[i, 2])
         direction = (directions[i, 0], directions[i, 1], directions[i, 2])
-        ray = _integrate_ray(values, bricks, origin, direction, starts[i], max_step, intervals, lighting, splits)
+        ray = _integrate_ray(values, groups, origin, direction, starts[i], max_step, intervals, lighting, splits)
         radiance[i, 0], radiance[i, 1], radiance[i, 2] = ray[0], ray[1], ray[2]
         radiance[i, 3] = -math.expm1(-ray[3])

@@ -52,7 +52,7 @@ class KeptFrames:
     ) -> None:
         self._folder, self._output, self._numbers = folder, output, frozenset(numbers)
         self.cause: Record = json.loads(json.dumps(cause))  # as it is read again: tuples are lists
-        self._mark, self._is_told = _mark_of(cause), False
+        self._mark, self._is_told = mark_of(cause), False
         self.records: dict[int, Record] = {}
         self.former_cause: Record | None = None
         self.num_former = self.num_dropped = 0
@@ -137,7 +137,7 @@ def forget_frames(
         files = [(path, name[1]) for path in folder.iterdir() if (name := _FILE.fullmatch(path.name))]
         gone = {number for _, number in files if own is None or int(number) in own}
         if cause is not None:
-            mark = _mark_of(cause)
+            mark = mark_of(cause)
             told = {number: _read(folder / f"{number}.json") for number in gone}
             gone -= {number for number, found in told.items() if found is not None and found[0] != mark}
         for path, number in files:
@@ -153,8 +153,13 @@ def digest(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
+def mark_of(data: Any) -> str:
+    """The same of plain data, such as a cause; equal data have an equal mark, whatever the order of their keys."""
+    return digest(json.dumps(data, sort_keys=True).encode())
+
+
 def file_digest(path: Path) -> str:
-    """The same of a file, of any size. Raises OSError."""
+    """The digest of a file, of any size. Raises OSError."""
     found = hashlib.blake2b(digest_size=16)
     with path.open("rb") as stream:
         while block := stream.read(_BLOCK):
@@ -177,10 +182,6 @@ def is_frame(path: Path, expected: str, output: OutputSpec) -> bool:
         return digest(content) == expected and png_shape(content) == picture_shape(output)
     except (OSError, ValueError):
         return False
-
-
-def _mark_of(cause: Mapping[str, Any]) -> str:
-    return digest(json.dumps(cause, sort_keys=True).encode())
 
 
 def _cause_file(folder: Path, mark: str) -> Path:

@@ -38,17 +38,6 @@ def cost_at(psnrs: Sequence[float], costs: Sequence[float], wanted: float) -> fl
     return float(costs[low] ** (1 - part) * costs[high] ** part)
 
 
-def db_per_decade(counts: Sequence[float], psnrs: Sequence[float]) -> float:
-    """Slope of the least-squares line of PSNR (dB) over the decimal logarithm of the count; NaN below two counts."""
-    points = [(math.log10(n), p) for n, p in zip(counts, psnrs, strict=True) if n > 0 and math.isfinite(p)]
-    if len({x for x, _ in points}) < 2:
-        return math.nan
-    mean_x = sum(x for x, _ in points) / len(points)
-    mean_y = sum(y for _, y in points) / len(points)
-    rise = sum((x - mean_x) * (y - mean_y) for x, y in points)
-    return rise / sum((x - mean_x) ** 2 for x, _ in points)
-
-
 def setbacks(values: Sequence[float], *, higher_is_better: bool, least: float) -> list[int]:
     """Where a row of values that should get better gets worse by `least` or more: the indices of the worse ones."""
     sign = 1.0 if higher_is_better else -1.0

@@ -15,7 +15,7 @@ import numpy as np
 
 from renderer.errors import InputError, nearest
 from renderer.scene import PROCEDURAL_NAMES, ProceduralSource
-from renderer.volume import Array, Float64, Volume, make_volume
+from renderer.volume import Array, Float64
 
 # Working memory is a few float arrays of this many voxels: slabs of whole planes, or blocks of rows of larger planes.
 _SLAB_VOXELS = 2**20
@@ -29,18 +29,13 @@ _NOISE = 2.5
 _BLUR_VOXELS = 1.6
 
 
-def make_procedural(source: ProceduralSource) -> Volume:
-    """The volume that `source` names; raises InputError for a name that is not in PROCEDURAL_NAMES."""
-    return make_volume(procedural_values(source), procedural_affine(source), f"procedural {source.name}")
-
-
 def procedural_affine(source: ProceduralSource) -> Float64:
     """float64 [4, 4]: the spacing on the diagonal."""
     return np.diag([*source.spacing, 1.0])
 
 
 def procedural_values(source: ProceduralSource) -> Array:
-    """uint8 [z, y, x]."""
+    """uint8 [z, y, x]. Raises InputError for a name that is not in PROCEDURAL_NAMES."""
     makers: dict[str, Callable[[ProceduralSource], Array]] = {
         "engine_block": _engine_block,
         "constant": _constant,

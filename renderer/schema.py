@@ -243,6 +243,13 @@ def _parse_boolean(node: Node) -> bool:
 BOOLEAN: Kind[bool] = Kind("true or false", _parse_boolean)
 
 
+def _parse_text(node: Node) -> str:
+    return node.value if isinstance(node.value, str) else TEXT.refuse(node, "not text", got=show(node.value))
+
+
+TEXT: Kind[str] = Kind("text", _parse_text)
+
+
 def choice(*names: str, instead: Mapping[str, str] | None = None) -> Kind[Any]:
     """One of `names`; `instead` maps other programs' words to ours for the hint."""
 
@@ -258,6 +265,13 @@ def choice(*names: str, instead: Mapping[str, str] | None = None) -> Kind[Any]:
 
 
 # Lists and mappings
+
+
+def _parse_mapping(node: Node) -> dict[str, Any]:
+    return node.value if isinstance(node.value, dict) else MAPPING.refuse(node, "not a mapping", got=show(node.value))
+
+
+MAPPING: Kind[dict[str, Any]] = Kind("a mapping", _parse_mapping)
 
 
 def sequence(item: Kind[T], expected: str, *, count: int | None = None) -> Kind[tuple[T, ...]]:

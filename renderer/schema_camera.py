@@ -26,6 +26,7 @@ from renderer.schema import (
 )
 
 MAX_FRAMES = 10**6
+FRAME_NUMBER = integer(least=0, most=MAX_FRAMES - 1)
 
 # Degrees: thousands of turns, of which float64 keeps the direction to 1e-10 degrees.
 MAX_ANGLE = 1e6
@@ -74,7 +75,7 @@ _ANGLE = number(least=-MAX_ANGLE, most=MAX_ANGLE)
 _ELEVATION = number(least=-90, most=90)
 
 _KEY_FIELDS: Table = {
-    "frame": integer(least=0, most=MAX_FRAMES - 1),
+    "frame": FRAME_NUMBER,
     "azimuth": _ANGLE,
     "elevation": _ELEVATION,
     "zoom": number(least=MIN_ZOOM, most=MAX_ZOOM),

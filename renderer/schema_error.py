@@ -9,7 +9,7 @@ from typing import Any
 
 from renderer.scene import LEAST_TOLERANCE, AccuracyGoal, ByFrame, ErrorSpec, SplatBudget, TimeBudget
 from renderer.schema import INVALID, Kind, Node, choice, integer, listed, number, section, show
-from renderer.schema_camera import MAX_FRAMES
+from renderer.schema_camera import FRAME_NUMBER
 
 # Cells of this level would be wider than any volume is long: indices of voxels along an axis are int32.
 MAX_LEVEL = 30
@@ -21,8 +21,6 @@ MOST_SPLATS = 10**12
 SHORTEST_S, LONGEST_S = 1e-4, 86400.0
 
 MOST_PSNR_DB = 200.0
-
-_FRAME = integer(least=0, most=MAX_FRAMES - 1)
 
 
 def _by_frame(value: Kind[Any], example: str, at_frame: Kind[Any] | None = None) -> Kind[ByFrame]:
@@ -36,7 +34,7 @@ def _by_frame(value: Kind[Any], example: str, at_frame: Kind[Any] | None = None)
             return kind.refuse(node, "empty")
         found: list[tuple[int, float]] = []
         for key, written in node.value.items():
-            frame = _FRAME.read(node.key(key))  # text, too: JSON has no other keys
+            frame = FRAME_NUMBER.read(node.key(key))  # text, too: JSON has no other keys
             at = item.read(node.child(key, written))
             if frame is not INVALID:
                 _require_later(node.key(key), frame, found)

@@ -24,7 +24,7 @@ _NUM_COARSE = 256
 # Values are looked at in runs of this many, so that no float64 copy of the volume is ever made.
 _CHUNK = 2**20
 
-_HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
+HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
 
 # A middle class this dominant is what the two outer ones stand out from: a signed field around zero.
 _DOMINANT = 0.9
@@ -121,7 +121,7 @@ def rebin(statistics: Statistics, num_bins: int) -> tuple[npt.NDArray[np.int64],
     # Halves: the range of float64 may be more than the largest number.
     half_first, half_width = statistics.bins[0] / 2 - statistics.bin_width / 4, statistics.bin_width / 2
     half_edges = half_first + np.arange(num_parts + 1) * per_part * half_width
-    edges = 2 * np.clip(half_edges, -_HALF_OF_LARGEST, _HALF_OF_LARGEST)
+    edges = 2 * np.clip(half_edges, -HALF_OF_LARGEST, HALF_OF_LARGEST)
     return padded.reshape(num_parts, per_part).sum(axis=1), edges
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 from renderer.octree import root_error
 from renderer.pyramid import Pyramid
+from renderer.scene import LEAST_TOLERANCE
 
 # How much is drawn at a tolerance, as in `renderer.families.Family`: cells, or samples of them.
 Work = Callable[[float], float]
@@ -20,8 +21,6 @@ _LEAST_GROWTH = 1.1
 _CLEARLY_MORE = 1.03
 # From here on a cut is as good as the finest.
 _NEARLY_ALL = 0.9
-# Below any error that a pyramid can hold.
-SMALLEST = 1e-300
 # float16 errors span fewer decades; what is below is not there.
 _MAX_DECADES = 12
 
@@ -50,7 +49,7 @@ def ladder(pyramid: Pyramid) -> Iterator[float]:
 
 def distinct_rungs(pyramid: Pyramid, work: Work) -> Iterator[float]:
     """The rungs of the ladder at which clearly more is drawn than at the one before, to where nearly all is."""
-    before, everything = 0.0, work(SMALLEST)
+    before, everything = 0.0, work(LEAST_TOLERANCE)  # below any error that a pyramid can hold
     for tolerance in ladder(pyramid):
         amount = work(tolerance)
         if amount > _CLEARLY_MORE * before:

@@ -25,8 +25,8 @@ Float64 = npt.NDArray[np.float64]
 # exp(-40) = 4e-18 is far below half a level of 8 bits, and below the resolution of float64 at 1: opaque in any image.
 MAX_VOXEL_DEPTH = 40.0
 
-# Control values below two to this have finite differences.
-_LARGEST_EXPONENT = 1022
+# Numbers below two to this have finite differences.
+LARGEST_EXPONENT = 1022
 
 # Colormaps are published as 256 samples of a smooth curve.
 NUM_COLORMAP_SAMPLES = 256
@@ -55,7 +55,7 @@ class TransferFunction:
     @property
     def scale(self) -> float:
         """The power of two, 1 but for the largest control values, with which their differences are finite."""
-        return math.ldexp(1.0, min(0, _LARGEST_EXPONENT - _exponent(self.values)))
+        return math.ldexp(1.0, min(0, LARGEST_EXPONENT - _exponent(self.values)))
 
     def classify(self, scalars: npt.NDArray[Any]) -> tuple[Float64, Float64]:
         """Colours float64 [..., 3] and extinctions float64 [...] of scalars of any real dtype and shape."""

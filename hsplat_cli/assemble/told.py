@@ -7,7 +7,7 @@ from typing import Any
 
 from hsplat_cli.sidecar_file import is_shallow
 from renderer.errors import Problem
-from renderer.schema import BOOLEAN, Kind, Node, Table, show
+from renderer.schema import BOOLEAN, TEXT, Kind, Node, Table, show
 
 # Nothing that is measured comes near it, and sums over all parts stay finite.
 _MOST = 1e100
@@ -27,10 +27,6 @@ def told_problems(data: Mapping[str, Any]) -> list[Problem]:
     return problems
 
 
-def _parse_text(node: Node) -> Any:
-    return node.value if isinstance(node.value, str) else _TEXT.refuse(node, "not text", got=show(node.value))
-
-
 def _parse_amount(node: Node) -> Any:
     """Taken over as it stands, so that text that spells a number is none."""
     value: Any = node.value
@@ -39,7 +35,6 @@ def _parse_amount(node: Node) -> Any:
     return value if 0 <= value <= _MOST else _AMOUNT.refuse(node, "out of range", got=show(value))
 
 
-_TEXT: Kind[Any] = Kind("text", _parse_text)
 _AMOUNT: Kind[Any] = Kind(f"a number from 0 to {_MOST:g}", _parse_amount)
 # The PSNR of equal pictures is told as null.
 _WORST: Kind[Any] = Kind(_AMOUNT.expected, lambda node: None if node.value is None else _AMOUNT.parse(node))
@@ -86,15 +81,15 @@ def _list_of(item: Kind[Any]) -> Kind[Any]:
     return kind
 
 
-_MEASURED = _mapping({"metric": _TEXT, "worst": _WORST, "probes": _list_of(_AMOUNT)})
+_MEASURED = _mapping({"metric": TEXT, "worst": _WORST, "probes": _list_of(_AMOUNT)})
 
 _TOLD = _mapping(
     {
         "scene": _mapping({"error": _mapping({})}, required=["error"]),
         "pyramid": _mapping({"finest_level_drawn": _AMOUNT}),
-        "versions": _mapping_of(_TEXT),
-        "schedule": _mapping({"met": BOOLEAN, "reproducible": BOOLEAN, "measured": _MEASURED, "shortfall": _TEXT}),
-        "notes": _list_of(_TEXT),
+        "versions": _mapping_of(TEXT),
+        "schedule": _mapping({"met": BOOLEAN, "reproducible": BOOLEAN, "measured": _MEASURED, "shortfall": TEXT}),
+        "notes": _list_of(TEXT),
         "seconds": _mapping_of(_AMOUNT),
     }
 )

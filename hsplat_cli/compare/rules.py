@@ -22,10 +22,9 @@ from typing import Any
 
 from hsplat_cli.compare.words import number_text
 from hsplat_cli.counts import counted
-from hsplat_cli.input_file import MAX_SCENE_BYTES, decode, read_content
+from hsplat_cli.input_file import MAX_SCENE_BYTES, read_content
 from hsplat_cli.picture_file import is_picture, require_file
-from hsplat_cli.scene_editor import excerpt
-from hsplat_cli.yaml_tree import LINE_BREAK, Mark, NotYamlError, Tree, read_tree
+from hsplat_cli.yaml_tree import Tree, excerpt, place_in, tree_of_file
 from renderer.errors import InputError, Problem, SceneError
 from renderer.frame_difference import FIGURES, Figure
 from renderer.schema import Kind, Node, choice, did_you_mean, fields, join, known, number, section, show
@@ -191,13 +190,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     content = read_content(path)
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
-    text = decode(content, path)
-    lines = LINE_BREAK.split(text)
-    try:
-        tree = read_tree(text)
-    except NotYamlError as error:
-        where = str(path) if error.mark is None else _place(path, error.mark)
-        raise InputError(error.what + excerpt(lines, error.mark), where=where, hint=error.hint) from error
+    tree, lines = tree_of_file(content, path)
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
     given = fields(Node({} if tree.data is None else tree.data, "", found), table)
@@ -208,7 +201,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
         given.get("limits", {}),
         frames,
         file=path,
-        places={name: _place(path, tree.places[join("frames", name)].key) for name in frames},
+        places={name: place_in(path, tree.places[join("frames", name)].key) for name in frames},
     )
 
 
@@ -226,10 +219,6 @@ def _located(tree: Tree, found: Sequence[Problem], path: Path, lines: Sequence[s
         place = tree.places[problem.path]
         marked.append((place.key if problem.at_key else place.value, problem))
     return [
-        replace(problem, place=_place(path, mark), what=problem.what + excerpt(lines, mark))
+        replace(problem, place=place_in(path, mark), what=problem.what + excerpt(lines, mark))
         for mark, problem in sorted(marked, key=lambda item: item[0])
     ]
-
-
-def _place(path: Path, mark: Mark) -> str:
-    return f"{path}:{mark.line}:{mark.column}"

@@ -10,7 +10,7 @@ from typing import Any
 
 from hsplat_cli.compare.pair import Pair
 from hsplat_cli.compare.words import printable
-from hsplat_cli.counts import counted
+from hsplat_cli.counts import counted, first_few
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.frame_range import parse_frames
@@ -187,8 +187,7 @@ def _file_notes(folder: Path, goldens: Sequence[Golden], strangers: Sequence[str
 
 
 def _some(items: Sequence[object]) -> str:
-    more = f" and {len(items) - _MOST_NAMES} more" if len(items) > _MOST_NAMES else ""
-    return ", ".join(map(str, items[:_MOST_NAMES])) + more
+    return first_few(items, _MOST_NAMES)
 
 
 def _facts(before: Provenance, now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from hsplat_cli.compare.words import printable
+from hsplat_cli.counts import first_few
 from hsplat_cli.picture_file import is_picture
 
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
@@ -44,5 +45,4 @@ def template_notes(
 
 
 def _some(names: list[str]) -> str:
-    most = ", ".join(printable(name) for name in names[:_MAX_NAMED])
-    return f"{most} and {len(names) - _MAX_NAMED} more" if len(names) > _MAX_NAMED else most
+    return first_few(list(map(printable, names)), _MAX_NAMED)

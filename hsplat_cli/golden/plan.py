@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hsplat_cli.counts import counted
+from hsplat_cli.counts import counted, first_few
 from hsplat_cli.golden.draw import Drawing
 from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes
 from hsplat_cli.picture_file import read_picture
@@ -191,8 +191,7 @@ def _lines_of(all_changes: Sequence[Change]) -> Iterator[str]:
 
 
 def _names(goldens: Sequence[Golden]) -> str:
-    more = f" and {len(goldens) - _MOST_NAMES} more" if len(goldens) > _MOST_NAMES else ""
-    return ", ".join(golden.file for golden in goldens[:_MOST_NAMES]) + more
+    return first_few([golden.file for golden in goldens], _MOST_NAMES)
 
 
 def _them(goldens: Sequence[Golden]) -> str:

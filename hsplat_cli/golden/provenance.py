@@ -17,8 +17,8 @@ from hsplat_cli.input_file import decode, may_be_json
 from hsplat_cli.render.cause import differences
 from hsplat_cli.sidecar_file import load_object
 from renderer.errors import InputError, Problem, SceneError
-from renderer.schema import INVALID, Kind, Node, Table, fields, integer, known, section, sequence, show
-from renderer.schema_camera import MAX_FRAMES
+from renderer.schema import INVALID, MAPPING, Kind, Node, Table, fields, integer, known, section, sequence, show
+from renderer.schema_camera import FRAME_NUMBER
 
 NAME = "golden.json"
 FORMAT = "hsplat golden 1"
@@ -187,12 +187,8 @@ def _parse_digest(node: Node) -> str:
     return _HEX.refuse(node, "not a digest", got=show(node.value))
 
 
-def _parse_mapping(node: Node) -> dict[str, Any]:
-    return node.value if isinstance(node.value, dict) else _MAPPING.refuse(node, "not a mapping", got=show(node.value))
-
-
 def _parse_versions(node: Node) -> dict[str, str]:
-    given = _MAPPING.parse(node)
+    given = MAPPING.parse(node)
     return given if given is INVALID else {key: _LINE.read(node.child(key, item)) for key, item in given.items()}
 
 
@@ -225,14 +221,13 @@ def _build_golden(node: Node, given: dict[str, Any]) -> Golden:
 
 _LINE: Kind[str] = Kind(f"one line of at most {_LONGEST_LINE} characters", _parse_line)
 _HEX: Kind[str] = Kind("32 hexadecimal digits", _parse_digest)
-_MAPPING: Kind[dict[str, Any]] = Kind("a mapping", _parse_mapping)
 _VOLUME_TABLE: Table = {
     "name": _LINE,
     "fingerprint": _HEX,
     "shape": sequence(integer(least=1, most=_MOST_VOXELS), "three numbers of voxels", count=3),
     "dtype": _LINE,
 }
-_GOLDEN_TABLE: Table = {"frame": integer(least=0, most=MAX_FRAMES - 1), "file": _LINE, "digest": _HEX, "date": _LINE}
+_GOLDEN_TABLE: Table = {"frame": FRAME_NUMBER, "file": _LINE, "digest": _HEX, "date": _LINE}
 _GOLDEN: Kind[Golden] = section(_GOLDEN_TABLE, _build_golden, required=["frame", "file", "digest"])
 _GOLDENS: Kind[tuple[Golden, ...]] = Kind("a list of frames, each with frame, file and digest", _parse_goldens)
 
@@ -240,7 +235,7 @@ _TABLE: Table = {
     "format": _LINE,
     "volume": section(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
     "gl": _LINE,
-    "scene": _MAPPING,
+    "scene": MAPPING,
     "versions": Kind("a mapping", _parse_versions),
     "frames": _GOLDENS,
 }

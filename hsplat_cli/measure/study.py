@@ -31,6 +31,7 @@ from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
 from hsplat_cli.shrinking import read_guarded
 from hsplat_cli.truths import find_truths, nothing_to_measure
+from renderer.camera import View
 from renderer.drawing import Stage, view_of
 from renderer.errors import HsplatError
 from renderer.metrics import require_measuring_packages
@@ -84,13 +85,16 @@ def run_study(request: Request) -> None:
     volume = _volume(request)
     path = scene.camera.path
     frames = request.frames or spread_frames(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
-    truths, records = find_truths(prepared(scene, volume), frames, request.truth_tolerance, quiet=request.quiet)
+    stage = prepared(scene, volume)
+    views = [view_of(stage, frame) for frame in frames]
+    truths, records = find_truths(stage, frames, request.truth_tolerance, quiet=request.quiet)
+    del stage  # one pyramid at a time is in memory
     if not any(truth.on_volume.any() for truth in truths):
         raise nothing_to_measure(len(truths))
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
     try:
-        for measurement in _measurements(request, volume, truths):
+        for measurement in _measurements(request, volume, truths, views):
             measurements.append(measurement)
     except (KeyboardInterrupt, HsplatError) as error:
         end = error
@@ -122,7 +126,9 @@ def _volume(request: Request) -> Volume:
     return with_transparent_border(volume, make_transfer(request.scene.transfer_function, volume.finest_spacing))
 
 
-def _measurements(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
+def _measurements(
+    request: Request, volume: Volume, truths: Sequence[Truth], views: Sequence[View]
+) -> Iterator[Measurement]:
     """hsplat's settings and then the peer's, with the time remaining."""
     sweep = request.sweep
     plan = plan_sweep(
@@ -132,7 +138,7 @@ def _measurements(request: Request, volume: Volume, truths: Sequence[Truth]) -> 
     if request.peer:
         work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
     with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:
-        for measurement in chain(_own(request, plan, volume, truths), _peer(request, volume, truths)):
+        for measurement in chain(_own(request, plan, volume, truths), _peer(request, volume, truths, views)):
             yield measurement
             bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
 
@@ -166,14 +172,13 @@ def _pyramid_key(scene: Scene) -> Hashable:
     return scene.error.measure, scene.error.of, scene.splat.footprint == "integrated"
 
 
-def _peer(request: Request, volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
+def _peer(request: Request, volume: Volume, truths: Sequence[Truth], views: Sequence[View]) -> Iterator[Measurement]:
     if request.peer is None:
         return
-    stage = prepared(request.scene, volume)
     yield from measure_vtk(
         volume,
         make_transfer(request.scene.transfer_function, volume.finest_spacing),
-        [view_of(stage, truth.frame) for truth in truths],
+        views,
         truths,
         request.scene.output.background,
         settings=vtk_settings(),

@@ -8,12 +8,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from hsplat_cli.counts import first_few
 from hsplat_cli.input_file import MAX_SIDECAR_BYTES
 from hsplat_cli.job import Job
 from hsplat_cli.sidecar_file import is_shallow
 from hsplat_cli.versions import package_versions, sources_digest
 from renderer.frame_record import Record, is_record
-from renderer.kept_frames import digest, file_digest, is_file, is_frame
+from renderer.kept_frames import file_digest, is_file, is_frame, mark_of
 from renderer.output_files import frame_path, has_frame_files
 from renderer.scene import OutputSpec
 from renderer.scene_schema import scene_to_dict, schedule_to_dict
@@ -42,17 +43,13 @@ class Cause:
     @classmethod
     def make(cls, of: Any, output: OutputSpec, frames: Sequence[int]) -> Cause:
         """frames: the numbers of them."""
-        mark = _mark(of)
-        return cls(mark, _mark([mark, output.frames_per_second, output.quality, [*frames]]), of)
+        mark = mark_of(of)
+        return cls(mark, mark_of([mark, output.frames_per_second, output.quality, [*frames]]), of)
 
     @property
     def is_intact(self) -> bool:
         """Whether `of` is what it was when the mark was made."""
-        return self.frames == _mark(self.of)
-
-
-def _mark(data: Any) -> str:
-    return digest(json.dumps(data, sort_keys=True).encode())
+        return self.frames == mark_of(self.of)
 
 
 def cause_of(job: Job, fingerprint: str, made_by: str) -> Cause:
@@ -77,9 +74,7 @@ def cause_of(job: Job, fingerprint: str, made_by: str) -> Cause:
 
 def differences(before: Any, now: Any) -> str:
     """`scene.error.tolerance was 0.2`: the first few keys in which two causes differ."""
-    found = list(_differences(before, now, ""))
-    more = f" and {len(found) - _MOST_DIFFERENCES} more" if len(found) > _MOST_DIFFERENCES else ""
-    return "; ".join(found[:_MOST_DIFFERENCES]) + more
+    return first_few(list(_differences(before, now, "")), _MOST_DIFFERENCES, "; ")
 
 
 def _differences(before: Any, now: Any, path: str) -> Iterator[str]:

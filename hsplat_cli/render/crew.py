@@ -112,23 +112,29 @@ class _Elsewhere:
         return self._drawer.draw(numbers)
 
 
-class _Alone(LocalDrawer):
+class _Alone:
     """This process draws."""
 
     def __init__(self, plan: Plan, rasterizer: LastingRasterizer) -> None:
-        super().__init__(plan.stage, rasterizer, plan.guide)
-        self.plan, self.made_by, self._gl = plan, [rasterizer.renderer_name], rasterizer
+        self.made_by, self._rasterizer = [rasterizer.renderer_name], rasterizer
+        self._follow(plan)
+
+    def _follow(self, plan: Plan) -> None:
+        self.plan, self._drawer = plan, LocalDrawer(plan.stage, self._rasterizer, plan.guide)
 
     @property
     def notes(self) -> Sequence[str]:
         """As in Drawer."""
-        return self._gl.notes
+        return self._rasterizer.notes
+
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+        """As in Drawer."""
+        return self._drawer.draw(numbers)
 
     def hand_over(self, stage: Stage) -> None:
         """Go on with the same stage at another place; this process draws it no more, and keeps nothing to draw with."""
-        self.plan = replace(self.plan, stage=stage)
-        super().__init__(stage, self._gl, self.plan.guide)
-        self._gl.forget()
+        self._follow(replace(self.plan, stage=stage))
+        self._rasterizer.forget()
 
 
 class _GrowingDrawer:

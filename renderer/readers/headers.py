@@ -8,13 +8,22 @@ NRRD: http://teem.sourceforge.net/nrrd/format.html. MetaImage: https://itk.org/W
 
 from __future__ import annotations
 
+import re
+from itertools import takewhile
 from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.readers.common import StoredVoxels, existing
 
-# No header comes near this; a file without the end-of-header mark is not read whole in search of it.
-_MAX_HEADER_BYTES = 2**20
+# No header comes near this, even if it lists a file for each slice; a file without the end-of-header mark is not read
+# whole in search of it.
+_MAX_HEADER_BYTES = 2**22
+
+# The line of NRRD, or MetaImage, behind which data files are listed, each on a line.
+_LIST = re.compile(rb"^(data ?file:|ElementDataFile[ \t]*=)[ \t]*LIST[ \t]*\r?\n", re.IGNORECASE | re.MULTILINE)
+# Data files with numbers: `slice%03d.raw 1 60 1`, from the first to the last in steps. The libraries hand it to printf
+# as it stands, so that no more than this is let through.
+_NUMBERED = re.compile(r"([^%\s]*%0?[0-9]{0,2}d[^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})")
 
 # DICOM in little-endian order (PS3.5): the tag (7fe0,0010) of the pixels; type and undefined length of pixels that are
 # compressed in fragments; the item that ends the fragments.
@@ -23,13 +32,16 @@ _ENCAPSULATED = b"OB\x00\x00\xff\xff\xff\xff"
 _SEQUENCE_END = b"\xfe\xff\xdd\xe0"
 
 
-def nrrd_voxels(path: Path) -> StoredVoxels | None:
-    """The data of a NRRD file; None when it is spread over several files or compressed behind lines of text, which its
-    reader checks.
+Stored = StoredVoxels | list[StoredVoxels]  # of all, or of each slice where each has a file of its own
+
+
+def nrrd_voxels(path: Path) -> Stored | None:
+    """The data of a NRRD file; None when they are compressed behind lines of text, which their reader checks.
 
     Raises InputError for a data file that is not there, and for bzip2.
     """
     header, offset = _split(_head(path))
+    header, listed = _without_list(header)
     fields = _fields(header, ":")
     encoding = fields.get("encoding", "raw").lower()
     if encoding in ("bzip2", "bz2"):  # SimpleITK says so when it has taken the memory
@@ -46,23 +58,21 @@ def nrrd_voxels(path: Path) -> StoredVoxels | None:
     order: str | None = {"little": "<", "big": ">"}.get(fields.get("endian", "").lower(), "|")
     if fields.get("byte skip", fields.get("byteskip", "0")) != "0" or lines_skipped != "0" or encoding != "raw":
         order = None
-    if name is None:
-        stored = StoredVoxels(path, offset, is_packed, order, is_text)
-    elif name.split()[0] == "LIST" or "%" in name:
-        return None
-    else:
-        stored = _detached(path, name, is_packed, order, is_text)
+    stored: Stored = StoredVoxels(path, offset, is_packed, order, is_text)
+    if name is not None:
+        is_pattern = re.search("%[0-9]*d", name) is not None
+        stored = _detached(path, name, listed, is_packed, order, is_text, is_pattern=is_pattern)
     return None if is_packed and lines_skipped != "0" else stored
 
 
-def metaimage_voxels(path: Path) -> StoredVoxels | None:
-    """The data of a MetaImage file; None when it is spread over several files or begins elsewhere, which its reader
-    checks.
+def metaimage_voxels(path: Path) -> Stored | None:
+    """The data of a MetaImage file; None when they begin elsewhere, which their reader checks.
 
     Raises InputError for a damaged header and for a data file that is not there.
     """
     head = _head(path)
     start = head.find(b"\n", head.find(b"ElementDataFile")) + 1
+    _, listed = _without_list(head)
     fields = _fields(head[:start] if start else head, "=")
     missing = [key for key in ("NDims", "DimSize", "ElementType", "ElementDataFile") if key.lower() not in fields]
     if missing:
@@ -74,15 +84,12 @@ def metaimage_voxels(path: Path) -> StoredVoxels | None:
         )
     name = fields["elementdatafile"]
     compressed = fields.get("compresseddata", "False").lower() in ("true", "1")
-    if name.split()[0] == "LIST" or "%" in name:
-        return None
     is_big = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "")).lower()
     is_text = fields.get("binarydata", "True").lower() not in ("true", "1")
     order = None if compressed or is_text else {"false": "<", "true": ">", "0": "<", "1": ">"}.get(is_big, "|")
-    if name.upper() == "LOCAL":
-        stored = StoredVoxels(path, start, compressed, order, is_text)
-    else:
-        stored = _detached(path, name, compressed, order, is_text)
+    stored: Stored = StoredVoxels(path, start, compressed, order, is_text)
+    if name.upper() != "LOCAL":
+        stored = _detached(path, name, listed, compressed, order, is_text, is_pattern="%" in name)
     return stored if "headersize" not in fields else None
 
 
@@ -115,6 +122,11 @@ def _head(path: Path) -> bytes:
         return file.read(_MAX_HEADER_BYTES)
 
 
+def _text(header: bytes) -> str:
+    """As names of files are decoded: whatever bytes they have."""
+    return header.decode("utf-8", "surrogateescape")
+
+
 def _split(head: bytes) -> tuple[bytes, int]:
     """The header, which ends at the first empty line, and where the data begin."""
     ends = [(at, at + len(mark)) for mark in (b"\n\n", b"\r\n\r\n") if (at := head.find(mark)) >= 0]
@@ -125,14 +137,52 @@ def _split(head: bytes) -> tuple[bytes, int]:
 def _fields(header: bytes, mark: str) -> dict[str, str]:
     """`key: value` or `key = value` lines, keys in lower case."""
     fields = {}
-    for line in header.decode("latin-1").splitlines():
+    for line in _text(header).splitlines():
         key, found, value = line.partition(mark)
         if found and value.strip() and not line.startswith("#"):
             fields[key.strip().lower()] = value.strip()
     return fields
 
 
-def _detached(header: Path, name: str, compressed: bool, order: str | None, is_text: bool) -> StoredVoxels:
+def _without_list(header: bytes) -> tuple[bytes, list[str]]:
+    """What comes before a list of data files, and their names, up to an empty line or the end."""
+    match = _LIST.search(header)
+    if match is None:
+        return header, []
+    lines = (line.rstrip("\r") for line in _text(header[match.end() :]).split("\n"))
+    return header[: match.end()], list(takewhile(bool, lines))
+
+
+def _detached(
+    header: Path, name: str, listed: list[str], compressed: bool, order: str | None, is_text: bool, *, is_pattern: bool
+) -> Stored:
+    """What a header's `name` of data files stands for; `listed` are the names below it.
+
+    is_pattern: whether its reader takes the name for one with numbers. Raises InputError for a file that is not there,
+    and for names that its reader could not be trusted with.
+    """
+
+    def stored(each: str) -> StoredVoxels:
+        return StoredVoxels(_data_file(header, each), 0, compressed, order, is_text)
+
+    numbered = _NUMBERED.fullmatch(name)
+    if name == "LIST" and listed:
+        return [stored(each) for each in listed]
+    if is_pattern and numbered is not None:
+        first, last, step = map(int, numbered.groups()[1:])
+        return [stored(numbered[1] % number) for number in range(first, last + 1, step)]
+    if not is_pattern and name.split(maxsplit=1)[0] != "LIST":
+        return stored(name)
+    raise InputError(
+        "data files cannot be named in this way",
+        where=str(header),
+        got=name,
+        expected="one file, LIST, or a pattern with first number, last and step, such as slice%03d.raw 1 60 1",
+        hint="write LIST, and below it the name of the file of each slice on a line of its own",
+    )
+
+
+def _data_file(header: Path, name: str) -> Path:
     file = header.parent / name
     if not file.is_file():
         raise InputError(
@@ -142,4 +192,4 @@ def _detached(header: Path, name: str, compressed: bool, order: str | None, is_t
             expected=f"a file {file}",
             hint="the two belong together: move or copy both",
         )
-    return StoredVoxels(existing(file), 0, compressed, order, is_text)
+    return existing(file)

@@ -25,16 +25,17 @@ from renderer.readers.common import (
     check_stored,
     check_text,
     choose,
+    describe_shape,
     stays_mapped,
 )
-from renderer.readers.headers import check_dicom_pixels, metaimage_voxels, nrrd_voxels, vtk_voxels
+from renderer.readers.headers import Stored, check_dicom_pixels, metaimage_voxels, nrrd_voxels, vtk_voxels
 from renderer.volume import Array
 from renderer.volume_files import UnknownFormatError
 
 _BITS_ALLOCATED = "0028|0100"
 
 # Formats of which it is known where in the file the voxels are.
-_LOCATED: dict[str, Callable[[Path], StoredVoxels | None]] = {
+_LOCATED: dict[str, Callable[[Path], Stored | None]] = {
     ".nrrd": nrrd_voxels,
     ".nhdr": nrrd_voxels,
     ".mha": metaimage_voxels,
@@ -68,15 +69,15 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
         size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
         dtype = pixel_dtype(sitk, reader, path)
         num_bytes = check_size((*size, num_components), dtype, str(path))
-        if voxels is not None and voxels.is_text:
-            check_text(voxels, num_bytes // dtype.itemsize, size)
+        if isinstance(voxels, list):
+            _check_slices(voxels, num_bytes, size, dtype, path)
         elif voxels is not None:
-            check_stored(voxels, num_bytes, size)
+            _check_whole(voxels, num_bytes, size, dtype)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
         step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
         channel = choose("component", component, num_components, str(path))
-        if voxels is not None and _can_be_mapped(voxels, num_bytes, num_components, dtype):
+        if isinstance(voxels, StoredVoxels) and _can_be_mapped(voxels, num_bytes, num_components, dtype):
             assert voxels.byte_order is not None
             stored = dtype.newbyteorder(voxels.byte_order)  # type: ignore[arg-type]
             mapped: Array = np.memmap(voxels.file, stored, "r", voxels.offset, size[::-1])
@@ -89,6 +90,29 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
             if num_components > 1:
                 values = values[..., channel]
     return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(reader))
+
+
+def _check_whole(voxels: StoredVoxels, num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Raise InputError unless a file has all of its voxels, before memory is taken for them."""
+    if voxels.is_text:
+        check_text(voxels, num_bytes // dtype.itemsize, size)
+    else:
+        check_stored(voxels, num_bytes, size)
+
+
+def _check_slices(
+    files: list[StoredVoxels], num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any], path: Path
+) -> None:
+    """Raise InputError unless each step of the last axis has a file, and that is whole."""
+    if len(files) != size[-1]:
+        raise InputError(
+            f"this header names too {'few' if len(files) < size[-1] else 'many'} data files",
+            where=str(path),
+            got=str(len(files)),
+            expected=f"{size[-1]}, one for each slice of {describe_shape(size)} voxels",
+        )
+    for file in files:
+        _check_whole(file, num_bytes // size[-1], size[:-1], dtype)
 
 
 def _can_be_mapped(voxels: StoredVoxels, num_bytes: int, num_components: int, dtype: np.dtype[Any]) -> bool:

@@ -20,7 +20,7 @@ from renderer.cut_sizes import CutSizes, cut_sizes
 from renderer.drawing import finest_level_at
 from renderer.octree import children, cut_pyramid, node_errors
 from renderer.pipeline import prepare
-from renderer.procedural import make_procedural
+from renderer.procedural import procedural_values
 from renderer.pyramid import Pyramid, build_pyramid
 from renderer.scene import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec
 from renderer.scene_schema import parse_scene
@@ -145,7 +145,7 @@ def test_every_cut_is_counted(values: npt.NDArray[Any], error: ErrorSpec, levels
 
 @pytest.mark.parametrize("error", ERRORS, ids=IDS)
 def test_a_phantom_by_all_sizes(error: ErrorSpec) -> None:
-    of = make_procedural(ProceduralSource("engine_block", (24, 20, 12)))
+    of = volume_of(procedural_values(ProceduralSource("engine_block", (24, 20, 12))))
     pyramid = build(of, error)
     sizes = sizes_of(pyramid)
     for num in np.unique(np.geomspace(1, 2 * len(cut_pyramid(pyramid, 0.0)), 60).astype(int)).tolist():

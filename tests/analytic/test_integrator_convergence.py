@@ -26,7 +26,7 @@ from scipy.ndimage import map_coordinates
 from renderer.camera import Float64, View
 from renderer.errors import RenderError
 from renderer.integrator import PiecewiseLinear, converged_image, integrate
-from renderer.procedural import make_procedural
+from renderer.procedural import procedural_values
 from renderer.readers import read_volume
 from renderer.scene import (
     FileSource,
@@ -93,7 +93,7 @@ def test_without_light_one_halving_that_changes_little_is_enough(name: str, proj
     if name == "noise":
         field = volume(np.random.default_rng(5).uniform(0, 1, (6, 7, 8)), oblique())
     else:
-        field = volume(make_procedural(ProceduralSource(name, (20, 18, 12))).values / 255, oblique())
+        field = volume(procedural_values(ProceduralSource(name, (20, 18, 12))) / 255, oblique())
     diagonal = float(np.linalg.norm(oblique()[:3, :3] @ field.shape_xyz))
     view = look(tuple(field.centre), distance * diagonal, (12, 12), projection=projection, field_of_view=45.0)
     for tf in (COLORFUL, *SETTLING.values()):
@@ -202,8 +202,8 @@ def summed(of: Volume, tf: PiecewiseLinear, view: View, ds: float) -> Float64:
     width, height = view.size
     column, row = np.meshgrid(np.arange(width), np.arange(height))
     on_plane = (
-        ((column + 0.5 - width / 2) / view.scale_px)[..., None] * view.view_from_world[0, :3]
-        + ((height / 2 - row - 0.5) / view.scale_px)[..., None] * view.view_from_world[1, :3]
+        ((column + 0.5 - width / 2) / view.scale_px)[..., None] * view.axes[0]
+        + ((height / 2 - row - 0.5) / view.scale_px)[..., None] * view.axes[1]
     ).reshape(-1, 3)
     if view.projection == "orthographic":
         origin, direction = view.eye + on_plane, np.broadcast_to(view.forward, on_plane.shape)

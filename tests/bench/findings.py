@@ -22,7 +22,7 @@ from kept_study import kept_study
 matplotlib.use("agg")
 from matplotlib import pyplot
 
-from renderer.pareto import cost_at, db_per_decade
+from renderer.pareto import cost_at
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "findings.md"
@@ -224,8 +224,10 @@ def gains(trade: Series, measure: str) -> list[float]:
 
 def slope(points: Sequence[Point]) -> float:
     """What a tenfold of splats buys in dB; NaN where a few points say nothing of it."""
-    enough = len(points) >= FEWEST_POINTS
-    return db_per_decade([p.splats for p in points], [p.psnr for p in points]) if enough else math.nan
+    told = [(math.log10(p.splats), p.psnr) for p in points if p.splats > 0 and math.isfinite(p.psnr)]
+    if len(points) < FEWEST_POINTS or len({splats for splats, _ in told}) < 2:
+        return math.nan
+    return statistics.linear_regression(*zip(*told, strict=True)).slope
 
 
 def splats_buy(trade: Series) -> list[str]:

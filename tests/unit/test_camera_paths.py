@@ -190,7 +190,7 @@ def test_one_key_stands_still() -> None:
 def landing(view_of: CameraSpec, point: np.ndarray, distance: float, size: tuple[int, int]) -> tuple[float, float]:
     """Column and row in pixels at which a world point lands, by the definition in View."""
     view = make_view(view_of, 0, (1.0, 2.0, 3.0), distance, size)
-    x, y, z, _ = view.view_from_world @ [*point, 1.0]
+    x, y, z = view.in_view(point)
     w = -z if view.projection == "perspective" else 1.0
     return size[0] / 2 + view.scale_px * x / w, size[1] / 2 - view.scale_px * y / w
 

@@ -1,4 +1,4 @@
-"""Fronts, prices between settings, slopes and setbacks."""
+"""Fronts, prices between settings and setbacks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from renderer.pareto import cost_at, db_per_decade, pareto_front, setbacks
+from renderer.pareto import cost_at, pareto_front, setbacks
 
 numbers = st.floats(0, 10) | st.just(math.nan)
 
@@ -40,12 +40,6 @@ def test_the_price_between_two_settings_is_log_linear() -> None:
 
 def test_a_perfect_picture_is_the_price_of_what_nothing_else_reaches() -> None:
     assert cost_at([30.0, math.inf], [1.0, 7.0], 60.0) == 7.0
-
-
-def test_decibels_per_tenfold_of_splats() -> None:
-    assert db_per_decade([10, 100, 1000], [20, 26, 32]) == pytest.approx(6.0)
-    assert db_per_decade([10, 100, 0, 1000], [20, 26, 5, 32]) == pytest.approx(6.0)
-    assert math.isnan(db_per_decade([10, 10], [20, 30]))
 
 
 def test_setbacks_of_either_direction() -> None:
