@@ -26,8 +26,6 @@ Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
 Texels = Callable[[Int64], Float32]  # of the bricks with these keys: float32 [n, SIDE, SIDE, SIDE(, 4)]
 
-__all__ = ["MOST_BYTES", "SIDE", "Atlas", "Texels", "most_atlas_bytes"]  # SIDE: texels of a brick along each axis
-
 MOST_BYTES = 256 << 20
 _LEAST_SIDE, _LARGEST_SIDE = 64, 2048  # texels
 # Bricks that are made ready at a time, before they go to the device.

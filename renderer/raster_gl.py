@@ -176,7 +176,7 @@ class GLRasterizer:
             program["slope_limit"] = tuple(camera.slope_limit)
             for uniform in ("narrowest_px", *(("cutoff", "decay", "coefficients", "rim") if is_gaussian else ())):
                 program[uniform] = getattr(batch.footprint, uniform)
-        return partial(self._gaussians if is_gaussian else self._fans, program, batch, camera)
+        return partial(self._gaussians, program, batch, camera) if is_gaussian else partial(self._fans, program, batch)
 
     def _chunk(self, draw: Draw, order: npt.NDArray[np.uint32], size: tuple[int, int], region: Region) -> Image:
         """The region of the picture of some splats, over nothing, blended in float32."""
@@ -253,7 +253,7 @@ class GLRasterizer:
             quads.release()
         points.release()
 
-    def _fans(self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]) -> None:
+    def _fans(self, program: Any, batch: SplatBatch, order: npt.NDArray[np.uint32]) -> None:
         """The paper's footprints: one instance of the mesh for each splat."""
         footprint = batch.footprint
         assert isinstance(footprint, GouraudFootprint)

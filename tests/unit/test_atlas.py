@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from renderer import gl_atlas
+from renderer.brick_kernels import SIDE
 from renderer.errors import ContextLostError, InputError, RenderError
-from renderer.gl_atlas import SIDE, Atlas
+from renderer.gl_atlas import Atlas
 
 
 class Texture:
