@@ -59,6 +59,8 @@ ERRORS_ON_A_RAY = math.sqrt(BRICKS_ON_A_RAY * BRICK)
 
 # Bricks of one task: enough to hide the dispatch, few enough that what is known of their nodes takes little memory.
 _BRICKS_PER_TASK = 64
+# Of the range of control values: what the table has below a step at its start. Four of the fewest entries.
+_BELOW_STEP = 1 / 256
 
 
 @dataclass(frozen=True)
@@ -229,9 +231,13 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tup
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
     """As in Bricks, of a volume from `low` to `high`; never a single number.
 
-    Where the volume is outside of all control values its own range will do: the classification is constant there.
+    Where the volume is outside of all control values its own range will do: the classification is constant there. A
+    step at the first of them is in the range with something of what is below, as it is at the last with its upper side.
     """
-    first, last = max(low, float(transfer.values[0])), min(high, float(transfer.values[-1]))
+    first, last = float(transfer.values[0]), min(high, float(transfer.values[-1]))
+    if first < last and first == transfer.values[1]:
+        first = min(first - (last * _BELOW_STEP - first * _BELOW_STEP), math.nextafter(first, -math.inf))
+    first = max(low, first)
     if not first < last:
         first, last = low, high
     if first < last:

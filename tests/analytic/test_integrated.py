@@ -183,6 +183,25 @@ def test_no_step_keeps_pace_with_what_is_regular(period: int, azimuth: float) ->
         assert np.sqrt(np.mean((image - truth) ** 2)) < tolerance, tolerance
 
 
+@pytest.mark.parametrize("inside", [0.0, 0.3], ids=["visible above", "visible below"])
+@pytest.mark.parametrize("at", ["start", "end"])
+def test_steps_at_the_ends_of_a_transfer_function(at: str, inside: float) -> None:
+    """What lies beyond the last control value at either end is as its outer point says, and not as the step's other
+    side; thresholds are written so."""
+    volume = placed(hills((20, 36, 34), 14.0), AFFINES["oblique"])
+    low, high = ((0.5, COLOR, inside), (0.5, COLOR, 0.3 - inside))
+    transfer = (
+        transfer_of(low, high, (0.9, COLOR, 0.3 - inside))
+        if at == "start"
+        else transfer_of((0.1, COLOR, inside), low, high)
+    )
+    bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective")
+    truth = integrate(volume, transfer, view, step_voxels=0.05)
+    batch = make_brick_batch(cut_bricks(bricks, 0.0), bricks, tolerance=0.0, shading=None, voxel_px=1)
+    image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
+    assert np.sqrt(np.mean((image - truth) ** 2)) < 2e-3
+
+
 def test_columns_at_borders_are_as_right_as_others() -> None:
     """Looked at along an axis, two pixels a voxel: columns 31 and 32, 63 and 64 lie on both sides of a border."""
     volume = placed(hills((16, 40, 48), 20.0))

@@ -320,6 +320,29 @@ def test_scalar_range(control: tuple[float, float], scalars: tuple[float, float]
     assert bricks.volume_range == scalars
 
 
+@pytest.mark.parametrize(
+    ("control", "scalars", "want"),
+    [
+        ((0, 0, 256), (-10, 300), (-1, 256)),
+        ((0, 0, 256), (-0.5, 300), (-0.5, 256)),  # no more than there is
+        ((0, 0, 256), (0, 300), (0, 256)),
+        ((0, 0, 256), (-10, 0), (-10, 0)),
+        ((0, 0, 256), (-10, -5), (-10, -5)),
+        ((5, 5, 5), (0, 10), (0, 10)),
+        ((-1.7e308, -1.7e308, 1.7e308), (-1.75e308, 1.7e308), (-1.7e308 * (1 + 2 / 256), 1.7e308)),
+    ],
+)
+def test_what_is_below_a_step_is_in_the_range(
+    control: tuple[float, ...], scalars: tuple[float, float], want: tuple[float, float]
+) -> None:
+    volume = make_volume(np.array([[scalars]], np.float64), np.eye(4), "two")
+    bricks = bricks_of(volume, hills(*((value, k % 2) for k, value in enumerate(control))))
+    assert bricks.scalar_range == pytest.approx(want, rel=1e-15)
+    below, above = bricks.transfer.classify(np.array(scalars))[1]
+    if scalars[0] < control[0]:
+        np.testing.assert_allclose(bricks.table[[0, -1], 3], [below, above])
+
+
 @pytest.mark.parametrize("tolerance", [-1e-9, float("nan")])
 def test_no_such_tolerance(tolerance: float) -> None:
     with pytest.raises(ValueError, match="no bricks for this tolerance"):
