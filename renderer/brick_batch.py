@@ -34,7 +34,7 @@ from renderer.scene import ShadingSpec
 Float64 = npt.NDArray[np.float64]
 
 # Steps, in cells: the longest are for bricks in which nothing changes. At the least, which tolerance 0 has, errors are
-# about 1/256 of the roughness, or of 1 where that is an optical depth above 1, down to the shortest of all.
+# about 1/256 of the roughness, or of 1 where a cell is an optical depth above 1, down to the shortest of all.
 LEAST_STEP, SHORTEST_STEP, LONGEST_STEP = 1 / 16, 1 / 128, 4.0
 # A step is one cell where the roughness is this many tolerances: with 1 thin structures (bonsai) lose 1 to 5 dB of the
 # same time, with 0.3 smooth ones (engine).
@@ -125,7 +125,7 @@ def make_brick_batch(
     return BrickBatch(
         cut,
         bricks,
-        steps_at(cut.roughness, tolerance, is_depth=bricks.pyramid.measure == "optical"),
+        steps_at(cut.roughness, tolerance, _depths(cut, bricks)),
         bricks.table,
         shading,
         thrift_at(tolerance if change is None else change, voxel_px * 2.0**finest, voxel_px * thinnest),
@@ -134,11 +134,18 @@ def make_brick_batch(
     )
 
 
-def steps_at(roughness: Float64, tolerance: float, *, is_depth: bool) -> Float64:
-    """float64 [n]: the longest step, in cells, in bricks of some roughness, which may be an optical depth."""
+def _depths(cut: BrickCut, bricks: Bricks) -> Float64:
+    """float64 [n]: of cells of bricks, about the largest; without the measure for it, that of the whole volume."""
+    if bricks.pyramid.measure == "optical":
+        return cut.roughness
+    return np.full(len(cut), float(bricks.table[:, 3].max()) * cut.volume.finest_spacing)
+
+
+def steps_at(roughness: Float64, tolerance: float, depths: Float64) -> Float64:
+    """float64 [n]: the longest step, in cells, in bricks of some roughness, whose cells have these optical depths."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         steps = np.where(roughness > 0, (ROUGHNESS_OF_STEP * tolerance / roughness) ** STEP_POWER, np.inf)
-    least = np.maximum(LEAST_STEP / np.sqrt(np.maximum(roughness, 1.0)), SHORTEST_STEP) if is_depth else LEAST_STEP
+    least = np.maximum(LEAST_STEP / np.sqrt(np.maximum(depths, 1.0)), SHORTEST_STEP)
     return np.asarray(np.clip(steps, least, LONGEST_STEP), np.float64)
 
 

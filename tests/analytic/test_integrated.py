@@ -6,6 +6,7 @@ The reference draws; that the device draws the same is the matter of the parity 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ from renderer.bricks import cut_bricks
 from renderer.camera import View
 from renderer.integrator import integrate
 from renderer.raster_bricks_reference import rasterize_bricks_reference
-from renderer.scene import ShadingSpec
+from renderer.scene import ErrorSpec, ShadingSpec
 from renderer.volume import Float64, Volume
 
 LEVEL = 1 / 255  # of an image of 8 bits
@@ -200,6 +201,19 @@ def test_steps_at_the_ends_of_a_transfer_function(at: str, inside: float) -> Non
     batch = make_brick_batch(cut_bricks(bricks, 0.0), bricks, tolerance=0.0, shading=None, voxel_px=1)
     image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
     assert np.sqrt(np.mean((image - truth) ** 2)) < 2e-3
+
+
+@pytest.mark.parametrize("error", [{}, {"measure": "rms"}, {"measure": "rms", "of": "scalar"}], ids=str)
+def test_opaque_walls_are_exact_at_the_tolerance_0(error: dict[str, Any]) -> None:
+    """Whatever errors are measured in, steps are short where a voxel is opaque. Seen: 1.2e-5; with those of clear ones,
+    1.4e-4."""
+    volume = placed(hills((20, 36, 34), 14.0), AFFINES["oblique"])
+    transfer = transfer_of((0.4, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 40 / volume.finest_spacing))
+    bricks, view = bricks_of(volume, transfer, error=ErrorSpec(**error)), view_of(volume, "perspective", (24, 18))
+    truth = integrate(volume, transfer, view, step_voxels=0.01)
+    batch = make_brick_batch(cut_bricks(bricks, 0.0), bricks, tolerance=0.0, shading=None, voxel_px=1)
+    image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
+    assert np.sqrt(np.mean((image - truth) ** 2)) < 5e-5
 
 
 def test_columns_at_borders_are_as_right_as_others() -> None:

@@ -60,11 +60,15 @@ def transfer_of(*points: tuple[float, tuple[float, float, float], float]) -> Tra
 
 
 def bricks_of(
-    volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None = None, precision: str = "single"
+    volume: Volume,
+    transfer: TransferFunction,
+    shading: ShadingSpec | None = None,
+    precision: str = "single",
+    error: ErrorSpec | None = None,
 ) -> Bricks:
     """All bricks, of means in single precision."""
     spec = PyramidSpec(precision=precision)  # type: ignore[arg-type]
-    return make_bricks(volume, transfer, spec=spec, error=ErrorSpec(), shading=shading, num_threads=1)
+    return make_bricks(volume, transfer, spec=spec, error=error or ErrorSpec(), shading=shading, num_threads=1)
 
 
 def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:

@@ -14,11 +14,11 @@ from renderer.bricks import BRICK
 MOST_SAMPLES = 3814
 
 
-@pytest.mark.parametrize("is_depth", [True, False])
+@pytest.mark.parametrize("depth", [0.0, 1.0, 40.0, 1e300])
 @pytest.mark.parametrize("tolerance", [0.0, 5e-324, 1e-6, 0.3, 1e300, math.inf])
-def test_samples_of_a_ray_in_a_brick_are_bounded(tolerance: float, is_depth: bool) -> None:
+def test_samples_of_a_ray_in_a_brick_are_bounded(tolerance: float, depth: float) -> None:
     roughness = np.array([0.0, 5e-324, 1e-9, 1.0, 1e9, 1.7e308])
-    steps = steps_at(roughness, tolerance, is_depth=is_depth)
+    steps = steps_at(roughness, tolerance, np.full(6, depth))
     assert np.isfinite(steps).all()
     samples = _most_parts(float(steps.min()))
     assert samples <= MOST_SAMPLES == _most_parts(SHORTEST_STEP)
