@@ -195,7 +195,8 @@ def _finish(axes: Axes, axis: Axis, title: str, *, many_ticks: bool) -> None:
     if high / low < 10:  # a decade at least, so that there are ticks to read
         middle = math.sqrt(low * high)
         axes.set_xlim(middle / math.sqrt(10), middle * math.sqrt(10))
-    subs = (1.0, 2.0, 5.0) if many_ticks or high / low < 30 else (1.0, 3.0)
+    decades = math.log10(high / low) / (4 if many_ticks else 1.5)
+    subs = (1.0, 2.0, 5.0) if decades < 1 else (1.0, 3.0) if decades < 1.5 or not many_ticks else (1.0,)
     axes.xaxis.set_major_locator(LogLocator(subs=subs))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: tick_text(value)))
     axes.xaxis.set_minor_formatter(NullFormatter())

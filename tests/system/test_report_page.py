@@ -9,6 +9,7 @@ import os
 import re
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -231,6 +232,24 @@ def test_a_users_matplotlib_settings_change_nothing() -> None:
     plain = draw()
     with rc_context({"axes.grid": False, "lines.linewidth": 9, "svg.fonttype": "path"}):
         assert draw() == plain
+
+
+@pytest.mark.parametrize("decades", [0.1, 1, 2, 4, 6, 9])
+def test_ticks_leave_room_for_each_other(decades: float) -> None:
+    measurements = own_series()
+    costs = {id(m): 10 ** (decades * k / (len(measurements) - 1)) for k, m in enumerate(measurements)}
+    with plot_style():
+        figure = trade_figure(measurements, replace(TIME, of=lambda m: costs[id(m)], spread=None))
+        figure.draw_without_rendering()
+        axes = figure.axes[0]
+        low, high = axes.get_xlim()
+        boxes = [
+            label.get_window_extent()
+            for label, at in zip(axes.get_xticklabels(), axes.get_xticks(), strict=True)
+            if low <= at <= high
+        ]
+    assert len(boxes) >= 2
+    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
 @pytest.mark.parametrize(
