@@ -59,8 +59,9 @@ ERRORS_ON_A_RAY = math.sqrt(BRICKS_ON_A_RAY * BRICK)
 
 # Bricks of one task: enough to hide the dispatch, few enough that what is known of their nodes takes little memory.
 _BRICKS_PER_TASK = 64
-# Of the range of control values: what the table has below a step at its start. Four of the fewest entries.
-_BELOW_STEP = 1 / 256
+# What a table has below a step at its start, of its range: four of the fewest entries. What its range is at least, of
+# the control values', or of the volume's if there is one only: shares of it that are interpolated have to have digits.
+_BELOW_STEP, _LEAST_SHARE = 1 / 256, 1 / 64
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class Bricks:
     """levels[l] holds the bricks of level l; the last one is a single brick.
 
     scalar_range: what texels of level 0 are relative to: scalars at the ends of the transfer function's table. The part
-        of the control values' range that the volume reaches, or all that it has where it reaches none.
+        of the volume's range in which the transfer function changes, or all of it where it does not.
     volume_range: the volume's smallest and largest scalar.
     table: float32 [k, 4], (tau c, tau), 1 / world unit, at evenly spaced scalars of `scalar_range`.
     """
@@ -231,14 +232,21 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tup
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
     """As in Bricks, of a volume from `low` to `high`; never a single number.
 
-    Where the volume is outside of all control values its own range will do: the classification is constant there. A
-    step at the first of them is in the range with something of what is below, as it is at the last with its upper side.
+    Where the transfer function changes, and no more: the narrower, the more exactly a table has its steps. Of a step at
+    the start something of what is below is in the range, as its upper side is at the end.
     """
-    first, last = float(transfer.values[0]), min(high, float(transfer.values[-1]))
-    if first < last and first == transfer.values[1]:
-        first = min(first - (last * _BELOW_STEP - first * _BELOW_STEP), math.nextafter(first, -math.inf))
-    first = max(low, first)
-    if not first < last:
+    points = np.column_stack([transfer.colors * transfer.extinctions[:, None], transfer.extinctions])
+    changing = np.flatnonzero(np.any(points[1:] != points[:-1], axis=1))
+    first, last = low, high
+    if len(changing):
+        start, after, end = (float(transfer.values[k]) for k in (changing[0], changing[0] + 1, changing[-1] + 1))
+        half, of_all = end / 2 - start / 2, float(transfer.values[-1] / 2 - transfer.values[0] / 2)  # finite, always
+        missing = max(_LEAST_SHARE * (of_all or high / 2 - low / 2) - half, 0.0)
+        below = max(missing, half * (2 * _BELOW_STEP)) if start == after else missing
+        first, last = max(low, start - below), min(high, end + missing)
+        if start == after and first == start:
+            first = max(low, math.nextafter(start, -math.inf))
+    if not first < last:  # the volume is outside, where all is constant
         first, last = low, high
     if first < last:
         return first, last

@@ -305,7 +305,8 @@ def test_threads_change_nothing() -> None:
         ((0, 255), (-10, 30), (0, 30)),
         ((0, 255), (300, 400), (300, 400)),  # nothing but the constant beyond
         ((0, 255), (-400, -300), (-400, -300)),
-        ((5, 5), (0, 10), (0, 10)),
+        ((5, 5), (0, 10), (5 - 10 / 128, 5 + 10 / 128)),  # a step, and something around it
+        ((0, 5), (0, 1e6), (0, 5)),
         ((0, 255), (255, 300), (255, 300)),
         ((0, 255), (7, 7), (0, 7)),
         ((0, 255), (-7, -7), (-7, 0)),
@@ -316,7 +317,7 @@ def test_threads_change_nothing() -> None:
 def test_scalar_range(control: tuple[float, float], scalars: tuple[float, float], want: tuple[float, float]) -> None:
     volume = make_volume(np.array([[scalars]], np.float64), np.eye(4), "two")
     bricks = bricks_of(volume, hills((control[0], 0), (control[1], 1)))
-    assert bricks.scalar_range == want
+    assert bricks.scalar_range == pytest.approx(want, rel=1e-15)
     assert bricks.volume_range == scalars
 
 
@@ -326,9 +327,9 @@ def test_scalar_range(control: tuple[float, float], scalars: tuple[float, float]
         ((0, 0, 256), (-10, 300), (-1, 256)),
         ((0, 0, 256), (-0.5, 300), (-0.5, 256)),  # no more than there is
         ((0, 0, 256), (0, 300), (0, 256)),
-        ((0, 0, 256), (-10, 0), (-10, 0)),
+        ((0, 0, 256), (-10, 0), (-1, 0)),
         ((0, 0, 256), (-10, -5), (-10, -5)),
-        ((5, 5, 5), (0, 10), (0, 10)),
+        ((5, 5, 5), (0, 10), (5 - 10 / 128, 5 + 10 / 128)),
         ((-1.7e308, -1.7e308, 1.7e308), (-1.75e308, 1.7e308), (-1.7e308 * (1 + 2 / 256), 1.7e308)),
     ],
 )
@@ -339,8 +340,23 @@ def test_what_is_below_a_step_is_in_the_range(
     bricks = bricks_of(volume, hills(*((value, k % 2) for k, value in enumerate(control))))
     assert bricks.scalar_range == pytest.approx(want, rel=1e-15)
     below, above = bricks.transfer.classify(np.array(scalars))[1]
-    if scalars[0] < control[0]:
-        np.testing.assert_allclose(bricks.table[[0, -1], 3], [below, above])
+    np.testing.assert_allclose(bricks.table[[0, -1], 3], [below, above])
+
+
+def test_a_table_is_of_what_changes() -> None:
+    """A threshold, and a ramp in front of which and behind which nothing changes: their tables tell them apart from
+    their neighbours as finely as they can. Colours of nothing are no change."""
+    volume = make_volume(np.array([[[-1000.0, 3000.0]]]), np.eye(4), "two")
+    red, blue = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    values, extinctions = np.array([-2000.0, 100, 200, 300, 4000]), np.array([0.0, 0.0, 1.0, 0.5, 0.5])
+    colors = np.array([blue, red, red, blue, blue])
+    bricks = bricks_of(volume, TransferFunction(values, colors, extinctions, 1.0))
+    assert bricks.scalar_range == (100, 300)
+    spike = np.array([-3200.0, 100, 101, 102, 3200])
+    bricks = bricks_of(volume, TransferFunction(spike, colors, np.array([0.0, 0, 1, 0, 0]), 1.0))
+    assert bricks.scalar_range == (51, 151)  # no less than 1/64
+    constant = TransferFunction(values, np.array(5 * [red]), np.full(5, 0.5), 1.0)
+    assert bricks_of(volume, constant).scalar_range == (-1000, 3000)
 
 
 @pytest.mark.parametrize("tolerance", [-1e-9, float("nan")])
