@@ -54,7 +54,8 @@ def describe_shape(shape_xyz: tuple[int, ...]) -> str:
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
     """float64 [4, 4]: `direction @ diag(spacing)` and the origin; the columns of `direction` are the index axes."""
     world_from_index = np.eye(4)
-    world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused as such later
+        world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
     world_from_index[:3, 3] = origin
     return world_from_index
 
