@@ -32,6 +32,7 @@ _NUMBERED = re.compile(r"([^%\s]*%0?[0-9]{0,2}d[^%\s]*)\s+([0-9]{1,9})\s+([0-9]{
 
 _DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _MOST_DIMENSIONS = 10  # of MetaImage
+_LONGEST_SHOWN = 200  # a matrix with all its digits
 _FLATTEST = 1e-6  # the volume of what axes of length 1 span
 
 # DICOM in little-endian order (PS3.5): the tag (7fe0,0010) of the pixels; type and undefined length of pixels that are
@@ -116,10 +117,11 @@ def _check_numbers(header: bytes, path: Path) -> None:
         numbers = [float(word) for word in words[:count] if _DECIMAL.fullmatch(word)]
         if key is None or (len(numbers) == count and is_right(numbers)):
             return numbers
+        text = " ".join(words)
         raise InputError(
             "a line of this MetaImage header does not have the numbers that belong there",
             where=str(path),
-            got=f"{key} = {show(' '.join(words))[1:-1]}",
+            got=f"{key} = {text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)}",
             expected=f"{key} = {expected}",
             hint="correct that line, or save the file anew",
         )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
+from tests.support.tiff_files import ome
 
 KNOWN = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
 
@@ -113,6 +114,14 @@ REFUSED = {
         "scan.npy: there is no such component\n  got: --component 1\n"
         "  expected: 0 or no `--component` at all: the volume has one\n",
     ),
+    "sizes in units that cannot be compared": (
+        ["ome.tif"],
+        2,
+        "ome.tif: the voxel sizes in this TIFF file are in units that cannot be compared\n"
+        "  got: PhysicalSizeX=1 pixel, PhysicalSizeZ=2 \u03bcm\n"
+        "  expected: one unit for all, or units of length such as nm, µm and mm\n"
+        "  hint: `--spacing X,Y,Z` takes the place of what the file says\n",
+    ),
     "values that are no numbers": (
         ["nan.npy", "--nonfinite", "error"],
         2,
@@ -137,6 +146,8 @@ def scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         Path(file).touch()
     Path("notes.txt").write_text("a text", encoding="utf-8")
     Path("bare.raw").write_bytes(bytes(range(64)))
+    sizes = 'SizeX="4" SizeY="4" PhysicalSizeX="1" PhysicalSizeXUnit="pixel" PhysicalSizeZ="2"'
+    Path("ome.tif").write_bytes(ome(sizes))
     np.save("scan.npy", np.arange(64).reshape(4, 4, 4))
     np.save("times.npy", np.arange(128).reshape(2, 4, 4, 4))
     np.save("nan.npy", np.array([np.nan, *range(63)]).reshape(4, 4, 4))

@@ -258,6 +258,8 @@ NOT_NUMBERS = {
     "an origin": ("Offset", "nan 0 0", "3 numbers"),
     "half an origin": ("Position", "0 0", "3 numbers"),
     "a flat matrix": ("TransformMatrix", "1 0 0 0 1 0 0 0 0", ROWS),
+    "digits": ("TransformMatrix", f"{6 * '0.90630778703664994 '}0 0 0", ROWS),
+    "a bell": ("Offset", r"'\x07 0 0'", "3 numbers"),
     "a matrix with an axis twice": ("TransformMatrix", "1 0 0 0 1 0 1 0 0", ROWS),
 }
 
@@ -270,7 +272,8 @@ def test_metaimage_lines_without_their_numbers(folder, case, capfd):
     lines = [line for line in Path("a.mhd").read_text().splitlines() if line.split()[0] != key]
     if key in ("ElementSize", "Position"):
         lines = [line for line in lines if line.split()[0] not in ("ElementSpacing", "Offset")]
-    Path("a.mhd").write_text("\n".join([*lines[:2], f"{key} = {value}", *lines[2:]]) + "\n")
+    written = "\a 0 0" if case == "a bell" else value
+    Path("a.mhd").write_text("\n".join([*lines[:2], f"{key} = {written}", *lines[2:]]) + "\n")
     assert message("a.mhd") == (
         "a.mhd: a line of this MetaImage header does not have the numbers that belong there\n"
         f"  got: {key} = {value}\n"
