@@ -74,7 +74,8 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
 
 def _source(source: FileSource | RawSource | ProceduralSource) -> str:
     if isinstance(source, FileSource):
-        return str(source.file)
+        lengths = "" if source.spacing is None else " x ".join(f"{length:g}" for length in source.spacing)
+        return f"{source.file}{f', spacing {lengths} in place of its own' if lengths else ''}"
     shape = " x ".join(map(str, source.shape))
     if isinstance(source, RawSource):
         return f"{source.file}, {shape} of {source.dtype}"

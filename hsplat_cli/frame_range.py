@@ -10,7 +10,7 @@ from renderer.schema import show
 
 def is_one_frame(text: str | None) -> bool:
     """Whether this picks one frame, if any, of whatever path: `7`, `7:8`."""
-    if text is None or ":" not in text:
+    if text is None or ":" not in text:  # also `-1`, the last one, which every path has
         return text is not None
     match _parts(text):
         case [int(start), int(stop)] | [int(start), int(stop), None | 1]:
@@ -21,6 +21,7 @@ def is_one_frame(text: str | None) -> bool:
 def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | None = None) -> Sequence[int]:
     """The frames that `a:b:step`, a Python slice, or a single number picks from range(num_frames); all for None.
 
+    Negative numbers count from the end.
     recorded: those, ascending, that a film has.
 
     Raises InputError where it is not a slice, has a step below 1, or picks nothing or a frame that is not recorded.
@@ -33,7 +34,8 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
         raise InputError("not a range of frames", where="--frames", got=show(text), expected=expected)
     if len(parts) == 1 and parts[0] is not None:
         number = parts[0]
-        picked = range(num_frames)[number : number + 1] if 0 <= number < num_frames else range(0)
+        is_there = -num_frames <= number < num_frames
+        picked = range(num_frames)[number : number + 1 or None] if is_there else range(0)
     else:
         step = parts[2] if len(parts) == 3 else None
         if step is not None and step < 1:

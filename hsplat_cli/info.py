@@ -62,6 +62,7 @@ def _facts(
         "bytes": volume.values.nbytes,
         "stays_in_file": volume.source is not None,
         "spacing": spacing.tolist(),
+        "replaced_spacing": volume.replaced_spacing and list(volume.replaced_spacing),
         "world_size": (spacing * volume.shape_xyz).tolist(),
         "origin": volume.world_from_index[:3, 3].tolist(),
         "direction": describe_direction(axes),
@@ -120,13 +121,17 @@ def _numbers(values: list[float], between: str = ", ") -> str:
     return between.join(_number(round(value, 9)) for value in values)
 
 
+def _in_place_of(spacing: list[float] | None) -> str:
+    return "" if spacing is None else f", in place of {_numbers(spacing, ' x ')}"
+
+
 def _report(facts: dict[str, Any], marks: str) -> str:
     lines = [
         facts["name"],
         f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
         f"  type         {facts['dtype']}, {_room(facts['bytes'])}"
         + (", which stay in the file" if facts["stays_in_file"] else " in memory"),
-        f"  spacing      {_numbers(facts['spacing'], ' x ')}",
+        f"  spacing      {_numbers(facts['spacing'], ' x ')}{_in_place_of(facts['replaced_spacing'])}",
         f"  world size   {_numbers(facts['world_size'], ' x ')}",
         f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",
         f"  direction    {facts['direction']}",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.yaml_tree import NotYamlError, read_tree
-from renderer.scene import Color, ColormapSpec, RawSource, ShadingSpec, TransferSpec, VolumeSpec
+from renderer.scene import Color, ColormapSpec, FileSource, RawSource, ShadingSpec, TransferSpec, VolumeSpec
 
 if TYPE_CHECKING:
     from renderer.suggestion import Suggestion
@@ -89,6 +89,8 @@ def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool) -> Iterator[
         yield f"        byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
         yield _with_comment(f"  file: {quoted(place)}", "relative to this file")
+        if isinstance(source, FileSource) and source.spacing is not None:
+            yield _with_comment(f"  spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's")
     if volume.time is not None:
         yield f"  time: {volume.time}"
     if volume.component is not None:

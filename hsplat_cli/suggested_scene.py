@@ -15,6 +15,8 @@ from renderer.schema import show
 
 # Where the values of a scene came from.
 _OPTIONS = {
+    "volume.spacing": "--spacing",
+    "volume.raw.spacing": "--spacing",
     "output.background": "--background",
     "output.size": "--size",
     "output.frames_per_second": "--fps",

@@ -45,12 +45,16 @@ def expand(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     """The volumes that are meant, each once, in the order given, and what is to be said about those left out.
 
     A pattern that the shell did not expand is expanded here, sorted. Data files are left out where their headers are
-    among the volumes. Raises InputError for a pattern that matches nothing, and for the slices of a DICOM series one by
-    one.
+    among the volumes. A pattern that matches nothing is a volume that is not there, which is said when its turn comes.
+    Raises InputError for the slices of a DICOM series one by one.
     """
     found: dict[Path, Path] = {}
     for text in arguments:
-        for path in matches(text):
+        try:
+            paths = matches(text)
+        except InputError:
+            paths = [Path(text)]
+        for path in paths:
             found.setdefault(path.resolve(), path)
     _refuse_slices(list(found.values()))
     data = {file: header for header in found.values() for file in _data_files(header)}
@@ -59,7 +63,7 @@ def expand(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
 
 
 def _refuse_slices(volumes: Sequence[Path]) -> None:
-    folders = Counter(path.parent for path in volumes if path.suffix.lower() == ".dcm")
+    folders = Counter(path.parent for path in volumes if path.suffix.lower() == ".dcm" and path.is_file())
     for folder, num in folders.items():
         if num > 1:
             raise InputError(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -9,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import click
 
 from renderer.errors import InputError
-from renderer.scene import FileSource, RawSource, VolumeSpec
+from renderer.scene import LONGEST, SHORTEST, FileSource, RawSource, VolumeSpec
 from renderer.volume_files import UnknownFormatError
 
 if TYPE_CHECKING:
@@ -18,8 +20,15 @@ if TYPE_CHECKING:
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
-def _three(kind: type[int] | type[float]) -> Callable[[click.Context, click.Parameter, str | None], Any]:
-    """A callback that makes three positive numbers of `128,96,114`."""
+# As messages have keys of a scene's `volume`: `time: k` or `component` in the text, and time: 7 that was given.
+_KEY = re.compile(r"`(time|component|nonfinite|spacing)(?:: ([^`]*))?`")
+_GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
+
+
+def _three(
+    kind: type[int] | type[float], least: float = 0.0, most: float = math.inf
+) -> Callable[[click.Context, click.Parameter, str | None], Any]:
+    """A callback that makes three positive numbers, in a range, of `128,96,114`."""
 
     def convert(_context: click.Context, _parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
         if text is None:
@@ -30,13 +39,15 @@ def _three(kind: type[int] | type[float]) -> Callable[[click.Context, click.Para
             numbers = ()
         if len(numbers) != 3 or not all(0 < number < float("inf") for number in numbers):
             raise click.BadParameter(f"{text!r} is not three positive numbers with commas between, such as 128,96,114.")
+        if not all(least <= number <= most for number in numbers):
+            raise click.BadParameter(f"{text!r} has a number that is not from {least:g} to {most:g}.")
         return numbers
 
     return convert
 
 
 def volume_options(nonfinite: Literal["error", "lowest"]) -> Callable[[_Command], _Command]:
-    """A decorator for --time, --component, --nonfinite with its default, and the options of a headerless file."""
+    """A decorator for --time, --component, --spacing, --nonfinite with its default, and those of a headerless file."""
     options = (
         click.option("--time", type=int, help="Which time step, from 0, of a volume that has several."),
         click.option("--component", type=int, help="Which component, from 0, of a volume that has several."),
@@ -48,6 +59,12 @@ def volume_options(nonfinite: Literal["error", "lowest"]) -> Callable[[_Command]
             help="What to do with NaN and inf.",
         ),
         click.option(
+            "--spacing",
+            metavar="X,Y,Z",
+            callback=_three(float, SHORTEST, LONGEST),
+            help="Lengths of a voxel, in place of what the file says.",
+        ),
+        click.option(
             "--shape",
             metavar="X,Y,Z",
             callback=_three(int),
@@ -55,12 +72,9 @@ def volume_options(nonfinite: Literal["error", "lowest"]) -> Callable[[_Command]
         ),
         click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),
         click.option(
-            "--byte-order", type=click.Choice(["little", "big"]), default="little", help="Of a headerless file."
+            "--byte-order", type=click.Choice(["little", "big"]), help="Of a headerless file.  [default: little]"
         ),
-        click.option(
-            "--spacing", metavar="X,Y,Z", callback=_three(float), default="1,1,1", help="Of a headerless file."
-        ),
-        click.option("--offset", type=click.IntRange(min=0), default=0, help="Bytes to skip in a headerless file."),
+        click.option("--offset", type=click.IntRange(min=0), help="Bytes to skip in a headerless file."),
     )
 
     def decorate(command: _Command) -> _Command:
@@ -80,18 +94,29 @@ def volume_spec(
     shape: tuple[int, int, int] | None,
     dtype: str | None,
     byte_order: Any,
-    spacing: tuple[float, float, float],
-    offset: int,
+    spacing: tuple[float, float, float] | None,
+    offset: int | None,
 ) -> VolumeSpec:
     """What the options ask for. Raises InputError where one of --shape and --dtype is missing."""
     if (shape is None) != (dtype is None):
         raise InputError(
             "a headerless file needs both --shape and --dtype", got="--shape" if shape is not None else "--dtype"
         )
-    source: FileSource | RawSource = FileSource(volume)
+    raw = {"byte_order": byte_order, "offset": offset}
+    given = {name: value for name, value in raw.items() if value is not None}
     if shape is not None and dtype is not None:
-        source = RawSource(volume, shape, dtype, byte_order, spacing, offset)
-    return VolumeSpec(source, time, component, nonfinite=nonfinite)
+        given |= {"spacing": spacing} if spacing is not None else {}
+        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nonfinite=nonfinite)
+    if given:
+        name, value = next(iter(given.items()))
+        raise InputError(
+            "this is for a file without a header",
+            where=f"--{name.replace('_', '-')}",
+            got=f"{value}, without --shape and --dtype",
+            hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
+            "--dtype",
+        )
+    return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=nonfinite)
 
 
 def read_as_told(volume: VolumeSpec) -> Volume:
@@ -108,3 +133,21 @@ def read_as_told(volume: VolumeSpec) -> Volume:
             expected=error.expected,
             hint="voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16",
         ) from error
+    except InputError as error:
+        raise InputError(
+            error.what,
+            where=error.where,
+            got=error.got and _GOT.sub(r"--\1 \2", error.got),
+            expected=error.expected and _as_options(error.expected),
+            hint=error.hint and _as_options(error.hint),
+        ) from error
+
+
+def _as_options(text: str) -> str:
+    """A message about a scene's `volume` with options in the place of its keys: `--time k` for `time: k`."""
+
+    def option(key: re.Match[str]) -> str:
+        value = "X,Y,Z" if key[1] == "spacing" else key[2]
+        return f"`--{key[1]} {value}`" if value else f"`--{key[1]}`"
+
+    return _KEY.sub(option, text)

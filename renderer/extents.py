@@ -48,9 +48,12 @@ class Extent:
 
 
 def proportion_problems(scene: Scene) -> Iterator[Problem]:
-    """What is out of proportion in a scene, as far as it says how large its volume is: all but files with a header."""
+    """What is out of proportion in a scene, as far as it says how large its volume is: of files with a header, no more
+    than the voxels' spacing, where it gives that."""
     source = scene.volume.source
     if isinstance(source, FileSource):
+        if source.spacing is not None:
+            yield from _ratio_problems(max(source.spacing) / min(source.spacing), "volume.spacing")
         return
     first_end = scene.volume.crop or tuple((0, num) for num in source.shape)
     shape = tuple(end - first for first, end in first_end)
@@ -63,15 +66,18 @@ def proportion_problems(scene: Scene) -> Iterator[Problem]:
 
 def volume_problems(extent: Extent, path: str) -> Iterator[Problem]:
     """What no scene can do with a volume; `path` is what the complaints are about."""
-    ratio = extent.coarsest / extent.finest
-    if ratio > MAX_SPACING_RATIO:
-        expected = f"a longest side of at most {MAX_SPACING_RATIO:.0e} times the shortest"
-        yield Problem(path, "the voxels are too long or too flat", f"sides with a ratio of {ratio:.4g}", expected)
+    yield from _ratio_problems(extent.coarsest / extent.finest, path)
     offset = max(map(abs, extent.centre)) / extent.finest
     if offset > MAX_OFFSET:
         expected = f"at most {MAX_OFFSET:g}: further out, float64 cannot tell its voxels apart"
         what = "the volume is too far from the world's origin for its voxels"
         yield Problem(path, what, f"{offset:.4g} voxels away", expected, "move the volume's origin")
+
+
+def _ratio_problems(ratio: float, path: str) -> Iterator[Problem]:
+    if ratio > MAX_SPACING_RATIO:
+        expected = f"a longest side of at most {MAX_SPACING_RATIO:.0e} times the shortest"
+        yield Problem(path, "the voxels are too long or too flat", f"sides with a ratio of {ratio:.4g}", expected)
 
 
 def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -> Iterator[Problem]:

@@ -32,9 +32,13 @@ FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
 @dataclass(frozen=True)
 class FileSource:
-    """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack)."""
+    """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack).
+
+    `spacing` takes the place of the lengths that the file says or leaves open; directions and origin stay the file's.
+    """
 
     file: Path
+    spacing: Vector | None = None
 
 
 @dataclass(frozen=True)

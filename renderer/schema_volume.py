@@ -89,6 +89,7 @@ def volume_kind(base: Path) -> Kind[VolumeSpec]:
         "file": _file_kind(base, folder=True),
         "raw": section(raw, _build_raw, required=("file", "shape", "dtype")),
         "procedural": section(procedural, _build_procedural, required=("name", "shape")),
+        "spacing": _SPACING,
         "time": _NUMBER_OF,
         "component": _NUMBER_OF,
         "crop": _CROP,
@@ -103,9 +104,13 @@ def _build_volume(node: Node, given: dict[str, Any]) -> VolumeSpec:
         node.complain("no voxels", expected="one of file, raw and procedural")
     for extra in sources[1:]:
         node.key(extra).complain(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
-    source = FileSource(given["file"]) if "file" in given else given.get("raw", given.get("procedural"))
-    rest = {key: value for key, value in given.items() if key not in sources}
+    own = given.get("raw", given.get("procedural"))
+    source = FileSource(given["file"], given.get("spacing")) if "file" in given else own
+    rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
     if isinstance(source, (RawSource, ProceduralSource)):
+        if "spacing" in given:
+            what, place = f"a {sources[0]} volume says its spacing itself", f"{node.path}.{sources[0]}.spacing"
+            node.key("spacing").complain(what, hint=f"give {place} instead")
         for key in known(given, "time", "component"):
             node.key(key).complain(
                 f"a {sources[0]} volume has neither time steps nor components", hint="remove the key"

@@ -26,6 +26,7 @@ class Volume:
     fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes, whatever file they came from.
     source: the file that the values are mapped from; None where they are in memory. Whoever is about to read some of
         them calls `require_unchanged` first, and again before anything comes of what was read.
+    replaced_spacing: that of the file, where the scene gives another; else None.
     """
 
     values: Array
@@ -33,6 +34,7 @@ class Volume:
     name: str
     fingerprint: str
     source: MappedFile | None = None
+    replaced_spacing: tuple[float, float, float] | None = None
 
     def require_unchanged(self) -> None:
         """Raise InputError where the file that the values are mapped from is not what it was."""

@@ -28,7 +28,7 @@ from renderer.schema_output import OUTPUT
     metavar="FILE",
     help="Write to this .mp4, .gif or {frame}.png.",
 )
-@click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as Python slices them: 0:30, ::10, 7.")
+@click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as Python slices them: 0:30, ::10, 7, -1.")
 @click.option("--frames-per-second", type=float, metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", type=float, metavar="0-10", help="Another quality of an MP4 than that of the scene.")
 @click.option("--force", is_flag=True, help="Put together again what is there already.")

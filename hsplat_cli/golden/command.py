@@ -21,7 +21,7 @@ from renderer.errors import InputError
 @click.option(
     "--frames",
     metavar="A:B:STEP",
-    help="Only these frames, as Python slices them: ::10, 7. [default: all; in an update those that are golden]",
+    help="Only these frames, as Python slices them: ::10, 7, -1. [default: all; in an update those that are golden]",
 )
 @click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"

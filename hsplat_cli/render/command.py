@@ -26,7 +26,7 @@ from renderer.errors import InputError
     metavar="FILE",
     help="Write to this .mp4, .gif, {frame}.png or, for one frame, .png.",
 )
-@click.option("--frames", metavar="A:B:STEP", help="Draw only these frames, as Python slices them: 0:30, ::10, 7.")
+@click.option("--frames", metavar="A:B:STEP", help="Draw only these frames, as Python slices them: 0:30, ::10, 7, -1.")
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
 @click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,16 @@ from renderer.errors import InputError
 from renderer.mapped_file import MappedFile, OnMapped, file_behind, slabs
 from renderer.readers.common import (
     Image,
-    check_affine,
+    check_axes,
     check_dtype,
+    check_lengths,
     check_resolved,
     choose,
     existing,
+    spacing_of,
     stays_mapped,
     unreadable,
+    with_spacing,
 )
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Array, Volume, make_volume
@@ -36,7 +40,12 @@ def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
     try:
         image = _load(spec, name)
         check_dtype(image.values.dtype, name)
-        check_affine(image.world_from_index, name)
+        check_axes(image.world_from_index, name)
+        spacing, replaced = source.spacing if isinstance(source, FileSource) else None, None
+        if spacing is not None:
+            replaced = spacing_of(image.world_from_index)
+            image = Image(image.values, with_spacing(image.world_from_index, spacing))
+        check_lengths(image.world_from_index, name)
         if spec.crop is not None:
             image = crop_image(image, spec.crop, name)
         world_from_index = image.world_from_index
@@ -52,7 +61,7 @@ def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
             mapped.require_unchanged()
         file = file if values is settled else None
         check_resolved(values, file, name)
-        return make_volume(values, world_from_index, name, file)
+        return replace(make_volume(values, world_from_index, name, file), replaced_spacing=replaced)
     except OSError as error:
         raise unreadable(Path(name), error) from error
     except MemoryError as error:
@@ -65,7 +74,8 @@ def _load(spec: VolumeSpec, name: str) -> Image:
     """Hand the source to its reader, imported only then."""
     source = spec.source
     if isinstance(source, FileSource):
-        return _load_file(existing(source.file), spec.time, spec.component)
+        # What a file says wrongly of lengths is no error where others take their place.
+        return _load_file(existing(source.file), spec.time, spec.component, source.spacing is not None)
     choose("time", spec.time, 1, name)
     choose("component", spec.component, 1, name)
     if isinstance(source, RawSource):
@@ -77,11 +87,11 @@ def _load(spec: VolumeSpec, name: str) -> Image:
     return Image(procedural_values(source), procedural_affine(source))
 
 
-def _load_file(path: Path, time: int | None, component: int | None) -> Image:
+def _load_file(path: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
     """Dispatch by name; SimpleITK recognises the rest by content."""
     name = path.name.lower()
     if path.is_dir():
-        return _load_folder(path, time, component)
+        return _load_folder(path, time, component, any_lengths)
     if name.endswith((".nii", ".nii.gz", ".hdr", ".img")):
         from renderer.readers.nifti import read_nifti  # noqa: PLC0415
 
@@ -93,20 +103,20 @@ def _load_file(path: Path, time: int | None, component: int | None) -> Image:
     if name.endswith((".tif", ".tiff")):
         from renderer.readers.tiff import read_tiff  # noqa: PLC0415
 
-        return read_tiff(path, time, component)
+        return read_tiff(path, time, component, any_lengths=any_lengths)
     from renderer.readers.itk import read_itk  # noqa: PLC0415
 
     return read_itk(path, time, component)
 
 
-def _load_folder(folder: Path, time: int | None, component: int | None) -> Image:
+def _load_folder(folder: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
     from renderer.readers.tiff import SUFFIXES, read_tiff_folder  # noqa: PLC0415
 
     names = (entry for entry in folder.iterdir() if not entry.name.startswith("."))
     tiffs = [entry for entry in names if entry.suffix.lower() in SUFFIXES]
     if tiffs:
         choose("time", time, 1, str(folder))
-        return read_tiff_folder(folder, tiffs, component)
+        return read_tiff_folder(folder, tiffs, component, any_lengths=any_lengths)
     from renderer.readers.dicom import read_dicom  # noqa: PLC0415
 
     return read_dicom(folder, time, component)
@@ -146,7 +156,7 @@ def _settled(values: Array) -> Array:
     return values
 
 
-def _finite(values: Array, file: MappedFile | None, replace: bool, first_xyz: tuple[int, ...], where: str) -> Array:
+def _finite(values: Array, file: MappedFile | None, to_lowest: bool, first_xyz: tuple[int, ...], where: str) -> Array:
     """The values, NaN and infinities replaced by the lowest finite value or refused; looked at a slice at a time.
 
     Those that are mapped from a file are copied where any is replaced.
@@ -162,13 +172,13 @@ def _finite(values: Array, file: MappedFile | None, replace: bool, first_xyz: tu
             if first_bad is None:
                 y, x = np.argwhere(~finite)[0]
                 first_bad = (int(x) + first_xyz[0], int(y) + first_xyz[1], z + first_xyz[2])
-        if replace and num_good:
+        if to_lowest and num_good:
             lowest = min(lowest, float(plane.min(where=finite, initial=np.inf)))
     if not num_bad:
         return values
     if num_bad == values.size:
         raise InputError("no voxel is finite: all are NaN or infinite", where=where)
-    if not replace:
+    if not to_lowest:
         raise InputError(
             f"{num_bad} of {values.size} voxels are NaN or infinite",
             where=where,

@@ -54,7 +54,8 @@ def describe_shape(shape_xyz: tuple[int, ...]) -> str:
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
     """float64 [4, 4]: `direction @ diag(spacing)` and the origin; the columns of `direction` are the index axes."""
     world_from_index = np.eye(4)
-    world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused as such later
+        world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
     world_from_index[:3, 3] = origin
     return world_from_index
 
@@ -63,33 +64,60 @@ def has_volume(world_from_index: Float64) -> bool:
     """Whether the affine is finite and its index axes span space, judged without regard to their lengths."""
     if not np.isfinite(world_from_index).all():
         return False
-    largest = np.abs(world_from_index[:3, :3]).max(axis=0)
-    if not largest.all():
+    if not np.abs(world_from_index[:3, :3]).max(axis=0).all():
         return False
-    axes = world_from_index[:3, :3] / largest  # whose squares neither overflow nor vanish
+    _, axes = _directions(world_from_index)
     return abs(float(np.linalg.det(axes / np.linalg.norm(axes, axis=0)))) > 1e-6
 
 
-def check_affine(world_from_index: Float64, where: str) -> None:
-    """Raise InputError unless every voxel has a place and a volume, in lengths that a scene may have."""
-    rows = ", ".join("[" + " ".join(f"{value:g}" for value in row) + "]" for row in world_from_index[:3])
-    got = f"{rows} (world from voxel index)"
+def check_axes(world_from_index: Float64, where: str) -> None:
+    """Raise InputError unless every voxel has a place and a volume, whatever its lengths."""
     if not has_volume(world_from_index):
         raise InputError(
             "the spacing, origin and direction give the voxels no volume",
             where=where,
-            got=got,
+            got=_in_words(world_from_index),
             expected="finite numbers, positive spacings and three independent axes",
+            hint="correct them in the file's header, or save it anew from what it was made of",
         )
+
+
+def check_lengths(world_from_index: Float64, where: str) -> None:
+    """Raise InputError unless an affine has lengths that a scene may have."""
     sizes = np.abs(world_from_index[:3])
     if sizes.max() > LONGEST or sizes[:, :3].max(axis=0).min() < SHORTEST:
         raise InputError(
             "the spacing or the origin is out of range",
             where=where,
-            got=got,
+            got=_in_words(world_from_index),
             expected=f"lengths from {SHORTEST:g} to {LONGEST:g}",
             hint="give lengths in another unit",
         )
+
+
+def _in_words(world_from_index: Float64) -> str:
+    rows = ", ".join("[" + " ".join(f"{value:g}" for value in row) + "]" for row in world_from_index[:3])
+    return f"{rows} (world from voxel index)"
+
+
+def spacing_of(world_from_index: Float64) -> tuple[float, float, float]:
+    """The lengths of the index axes, however long or short."""
+    largest, unit = _directions(world_from_index)
+    x, y, z = (largest * np.linalg.norm(unit, axis=0)).tolist()
+    return x, y, z
+
+
+def with_spacing(world_from_index: Float64, spacing: tuple[float, float, float]) -> Float64:
+    """float64 [4, 4]: the affine, whose axes have a direction each, with these lengths of them; the origin stays."""
+    _, axes = _directions(world_from_index)
+    return affine(spacing, world_from_index[:3, 3], axes / np.linalg.norm(axes, axis=0))
+
+
+def _directions(world_from_index: Float64) -> tuple[Float64, Float64]:
+    """float64 [3], the largest component of each index axis, and [3, 3], the axes divided by it, whose squares neither
+    overflow nor vanish."""
+    largest = np.abs(world_from_index[:3, :3]).max(axis=0)
+    return largest, world_from_index[:3, :3] / largest
 
 
 def stays_mapped(num_bytes: int) -> bool:

@@ -8,12 +8,17 @@ NRRD: http://teem.sourceforge.net/nrrd/format.html. MetaImage: https://itk.org/W
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable
 from itertools import takewhile
 from pathlib import Path
 
+import numpy as np
+
 from renderer.errors import InputError
 from renderer.readers.common import StoredVoxels, existing
+from renderer.schema import show
 
 # No header comes near this, even if it lists a file for each slice; a file without the end-of-header mark is not read
 # whole in search of it.
@@ -24,6 +29,11 @@ _LIST = re.compile(rb"^(data ?file:|ElementDataFile[ \t]*=)[ \t]*LIST[ \t]*\r?\n
 # Data files with numbers: `slice%03d.raw 1 60 1`, from the first to the last in steps. The libraries hand it to printf
 # as it stands, so that no more than this is let through.
 _NUMBERED = re.compile(r"([^%\s]*%0?[0-9]{0,2}d[^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})")
+
+_DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_MOST_DIMENSIONS = 10  # of MetaImage
+_LONGEST_SHOWN = 200  # a matrix with all its digits
+_FLATTEST = 1e-6  # the volume of what axes of length 1 span
 
 # DICOM in little-endian order (PS3.5): the tag (7fe0,0010) of the pixels; type and undefined length of pixels that are
 # compressed in fragments; the item that ends the fragments.
@@ -82,6 +92,7 @@ def metaimage_voxels(path: Path) -> Stored | None:
             got="an empty file" if not head else None,
             expected=" and ".join(f"a line `{key} = ...`" for key in missing),
         )
+    _check_numbers(head[:start] if start else head, path)
     name = fields["elementdatafile"]
     compressed = fields.get("compresseddata", "False").lower() in ("true", "1")
     is_big = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "")).lower()
@@ -91,6 +102,63 @@ def metaimage_voxels(path: Path) -> Stored | None:
     if name.upper() != "LOCAL":
         stored = _detached(path, name, listed, compressed, order, is_text, is_pattern="%" in name)
     return stored if "headersize" not in fields else None
+
+
+def _check_numbers(header: bytes, path: Path) -> None:
+    """Raise InputError unless a MetaImage header has the numbers that its reader needs, as many as it takes.
+
+    The reader takes what is missing from the lines below, reads what is no number as 0, and reports on the terminal.
+    """
+    values = _words(header)
+
+    def require(names: str, count: int, expected: str, is_right: Callable[[list[float]], bool]) -> list[float]:
+        key = next((name for name in names.split() if name.lower() in values), None)
+        words = values[key.lower()] if key is not None else []
+        numbers = [float(word) for word in words[:count] if _DECIMAL.fullmatch(word)]
+        if key is None or (len(numbers) == count and is_right(numbers)):
+            return numbers
+        text = " ".join(words)
+        raise InputError(
+            "a line of this MetaImage header does not have the numbers that belong there",
+            where=str(path),
+            got=f"{key} = {text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)}",
+            expected=f"{key} = {expected}",
+            hint="correct that line, or save the file anew",
+        )
+
+    def is_finite(found: list[float]) -> bool:
+        return all(map(math.isfinite, found))
+
+    n = int(require("NDims", 1, "2, 3 or 4", lambda found: found[0] in range(1, _MOST_DIMENSIONS + 1))[0])
+    require("DimSize", n, f"{n} whole numbers", lambda found: all(x >= 0 and x.is_integer() for x in found))
+    expected = f"{n} numbers, none of them 0"
+    require("ElementSpacing ElementSize", n, expected, lambda found: is_finite(found) and all(found))
+    require("Offset Position Origin", n, f"{n} numbers", is_finite)
+    require("CenterOfRotation", n, f"{n} numbers", is_finite)
+    expected = f"{n * n} numbers, {n} rows of which none follows from the others"
+    require("TransformMatrix Rotation Orientation", n * n, expected, _are_independent)
+
+
+def _words(header: bytes) -> dict[str, list[str]]:
+    """The words behind each key of MetaImage's, in lower case; they may go on in the lines below."""
+    fields: dict[str, list[str]] = {}
+    words = fields.setdefault("", [])
+    for line in _text(header).splitlines():
+        name, found, value = line.partition("=")
+        if found:
+            words = fields[name.strip().lower()] = []
+        words += (value if found else line).split()
+    return fields
+
+
+def _are_independent(numbers: list[float]) -> bool:
+    """Whether the rows of a square matrix are finite and span space, whatever their lengths."""
+    rows = np.reshape(numbers, (math.isqrt(len(numbers)), -1))
+    largest = np.abs(rows).max(axis=1, keepdims=True)
+    if not (np.isfinite(largest).all() and largest.all()):
+        return False
+    rows = rows / largest  # so that their squares neither overflow nor vanish
+    return abs(float(np.linalg.det(rows / np.linalg.norm(rows, axis=1, keepdims=True)))) > _FLATTEST
 
 
 def vtk_voxels(path: Path) -> StoredVoxels:

@@ -21,6 +21,7 @@ from renderer.readers.common import (
     Image,
     StoredVoxels,
     affine,
+    check_axes,
     check_size,
     check_stored,
     check_text,
@@ -75,6 +76,8 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
             _check_whole(voxels, num_bytes, size, dtype)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
+        world_from_index = _world_from_index(reader)
+        check_axes(world_from_index, str(path))  # of which SimpleITK says no more than some numbers
         step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
         channel = choose("component", component, num_components, str(path))
         if isinstance(voxels, StoredVoxels) and _can_be_mapped(voxels, num_bytes, num_components, dtype):
@@ -89,7 +92,7 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
             values = view_of(sitk, executed(reader, path))
             if num_components > 1:
                 values = values[..., channel]
-    return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(reader))
+    return Image(values if values.ndim == 3 else values[np.newaxis], world_from_index)
 
 
 def _check_whole(voxels: StoredVoxels, num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any]) -> None:

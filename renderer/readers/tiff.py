@@ -25,10 +25,30 @@ SUFFIXES = (".tif", ".tiff")
 
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
 
+# By their numbers in the field: those that libtiff has wherever it is built, and names of others.
+_COMMON_COMPRESSIONS = (1, 5, 7, 8, 32773, 32946)
+_COMPRESSIONS = {
+    6: "old-style JPEG",
+    33003: "JPEG 2000",
+    33005: "JPEG 2000",
+    34712: "JPEG 2000",
+    34887: "LERC",
+    34925: "LZMA",
+    34926: "Zstandard",
+    34927: "WebP",
+    34933: "PNG",
+    34934: "JPEG XR",
+    50000: "Zstandard",
+    50001: "WebP",
+    50002: "JPEG XL",
+    52546: "JPEG XL",
+}
 
-def read_tiff(path: Path, time: int | None, component: int | None) -> Image:
+
+def read_tiff(path: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
     """The stack in one file; hyperstacks of ImageJ and OME choose by `time` and `component` (the channel).
 
+    any_lengths: others take the place of what the file says of lengths, which so may be anything.
     Raises InputError for truncated, foreign and inconsistent files.
     """
     where = str(path)
@@ -49,16 +69,20 @@ def read_tiff(path: Path, time: int | None, component: int | None) -> Image:
     description = _text(first)
     axes, counts = hyperstack(description, len(pages), where)
     step = choose("time", time, counts[axes.index("T")], where)
+    world_from_index = _world_from_index(first, where, any_lengths)
     values = _decoded(path, order, pages, where)
     if num_samples > 1:
-        return Image(values[..., choose("component", component, num_samples, where)], _world_from_index(first, where))
+        return Image(values[..., choose("component", component, num_samples, where)], world_from_index)
     channel = choose("component", component, counts[axes.index("C")], where)
     stack = np.moveaxis(values.reshape(*counts, *values.shape[1:]), [axes.index("T"), axes.index("C")], [0, 1])
-    return Image(stack[step, channel], _world_from_index(first, where))
+    return Image(stack[step, channel], world_from_index)
 
 
-def read_tiff_folder(folder: Path, files: list[Path], component: int | None) -> Image:
-    """One slice from each of `files`, which are sorted naturally here; raises InputError when they differ."""
+def read_tiff_folder(folder: Path, files: list[Path], component: int | None, *, any_lengths: bool = False) -> Image:
+    """One slice from each of `files`, which are sorted naturally here; raises InputError when they differ.
+
+    any_lengths: as of `read_tiff`.
+    """
     files = sorted(files, key=_natural)
     values, first = None, None
     for index, file in enumerate(files):
@@ -90,7 +114,7 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None) -> 
         values[index] = plane
     assert values is not None, "called without files"
     assert first is not None
-    return Image(values, _world_from_index(first, str(files[0])))
+    return Image(values, _world_from_index(first, str(files[0]), any_lengths))
 
 
 def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
@@ -110,8 +134,13 @@ def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
         return _plain_strips(path, order, pages)
     if first.dtype.itemsize == 8 or first.dtype == np.float16:
         raise _undecodable(where, first)
-    with quiet_simpleitk() as sitk:
-        values = view_of(sitk, executed(open_itk(sitk, path), path))
+    try:
+        with quiet_simpleitk() as sitk:
+            values = view_of(sitk, executed(open_itk(sitk, path), path))
+    except InputError as error:
+        if first.number(COMPRESSION, 1) in _COMMON_COMPRESSIONS:
+            raise
+        raise _unknown_compression(where, first, error.got) from error
     shape = (len(pages), first.size[1], first.size[0])
     if values.dtype != first.dtype or values.size != np.prod(shape) * num_samples:
         raise _undecodable(where, first)
@@ -143,6 +172,19 @@ def _plain_strips(path: Path, order: str, pages: list[Page]) -> Array:
     return values
 
 
+def _unknown_compression(where: str, page: Page, reason: str | None) -> InputError:
+    """Of a compression that SimpleITK's libraries have or have not, as they were built."""
+    number = page.number(COMPRESSION, 1)
+    name = _COMPRESSIONS.get(number)
+    return InputError(
+        "the compression of this TIFF file cannot be undone here",
+        where=where,
+        got=f"compression {number}" + f", {name}" * (name is not None) + f": {reason}" * (reason is not None),
+        expected="no compression, LZW, Deflate, PackBits or JPEG",
+        hint="save it anew without compression or with Deflate, or as NRRD or .npy",
+    )
+
+
 def _undecodable(where: str, page: Page) -> InputError:
     return InputError(
         "this kind of TIFF cannot be decoded",
@@ -158,8 +200,19 @@ def _text(page: Page) -> str:
     return page.description.decode("utf-8", "replace")
 
 
-def _world_from_index(first: Page, where: str) -> Float64:
-    """Spacing in mm where the resolution is per inch or cm, in the file's unit for ImageJ and OME, else 1."""
+def _world_from_index(first: Page, where: str, any_lengths: bool) -> Float64:
+    """The affine of a stack; with `any_lengths` it is one without a unit where the file's lengths make no sense."""
+    try:
+        spacing = _spacing(first, where)
+    except InputError:
+        if not any_lengths:
+            raise
+        spacing = [1.0, 1.0, 1.0]
+    return affine(spacing, np.zeros(3), np.eye(3))
+
+
+def _spacing(first: Page, where: str) -> list[float]:
+    """Along x, y, z: in mm where the resolution is per inch or cm, in the file's unit for ImageJ and OME, else 1."""
     description = _text(first)
     spacing: list[float | None] = [None, None, None]
     mm = _MM_PER_UNIT.get(first.number(RESOLUTION_UNIT, 2))
@@ -172,4 +225,4 @@ def _world_from_index(first: Page, where: str) -> Float64:
         along_z = imagej_step(description, where) if is_imagej(description) else None
         spacing[2] = abs(along_z) * (mm or 1.0) if along_z is not None else None
     x = spacing[0] or 1.0
-    return affine([x, spacing[1] or x, spacing[2] or x], np.zeros(3), np.eye(3))
+    return [x, spacing[1] or x, spacing[2] or x]

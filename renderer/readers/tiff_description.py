@@ -6,14 +6,40 @@ parsed, expanded or nested.
 
 from __future__ import annotations
 
+import html
 import math
 import re
+import unicodedata
+from fractions import Fraction
 
 from renderer.errors import InputError
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _MAX_COUNT = 2**31 - 1
 _SHOWN_CHARACTERS = 40
+
+_PIXELS = re.compile(r"<(?:\w+:)?Pixels\b[^<>]*>")
+
+# Of OME's units of length (OME 2016-06, UnitsLength) those that can be converted. `pixel` and `reference frame` stand
+# for no length, and are units of their own, as is what is no unit of OME's; without any it is µm.
+_PREFIXES = {"Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1, "": 0, "d": -1}
+_PREFIXES |= {"c": -2, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15, "a": -18, "z": -21, "y": -24}
+_INCH = Fraction(254, 10_000)
+_OTHERS = {
+    "Å": Fraction(1, 10**10),
+    "ua": Fraction(149_597_870_700),
+    "ly": Fraction(9_460_730_472_580_800),
+    "pc": Fraction(149_597_870_700 * 648_000 / math.pi),
+    "thou": _INCH / 1000,
+    "li": _INCH / 12,
+    "in": _INCH,
+    "ft": _INCH * 12,
+    "yd": _INCH * 36,
+    "mi": _INCH * 63_360,
+    "pt": _INCH / 72,
+}
+_METRES = {f"{prefix}m": Fraction(10) ** power for prefix, power in _PREFIXES.items()} | _OTHERS
+_METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METRES.items()}
 
 
 def is_imagej(description: str) -> bool:
@@ -65,9 +91,43 @@ def imagej_step(description: str, where: str) -> float | None:
 
 
 def ome_spacing(description: str, where: str) -> list[float | None]:
-    """Along x, y and z, None where it is not said, as by words; raises InputError when one is no number."""
-    found = {axis: re.search(rf'\bPhysicalSize{axis}="([0-9.eE+-]+)"', description) for axis in "XYZ"}
-    return [_number(match[1], f"PhysicalSize{axis}", where) if match else None for axis, match in found.items()]
+    """Along x, y and z, in the unit of the first that is said; None where it is not said, as by words.
+
+    Raises InputError when one is no number, and for units of which none can be had from the other.
+    """
+    pixels = _PIXELS.search(description)
+    attributes = pixels[0] if pixels else description
+    found = {axis: re.search(rf'\bPhysicalSize{axis}="([0-9.eE+-]+)"', attributes) for axis in "XYZ"}
+    sizes = {axis: _number(match[1], f"PhysicalSize{axis}", where) for axis, match in found.items() if match}
+    units = {axis: _unit(attributes, axis) for axis in sizes}
+    first = next(iter(units.values()), "")
+    if any(unit != first and not {unit, first} <= _METRES.keys() for unit in units.values()):
+        raise InputError(
+            "the voxel sizes in this TIFF file are in units that cannot be compared",
+            where=where,
+            got=", ".join(f"PhysicalSize{axis}={sizes[axis]:g} {_shown(units[axis])}" for axis in sizes),
+            expected="one unit for all, or units of length such as nm, µm and mm",
+            hint="`spacing: [x, y, z]` takes the place of what the file says",
+        )
+    return [_converted(sizes[axis], units[axis], first) if axis in sizes else None for axis in "XYZ"]
+
+
+def _unit(attributes: str, axis: str) -> str:
+    """The unit of a PhysicalSize, in one of the ways in which Unicode spells it."""
+    found = re.search(rf'\bPhysicalSize{axis}Unit="([^"]*)"', attributes)
+    # A file in Latin 1 was read as UTF-8: what stands for its one letter that is not ASCII.
+    text = html.unescape(found[1]).replace("\ufffdm", "µm").replace("\ufffd", "Å") if found else "µm"
+    return unicodedata.normalize("NFKC", text.strip())
+
+
+def _converted(size: float, unit: str, into: str) -> float:
+    """A size in another unit, rounded once; infinite beyond all numbers."""
+    if unit == into:
+        return size
+    try:
+        return float(Fraction(size) * _METRES[unit] / _METRES[into])
+    except OverflowError:
+        return math.inf
 
 
 def _line(description: str, key: str, where: str) -> int | None:
@@ -80,16 +140,21 @@ def _size(description: str, axis: str, where: str) -> int:
     return int(_number(found[1], f"Size{axis}", where, is_count=True)) if found else 1
 
 
+def _shown(text: str) -> str:
+    """On one line, and no longer than a line; letters that are not ASCII as Python has them, but for those of units."""
+    short = text[:_SHOWN_CHARACTERS]
+    return (short if short in _METRES else ascii(short)[1:-1]) + "..." * (len(text) > _SHOWN_CHARACTERS)
+
+
 def _number(text: str, key: str, where: str, *, is_count: bool = False) -> float:
     """What `text`, the value of `key`, says: finite, and whole and positive where it counts pages."""
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if math.isfinite(value) and (not is_count or (value.is_integer() and 1 <= value <= _MAX_COUNT)):
         return value
-    shown = ascii(text[:_SHOWN_CHARACTERS])[1:-1] + ("..." if len(text) > _SHOWN_CHARACTERS else "")
     raise InputError(
         "the description in this TIFF file has something else where a number belongs",
         where=where,
-        got=f"{key}={shown}",
+        got=f"{key}={_shown(text)}",
         expected=f"a whole number from 1 to {_MAX_COUNT}" if is_count else "a finite number",
         hint="save it again as a plain stack, all slices in one file",
     )

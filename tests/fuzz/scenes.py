@@ -38,6 +38,7 @@ AXIS_LENGTHS = (1, 1, 2, 3, 3, 4, 5, 5, 7, 8, 9)
 LONGEST_AXIS = 200
 LARGEST_SIDE_PX = 40
 INTEGRATED = 0.2  # the share of scenes that are drawn in bricks
+RESPACED = 0.3  # the share of files with headers whose spacing the scene gives
 COLORMAPS = ("viridis", "gray", "cividis_r", "crameri:batlow")
 DTYPES = (
     "uint8", "uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float16", "float32", "float64",
@@ -73,7 +74,7 @@ def random_of(seed: int, index: int) -> Random:
 def legal_case(index: int, rng: Random, dtypes: Sequence[str] = DTYPES) -> Case:
     """A scene that must give a picture."""
     values = random_values(rng, np.dtype(_one_of(rng, dtypes)))
-    tree, files, volume, in_memory = _with_source(rng, values)
+    tree, files, volume, in_memory = _with_source(rng, values, random_of(index, 3))
     low, high = float(volume.values.min()), float(volume.values.max())
     tree["transfer_function"] = random_transfer(rng, low, high, volume.finest_spacing)
     tree["camera"] = random_camera(rng, volume)
@@ -175,8 +176,11 @@ def _float_range(rng: Random, info: np.finfo[Any]) -> tuple[float, float]:
 # Where the voxels come from
 
 
-def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Volume, bool]:
-    """The scene so far, the files, the volume that they hold, and whether it is none of theirs."""
+def _with_source(rng: Random, values: Array, of_spacing: Random) -> tuple[Tree, dict[str, bytes], Volume, bool]:
+    """The scene so far, the files, the volume that they hold, and whether it is none of theirs.
+
+    of_spacing: numbers of their own for spacings in place of the files', so that all others are what they were.
+    """
     kind = _one_of(rng, ["npy", "raw", "raw", "nrrd", "nhdr", "memory", "memory"])
     if kind in ("nrrd", "nhdr") and values.dtype == np.float16:
         kind = "raw"
@@ -208,6 +212,9 @@ def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Vo
     else:  # something to find in its place
         files["v.npy"] = _saved(values[:1, :1, :1])
         tree["volume"] = {"file": "v.npy"}
+    if kind in ("npy", "nrrd", "nhdr") and of_spacing.random() < RESPACED:
+        affine[:3, :3] = _respaced(of_spacing, values.shape[::-1], affine, is_plain=kind == "npy")
+        tree["volume"]["spacing"] = [float(length) for length in np.linalg.norm(affine[:3, :3], axis=0)]
     first = [0, 0, 0]
     if kind != "memory" and rng.random() < 0.15:
         crop = [sorted(rng.choice(n + 1, 2, replace=False).tolist()) for n in values.shape[::-1]]
@@ -216,6 +223,15 @@ def _with_source(rng: Random, values: Array) -> tuple[Tree, dict[str, bytes], Vo
         first = [pair[0] for pair in crop]
     affine[:3, 3] += affine[:3, :3] @ first
     return tree, files, make_volume(np.array(values, order="C"), affine, "expected"), kind == "memory"
+
+
+def _respaced(rng: Random, shape_xyz: Sequence[int], affine: Float64, *, is_plain: bool) -> Float64:
+    """[3, 3]: the axes with other lengths; of a file without any, which is plain, any lengths, else each other's."""
+    if is_plain:
+        return random_affine(rng, shape_xyz, turned=False, sheared=False, moved=False)[:3, :3]
+    lengths = np.linalg.norm(affine[:3, :3], axis=0)
+    others = rng.permutation(lengths) * (2.0 if lengths.min() < 1 else 0.5)  # within the table
+    return np.asarray(affine[:3, :3] / lengths * others)
 
 
 def _saved(values: Array) -> bytes:

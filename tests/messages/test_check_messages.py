@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hsplat_cli import main
@@ -173,6 +174,15 @@ def test_what_is_right_leaves_nothing_behind(scene_folder: Path, capsys: pytest.
         "  output   new/deeper/{frame}.png, 512 x 512\n"
     )
     assert sorted(scene_folder.rglob("*")) == before
+
+
+@pytest.mark.usefixtures("scene_folder")
+def test_what_takes_the_place_of_a_file_s_spacing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    np.save("scan.npy", np.zeros((2, 2, 2), np.uint8))
+    spacing = ["--set", "volume={file: scan.npy, spacing: [0.1, 0.1, 0.5]}"]
+    assert main.run(["check", "scene.yaml", *spacing]) == 0
+    volume = f"{Path.cwd() / 'scan.npy'}, spacing 0.1 x 0.1 x 0.5 in place of its own"
+    assert capsys.readouterr().out.splitlines()[1] == f"  volume   {volume}"
 
 
 # The first bytes of a volume, by the name of the file: none of these must be refused at a glance.

@@ -11,7 +11,7 @@ import pytest
 
 from renderer.errors import InputError
 from renderer.pipeline import prepare
-from renderer.readers.common import check_affine
+from renderer.readers.common import check_lengths
 from renderer.scene import (
     CameraSpec,
     ControlPoint,
@@ -140,7 +140,7 @@ def test_a_camera_too_far_from_a_volume_that_was_read() -> None:
 @pytest.mark.parametrize("entry", [1e300, 1e-200])
 def test_a_spacing_beyond_all_lengths(entry: float) -> None:
     with pytest.raises(InputError) as caught:
-        check_affine(np.diag([entry, 1.0, 1.0, 1.0]), "scan.nrrd")
+        check_lengths(np.diag([entry, 1.0, 1.0, 1.0]), "scan.nrrd")
     assert str(caught.value) == (
         "scan.nrrd: the spacing or the origin is out of range\n"
         f"  got: [{entry:g} 0 0 0], [0 1 0 0], [0 0 1 0] (world from voxel index)\n"

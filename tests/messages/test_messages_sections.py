@@ -179,6 +179,46 @@ scene.yaml:2:1: volume: no voxels
   expected: one of file, raw and procedural
 """,
     ),
+    "spacing_beside_procedural": (
+        "  procedural:",
+        """\
+  spacing: [1, 1, 2]
+  procedural:\
+""",
+        """\
+scene.yaml:3:3: volume.spacing: a procedural volume says its spacing itself
+    | spacing: [1, 1, 2]
+    | ^
+  hint: give volume.procedural.spacing instead
+""",
+    ),
+    "spacing_of_a_file": (
+        "procedural: {name: engine_block, shape: [64, 64, 32]}",
+        "file: scan.nrrd\n  spacing: [1, 0, 1e31]",
+        """\
+scene.yaml:4:16: volume.spacing.1: out of range
+    | spacing: [1, 0, 1e31]
+    |              ^
+  got: 0
+  expected: a number from 1e-30 to 1e+30
+scene.yaml:4:19: volume.spacing.2: out of range
+    | spacing: [1, 0, 1e31]
+    |                 ^
+  got: 1e+31
+  expected: a number from 1e-30 to 1e+30
+""",
+    ),
+    "flat_voxels_of_a_file": (
+        "procedural: {name: engine_block, shape: [64, 64, 32]}",
+        "file: scan.nrrd\n  spacing: [1, 1, 1e6]",
+        """\
+scene.yaml:4:12: volume.spacing: the voxels are too long or too flat
+    | spacing: [1, 1, 1e6]
+    |          ^
+  got: sides with a ratio of 1e+06
+  expected: a longest side of at most 1e+05 times the shortest
+""",
+    ),
     "missing_file": (
         "procedural: {name: engine_block, shape: [64, 64, 32]}",
         "file: scan.nrd",

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
+from tests.support.tiff_files import ome
 
 KNOWN = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
 
@@ -16,7 +17,7 @@ REFUSED = {
     "nothing there": (["no/where.npy"], 2, "no/where.npy: no such file or folder\n"),
     "a similar name": (["scam.npy"], 2, "scam.npy: no such file or folder\n  hint: did you mean scan.npy?\n"),
     "an empty glob": (
-        ["scan.npy", "*.dcm"],
+        ["*.dcm"],
         2,
         "*.dcm: no file matches this pattern\n  hint: it is relative to /scans\n",
     ),
@@ -75,6 +76,58 @@ REFUSED = {
         "out/scan.yaml: there is another scene of this name, perhaps one that was changed by hand\n"
         "  hint: `hsplat render out/scan.yaml` renders it as it is; --force writes over it\n",
     ),
+    "a byte order beside a header": (
+        ["scan.npy", "--byte-order", "little"],
+        2,
+        "--byte-order: this is for a file without a header\n  got: little, without --shape and --dtype\n"
+        "  hint: leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
+        "--dtype\n",
+    ),
+    "an offset beside a header": (
+        ["scan.npy", "--offset", "0"],
+        2,
+        "--offset: this is for a file without a header\n  got: 0, without --shape and --dtype\n"
+        "  hint: leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
+        "--dtype\n",
+    ),
+    "flat voxels": (
+        ["scan.npy", "--spacing", "1,1,1e6"],
+        2,
+        "--spacing: volume.spacing: the voxels are too long or too flat\n  got: sides with a ratio of 1e+06\n"
+        "  expected: a longest side of at most 1e+05 times the shortest\n",
+    ),
+    "several times": (
+        ["times.npy"],
+        2,
+        "times.npy: the array has four axes\n  got: 2 x 4 x 4 x 4\n"
+        "  expected: `--time k` with k from 0 to 1 if the first axis is time, or "
+        "`--component k` with k from 0 to 3 if the last axis holds components\n",
+    ),
+    "no such time": (
+        ["times.npy", "--time", "2"],
+        2,
+        "times.npy: there is no such time step\n  got: --time 2\n  expected: 0 to 1\n",
+    ),
+    "no such component": (
+        ["scan.npy", "--component", "1"],
+        2,
+        "scan.npy: there is no such component\n  got: --component 1\n"
+        "  expected: 0 or no `--component` at all: the volume has one\n",
+    ),
+    "sizes in units that cannot be compared": (
+        ["ome.tif"],
+        2,
+        "ome.tif: the voxel sizes in this TIFF file are in units that cannot be compared\n"
+        "  got: PhysicalSizeX=1 pixel, PhysicalSizeZ=2 \u03bcm\n"
+        "  expected: one unit for all, or units of length such as nm, µm and mm\n"
+        "  hint: `--spacing X,Y,Z` takes the place of what the file says\n",
+    ),
+    "values that are no numbers": (
+        ["nan.npy", "--nonfinite", "error"],
+        2,
+        "nan.npy: 1 of 64 voxels are NaN or infinite\n  got: the first at voxel x, y, z = 0, 0, 0\n"
+        "  expected: finite values\n  hint: `--nonfinite lowest` replaces them with the lowest finite value\n",
+    ),
     "half a headerless volume": (
         ["scan.npy", "--shape", "2,2,2"],
         2,
@@ -93,7 +146,11 @@ def scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         Path(file).touch()
     Path("notes.txt").write_text("a text", encoding="utf-8")
     Path("bare.raw").write_bytes(bytes(range(64)))
+    sizes = 'SizeX="4" SizeY="4" PhysicalSizeX="1" PhysicalSizeXUnit="pixel" PhysicalSizeZ="2"'
+    Path("ome.tif").write_bytes(ome(sizes))
     np.save("scan.npy", np.arange(64).reshape(4, 4, 4))
+    np.save("times.npy", np.arange(128).reshape(2, 4, 4, 4))
+    np.save("nan.npy", np.array([np.nan, *range(63)]).reshape(4, 4, 4))
     np.save("other/scan.npy", np.arange(64).reshape(4, 4, 4))
     return tmp_path
 

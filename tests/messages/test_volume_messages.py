@@ -14,6 +14,7 @@ import SimpleITK as sitk  # noqa: N813
 from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, RawSource, VolumeSpec
+from tests.support.tiff_files import COMPRESSION, SHORT, tiff
 
 KNOWN = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
 NUMERIC = "int8 to int64, uint8 to uint64, float16, float32 or float64"
@@ -242,6 +243,81 @@ def test_no_volume_in_the_affine(folder):
     assert message("a.nii").splitlines()[2] == (
         "  expected: finite numbers, positive spacings and three independent axes"
     )
+
+
+ROWS = "9 numbers, 3 rows of which none follows from the others"
+# A key of a MetaImage header, a value that it cannot have, and what is expected instead.
+NOT_NUMBERS = {
+    "no length": ("ElementSpacing", "0 1 1", "3 numbers, none of them 0"),
+    "no number": ("ElementSpacing", "nan 1 1", "3 numbers, none of them 0"),
+    "no lengths, by their other name": ("ElementSize", "1 1 -inf", "3 numbers, none of them 0"),
+    "too few": ("DimSize", "5 4", "3 whole numbers"),
+    "no counts": ("DimSize", "5 4 -3", "3 whole numbers"),
+    "parts": ("DimSize", "5 4 2.5", "3 whole numbers"),
+    "a number of axes": ("NDims", "three", "2, 3 or 4"),
+    "an origin": ("Offset", "nan 0 0", "3 numbers"),
+    "half an origin": ("Position", "0 0", "3 numbers"),
+    "a flat matrix": ("TransformMatrix", "1 0 0 0 1 0 0 0 0", ROWS),
+    "digits": ("TransformMatrix", f"{6 * '0.90630778703664994 '}0 0 0", ROWS),
+    "a bell": ("Offset", r"'\x07 0 0'", "3 numbers"),
+    "a matrix with an axis twice": ("TransformMatrix", "1 0 0 0 1 0 1 0 0", ROWS),
+}
+
+
+@pytest.mark.parametrize("case", NOT_NUMBERS)
+def test_metaimage_lines_without_their_numbers(folder, case, capfd):
+    key, value, expected = NOT_NUMBERS[case]
+    image = sitk.GetImageFromArray(VALUES)
+    sitk.WriteImage(image, "a.mhd")
+    lines = [line for line in Path("a.mhd").read_text().splitlines() if line.split()[0] != key]
+    if key in ("ElementSize", "Position"):
+        lines = [line for line in lines if line.split()[0] not in ("ElementSpacing", "Offset")]
+    written = "\a 0 0" if case == "a bell" else value
+    Path("a.mhd").write_text("\n".join([*lines[:2], f"{key} = {written}", *lines[2:]]) + "\n")
+    assert message("a.mhd") == (
+        "a.mhd: a line of this MetaImage header does not have the numbers that belong there\n"
+        f"  got: {key} = {value}\n"
+        f"  expected: {key} = {expected}\n"
+        "  hint: correct that line, or save the file anew"
+    )
+    assert capfd.readouterr().err == ""  # of the library, which writes there by itself
+
+
+def test_metaimage_numbers_on_several_lines(folder):
+    sitk.WriteImage(sitk.GetImageFromArray(VALUES), "a.mhd")
+    text = Path("a.mhd").read_text().replace("TransformMatrix = 1 0 0 0 1 0 ", "TransformMatrix = 1 0 0\n0 1 0\n")
+    assert "0 1 0\n0 0 1" in text
+    Path("a.mhd").write_text(text)
+    np.testing.assert_array_equal(read_volume(VolumeSpec(FileSource(Path("a.mhd")))).values, VALUES)
+
+
+def test_axes_that_other_headers_leave_flat(folder):
+    head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nspace dimension: 3\nencoding: raw\n"
+    Path("a.nrrd").write_bytes(f"{head}space directions: (1,0,0) (1,0,0) (0,0,1)\n\n".encode() + bytes(8))
+    assert message("a.nrrd") == (
+        "a.nrrd: the spacing, origin and direction give the voxels no volume\n"
+        "  got: [1 1 0 0], [0 0 0 0], [0 0 1 0] (world from voxel index)\n"
+        "  expected: finite numbers, positive spacings and three independent axes\n"
+        "  hint: correct them in the file's header, or save it anew from what it was made of"
+    )
+
+
+@pytest.mark.parametrize(("number", "name"), [(50000, ", Zstandard"), (34925, ", LZMA"), (50001, ", WebP"), (4321, "")])
+def test_tiff_compressions_that_are_not_there(folder, number, name):
+    Path("a.tif").write_bytes(tiff({COMPRESSION: (SHORT, 1, number)}))
+    first, got, *rest = message("a.tif").splitlines()
+    assert first == "a.tif: the compression of this TIFF file cannot be undone here"
+    assert got.startswith(f"  got: compression {number}{name}: ")
+    assert rest == [
+        "  expected: no compression, LZW, Deflate, PackBits or JPEG",
+        "  hint: save it anew without compression or with Deflate, or as NRRD or .npy",
+    ]
+
+
+def test_tiff_that_is_damaged_in_a_compression_that_is_there(folder):
+    Path("a.tif").write_bytes(tiff({COMPRESSION: (SHORT, 1, 8)}))
+    assert message("a.tif").splitlines()[0] == "a.tif: cannot read the voxels"
+    assert message("a.tif").splitlines()[-1] == "  hint: the file is truncated or damaged"
 
 
 def test_voxels_of_which_no_volume_is_a_number(folder):

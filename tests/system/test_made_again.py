@@ -97,6 +97,27 @@ def test_it_still_tells_what_was_asked_for(capsys: pytest.CaptureFixture[str]) -
         assert again["notes"] == [note]
 
 
+def test_a_spacing_in_place_of_the_file_s_belongs_to_the_film(capsys: pytest.CaptureFixture[str]) -> None:
+    """It is part of what frames depend on, and of the record, also when the file has moved."""
+    np.save("scan.npy", np.arange(512, dtype=np.uint8).reshape(8, 8, 8))
+    volume = ["--set", "volume={file: scan.npy}", "--set", "camera.distance=null"]
+    spacing = [*volume, "--set", "volume.spacing=[1, 1, 2]"]
+    render("scene.yaml", *volume)
+    plain = Path("film.mp4").read_bytes()
+    render("scene.yaml", *spacing)  # another film, of frames that are drawn anew
+    film = Path("film.mp4").read_bytes()
+    assert film != plain
+    told = read(Path("film.mp4.json"))
+    assert told["scene"]["volume"]["spacing"] == [1, 1, 2]
+    capsys.readouterr()
+    assert main.run(["render", "scene.yaml", *spacing]) == 0
+    assert "up to date" in capsys.readouterr().err
+    Path("scan.npy").rename("moved.npy")
+    Path("film.mp4").unlink()
+    render("film.mp4.json", "--volume", "moved.npy")
+    assert Path("film.mp4").read_bytes() == film
+
+
 def test_another_schedule_is_asked_for_anew() -> None:
     render("scene.yaml", "--set", "error.seconds=0.0001", "--best-effort")
     render("film.mp4.json", "--set", "error.tolerance=0.3", "--output", "other.mp4")

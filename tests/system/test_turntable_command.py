@@ -98,6 +98,17 @@ def test_headerless_volume() -> None:
     assert source.spacing == (1.0, 1.0, 0.5)  # type: ignore[union-attr]
 
 
+def test_another_spacing_than_that_of_the_files() -> None:
+    """One process makes both films, or each has one, which is told the option."""
+    assert turntable("in/uint8.npy", "in/labels.npy", "-o", "out", *SMALL, "--spacing", "0.1,0.1,0.5") == 0
+    assert turntable("in/uint8.npy", "-o", "one", *SMALL, "--spacing", "0.1,0.1,0.5") == 0
+    for scene in ("out/uint8.yaml", "out/labels.yaml", "one/uint8.yaml"):
+        assert load_scene(Path(scene)).volume.source.spacing == (0.1, 0.1, 0.5)  # type: ignore[union-attr]
+        told = json.loads(Path(scene).with_suffix(".mp4.json").read_text(encoding="utf-8"))
+        assert told["scene"]["volume"]["spacing"] == [0.1, 0.1, 0.5]
+        assert [told["volume"]["world_from_index"][k][k] for k in range(3)] == [0.1, 0.1, 0.5]
+
+
 def test_one_volume() -> None:
     assert turntable("in/uint8.npy", "-o", "out/deep", *SMALL) == 0
     assert files("out/deep") == ["turntable.json", "uint8.mp4", "uint8.mp4.json", "uint8.yaml"]
@@ -152,6 +163,18 @@ def test_several_volumes_of_which_one_fails(capfd: pytest.CaptureFixture[str]) -
     assert records[0]["error"].startswith("in/broken.npy: ")
     assert records[0]["error"] in said.err
     assert "broken.mp4" not in files("out") and "broken.yaml" not in files("out")
+
+
+def test_a_pattern_without_a_match_does_not_stop_the_others(capfd: pytest.CaptureFixture[str]) -> None:
+    assert turntable("in/no*.npy", "in/missing.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
+    said = capfd.readouterr()
+    assert [line.split()[:2] for line in said.out.splitlines()[1:]] == [
+        ["in/no*.npy", "failed"],
+        ["in/missing.npy", "failed"],
+        ["in/uint8.npy", "done"],
+    ]
+    assert f"in/no*.npy: no file matches this pattern\n  hint: it is relative to {Path.cwd()}\n" in said.err
+    assert files("out") == ["turntable.json", "uint8.mp4", "uint8.mp4.json", "uint8.yaml"]
 
 
 def test_volumes_of_the_same_name() -> None:

@@ -22,6 +22,9 @@ from renderer.errors import InputError
         (" 1 : 3 ", [1, 2]),
         ("4:", [4, 5]),
         (":2", [0, 1]),
+        ("-1", [5]),
+        ("-2", [4]),
+        ("-6", [0]),
         ("-2:", [4, 5]),
         (":-4", [0, 1]),
         ("::4", [0, 4]),
@@ -37,7 +40,7 @@ def test_picks(text: str | None, frames: list[int]) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "  ", "x", "1,2", "1-3", "1:2:3:4", "1.5", "1e1", "0x1", "6", "-1", "3:3", "4:2", "9:", "::0", "::-1"]
+    "text", ["", "  ", "x", "1,2", "1-3", "1:2:3:4", "1.5", "1e1", "0x1", "6", "-7", "3:3", "4:2", "9:", "::0", "::-1"]
 )
 def test_refuses(text: str) -> None:
     with pytest.raises(InputError) as caught:
@@ -67,7 +70,7 @@ def test_numbers_beyond_any_machine_integer() -> None:
         parse_frames(huge, 6)
 
 
-@pytest.mark.parametrize("text", ["7", " 7 ", "7:8", " 7 : 8 ", "7:8:", "7:8:1", "0:1"])
+@pytest.mark.parametrize("text", ["7", " 7 ", "-1", "-8", "7:8", " 7 : 8 ", "7:8:", "7:8:1", "0:1"])
 def test_one_frame_of_whatever_path(text: str) -> None:
     assert is_one_frame(text)
     for num_frames in (1, 7, 8, 100):

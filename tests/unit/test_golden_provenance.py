@@ -71,6 +71,9 @@ def test_where_files_lie_is_not_told() -> None:
     assert ORIGIN["volume"]["name"] == "engine.nhdr"
     assert ORIGIN["scene"]["volume"] == {"crop": None, "nonfinite": "error"}
     assert origin_of(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nonfinite": "error"}
+    spaced = copy.deepcopy(TOLD)
+    spaced["scene"]["volume"] = {"file": "/scans/a.npy", "spacing": [1, 1, 2]}
+    assert origin_of(spaced)["scene"]["volume"] == {"spacing": [1, 1, 2]}
     assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_of(raw)))
 
 

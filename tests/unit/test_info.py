@@ -136,6 +136,22 @@ def test_headerless_file(tmp_path):
         run(str(tmp_path / "a.raw"), "--shape", "5,4,3")
 
 
+def test_another_spacing_than_that_of_the_file(tmp_path):
+    np.save(tmp_path / "a.npy", RAMP)
+    output = run(str(tmp_path / "a.npy"), "--spacing", "0.1,0.1,0.5")
+    assert "  spacing      0.1 x 0.1 x 0.5, in place of 1 x 1 x 1\n  world size   0.5 x 0.4 x 1.5\n" in output
+    facts = json.loads(run(str(tmp_path / "a.npy"), "--spacing", "0.1,0.1,0.5", "--json"))
+    assert (facts["spacing"], facts["replaced_spacing"]) == ([0.1, 0.1, 0.5], [1.0, 1.0, 1.0])
+    assert json.loads(run(str(tmp_path / "a.npy"), "--json"))["replaced_spacing"] is None
+
+
+@pytest.mark.parametrize("text", ["1e-31,1,1", "1,1,1e31"])
+def test_a_spacing_beyond_all_lengths_is_a_usage_error(text):
+    result = CliRunner().invoke(info, ["a.npy", "--spacing", text])
+    assert result.exit_code == 2
+    assert f"'{text}' has a number that is not from 1e-30 to 1e+30." in " ".join(result.output.split())
+
+
 @pytest.mark.parametrize("text", ["5,4", "5,4,x", "5,4,0", "5,4,-1"])
 def test_wrong_shape_is_a_usage_error(text):
     result = CliRunner().invoke(info, ["a.raw", "--dtype", "uint8", "--shape", text])

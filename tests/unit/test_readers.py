@@ -223,6 +223,62 @@ def test_crop_leaves_voxels_where_they_are(x, y, z, numbers):
         )
 
 
+def oblique_file(path: Path) -> None:
+    image = sitk.GetImageFromArray(ramp("uint16"))
+    image.SetSpacing([0.8, 1.5, 2.5])
+    image.SetOrigin([-12.0, 5.0, 40.0])
+    image.SetDirection([0.8, -0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, -1.0])
+    sitk.WriteImage(image, str(path))
+
+
+@pytest.mark.parametrize("name", ["a.nrrd", "a.mha", "a.nii"])
+def test_another_spacing_leaves_directions_and_the_first_voxel(tmp_path, name):
+    oblique_file(tmp_path / name)
+    file = tmp_path / name
+    own = read_volume(VolumeSpec(FileSource(file)))
+    other = read_volume(VolumeSpec(FileSource(file, (3.0, 0.25, 7.0))))
+    np.testing.assert_allclose(other.spacing, [3.0, 0.25, 7.0], rtol=1e-15)
+    np.testing.assert_allclose(
+        other.world_from_index[:3, :3] / other.spacing, own.world_from_index[:3, :3] / own.spacing, atol=1e-15
+    )
+    np.testing.assert_array_equal(other.world_from_index[:3, 3], own.world_from_index[:3, 3])
+    np.testing.assert_array_equal(other.values, own.values)
+    assert own.replaced_spacing is None
+    np.testing.assert_allclose(other.replaced_spacing, [0.8, 1.5, 2.5], rtol=1e-6)
+    assert other.fingerprint != own.fingerprint
+
+
+def test_another_spacing_moves_what_a_crop_leaves(tmp_path):
+    oblique_file(tmp_path / "a.mha")
+    source = FileSource(tmp_path / "a.mha", (3.0, 0.25, 7.0))
+    whole = read_volume(VolumeSpec(source))
+    cropped = read_volume(VolumeSpec(source, crop=((1, 5), (2, 4), (1, 3))))
+    np.testing.assert_allclose(cropped.world_from_index @ [0, 0, 0, 1], whole.world_from_index @ [1, 2, 1, 1])
+
+
+@pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (0.1, 0.1, 0.5), (1e-30, 3e-30, 1e-29), (1e30, 3e29, 1e29)])
+def test_a_spacing_beside_a_file_is_that_of_a_raw_volume(tmp_path, spacing):
+    """Which voxels they are, and where, is the same whoever said it; so frames that are kept are."""
+    np.save(tmp_path / "a.npy", ramp("uint16"))
+    ramp("uint16").tofile(tmp_path / "a.raw")
+    x, y, z = ramp("uint16").shape[::-1]
+    beside = read_volume(VolumeSpec(FileSource(tmp_path / "a.npy", spacing)))
+    raw = read_volume(VolumeSpec(RawSource(tmp_path / "a.raw", (x, y, z), "uint16", spacing=spacing)))
+    assert beside.fingerprint == raw.fingerprint
+
+
+@pytest.mark.parametrize("length", [1e-40, 1e40])
+def test_another_spacing_in_place_of_lengths_that_cannot_be(tmp_path, length):
+    head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nspace dimension: 3\nencoding: raw\n"
+    axes = f"space directions: ({length},0,0) (0,{length},0) (0,0,{2 * length})\n\n"
+    (tmp_path / "a.nrrd").write_bytes((head + axes).encode() + bytes(8))
+    with pytest.raises(InputError, match="the spacing or the origin is out of range"):
+        read(tmp_path / "a.nrrd")
+    volume = read_volume(VolumeSpec(FileSource(tmp_path / "a.nrrd", (1.0, 2.0, 3.0))))
+    np.testing.assert_array_equal(volume.spacing, [1, 2, 3])
+    np.testing.assert_allclose(volume.replaced_spacing, [length, length, 2 * length])
+
+
 @pytest.mark.parametrize("crop", [((0, 5), (0, 4), (1, 2)), ((1, 3), (0, 4), (0, 3)), ((0, 5), (0, 4), (0, 3))])
 @pytest.mark.parametrize("name", ["a.npy", "a.nrrd", "a.mha"])
 def test_cropped_volume_owns_just_its_voxels(tmp_path, crop, name):

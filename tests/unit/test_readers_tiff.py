@@ -141,6 +141,73 @@ def test_spacing(tmp_path, unit, description, expected):
     np.testing.assert_allclose(read(tmp_path / "a.tif").spacing, expected, rtol=1e-15)
 
 
+def ome_sizes(**attributes: str) -> str:
+    """Of x, y and z, with units as `XUnit`; a second image with others comes behind them."""
+    sizes = " ".join(f'PhysicalSize{name}="{value}"' for name, value in attributes.items())
+    counts = 'DimensionOrder="XYZCT" SizeX="5" SizeY="4" SizeZ="3" SizeC="1" SizeT="1"'
+    second = 'PhysicalSizeX="9" PhysicalSizeXUnit="km" PhysicalSizeYUnit="km" PhysicalSizeZUnit="km"'
+    return f"<OME><Image><Pixels {counts} {sizes}/></Image><Image><Pixels {second}/></Image></OME>"
+
+
+@pytest.mark.parametrize(
+    ("sizes", "expected"),
+    [
+        ({"X": "0.1", "Y": "0.1", "Z": "500", "XUnit": "µm", "YUnit": "µm", "ZUnit": "nm"}, (0.1, 0.1, 0.5)),
+        ({"X": "0.1", "Y": "0.1", "Z": "500", "ZUnit": "nm"}, (0.1, 0.1, 0.5)),  # µm where nothing is said
+        ({"X": "100", "Y": "0.1", "Z": "0.0005", "XUnit": "nm", "ZUnit": "mm"}, (100, 100, 500)),
+        ({"X": "0.1", "Y": "0.2", "Z": "1", "XUnit": "mm", "YUnit": "mm", "ZUnit": "mm"}, (0.1, 0.2, 1)),
+        ({"X": "0.1", "Y": "0.2", "Z": "1", "XUnit": "&#181;m", "YUnit": "&#xB5;m", "ZUnit": "\u03bcm"}, (0.1, 0.2, 1)),
+        ({"X": "1", "Y": "10", "Z": "10", "XUnit": "nm", "YUnit": "\u00c5", "ZUnit": "\u212b"}, (1, 1, 1)),
+        ({"X": "1", "Y": "1", "Z": "1", "XUnit": "in", "YUnit": "ft", "ZUnit": "mm"}, (1, 12, 1 / 25.4)),
+        ({"X": "72", "Y": "12", "Z": "1000", "XUnit": "pt", "YUnit": "li", "ZUnit": "thou"}, (72, 72, 72)),
+        ({"X": "1", "Y": "1760", "Z": "1", "XUnit": "mi", "YUnit": "yd", "ZUnit": "km"}, (1, 1, 1 / 1.609344)),
+        ({"X": "1", "Y": "1", "Z": "1", "XUnit": "ua", "YUnit": "pc", "ZUnit": "ly"}, (1, 206264.806, 63241.077)),
+        ({"X": "2", "Y": "3", "Z": "4", "XUnit": "pixel", "YUnit": "pixel", "ZUnit": "pixel"}, (2, 3, 4)),
+        ({"Y": "2", "Z": "1", "YUnit": "nm", "ZUnit": "µm"}, (1, 2, 1000)),  # in the unit of the first that is said
+    ],
+)
+def test_ome_units(tmp_path, sizes, expected):
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(ramp("uint16"), description=ome_sizes(**sizes)))
+    np.testing.assert_allclose(read(tmp_path / "a.tif").spacing, expected, rtol=1e-8)
+
+
+def test_an_ome_unit_in_latin_1(tmp_path):
+    description = ome_sizes(X="0.1", Y="0.1", Z="500", XUnit="µm", YUnit="µm", ZUnit="nm")
+    utf_8 = tiff_bytes(ramp("uint16"), description=description)
+    (tmp_path / "a.tif").write_bytes(utf_8.replace("µ".encode() + b'm" ', b'\xb5m"  '))  # as long
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").spacing, [0.1, 0.1, 0.5])
+
+
+@pytest.mark.parametrize("unit", ["pixel", "reference frame", "furlong"])
+def test_ome_units_that_cannot_be_compared(tmp_path, unit):
+    sizes = ome_sizes(X="0.1", Y="0.2", Z="3", ZUnit=unit)
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(ramp("uint16"), description=sizes))
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "a.tif")
+    assert str(error.value) == (
+        f"{tmp_path / 'a.tif'}: the voxel sizes in this TIFF file are in units that cannot be compared\n"
+        f"  got: PhysicalSizeX=0.1 \u03bcm, PhysicalSizeY=0.2 \u03bcm, PhysicalSizeZ=3 {unit}\n"
+        "  expected: one unit for all, or units of length such as nm, µm and mm\n"
+        "  hint: `spacing: [x, y, z]` takes the place of what the file says"
+    )
+    told = read_volume(VolumeSpec(FileSource(tmp_path / "a.tif", (1.0, 2.0, 3.0))))
+    np.testing.assert_array_equal(told.spacing, [1, 2, 3])
+
+
+def test_an_ome_size_beyond_all_numbers(tmp_path):
+    sizes = ome_sizes(X="1", Y="1", Z="1e300", XUnit="ym", YUnit="ym", ZUnit="Ym")
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(ramp("uint16"), description=sizes))
+    with pytest.raises(InputError, match="the spacing, origin and direction give the voxels no volume"):
+        read(tmp_path / "a.tif")
+
+
+def test_a_spacing_of_slices_in_a_folder(tmp_path):
+    for k in range(3):
+        (tmp_path / f"{k}.tif").write_bytes(tiff_bytes(np.full((1, 4, 5), k, np.uint16)))
+    told = read_volume(VolumeSpec(FileSource(tmp_path, (0.5, 0.5, 2.0))))
+    np.testing.assert_array_equal(told.spacing, [0.5, 0.5, 2])
+
+
 @pytest.mark.parametrize(
     ("order", "description"),
     [

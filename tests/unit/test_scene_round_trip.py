@@ -77,7 +77,7 @@ def raw_sources() -> st.SearchStrategy[RawSource]:
 VOLUMES = st.one_of(
     st.builds(
         VolumeSpec,
-        source=st.just(FileSource(HERE)),
+        source=st.builds(FileSource, st.just(HERE), st.none() | SPACING),
         time=st.none() | st.integers(0, 99),
         component=st.none() | st.integers(0, 99),
         crop=CROP,

@@ -98,6 +98,17 @@ def test_all_that_is_said_is_read(tmp_path: Path) -> None:
     assert scene.output.background == pytest.approx((1.0, 128 / 255, 0.0))
 
 
+def test_a_spacing_in_place_of_the_file_s(tmp_path: Path) -> None:
+    source = FileSource(tmp_path / "a.npy", (1e-7, 2e-7, 3e-3))
+    source.file.touch()
+    text = scene_text(
+        VolumeSpec(source), SUGGESTION, FilmOptions(), folder=tmp_path, output=Path("film.mp4"), is_float=False
+    )
+    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
+    assert load_scene(tmp_path / "scene.yaml").volume == VolumeSpec(source)
+    assert "  spacing: [1.0e-07, 2.0e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
+
+
 def test_the_whole_text() -> None:
     text = scene_text(
         VolumeSpec(FileSource(Path("scans/scan.nrrd")), 3, 1),

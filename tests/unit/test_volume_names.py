@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hsplat_cli.patterns import require_name
 from hsplat_cli.volume_names import base_name, expand, named
 from renderer.errors import InputError
 
@@ -76,8 +77,12 @@ def test_patterns_are_expanded_in_order() -> None:
 
 @pytest.mark.parametrize("pattern", ["*.npy", "/nowhere/*.npy"])
 def test_a_pattern_that_matches_nothing(pattern: str, tmp_path: Path) -> None:
+    touch("scan.nrrd")
+    volumes, notes = expand(["scan.nrrd", pattern])  # left, like what is not there, until its turn comes
+    assert (volumes, notes) == ([Path("scan.nrrd"), Path(pattern)], [])
+    require_name(volumes[0])
     with pytest.raises(InputError) as caught:
-        expand([pattern])
+        require_name(volumes[1])
     hint = f"\n  hint: it is relative to {tmp_path}" if pattern == "*.npy" else ""
     assert str(caught.value) == f"{pattern}: no file matches this pattern{hint}"
 
@@ -85,6 +90,7 @@ def test_a_pattern_that_matches_nothing(pattern: str, tmp_path: Path) -> None:
 def test_a_name_that_looks_like_a_pattern() -> None:
     touch("scan[1].npy", "scan1.npy")
     assert expand(["scan[1].npy"])[0] == [Path("scan[1].npy")]
+    require_name(Path("scan[1].npy"))
 
 
 def test_what_is_not_there_is_left_to_its_reader() -> None:
@@ -112,3 +118,4 @@ def test_slices_are_no_volumes() -> None:
     touch("series/1.dcm", "series/2.dcm")
     with pytest.raises(InputError, match="2 DICOM files of one folder would be a film each"):
         expand(["series/*.dcm"])
+    assert expand(["a/*.dcm", "a/?.dcm"])[0] == [Path("a/*.dcm"), Path("a/?.dcm")]  # which are no files
