@@ -205,6 +205,17 @@ def gentleness(sample: Sample, step: float) -> float:
     return float(np.mean(unequal <= step)) if unequal.size else 0.0
 
 
+def transition(sample: Sample) -> float:
+    """The part of all values, each of them counted once, most of whose voxels lie strictly between their neighbours
+    along x or y: what the edges of an image go through has its voxels there, and a label has them side by side."""
+    values, number = np.unique(sample.shares, return_inverse=True)
+    here, passed = sample.shares, np.zeros(sample.shares.shape, bool)
+    for before, after in _sides(sample):
+        passed |= ((before < here) & (here < after)) | ((before > here) & (here > after))
+    counts = np.bincount(number.ravel(), minlength=len(values))
+    return float(np.mean(np.bincount(number.ravel(), passed.ravel()) > counts / 2))
+
+
 def _sides(sample: Sample) -> tuple[Float64, Float64]:
     return sample.beside_x, sample.beside_y
 

@@ -16,7 +16,8 @@ import numpy as np
 from renderer import looks
 from renderer.evidence import Background, Sample, find_background, roughness, split, take_sample
 from renderer.exposure import expose, opacity_of, unit_for, whole
-from renderer.labels import label_mapping, label_outside, label_values
+from renderer.labels import label_mapping, label_outside, label_reason, label_values
+from renderer.level_sets import lies_inside
 from renderer.looks import Look
 from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, TransferSpec
 from renderer.statistics import Statistics
@@ -50,7 +51,7 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
         outside = label_outside(sample, values)
         mapping, notes, unit = label_mapping(sample, values, outside, colormap)
         kind = "mask" if len(values) == 2 else "labels"
-        reason = f"there are {len(values)} values, in large pieces, and {whole(outside)} is the background"
+        reason = label_reason(sample, values, outside)
         shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
         return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, shading)
     zero = hounsfield_zero(statistics)
@@ -74,8 +75,6 @@ _SPREAD = 25.0
 # Two phases have at least this part of the variance between them: 0.64 for one normal distribution, 0.75 for even
 # values.
 _TWO_PHASES = 0.85
-# The border of a level set has one sign, here and there excepted.
-_ONE_SIGN = 0.97
 # A filled volume shows values above this percentile.
 _UPPER_HALF = 60.0
 
@@ -88,7 +87,7 @@ def _recognised(
     if min(background.above, background.below) > _ONE_SIDED * max(background.above, background.below):
         middle = _round(sample.value(background.middle), sample)
         away = max(background.high - background.middle, 0.04)
-        reason = f"values lie on both sides of a background near {middle:g}"
+        reason = f"values lie on both sides of a background near {middle:.12g}"
         return "field with two signs", reason, looks.diverging(sample, background.middle, away)
     if background.below > background.above:
         turned = sample.reflected()
@@ -100,7 +99,7 @@ def _recognised(
 def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
     """What stands out above the background."""
     rough = roughness(sample, background.high)
-    near = f"the background is near {_round(sample.value(background.middle), sample):g}"
+    near = f"the background is near {_round(sample.value(background.middle), sample):.12g}"
     is_float = volume.values.dtype.kind == "f"
     if is_float and looks.tail(sample, background.high, origin=background.middle) > _SPREAD:
         look = looks.ramp(sample, background.high, origin=background.middle)
@@ -123,12 +122,11 @@ def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
         look = looks.diverging(sample, sample.share(0.0), 1.2 * spread)
         return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", look
     if low < 0 < high:
-        around = float(np.mean(sample.border() > sample.share(0.0)))
-        if around > _ONE_SIGN:
-            look = looks.inside(1 - sample.share(0.0)).reflected()
-            return "level set", "negative values lie inside of positive ones", look
-        if around < 1 - _ONE_SIGN:
-            return "level set", "positive values lie inside of negative ones", looks.inside(sample.share(0.0))
+        zero = sample.share(0.0)
+        if lies_inside(sample.reflected(), 1 - zero):
+            return "level set", "negative values lie inside of positive ones", looks.inside(1 - zero).reflected()
+        if lies_inside(sample, zero):
+            return "level set", "positive values lie inside of negative ones", looks.inside(zero)
     found = split(sample.shares, *np.percentile(sample.shares, (0.01, 99.99)).tolist())
     if found is not None and found.separation > _TWO_PHASES:
         return "two phases", "there is no background, and values gather in two groups", looks.phases(sample, found)
@@ -202,8 +200,10 @@ def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str 
     where, colors = [at for at, _ in look.colors], np.array([color for _, color in look.colors])
     points: dict[float, ControlPoint] = {}
     notes: dict[float, str] = {}
-    for at, depth in zip(knots, depths.tolist(), strict=True):
-        value = _round(sample.value(at), sample)
+    gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
+    nearest = np.minimum(gaps[:-1], gaps[1:])
+    for at, depth, gap in zip(knots, depths.tolist(), nearest.tolist(), strict=True):
+        value = _round(sample.value(at), sample, gap)
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
         points[value] = ControlPoint(value, (r, g, b), opacity_of(depth, unit, sample.diagonal))
         starting = [layer.name for layer in look.layers if layer.name and _peak(layer.knots) == at]
@@ -241,10 +241,15 @@ def _peak(knots: tuple[tuple[float, float], ...]) -> float:
     return next(at for at, weight in knots if weight == most)
 
 
-def _round(value: float, sample: Sample) -> float:
-    """To about a thousandth of the range, so that it can be read; where there are no such decimals, as it is."""
-    extent = abs(sample.maximum / 2 - sample.minimum / 2) * 2
+def _round(value: float, sample: Sample, gap: float = 1.0) -> float:
+    """To about a thousandth of the range, so that it can be read, or a twentieth of the `gap` to the next share, so
+    that points stay apart; where there are no such decimals, as it is."""
+    extent = abs(sample.maximum / 2 - sample.minimum / 2) * 2 * min(1.0, 50 * gap)
     if not 1e-290 < extent < 1e290:
         return value
     decimals = 3 - math.floor(math.log10(extent))
-    return float(round(value, max(decimals, 0))) + 0.0 if decimals > -12 else float(f"{value:.5g}")
+    if decimals > -12 and abs(value) < 1e15:
+        return float(round(value, max(decimals, 0))) + 0.0
+    # With zeros before the point, and as many digits before them as tell values apart on a large offset.
+    digits = 1 + decimals + math.floor(math.log10(abs(value))) if value else 1
+    return float(f"{value:.{min(max(digits, 5), 17)}g}")

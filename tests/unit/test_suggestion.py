@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kinds_of_data import KINDS, head_in_hounsfield_units, labels, signed, two_materials
+from kinds_of_data import KINDS, axes, head_in_hounsfield_units, labels, signed, two_materials
 
 from renderer.pipeline import prepare, render_frames
 from renderer.raster_gl import GLRasterizer
@@ -208,6 +208,61 @@ def test_smooth_volumes_of_few_levels_are_no_labels() -> None:
     z, y, x = np.meshgrid(*[np.linspace(-1, 1, 256)[:96]] * 3, indexing="ij")
     values = np.rint(60 * np.exp(-3 * (x**2 + y**2 + z**2))).astype(np.uint8)
     assert suggested(values).kind not in ("labels", "mask")
+
+
+@pytest.mark.parametrize("num_values", [7, 40, 255])
+def test_clipped_images_without_noise_are_no_labels(num_values: int) -> None:
+    """Most of it has the largest value, but the others are those that its edge goes through."""
+    z, y, x = axes()
+    edge = np.clip(24 * (0.9 - np.sqrt((x + 0.03) ** 2 + (y - 0.06) ** 2 + z**2)), 0, 1)
+    values = np.rint(edge * (num_values - 1)).astype(np.uint8)
+    assert suggested(values).kind not in ("labels", "mask")
+
+
+def test_layers_side_by_side_are_labels() -> None:
+    """Ascending from the inside out, as the values of an edge do, but each of some thickness."""
+    z, y, x = axes()
+    radius = np.sqrt(x**2 + y**2 + z**2)
+    values = np.where(radius < 0.9, 1 + radius * 6, 0).astype(np.uint8)
+    assert suggested(values).kind == "labels"
+
+
+@pytest.mark.parametrize("along", [(0, 1, 2), (2,)])
+def test_pieces_of_one_voxel_are_not_called_large(along: tuple[int, ...]) -> None:
+    """A chequerboard, and stripes."""
+    suggestion = suggested(np.where(np.indices((32, 32, 32))[list(along)].sum(0) % 2, 200, 0).astype(np.uint8))
+    assert (suggestion.kind, suggestion.reason) == ("mask", "there are 2 values, and 0 is the background")
+
+
+def test_large_pieces_are_called_so() -> None:
+    reason = "there are 5 values, in large pieces, and 0 is the background"
+    assert suggested(labels()).reason == reason
+
+
+@pytest.mark.parametrize("extent", [10**6, 10**10, 10**15])
+@pytest.mark.parametrize("offset", [0, 2**60, -(2**60)])
+def test_points_are_told_apart_on_a_large_offset(extent: int, offset: int) -> None:
+    """A ramp of as many points as without the offset, each within a thousandth of the range, which int64 has exactly
+    and float64 to 256 here."""
+    values = (np.asarray(KINDS["temperature"][0], np.float64) - 273) / 80
+    values = np.rint(values / np.ptp(values) * extent).astype(np.int64)
+    plain, shifted = (suggested(values + by).transfer.mapping for by in (0, offset))
+    assert not isinstance(plain, ColormapSpec) and not isinstance(shifted, ColormapSpec)
+    assert len(plain) == len(shifted) == 8
+    for one, other in zip(plain, shifted, strict=True):
+        assert other.value - offset == pytest.approx(one.value, abs=2e-3 * extent)
+        assert one.opacity == pytest.approx(other.opacity, abs=5e-3)
+
+
+def test_points_are_told_apart_beside_a_hot_voxel() -> None:
+    """Which makes them much nearer to each other than a thousandth of the range."""
+    values = two_materials("uint8") / 255
+    hot = values.copy()
+    hot[5, 6, 7] = 3e4
+    mapping = suggested(hot).transfer.mapping
+    assert not isinstance(mapping, ColormapSpec)
+    within = [point.value for point in mapping if 0.05 < point.value < 0.9]
+    assert len(within) == len(mapping) - 1 >= 3
 
 
 def test_thousands_of_labels() -> None:
