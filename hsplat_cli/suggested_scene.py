@@ -10,6 +10,7 @@ from hsplat_cli.scene_text import FilmOptions, scene_text
 from hsplat_cli.volume_options import read_as_told
 from renderer.colormaps import is_colormap, nearest_colormap
 from renderer.errors import InputError, SceneError
+from renderer.extents import extent_of, require_proportion, volume_problems
 from renderer.scene import VolumeSpec
 from renderer.schema import show
 
@@ -50,13 +51,14 @@ def require_colormap(name: str | None) -> None:
 def suggest_scene(
     volume: VolumeSpec, film: FilmOptions, *, colormap: str | None, scene: Path, output: Path
 ) -> SuggestedScene:
-    """The scene to be written to the file `scene`. Raises InputError for a volume that cannot be read, and SceneError
-    where an option, such as the background, cannot be in a scene."""
+    """The scene to be written to the file `scene`. Raises InputError for a volume that cannot be read or drawn, and
+    SceneError where an option, such as the background, cannot be in a scene."""
     from renderer.statistics import measure  # noqa: PLC0415  (numpy, for which --help does not wait)
     from renderer.suggestion import suggest  # noqa: PLC0415
 
     require_colormap(colormap)
     read = read_as_told(volume)
+    require_proportion(volume_problems(extent_of(read), read.name))
     suggestion = suggest(read, measure(read.values, read.source), colormap)
     text = scene_text(
         volume,

@@ -46,11 +46,9 @@ def lies_inside(sample: Sample, border: float) -> bool:
 def _is_distance(sample: Sample, within: Mask) -> bool:
     """Whether the values change alike everywhere, for lengths in world units or in voxels."""
     axes = [axis for axis in range(3) if sample.shares.shape[axis] > 1]
-    changes = [np.gradient(sample.shares, axis=axis) for axis in axes]
+    changes = {axis: np.gradient(sample.shares, axis=axis) for axis in axes}
     return any(
-        _is_even(
-            np.sqrt(sum((change / lengths[axis]) ** 2 for axis, change in zip(axes, changes, strict=True))), within
-        )
+        _is_even(np.sqrt(sum((changes[axis] / lengths[axis]) ** 2 for axis in axes)), within)
         for lengths in (sample.lengths, sample.steps)
     )
 

@@ -143,6 +143,38 @@ def test_init_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
+@pytest.mark.parametrize("volume", ["scan.npy", "no/where.npy"])
+def test_init_into_a_folder_that_is_not_there(volume: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Which is said first, before the volume is read."""
+    assert main.run(["init", volume, "--output", "no/such/scene.yaml"]) == 2
+    assert capsys.readouterr().err == (
+        "no/such/scene.yaml: the folder of the output is not there\n  got: no/such\n  hint: make it first\n"
+    )
+    assert not Path("no").exists()
+
+
+def test_init_into_a_folder_that_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["init", "no/where.npy", "--output", "notes.txt/scene.yaml"]) == 2
+    assert capsys.readouterr().err == "notes.txt/scene.yaml: the folder of the output is a file\n  got: notes.txt\n"
+
+
+@pytest.mark.parametrize("arguments", [["init"], ["init", "--output", "a.yaml"], ["turntable", "-o", "films"]])
+def test_voxels_that_no_scene_can_draw(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """They are refused at once, as `render` would, and no scene is written."""
+    command, *options = arguments
+    header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nspacings: 1e-6 1e-3 1\nencoding: raw\n\n"
+    Path("flat.nrrd").write_bytes(header.encode() + bytes(range(8)))
+    assert main.run([command, "flat.nrrd", *options]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == (
+        "flat.nrrd: the voxels are too long or too flat\n"
+        "  got: sides with a ratio of 1e+06\n"
+        "  expected: a longest side of at most 1e+05 times the shortest\n"
+    )
+    assert not Path("a.yaml").exists() and not Path("films/flat.yaml").exists()
+
+
 def test_what_was_chosen_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["init", "scan.npy"]) == 0
     said = capsys.readouterr()
