@@ -53,6 +53,7 @@ def scene_text(
         "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.",
         *transfer_lines(suggestion.transfer, suggestion.notes),
         *_shading_lines(suggestion.shading),
+        *_splat_lines(suggestion),
         "",
         "camera:",
         "  target: visible             # the middle of what can be seen; from as near as shows all of it",
@@ -143,6 +144,20 @@ def _shading_lines(shading: ShadingSpec | None) -> Iterator[str]:
         f"shading: {{ambient: {number(shading.ambient)}, diffuse: {number(shading.diffuse)}, "
         f"light: {_list(shading.light)}}}"
     )
+
+
+def _splat_lines(suggestion: Suggestion) -> Iterator[str]:
+    if suggestion.splat is not None:
+        yield ""
+        yield "# Each voxel has its colour before anything is interpolated; without this line the skin of a label has"
+        yield "# those of all numbers between its own and its neighbour's. Where a label to look through has a blurred edge,"
+        yield "# a smaller tolerance makes it sharp."
+        yield f"splat: {{footprint: {suggestion.splat.footprint}}}"
+    elif suggestion.are_names:
+        yield ""
+        yield "# The skin of a label has the colours of all numbers between its own and its neighbour's, for numbers are"
+        yield "# interpolated. `splat: {footprint: gaussian}` gives each voxel its own colour, but takes memory for every"
+        yield "# voxel that is drawn, and this volume is so large that it stays in its file."
 
 
 def _with_comment(line: str, comment: str) -> str:

@@ -19,7 +19,7 @@ from renderer.exposure import expose, opacity_of, unit_for, whole
 from renderer.labels import label_mapping, label_outside, label_reason, label_values
 from renderer.level_sets import lies_inside
 from renderer.looks import Look
-from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, TransferSpec
+from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
 from renderer.statistics import Statistics
 from renderer.volume import Float64, Volume
 
@@ -28,13 +28,16 @@ from renderer.volume import Float64, Volume
 class Suggestion:
     """kind: what the data are taken for. reason: by which signs, a clause without a full stop.
     transfer: the transfer function, with its unit. notes: a word about each of its points, mostly empty.
-    shading: or None where there are no surfaces."""
+    shading: or None where there are no surfaces.
+    are_names: the values are names, and none is between two of them. splat: how to draw; None as ever."""
 
     kind: str
     reason: str
     transfer: TransferSpec
     notes: tuple[str, ...]
     shading: ShadingSpec | None
+    are_names: bool = False
+    splat: SplatSpec | None = None
 
 
 def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
@@ -50,10 +53,14 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
     if values is not None:
         outside = label_outside(sample, values)
         mapping, notes, unit = label_mapping(sample, values, outside, colormap)
-        kind = "mask" if len(values) == 2 else "labels"
         reason = label_reason(sample, values, outside)
         shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
-        return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, shading)
+        transfer = TransferSpec(mapping, unit)
+        if len(values) == 2:
+            return Suggestion("mask", reason, transfer, notes, shading)
+        # What stays in its file may be larger than memory, which splats would need.
+        splat = SplatSpec(footprint="gaussian") if volume.source is None else None
+        return Suggestion("labels", reason, transfer, notes, shading, are_names=True, splat=splat)
     zero = hounsfield_zero(statistics)
     if zero is not None:
         where = "" if zero == 0 else f", stored with {zero:g} added"

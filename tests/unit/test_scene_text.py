@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from renderer.scene import (
     FileSource,
     RawSource,
     ShadingSpec,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -145,6 +147,22 @@ output:
   frames_per_second: 30
   background: "#000000"
 """
+
+
+@pytest.mark.parametrize("splat", [None, SplatSpec(footprint="gaussian")])
+def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: SplatSpec | None) -> None:
+    (tmp_path / "scan.npy").touch()
+    text = scene_text(
+        VolumeSpec(FileSource(tmp_path / "scan.npy")),
+        replace(SUGGESTION, are_names=True, splat=splat),
+        FilmOptions(),
+        folder=tmp_path,
+        output=Path("scan.mp4"),
+        is_float=False,
+    )
+    assert "skin of a label" in text
+    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
+    assert load_scene(tmp_path / "scene.yaml").splat == (splat or SplatSpec(footprint="integrated"))
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kinds_of_data import KINDS, axes, head_in_hounsfield_units, labels, signed, two_materials
+from kinds_of_data import KINDS, N, axes, head_in_hounsfield_units, labels, signed, two_materials
 
 from renderer.pipeline import prepare, render_frames
 from renderer.raster_gl import GLRasterizer
+from renderer.readers import common, read_volume
 from renderer.scene import (
     CameraSpec,
     ColormapSpec,
@@ -21,6 +22,7 @@ from renderer.scene import (
     FileSource,
     OutputSpec,
     Scene,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -57,6 +59,7 @@ def picture(values: Array, rasterizer: GLRasterizer, size: int = 64) -> Array:
         OutputSpec(Path("still.png"), (size, size)),
         error=ErrorSpec(((0, 0.05),)),
         shading=suggestion.shading,
+        splat=suggestion.splat or SplatSpec(footprint="integrated"),
     )
     stage = prepare(scene, clock=time.perf_counter, num_threads=1, volume=volume)
     (frame,) = render_frames(stage, [1], rasterizer, clock=time.perf_counter)
@@ -193,6 +196,33 @@ def test_a_label_around_others_is_glass() -> None:
     assert none == 0
     assert 0 < 5 * body < organ
     assert organ == pytest.approx(last, rel=0.5)
+
+
+def test_a_label_has_its_own_colour_to_its_skin(rasterizer: GLRasterizer) -> None:
+    """Not that of the number between it and the background's, as interpolated numbers would have there."""
+    values = np.zeros((N, N, N), np.uint8)
+    values[4:18, 8:-8, 8:-8] = 1
+    values[30:44, 8:-8, 8:-8] = 2
+    image = picture(values, rasterizer, 96).astype(int)
+    upper, lower = image[:40], image[56:]
+    for part, own, other in ((upper, 2, 0), (lower, 0, 2)):  # blue above, orange below
+        seen = part.max(axis=2) > 12
+        assert seen.mean() > 0.1
+        assert (part[seen][:, own] > part[seen][:, other]).all()
+
+
+def test_splats_are_suggested_for_labels_in_memory_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    volume = volume_of(labels())
+    statistics = measure(volume.values)
+    in_memory = suggest(volume, statistics)
+    assert in_memory.are_names and in_memory.splat == SplatSpec(footprint="gaussian")
+    mask = suggested((labels() > 1).astype(np.uint8))
+    assert not mask.are_names and mask.splat is None
+    assert suggested(two_materials("uint8")).splat is None
+    monkeypatch.setattr(common, "_MAPPED_FROM", 1)
+    np.save(tmp_path / "labels.npy", labels())
+    in_file = suggest(read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy"))), statistics)
+    assert in_file.are_names and in_file.splat is None
 
 
 def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
