@@ -20,7 +20,7 @@ from renderer.staging import require_possible, write_staged
 @click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write to this file, not to stdout.")
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 @film_options
-@volume_options(nonfinite="lowest")
+@volume_options(nonfinite=None)
 def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None, **options: Any) -> None:
     """Write a scene file for a volume, to start from.
 
@@ -38,10 +38,13 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
         volume_spec(volume, **options),
         film,
         colormap=colormap,
+        hides_nonfinite=options["nonfinite"] is None,
         scene=output or Path("scene.yaml"),
         output=Path(f"{base_name(volume)}.mp4"),
     )
     click.echo(f"{volume}: {scene.kind}; {scene.reason}", err=True)
+    if scene.nonfinite is not None:
+        click.echo(f"{volume}: {scene.nonfinite}", err=True)
     if output is None:
         # As bytes: a terminal's encoding does not concern the file that this may become.
         click.echo(scene.text.encode(), nl=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, scene_text
@@ -13,6 +14,10 @@ from renderer.errors import InputError, SceneError
 from renderer.extents import extent_of, require_proportion, volume_problems
 from renderer.scene import VolumeSpec
 from renderer.schema import show
+
+if TYPE_CHECKING:
+    from renderer.suggestion import Suggestion
+    from renderer.volume import Volume
 
 # Where the values of a scene came from.
 _OPTIONS = {
@@ -28,11 +33,13 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class SuggestedScene:
-    """text: the YAML. kind, reason: what the volume is taken for, and why."""
+    """text: the YAML. kind, reason: what the volume is taken for, and why. nonfinite: how many voxels are no numbers,
+    and what becomes of them; None where all are."""
 
     text: str
     kind: str
     reason: str
+    nonfinite: str | None
 
 
 def require_colormap(name: str | None) -> None:
@@ -49,17 +56,38 @@ def require_colormap(name: str | None) -> None:
 
 
 def suggest_scene(
-    volume: VolumeSpec, film: FilmOptions, *, colormap: str | None, scene: Path, output: Path
+    volume: VolumeSpec,
+    film: FilmOptions,
+    *,
+    colormap: str | None,
+    scene: Path,
+    output: Path,
+    hides_nonfinite: bool = False,
 ) -> SuggestedScene:
-    """The scene to be written to the file `scene`. Raises InputError for a volume that cannot be read or drawn, and
+    """The scene to be written to the file `scene`.
+
+    hides_nonfinite: NaN and infinities get a value that is not seen, in place of the `lowest` that `volume` asks for.
+
+    Raises InputError for a volume that cannot be read or drawn, and
     SceneError where an option, such as the background, cannot be in a scene."""
     from renderer.statistics import measure  # noqa: PLC0415  (numpy, for which --help does not wait)
     from renderer.suggestion import suggest  # noqa: PLC0415
+    from renderer.unseen import unseen_value  # noqa: PLC0415
 
     require_colormap(colormap)
     read = read_as_told(volume)
     require_proportion(volume_problems(extent_of(read), read.name))
-    suggestion = suggest(read, measure(read.values, read.source), colormap)
+    statistics = measure(read.values, read.source)
+    suggestion = suggest(read, statistics, colormap)
+    value = unseen_value(read, statistics) if hides_nonfinite and read.num_nonfinite else None
+    if value is not None:
+        hidden = replace(volume, nonfinite=value)
+        with_value = read_as_told(hidden)
+        other = suggest(with_value, measure(with_value.values, with_value.source), colormap)
+        # That is another volume, in which the value may show against all expectation.
+        if not _shows(with_value, other) or _shows(read, suggestion):
+            volume, read, suggestion = hidden, with_value, other
+    nonfinite = _fate(read, volume, suggestion) if read.num_nonfinite else None
     text = scene_text(
         volume,
         suggestion,
@@ -67,9 +95,28 @@ def suggest_scene(
         folder=scene.parent,
         output=output,
         is_float=read.values.dtype.kind == "f",
+        nonfinite=nonfinite,
     )
     _check(text, scene)
-    return SuggestedScene(text, suggestion.kind, suggestion.reason)
+    return SuggestedScene(text, suggestion.kind, suggestion.reason, nonfinite)
+
+
+def _shows(volume: Volume, suggestion: Suggestion) -> bool:
+    """Whether what NaN have become is seen."""
+    import numpy as np  # noqa: PLC0415
+
+    from renderer.transfer import make_transfer  # noqa: PLC0415
+
+    transfer = make_transfer(suggestion.transfer, volume.finest_spacing)
+    return bool(transfer.classify(np.array([volume.stand_in]))[1][0] > 0)
+
+
+def _fate(volume: Volume, spec: VolumeSpec, suggestion: Suggestion) -> str:
+    """What becomes of voxels that are no numbers."""
+    name = f"{'the lowest value, ' if spec.nonfinite == 'lowest' else ''}{volume.stand_in:.7g}"
+    seen = "which can be seen" if _shows(volume, suggestion) else "which is not seen"
+    total = volume.values.size
+    return f"{volume.num_nonfinite} of {total} voxels are NaN or infinite; they are drawn as {name}, {seen}"
 
 
 def _check(text: str, scene: Path) -> None:

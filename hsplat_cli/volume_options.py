@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -35,17 +36,34 @@ def _three(kind: type[int] | type[float]) -> Callable[[click.Context, click.Para
     return convert
 
 
-def volume_options(nonfinite: Literal["error", "lowest"]) -> Callable[[_Command], _Command]:
-    """A decorator for --time, --component, --nonfinite with its default, and the options of a headerless file."""
+def _nonfinite(_context: click.Context, _parameter: click.Parameter, text: str | None) -> str | float | None:
+    """`error`, `lowest`, or a finite number."""
+    if text in (None, "error", "lowest"):
+        return text
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise click.BadParameter(f"{text!r} is neither error nor lowest nor a finite number.")
+    return number
+
+
+def volume_options(nonfinite: Literal["error"] | None) -> Callable[[_Command], _Command]:
+    """A decorator for --time, --component, --nonfinite with its default, and the options of a headerless file.
+
+    With the default None, it is None where it is not given: a value that is not seen is to be found.
+    """
     options = (
         click.option("--time", type=int, help="Which time step, from 0, of a volume that has several."),
         click.option("--component", type=int, help="Which component, from 0, of a volume that has several."),
         click.option(
             "--nonfinite",
-            type=click.Choice(["error", "lowest"]),
+            metavar="error|lowest|NUMBER",
+            callback=_nonfinite,
             default=nonfinite,
-            show_default=True,
-            help="What to do with NaN and inf.",
+            show_default=nonfinite or "a value that is not seen",
+            help="What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
         ),
         click.option(
             "--shape",
@@ -83,7 +101,8 @@ def volume_spec(
     spacing: tuple[float, float, float],
     offset: int,
 ) -> VolumeSpec:
-    """What the options ask for. Raises InputError where one of --shape and --dtype is missing."""
+    """What the options ask for; `lowest` where no `nonfinite` is given. Raises InputError where one of --shape and
+    --dtype is missing."""
     if (shape is None) != (dtype is None):
         raise InputError(
             "a headerless file needs both --shape and --dtype", got="--shape" if shape is not None else "--dtype"
@@ -91,7 +110,7 @@ def volume_spec(
     source: FileSource | RawSource = FileSource(volume)
     if shape is not None and dtype is not None:
         source = RawSource(volume, shape, dtype, byte_order, spacing, offset)
-    return VolumeSpec(source, time, component, nonfinite=nonfinite)
+    return VolumeSpec(source, time, component, nonfinite="lowest" if nonfinite is None else nonfinite)
 
 
 def read_as_told(volume: VolumeSpec) -> Volume:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.evidence import Sample, evenness, gentleness, transition
+from renderer.evidence import Sample, evenness, faces, gentleness, transition
 from renderer.exposure import Layer, expose, opacity_of, unit_for, whole
 from renderer.looks import CRISP, GLASS, SOLID
 from renderer.mapped_file import slabs
@@ -92,7 +92,7 @@ def label_outside(sample: Sample, values: Sequence[float]) -> float:
 
 
 def _at_border(sample: Sample) -> float:
-    values, counts = np.unique(sample.border(), return_counts=True)
+    values, counts = np.unique(faces(sample.shares), return_counts=True)
     return float(values[counts.argmax()])
 
 

@@ -7,12 +7,9 @@ a scan with an edge that overshoots have that, too.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from renderer.evidence import Sample, coherence
+from renderer.evidence import Mask, Sample, coherence
 from renderer.volume import Float64
-
-Mask = npt.NDArray[np.bool_]
 
 # The border of a level set has one sign, here and there excepted.
 _ONE_SIGN = 0.97
@@ -32,14 +29,16 @@ _LEAST_DEPTH = 0.05
 
 def lies_inside(sample: Sample, border: float) -> bool:
     """Whether the voxels above the share `border` are the inside of a level set, which the others are around."""
-    within = sample.shares > border
+    within, around = (sample.shares > border) & sample.known, (sample.shares <= border) & sample.known
+    if not within.any() or not around.any():
+        return False
     at_border, share = float(np.mean(sample.border() > border)), float(np.mean(within))
     if at_border >= 1 - _ONE_SIGN or coherence(sample, border) < _COHERENT:
         return False
     if _is_distance(sample, within):
         return True
     deep = float(np.median(sample.shares[within])) - border
-    high = border - float(np.median(sample.shares[~within]))
+    high = border - float(np.median(sample.shares[around]))
     return share >= max(_LEAST_INSIDE, _NOT_BY_CHANCE * at_border) and deep >= _LEAST_DEPTH * high
 
 

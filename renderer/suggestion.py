@@ -91,8 +91,8 @@ def _recognised(
 ) -> tuple[str, str, Look]:
     if not background.is_there or background.above + background.below == 0:
         return _filled(statistics, sample)
-    if min(background.above, background.below) > _ONE_SIDED * max(background.above, background.below):
-        middle = _round(sample.value(background.middle), sample)
+    if has_much_below(background) and background.above > _ONE_SIDED * background.below:
+        middle = sample.rounded(sample.value(background.middle))
         away = max(background.high - background.middle, 0.04)
         reason = f"values lie on both sides of a background near {middle:.12g}"
         return "field with two signs", reason, looks.diverging(sample, background.middle, away)
@@ -103,10 +103,21 @@ def _recognised(
     return _object(volume, sample, background)
 
 
+def has_much_below(background: Background) -> bool:
+    """Whether what is below a background counts beside what is above it."""
+    return background.below > _ONE_SIDED * background.above
+
+
+def is_about_zero(sample: Sample) -> bool:
+    """Whether the middle of what is known is near the data value 0, by how far it spreads."""
+    shares = sample.shares[sample.known]
+    return abs(float(np.median(shares)) - sample.share(0.0)) < float(np.std(shares)) / 2
+
+
 def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
     """What stands out above the background."""
     rough = roughness(sample, background.high)
-    near = f"the background is near {_round(sample.value(background.middle), sample):.12g}"
+    near = f"the background is near {sample.rounded(sample.value(background.middle)):.12g}"
     is_float = volume.values.dtype.kind == "f"
     if is_float and looks.tail(sample, background.high, origin=background.middle) > _SPREAD:
         look = looks.ramp(sample, background.high, origin=background.middle)
@@ -124,9 +135,8 @@ def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str
 def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
     """No background: the volume is full to its border."""
     low, high = float(statistics.minimum), float(statistics.maximum)
-    middle, spread = float(np.median(sample.shares)), float(np.std(sample.shares))
-    if low < 0 < high and abs(middle - sample.share(0.0)) < spread / 2:
-        look = looks.diverging(sample, sample.share(0.0), 1.2 * spread)
+    if low < 0 < high and is_about_zero(sample):
+        look = looks.diverging(sample, sample.share(0.0), 1.2 * float(np.std(sample.shares[sample.known])))
         return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", look
     if low < 0 < high:
         zero = sample.share(0.0)
@@ -134,10 +144,11 @@ def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
             return "level set", "negative values lie inside of positive ones", looks.inside(1 - zero).reflected()
         if lies_inside(sample, zero):
             return "level set", "positive values lie inside of negative ones", looks.inside(zero)
-    found = split(sample.shares, *np.percentile(sample.shares, (0.01, 99.99)).tolist())
+    shares = sample.shares[sample.known]
+    found = split(shares, *np.percentile(shares, (0.01, 99.99)).tolist())
     if found is not None and found.separation > _TWO_PHASES:
         return "two phases", "there is no background, and values gather in two groups", looks.phases(sample, found)
-    first = float(np.percentile(sample.shares, _UPPER_HALF))
+    first = float(np.percentile(shares, _UPPER_HALF))
     look = looks.ramp(sample, first, origin=float(sample.shares.min()))
     return "filled volume", "there is no background; the upper 40% of the values are shown", look
 
@@ -210,7 +221,7 @@ def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str 
     gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
     nearest = np.minimum(gaps[:-1], gaps[1:])
     for at, depth, gap in zip(knots, depths.tolist(), nearest.tolist(), strict=True):
-        value = _round(sample.value(at), sample, gap)
+        value = sample.rounded(sample.value(at), gap)
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
         points[value] = ControlPoint(value, (r, g, b), opacity_of(depth, unit, sample.diagonal))
         starting = [layer.name for layer in look.layers if layer.name and _peak(layer.knots) == at]
@@ -246,17 +257,3 @@ def _peak(knots: tuple[tuple[float, float], ...]) -> float:
     """Where a layer first has all its weight."""
     most = max(weight for _, weight in knots)
     return next(at for at, weight in knots if weight == most)
-
-
-def _round(value: float, sample: Sample, gap: float = 1.0) -> float:
-    """To about a thousandth of the range, so that it can be read, or a twentieth of the `gap` to the next share, so
-    that points stay apart; where there are no such decimals, as it is."""
-    extent = abs(sample.maximum / 2 - sample.minimum / 2) * 2 * min(1.0, 50 * gap)
-    if not 1e-290 < extent < 1e290:
-        return value
-    decimals = 3 - math.floor(math.log10(extent))
-    if decimals > -12 and abs(value) < 1e15:
-        return float(round(value, max(decimals, 0))) + 0.0
-    # With zeros before the point, and as many digits before them as tell values apart on a large offset.
-    digits = 1 + decimals + math.floor(math.log10(abs(value))) if value else 1
-    return float(f"{value:.{min(max(digits, 5), 17)}g}")

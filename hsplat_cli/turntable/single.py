@@ -33,12 +33,14 @@ _MOST = 2**53  # larger numbers of splats or seconds are none
 class Order:
     """A film to be made. scene: the file that it is described in.
 
+    hides_nonfinite: as for `suggest_scene`.
     force: an edited scene there may be lost, and what was drawn is drawn again.
     """
 
     volume: VolumeSpec
     film: FilmOptions
     colormap: str | None
+    hides_nonfinite: bool
     scene: Path
     output: Path
     crew: CrewSpec
@@ -74,9 +76,18 @@ def make_film(order: Order, *, quiet: bool) -> Record:
     """Write the scene, render it, and say what came of it. Raises HsplatError."""
     # Before the volume is read, as that may take long.
     require_writable(order.scene)
-    suggested = suggest_scene(order.volume, order.film, colormap=order.colormap, scene=order.scene, output=order.output)
+    suggested = suggest_scene(
+        order.volume,
+        order.film,
+        colormap=order.colormap,
+        scene=order.scene,
+        output=order.output,
+        hides_nonfinite=order.hides_nonfinite,
+    )
     if not quiet:
         click.echo(f"{volume_file(order.volume)}: {suggested.kind}; {suggested.reason}", err=True)
+        if suggested.nonfinite is not None:
+            click.echo(f"{volume_file(order.volume)}: {suggested.nonfinite}", err=True)
     job = _job(order, suggested)
     # Held from before the scene is written until the film is there: they belong together.
     sidecar = sidecar_path(job.scene, job.frames)

@@ -227,6 +227,35 @@ scene.yaml:3:52: volume.raw.dtype: unknown value
   hint: did you mean uint16?
 """,
     ),
+    "nonfinite": (
+        "  procedural",
+        """\
+  nonfinite: lowst
+  procedural\
+""",
+        """\
+scene.yaml:3:14: volume.nonfinite: unknown value
+    | nonfinite: lowst
+    |            ^
+  got: 'lowst'
+  expected: error, lowest or a finite number
+  hint: did you mean lowest?
+""",
+    ),
+    "nonfinite_itself": (
+        "  procedural",
+        """\
+  nonfinite: .nan
+  procedural\
+""",
+        """\
+scene.yaml:3:14: volume.nonfinite: unknown value
+    | nonfinite: .nan
+    |            ^
+  got: .nan
+  expected: error, lowest or a finite number
+""",
+    ),
     "crop_outside": (
         "  procedural",
         """\

@@ -108,6 +108,7 @@ def test_the_whole_text() -> None:
         folder=Path("films"),
         output=Path("films/scan.mp4"),
         is_float=True,
+        nonfinite="3 of 8 voxels are NaN or infinite; they are drawn as 0, which is not seen",
     )
     assert text == WHOLE
 
@@ -122,7 +123,8 @@ volume:
   file: ../scans/scan.nrrd    # relative to this file
   time: 3
   component: 1
-  nonfinite: error            # NaN and infinities: error, or lowest, as the lowest finite value
+  # 3 of 8 voxels are NaN or infinite; they are drawn as 0, which is not seen.
+  nonfinite: error            # NaN and infinities: error, lowest, as the lowest finite value, or a number
 
 # What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.
 transfer_function:
