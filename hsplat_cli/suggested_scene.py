@@ -39,7 +39,7 @@ class SuggestedScene:
     text: str
     kind: str
     reason: str
-    nonfinite: str | None
+    nonfinite: str | None = None
 
 
 def require_colormap(name: str | None) -> None:

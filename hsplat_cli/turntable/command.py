@@ -67,11 +67,11 @@ def turntable(
             volume=volume_spec(one.volume, **reading),
             film=film,
             colormap=colormap,
-            hides_nonfinite=options["nonfinite"] is None,
             scene=folder / f"{one.name}.yaml",
             output=default_output(one.name, kind, folder),
             crew=crew,
             force=force,
+            hides_nonfinite=options["nonfinite"] is None,
         )
         for one in _films(volumes, name, quiet)
     ]

@@ -33,18 +33,18 @@ _MOST = 2**53  # larger numbers of splats or seconds are none
 class Order:
     """A film to be made. scene: the file that it is described in.
 
-    hides_nonfinite: as for `suggest_scene`.
     force: an edited scene there may be lost, and what was drawn is drawn again.
+    hides_nonfinite: as `suggest_scene` takes it.
     """
 
     volume: VolumeSpec
     film: FilmOptions
     colormap: str | None
-    hides_nonfinite: bool
     scene: Path
     output: Path
     crew: CrewSpec
     force: bool
+    hides_nonfinite: bool = False
 
     def record(self, status: str) -> Record:
         """What the report says about it in any case."""
