@@ -17,7 +17,6 @@ from renderer.schema import show
 
 if TYPE_CHECKING:
     from renderer.suggestion import Suggestion
-    from renderer.volume import Volume
 
 # Where the values of a scene came from.
 _OPTIONS = {
@@ -66,57 +65,72 @@ def suggest_scene(
 ) -> SuggestedScene:
     """The scene to be written to the file `scene`.
 
-    hides_nonfinite: NaN and infinities get a value that is not seen, in place of the `lowest` that `volume` asks for.
+    hides_nonfinite: where `volume` asks for the `lowest` value in the places of NaN and infinities, and another one is
+    better hidden, they get that.
 
-    Raises InputError for a volume that cannot be read or drawn, and
-    SceneError where an option, such as the background, cannot be in a scene."""
-    from renderer.statistics import measure  # noqa: PLC0415  (numpy, for which --help does not wait)
-    from renderer.suggestion import suggest  # noqa: PLC0415
-    from renderer.unseen import unseen_value  # noqa: PLC0415
-
+    Raises InputError for a volume that cannot be read or drawn, and SceneError where an option, such as the background,
+    cannot be in a scene.
+    """
     require_colormap(colormap)
-    read = read_as_told(volume)
-    require_proportion(volume_problems(extent_of(read), read.name))
-    statistics = measure(read.values, read.source)
-    suggestion = suggest(read, statistics, colormap)
-    value = unseen_value(read, statistics) if hides_nonfinite and read.num_nonfinite else None
-    if value is not None:
-        hidden = replace(volume, nonfinite=value)
-        with_value = read_as_told(hidden)
-        other = suggest(with_value, measure(with_value.values, with_value.source), colormap)
+    tried = _try(volume, colormap)
+    if hides_nonfinite and tried.unseen is not None:
+        other = _try(replace(volume, nonfinite=tried.unseen), colormap)
         # That is another volume, in which the value may show against all expectation.
-        if not _shows(with_value, other) or _shows(read, suggestion):
-            volume, read, suggestion = hidden, with_value, other
-    nonfinite = _fate(read, volume, suggestion) if read.num_nonfinite else None
+        if tried.shows or not other.shows:
+            tried = other
     text = scene_text(
-        volume,
-        suggestion,
+        tried.volume,
+        tried.suggestion,
         film,
         folder=scene.parent,
         output=output,
-        is_float=read.values.dtype.kind == "f",
-        nonfinite=nonfinite,
+        is_float=tried.is_float,
+        nonfinite=tried.nonfinite,
     )
     _check(text, scene)
-    return SuggestedScene(text, suggestion.kind, suggestion.reason, nonfinite)
+    return SuggestedScene(text, tried.suggestion.kind, tried.suggestion.reason, tried.nonfinite)
 
 
-def _shows(volume: Volume, suggestion: Suggestion) -> bool:
-    """Whether what NaN have become is seen."""
-    import numpy as np  # noqa: PLC0415
+@dataclass(frozen=True)
+class _Tried:
+    """What comes of a volume, whose voxels are in memory no longer.
 
+    unseen: the value to try for NaN and infinities, or None. shows: whether what they are now is seen. nonfinite: as in
+    SuggestedScene.
+    """
+
+    volume: VolumeSpec
+    suggestion: Suggestion
+    is_float: bool
+    unseen: float | None = None
+    shows: bool = False
+    nonfinite: str | None = None
+
+
+def _try(volume: VolumeSpec, colormap: str | None) -> _Tried:
+    import numpy as np  # noqa: PLC0415  (for which --help does not wait)
+
+    from renderer.statistics import measure  # noqa: PLC0415
+    from renderer.suggestion import suggest  # noqa: PLC0415
     from renderer.transfer import make_transfer  # noqa: PLC0415
+    from renderer.unseen import unseen_value  # noqa: PLC0415
 
-    transfer = make_transfer(suggestion.transfer, volume.finest_spacing)
-    return bool(transfer.classify(np.array([volume.stand_in]))[1][0] > 0)
-
-
-def _fate(volume: Volume, spec: VolumeSpec, suggestion: Suggestion) -> str:
-    """What becomes of voxels that are no numbers."""
-    name = f"{'the lowest value, ' if spec.nonfinite == 'lowest' else ''}{volume.stand_in:.7g}"
-    seen = "which can be seen" if _shows(volume, suggestion) else "which is not seen"
-    total = volume.values.size
-    return f"{volume.num_nonfinite} of {total} voxels are NaN or infinite; they are drawn as {name}, {seen}"
+    read = read_as_told(volume)
+    require_proportion(volume_problems(extent_of(read), read.name))
+    statistics = measure(read.values, read.source)
+    tried = _Tried(volume, suggest(read, statistics, colormap), read.values.dtype.kind == "f")
+    if not read.num_nonfinite:
+        return tried
+    is_lowest = volume.nonfinite == "lowest"
+    transfer = make_transfer(tried.suggestion.transfer, read.finest_spacing)
+    shows = bool(transfer.classify(np.array([read.stand_in]))[1][0] > 0)
+    told = (
+        f"{read.num_nonfinite} of {read.values.size} voxels are NaN or infinite; they are drawn as "
+        f"{'the lowest value, ' if is_lowest else ''}{read.stand_in:.7g}, which "
+        f"{'can be seen' if shows else 'is not seen'}"
+    )
+    unseen = unseen_value(read, statistics) if is_lowest else None
+    return replace(tried, unseen=unseen, shows=shows, nonfinite=told)
 
 
 def _check(text: str, scene: Path) -> None:
