@@ -12,7 +12,7 @@ from hsplat_cli.suggested_scene import suggest_scene
 from hsplat_cli.volume_names import base_name
 from hsplat_cli.volume_options import volume_options, volume_spec
 from renderer.errors import InputError
-from renderer.staging import write_staged
+from renderer.staging import require_possible, write_staged
 
 
 @click.command()
@@ -20,7 +20,7 @@ from renderer.staging import write_staged
 @click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write to this file, not to stdout.")
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 @film_options
-@volume_options(nonfinite="lowest")
+@volume_options(nonfinite=None)
 def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None, **options: Any) -> None:
     """Write a scene file for a volume, to start from.
 
@@ -32,17 +32,31 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
         raise InputError(
             "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
         )
+    if output is not None:  # before the volume is read, as that may take long
+        _require_folder(output)
     scene = suggest_scene(
         volume_spec(volume, **options),
         film,
         colormap=colormap,
+        hides_nonfinite=options["nonfinite"] is None,
         scene=output or Path("scene.yaml"),
         output=Path(f"{base_name(volume)}.mp4"),
     )
     click.echo(f"{volume}: {scene.kind}; {scene.reason}", err=True)
+    if scene.nonfinite is not None:
+        click.echo(f"{volume}: {scene.nonfinite}", err=True)
     if output is None:
         # As bytes: a terminal's encoding does not concern the file that this may become.
         click.echo(scene.text.encode(), nl=False)
     else:
         write_staged(output, scene.text.encode())
         click.echo(f"{output}: written; `hsplat render {output}` makes the film", err=True)
+
+
+def _require_folder(output: Path) -> None:
+    """Raise what hinders a file of this name: its folder, too, which is not made for a volume that may not be read."""
+    require_possible(output)
+    if not output.parent.is_dir():
+        raise InputError(
+            "the folder of the output is not there", where=str(output), got=str(output.parent), hint="make it first"
+        )

@@ -34,13 +34,20 @@ class FilmOptions:
 
 
 def scene_text(
-    volume: VolumeSpec, suggestion: Suggestion, film: FilmOptions, *, folder: Path, output: Path, is_float: bool
+    volume: VolumeSpec,
+    suggestion: Suggestion,
+    film: FilmOptions,
+    *,
+    folder: Path,
+    output: Path,
+    is_float: bool,
+    nonfinite: str | None = None,
 ) -> str:
     """The YAML of a turntable.
 
     volume: as it was read, its file relative to the current folder. folder: where the scene will lie, to which the
     scene's volume is relative. output: as in the scene, relative to the current folder.
-    is_float: whether NaN and infinities are possible.
+    is_float: whether NaN and infinities are possible. nonfinite: what becomes of those that there are.
     """
     lines = [
         f"# A turntable of {plain_text(volume_file(volume).name)}: {suggestion.kind};",
@@ -48,11 +55,12 @@ def scene_text(
         "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
         "version: 1",
         "",
-        *_volume_lines(volume, folder, is_float),
+        *_volume_lines(volume, folder, is_float, nonfinite),
         "",
         "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.",
         *transfer_lines(suggestion.transfer, suggestion.notes),
         *_shading_lines(suggestion.shading),
+        *_splat_lines(suggestion),
         "",
         "camera:",
         "  target: visible             # the middle of what can be seen; from as near as shows all of it",
@@ -79,7 +87,7 @@ def volume_file(volume: VolumeSpec) -> Path:
     return file
 
 
-def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool) -> Iterator[str]:
+def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool, nonfinite: str | None) -> Iterator[str]:
     file = volume_file(volume)
     place = file if file.is_absolute() else Path(os.path.relpath(file, os.path.realpath(folder)))
     yield "volume:"
@@ -95,9 +103,12 @@ def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool) -> Iterator[
         yield f"  time: {volume.time}"
     if volume.component is not None:
         yield f"  component: {volume.component}"
+    if nonfinite is not None:
+        yield f"  # {nonfinite}."
     if is_float:
+        instead = volume.nonfinite if isinstance(volume.nonfinite, str) else number(volume.nonfinite)
         yield _with_comment(
-            f"  nonfinite: {volume.nonfinite}", "NaN and infinities: error, or lowest, as the lowest finite value"
+            f"  nonfinite: {instead}", "NaN and infinities: error, lowest, as the lowest finite value, or a number"
         )
 
 
@@ -145,6 +156,20 @@ def _shading_lines(shading: ShadingSpec | None) -> Iterator[str]:
         f"shading: {{ambient: {number(shading.ambient)}, diffuse: {number(shading.diffuse)}, "
         f"light: {_list(shading.light)}}}"
     )
+
+
+def _splat_lines(suggestion: Suggestion) -> Iterator[str]:
+    if suggestion.splat is not None:
+        yield ""
+        yield "# Each voxel has its colour before anything is interpolated; without this line, the skin of a label has"
+        yield "# those of all numbers between its own and its neighbour's. Where labels to look through have blurred"
+        yield "# edges, a smaller tolerance makes them sharp."
+        yield f"splat: {{footprint: {suggestion.splat.footprint}}}"
+    elif suggestion.are_names:
+        yield ""
+        yield "# The skin of a label has the colours of all numbers between its own and its neighbour's, for what is"
+        yield "# interpolated are numbers. `splat: {footprint: gaussian}` gives each voxel its own colour, but takes"
+        yield "# memory for all that are drawn, and this volume is so large that it stays in its file."
 
 
 def _with_comment(line: str, comment: str) -> str:

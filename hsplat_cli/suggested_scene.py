@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, scene_text
 from hsplat_cli.volume_options import read_as_told
 from renderer.colormaps import is_colormap, nearest_colormap
 from renderer.errors import InputError, SceneError
+from renderer.extents import extent_of, require_proportion, volume_problems
 from renderer.scene import VolumeSpec
 from renderer.schema import show
+
+if TYPE_CHECKING:
+    from renderer.suggestion import Suggestion
 
 # Where the values of a scene came from.
 _OPTIONS = {
@@ -29,11 +34,13 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class SuggestedScene:
-    """text: the YAML. kind, reason: what the volume is taken for, and why."""
+    """text: the YAML. kind, reason: what the volume is taken for, and why. nonfinite: how many voxels are no numbers,
+    and what becomes of them; None where all are."""
 
     text: str
     kind: str
     reason: str
+    nonfinite: str | None = None
 
 
 def require_colormap(name: str | None) -> None:
@@ -50,26 +57,82 @@ def require_colormap(name: str | None) -> None:
 
 
 def suggest_scene(
-    volume: VolumeSpec, film: FilmOptions, *, colormap: str | None, scene: Path, output: Path
+    volume: VolumeSpec,
+    film: FilmOptions,
+    *,
+    colormap: str | None,
+    scene: Path,
+    output: Path,
+    hides_nonfinite: bool = False,
 ) -> SuggestedScene:
-    """The scene to be written to the file `scene`. Raises InputError for a volume that cannot be read, and SceneError
-    where an option, such as the background, cannot be in a scene."""
-    from renderer.statistics import measure  # noqa: PLC0415  (numpy, for which --help does not wait)
-    from renderer.suggestion import suggest  # noqa: PLC0415
+    """The scene to be written to the file `scene`.
 
+    hides_nonfinite: where `volume` asks for the `lowest` value in the places of NaN and infinities, and another one is
+    better hidden, they get that.
+
+    Raises InputError for a volume that cannot be read or drawn, and SceneError where an option, such as the background,
+    cannot be in a scene.
+    """
     require_colormap(colormap)
-    read = read_as_told(volume)
-    suggestion = suggest(read, measure(read.values, read.source), colormap)
+    tried = _try(volume, colormap)
+    if hides_nonfinite and tried.unseen is not None:
+        other = _try(replace(volume, nonfinite=tried.unseen), colormap)
+        # That is another volume, in which the value may show against all expectation.
+        if tried.shows or not other.shows:
+            tried = other
     text = scene_text(
-        volume,
-        suggestion,
+        tried.volume,
+        tried.suggestion,
         film,
         folder=scene.parent,
         output=output,
-        is_float=read.values.dtype.kind == "f",
+        is_float=tried.is_float,
+        nonfinite=tried.nonfinite,
     )
     _check(text, scene)
-    return SuggestedScene(text, suggestion.kind, suggestion.reason)
+    return SuggestedScene(text, tried.suggestion.kind, tried.suggestion.reason, tried.nonfinite)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """What comes of a volume, whose voxels are in memory no longer.
+
+    unseen: the value to try for NaN and infinities, or None. shows: whether what they are now is seen. nonfinite: as in
+    SuggestedScene.
+    """
+
+    volume: VolumeSpec
+    suggestion: Suggestion
+    is_float: bool
+    unseen: float | None = None
+    shows: bool = False
+    nonfinite: str | None = None
+
+
+def _try(volume: VolumeSpec, colormap: str | None) -> _Tried:
+    import numpy as np  # noqa: PLC0415  (for which --help does not wait)
+
+    from renderer.statistics import measure  # noqa: PLC0415
+    from renderer.suggestion import suggest  # noqa: PLC0415
+    from renderer.transfer import make_transfer  # noqa: PLC0415
+    from renderer.unseen import unseen_value  # noqa: PLC0415
+
+    read = read_as_told(volume)
+    require_proportion(volume_problems(extent_of(read), read.name))
+    statistics = measure(read.values, read.source)
+    tried = _Tried(volume, suggest(read, statistics, colormap), read.values.dtype.kind == "f")
+    if not read.num_nonfinite:
+        return tried
+    is_lowest = volume.nonfinite == "lowest"
+    transfer = make_transfer(tried.suggestion.transfer, read.finest_spacing)
+    shows = bool(transfer.classify(np.array([read.stand_in]))[1][0] > 0)
+    told = (
+        f"{read.num_nonfinite} of {read.values.size} voxels are NaN or infinite; they are drawn as "
+        f"{'the lowest value, ' if is_lowest else ''}{read.stand_in:.7g}, which "
+        f"{'can be seen' if shows else 'is not seen'}"
+    )
+    unseen = unseen_value(read, statistics) if is_lowest else None
+    return replace(tried, unseen=unseen, shows=shows, nonfinite=told)
 
 
 def _check(text: str, scene: Path) -> None:

@@ -46,17 +46,34 @@ def _three(
     return convert
 
 
-def volume_options(nonfinite: Literal["error", "lowest"]) -> Callable[[_Command], _Command]:
-    """A decorator for --time, --component, --spacing, --nonfinite with its default, and those of a headerless file."""
+def _nonfinite(_context: click.Context, _parameter: click.Parameter, text: str | None) -> str | float | None:
+    """`error`, `lowest`, or a finite number."""
+    if text in (None, "error", "lowest"):
+        return text
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise click.BadParameter(f"{text!r} is neither error nor lowest nor a finite number.")
+    return number
+
+
+def volume_options(nonfinite: Literal["error"] | None) -> Callable[[_Command], _Command]:
+    """A decorator for --time, --component, --spacing, --nonfinite with its default, and those of a headerless file.
+
+    With the default None, it is None where it is not given: a value that is not seen is to be found.
+    """
     options = (
         click.option("--time", type=int, help="Which time step, from 0, of a volume that has several."),
         click.option("--component", type=int, help="Which component, from 0, of a volume that has several."),
         click.option(
             "--nonfinite",
-            type=click.Choice(["error", "lowest"]),
+            metavar="error|lowest|NUMBER",
+            callback=_nonfinite,
             default=nonfinite,
-            show_default=True,
-            help="What to do with NaN and inf.",
+            show_default=nonfinite or "a value that is not seen",
+            help="What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
         ),
         click.option(
             "--spacing",
@@ -97,16 +114,18 @@ def volume_spec(
     spacing: tuple[float, float, float] | None,
     offset: int | None,
 ) -> VolumeSpec:
-    """What the options ask for. Raises InputError where one of --shape and --dtype is missing."""
+    """What the options ask for; `lowest` where no `nonfinite` is given. Raises InputError where one of --shape and
+    --dtype is missing."""
     if (shape is None) != (dtype is None):
         raise InputError(
             "a headerless file needs both --shape and --dtype", got="--shape" if shape is not None else "--dtype"
         )
+    instead: Literal["error", "lowest"] | float = "lowest" if nonfinite is None else nonfinite
     raw = {"byte_order": byte_order, "offset": offset}
     given = {name: value for name, value in raw.items() if value is not None}
     if shape is not None and dtype is not None:
         given |= {"spacing": spacing} if spacing is not None else {}
-        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nonfinite=nonfinite)
+        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nonfinite=instead)
     if given:
         name, value = next(iter(given.items()))
         raise InputError(
@@ -116,7 +135,7 @@ def volume_spec(
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=nonfinite)
+    return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=instead)
 
 
 def read_as_told(volume: VolumeSpec) -> Volume:

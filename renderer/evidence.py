@@ -10,9 +10,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.statistics import HALF_OF_LARGEST, Statistics
 from renderer.volume import Array, Float64, Volume
+
+Mask = npt.NDArray[np.bool_]
 
 # Along each axis; two million voxels tell all that a transfer function needs.
 _MOST_SAMPLES = 128
@@ -29,6 +32,10 @@ _LEAST_SIGMA = 1 / 500
 _LEAST_CONTRAST = 15.0
 # What a background takes at least of the border.
 _LEAST_BORDER = 0.5
+# Of the border that part must be known.
+_LEAST_KNOWN = 0.1
+# More than so many times the voxels that were NaN, and it is others that have their value.
+_NOT_ALONE = 1.5
 # The values outside of these percentiles are outliers when contrast is judged.
 _OUTLIERS = (0.01, 99.99)
 
@@ -38,6 +45,7 @@ class Sample:
     """Voxels on a coarser grid, as shares of the volume's range.
 
     shares: float64 [z, y, x] in [0, 1].
+    known: bool [z, y, x], where they are of the data: not where NaN were, as far as these can be told from others.
     steps: voxels from one to the next along z, y, x.
     beside_x, beside_y: float64, the two direct neighbours of each along x and y, [2, z, y, x]; the voxel itself at a
         border.
@@ -47,6 +55,7 @@ class Sample:
     """
 
     shares: Float64
+    known: Mask
     steps: tuple[int, int, int]
     beside_x: Float64
     beside_y: Float64
@@ -64,11 +73,29 @@ class Sample:
         """The share of the range at a data value."""
         return (value / 2 - self.minimum / 2) / (self.maximum / 2 - self.minimum / 2)
 
+    def rounded(self, value: float, gap: float = 1.0) -> float:
+        """To about a thousandth of the range, so that it can be read, or a twentieth of the `gap` to the next share, so
+        that points stay apart; where there are no such decimals, as it is."""
+        extent = abs(self.maximum / 2 - self.minimum / 2) * 2 * min(1.0, 50 * gap)
+        if not 1e-290 < extent < 1e290:
+            return value
+        decimals = 3 - math.floor(math.log10(extent))
+        if decimals > -12 and abs(value) < 1e15:
+            return float(round(value, max(decimals, 0))) + 0.0
+        # With zeros before the point, and as many digits before them as tell values apart on a large offset.
+        digits = 1 + decimals + math.floor(math.log10(abs(value))) if value else 1
+        return float(f"{value:.{min(max(digits, 5), 17)}g}")
+
     def border(self) -> Float64:
-        """The shares on the six faces; [n]."""
-        cube = self.shares
-        faces = (cube[0], cube[-1], cube[:, 0], cube[:, -1], cube[:, :, 0], cube[:, :, -1])
-        return np.concatenate([face.ravel() for face in faces])
+        """The shares on the six faces; [n]. Those that are known, but where hardly any is: then the others are around
+        the object, and what they have been given is its background."""
+        on_faces = faces(self.shares)
+        is_known = faces(self.known)
+        return on_faces[is_known] if np.mean(is_known) >= _LEAST_KNOWN else on_faces
+
+    def inner(self) -> Float64:
+        """The shares that belong with those of the border; [n]."""
+        return self.shares[self.known] if np.mean(faces(self.known)) >= _LEAST_KNOWN else self.shares.ravel()
 
     def reflected(self) -> Sample:
         """The same with high for low."""
@@ -106,8 +133,10 @@ def take_sample(volume: Volume, statistics: Statistics) -> Sample:
         return np.stack(both)
 
     dx, dy, dz = volume.spacing.tolist()
+    own = shares(values[np.ix_(z, y, x)])
     sample = Sample(
-        shares=shares(values[np.ix_(z, y, x)]),
+        shares=own,
+        known=_known(volume, own, own != shares(np.array(volume.stand_in, values.dtype))),
         steps=(sz, sy, sx),
         beside_x=neighbours(2),
         beside_y=neighbours(1),
@@ -118,6 +147,20 @@ def take_sample(volume: Volume, statistics: Statistics) -> Sample:
     )
     volume.require_unchanged()
     return sample
+
+
+def _known(volume: Volume, shares: Float64, differ: Mask) -> Mask:
+    """Those that `differ` from what NaN have become, unless many others are like that, too."""
+    like_them = float(np.mean(~differ))
+    if like_them == 1 or like_them > _NOT_ALONE * volume.num_nonfinite / volume.values.size:
+        return np.ones(shares.shape, bool)
+    return differ
+
+
+def faces(cube: Array) -> Array:
+    """What is on the six faces of [z, y, x]; [n]."""
+    sides = (cube[0], cube[-1], cube[:, 0], cube[:, -1], cube[:, :, 0], cube[:, :, -1])
+    return np.concatenate([side.ravel() for side in sides])
 
 
 @dataclass(frozen=True)
@@ -143,7 +186,7 @@ def find_background(sample: Sample) -> Background:
     The interval, the "shorth", is a robust estimate of the mode: objects may reach through a third of the border
     (P. J. Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987).
     """
-    shares = sample.shares
+    shares = sample.inner()
     border = np.sort(sample.border())
     half = len(border) // 2
     widths = border[half:] - border[: len(border) - half]
@@ -203,6 +246,17 @@ def gentleness(sample: Sample, step: float) -> float:
     differences = np.concatenate([np.abs(other - sample.shares).ravel() for side in _sides(sample) for other in side])
     unequal = differences[differences > 1e-9]
     return float(np.mean(unequal <= step)) if unequal.size else 0.0
+
+
+def transition(sample: Sample) -> float:
+    """The part of all values, each of them counted once, most of whose voxels lie strictly between their neighbours
+    along x or y: what the edges of an image go through has its voxels there, and a label has them side by side."""
+    values, number = np.unique(sample.shares, return_inverse=True)
+    here, passed = sample.shares, np.zeros(sample.shares.shape, bool)
+    for before, after in _sides(sample):
+        passed |= ((before < here) & (here < after)) | ((before > here) & (here > after))
+    counts = np.bincount(number.ravel(), minlength=len(values))
+    return float(np.mean(np.bincount(number.ravel(), passed.ravel()) > counts / 2))
 
 
 def _sides(sample: Sample) -> tuple[Float64, Float64]:

@@ -14,9 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from renderer.errors import Problem, SceneError
 from renderer.scene import CameraSpec, FileSource, KeyframePath, RawSource, Scene, Vector
+
+if TYPE_CHECKING:
+    from renderer.volume import Volume
 
 # Longest side of a voxel by its shortest.
 MAX_SPACING_RATIO = 1e5
@@ -45,6 +49,13 @@ class Extent:
         """That of voxels: numbers of them and sides along the index axes x, y, z."""
         diagonal = math.hypot(*(num * side for num, side in zip(shape, spacing, strict=True)))
         return cls(centre, diagonal / 2, min(spacing), max(spacing))
+
+
+def extent_of(volume: Volume) -> Extent:
+    """That of a volume that has been read."""
+    x, y, z = volume.spacing.tolist()
+    centre_x, centre_y, centre_z = volume.centre.tolist()
+    return Extent.of(volume.shape_xyz, (x, y, z), (centre_x, centre_y, centre_z))
 
 
 def proportion_problems(scene: Scene) -> Iterator[Problem]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.evidence import Sample, evenness, gentleness
+from renderer.evidence import Sample, evenness, faces, gentleness, transition
 from renderer.exposure import Layer, expose, opacity_of, unit_for, whole
 from renderer.looks import CRISP, GLASS, SOLID
 from renderer.mapped_file import slabs
@@ -22,6 +22,8 @@ _MOST_LABELS = 4096
 _FEW, _EVEN = 3, 0.75
 # More than so many values, of which that part of unequal neighbours are one or two apart, are a smooth field.
 _SOME, _GENTLE = 16, 0.6
+# Where more of the values than this are but passed through, an image has been clipped, or an edge smoothed.
+_PASSED = 0.5
 
 _PALETTE: tuple[Color, ...] = (
     (0.90, 0.47, 0.29),
@@ -48,15 +50,25 @@ Steps = tuple[tuple[float, float], ...]
 
 def label_values(volume: Volume, statistics: Statistics, sample: Sample) -> list[float] | None:
     """The values of a volume of labels, ascending; None for other volumes."""
-    if len(np.unique(sample.shares)) > _FEW and evenness(sample, _at_border(sample)) < _EVEN:
+    if len(np.unique(sample.shares)) > _FEW and not _in_pieces(sample):
         return None
     found = _all_values(volume, statistics)
     if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
         return None
-    if len(found) > _FEW and evenness(sample, _at_border(sample)) < _EVEN:
+    if len(found) > _FEW and (not _in_pieces(sample) or transition(sample) > _PASSED):
         return None
     two_levels = 2.5 / (found[-1] - found[0])
     return None if len(found) > _SOME and gentleness(sample, two_levels) > _GENTLE else found
+
+
+def label_reason(sample: Sample, values: Sequence[float], outside: float) -> str:
+    """By which signs they are labels, a clause."""
+    pieces = ", in large pieces" if _in_pieces(sample) else ""
+    return f"there are {len(values)} values{pieces}, and {whole(outside)} is the background"
+
+
+def _in_pieces(sample: Sample) -> bool:
+    return evenness(sample, _at_border(sample)) >= _EVEN
 
 
 def _all_values(volume: Volume, statistics: Statistics) -> list[float] | None:
@@ -80,7 +92,7 @@ def label_outside(sample: Sample, values: Sequence[float]) -> float:
 
 
 def _at_border(sample: Sample) -> float:
-    values, counts = np.unique(sample.border(), return_counts=True)
+    values, counts = np.unique(faces(sample.shares), return_counts=True)
     return float(values[counts.argmax()])
 
 

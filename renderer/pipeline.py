@@ -13,7 +13,7 @@ from renderer.camera_paths import axes_in_runs
 from renderer.depth_directions import make_turning
 from renderer.drawing import Clock, Frame, Rasterizer, Stage, Stopwatch, draw
 from renderer.errors import InputError
-from renderer.extents import Extent, camera_problems, require_proportion, volume_problems
+from renderer.extents import camera_problems, extent_of, require_proportion, volume_problems
 from renderer.framing import finest_useful_level, fit_distance, smallest_voxel_px, visible_centre, visible_points
 from renderer.pacing import Guide, Scheduled
 from renderer.pyramid import build_pyramid
@@ -51,7 +51,7 @@ def prepare(
             expected=fingerprint,
             hint="if the volume was moved, --volume names it; another one can be drawn with a scene of its own",
         )
-    extent = _extent(volume)
+    extent = extent_of(volume)
     require_proportion([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
     watch.lap("read")
     transfer = make_transfer(scene.transfer_function, volume.finest_spacing)
@@ -93,12 +93,6 @@ def render_frames(
         pose, predicted_seconds = guide.ready(number, watch)
         yield replace(draw(stage, pose, rasterizer, watch), predicted_seconds=predicted_seconds)
         guide.took(pose, watch)
-
-
-def _extent(volume: Volume) -> Extent:
-    x, y, z = volume.spacing.tolist()
-    centre_x, centre_y, centre_z = volume.centre.tolist()
-    return Extent.of(volume.shape_xyz, (x, y, z), (centre_x, centre_y, centre_z))
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:

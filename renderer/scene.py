@@ -71,7 +71,7 @@ class VolumeSpec:
     time: int | None = None
     component: int | None = None
     crop: tuple[tuple[int, int], tuple[int, int], tuple[int, int]] | None = None
-    nonfinite: Literal["error", "lowest"] = "error"
+    nonfinite: Literal["error", "lowest"] | float = "error"
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 from renderer.scene import LONGEST, PROCEDURAL_NAMES, SHORTEST, FileSource, ProceduralSource, RawSource, VolumeSpec
 from renderer.schema import (
+    INVALID,
     LENGTH,
     Kind,
     Node,
@@ -16,6 +17,7 @@ from renderer.schema import (
     did_you_mean,
     integer,
     known,
+    number,
     section,
     sequence,
     show,
@@ -51,6 +53,21 @@ _OTHER_NAMES = {
 # 64 bits, with room for node numbers; nothing that fits in memory is refused.
 MAX_AXIS = 2**16
 MAX_VOXELS = 2**36
+
+_NONFINITE_WORDS = ("error", "lowest")
+
+
+def _parse_nonfinite(node: Node) -> Any:
+    if isinstance(node.value, str) and node.value in _NONFINITE_WORDS:
+        return node.value
+    value = number().parse(Node(node.value, node.path, problems=[]))
+    if value is INVALID:
+        hint = did_you_mean(node.value, _NONFINITE_WORDS)
+        return _NONFINITE.refuse(node, "unknown value", got=show(node.value), hint=hint)
+    return value
+
+
+_NONFINITE: Kind[Any] = Kind("error, lowest or a finite number", _parse_nonfinite)
 
 _HEADERLESS = (".raw", ".bin", ".dat")
 
@@ -93,7 +110,7 @@ def volume_kind(base: Path) -> Kind[VolumeSpec]:
         "time": _NUMBER_OF,
         "component": _NUMBER_OF,
         "crop": _CROP,
-        "nonfinite": choice("error", "lowest"),
+        "nonfinite": _NONFINITE,
     }
     return section(table, _build_volume)
 

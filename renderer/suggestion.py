@@ -16,9 +16,10 @@ import numpy as np
 from renderer import looks
 from renderer.evidence import Background, Sample, find_background, roughness, split, take_sample
 from renderer.exposure import expose, opacity_of, unit_for, whole
-from renderer.labels import label_mapping, label_outside, label_values
+from renderer.labels import label_mapping, label_outside, label_reason, label_values
+from renderer.level_sets import lies_inside
 from renderer.looks import Look
-from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, TransferSpec
+from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
 from renderer.statistics import Statistics
 from renderer.volume import Float64, Volume
 
@@ -27,13 +28,16 @@ from renderer.volume import Float64, Volume
 class Suggestion:
     """kind: what the data are taken for. reason: by which signs, a clause without a full stop.
     transfer: the transfer function, with its unit. notes: a word about each of its points, mostly empty.
-    shading: or None where there are no surfaces."""
+    shading: or None where there are no surfaces.
+    are_names: the values are names, and none is between two of them. splat: how to draw; None as ever."""
 
     kind: str
     reason: str
     transfer: TransferSpec
     notes: tuple[str, ...]
     shading: ShadingSpec | None
+    are_names: bool = False
+    splat: SplatSpec | None = None
 
 
 def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
@@ -49,10 +53,14 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
     if values is not None:
         outside = label_outside(sample, values)
         mapping, notes, unit = label_mapping(sample, values, outside, colormap)
-        kind = "mask" if len(values) == 2 else "labels"
-        reason = f"there are {len(values)} values, in large pieces, and {whole(outside)} is the background"
+        reason = label_reason(sample, values, outside)
         shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
-        return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, shading)
+        transfer = TransferSpec(mapping, unit)
+        if len(values) == 2:
+            return Suggestion("mask", reason, transfer, notes, shading)
+        # What stays in its file may be larger than memory, which splats would need.
+        splat = SplatSpec(footprint="gaussian") if volume.source is None else None
+        return Suggestion("labels", reason, transfer, notes, shading, are_names=True, splat=splat)
     zero = hounsfield_zero(statistics)
     if zero is not None:
         where = "" if zero == 0 else f", stored with {zero:g} added"
@@ -74,8 +82,6 @@ _SPREAD = 25.0
 # Two phases have at least this part of the variance between them: 0.64 for one normal distribution, 0.75 for even
 # values.
 _TWO_PHASES = 0.85
-# The border of a level set has one sign, here and there excepted.
-_ONE_SIGN = 0.97
 # A filled volume shows values above this percentile.
 _UPPER_HALF = 60.0
 
@@ -85,10 +91,10 @@ def _recognised(
 ) -> tuple[str, str, Look]:
     if not background.is_there or background.above + background.below == 0:
         return _filled(statistics, sample)
-    if min(background.above, background.below) > _ONE_SIDED * max(background.above, background.below):
-        middle = _round(sample.value(background.middle), sample)
+    if has_much_below(background) and background.above > _ONE_SIDED * background.below:
+        middle = sample.rounded(sample.value(background.middle))
         away = max(background.high - background.middle, 0.04)
-        reason = f"values lie on both sides of a background near {middle:g}"
+        reason = f"values lie on both sides of a background near {middle:.12g}"
         return "field with two signs", reason, looks.diverging(sample, background.middle, away)
     if background.below > background.above:
         turned = sample.reflected()
@@ -97,10 +103,21 @@ def _recognised(
     return _object(volume, sample, background)
 
 
+def has_much_below(background: Background) -> bool:
+    """Whether what is below a background counts beside what is above it."""
+    return background.below > _ONE_SIDED * background.above
+
+
+def is_about_zero(sample: Sample) -> bool:
+    """Whether the middle of what is known is near the data value 0, by how far it spreads."""
+    shares = sample.shares[sample.known]
+    return abs(float(np.median(shares)) - sample.share(0.0)) < float(np.std(shares)) / 2
+
+
 def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
     """What stands out above the background."""
     rough = roughness(sample, background.high)
-    near = f"the background is near {_round(sample.value(background.middle), sample):g}"
+    near = f"the background is near {sample.rounded(sample.value(background.middle)):.12g}"
     is_float = volume.values.dtype.kind == "f"
     if is_float and looks.tail(sample, background.high, origin=background.middle) > _SPREAD:
         look = looks.ramp(sample, background.high, origin=background.middle)
@@ -118,21 +135,20 @@ def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str
 def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
     """No background: the volume is full to its border."""
     low, high = float(statistics.minimum), float(statistics.maximum)
-    middle, spread = float(np.median(sample.shares)), float(np.std(sample.shares))
-    if low < 0 < high and abs(middle - sample.share(0.0)) < spread / 2:
-        look = looks.diverging(sample, sample.share(0.0), 1.2 * spread)
+    if low < 0 < high and is_about_zero(sample):
+        look = looks.diverging(sample, sample.share(0.0), 1.2 * float(np.std(sample.shares[sample.known])))
         return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", look
     if low < 0 < high:
-        around = float(np.mean(sample.border() > sample.share(0.0)))
-        if around > _ONE_SIGN:
-            look = looks.inside(1 - sample.share(0.0)).reflected()
-            return "level set", "negative values lie inside of positive ones", look
-        if around < 1 - _ONE_SIGN:
-            return "level set", "positive values lie inside of negative ones", looks.inside(sample.share(0.0))
-    found = split(sample.shares, *np.percentile(sample.shares, (0.01, 99.99)).tolist())
+        zero = sample.share(0.0)
+        if lies_inside(sample.reflected(), 1 - zero):
+            return "level set", "negative values lie inside of positive ones", looks.inside(1 - zero).reflected()
+        if lies_inside(sample, zero):
+            return "level set", "positive values lie inside of negative ones", looks.inside(zero)
+    shares = sample.shares[sample.known]
+    found = split(shares, *np.percentile(shares, (0.01, 99.99)).tolist())
     if found is not None and found.separation > _TWO_PHASES:
         return "two phases", "there is no background, and values gather in two groups", looks.phases(sample, found)
-    first = float(np.percentile(sample.shares, _UPPER_HALF))
+    first = float(np.percentile(shares, _UPPER_HALF))
     look = looks.ramp(sample, first, origin=float(sample.shares.min()))
     return "filled volume", "there is no background; the upper 40% of the values are shown", look
 
@@ -202,8 +218,10 @@ def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str 
     where, colors = [at for at, _ in look.colors], np.array([color for _, color in look.colors])
     points: dict[float, ControlPoint] = {}
     notes: dict[float, str] = {}
-    for at, depth in zip(knots, depths.tolist(), strict=True):
-        value = _round(sample.value(at), sample)
+    gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
+    nearest = np.minimum(gaps[:-1], gaps[1:])
+    for at, depth, gap in zip(knots, depths.tolist(), nearest.tolist(), strict=True):
+        value = sample.rounded(sample.value(at), gap)
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
         points[value] = ControlPoint(value, (r, g, b), opacity_of(depth, unit, sample.diagonal))
         starting = [layer.name for layer in look.layers if layer.name and _peak(layer.knots) == at]
@@ -239,12 +257,3 @@ def _peak(knots: tuple[tuple[float, float], ...]) -> float:
     """Where a layer first has all its weight."""
     most = max(weight for _, weight in knots)
     return next(at for at, weight in knots if weight == most)
-
-
-def _round(value: float, sample: Sample) -> float:
-    """To about a thousandth of the range, so that it can be read; where there are no such decimals, as it is."""
-    extent = abs(sample.maximum / 2 - sample.minimum / 2) * 2
-    if not 1e-290 < extent < 1e290:
-        return value
-    decimals = 3 - math.floor(math.log10(extent))
-    return float(round(value, max(decimals, 0))) + 0.0 if decimals > -12 else float(f"{value:.5g}")

@@ -26,6 +26,7 @@ class Volume:
     fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes, whatever file they came from.
     source: the file that the values are mapped from; None where they are in memory. Whoever is about to read some of
         them calls `require_unchanged` first, and again before anything comes of what was read.
+    num_nonfinite: voxels that the file has as NaN or infinite, which have the value `stand_in` here.
     replaced_spacing: that of the file, where the scene gives another; else None.
     """
 
@@ -34,6 +35,8 @@ class Volume:
     name: str
     fingerprint: str
     source: MappedFile | None = None
+    num_nonfinite: int = 0
+    stand_in: float = 0.0
     replaced_spacing: tuple[float, float, float] | None = None
 
     def require_unchanged(self) -> None:
@@ -80,12 +83,20 @@ class Volume:
         return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
 
 
-def make_volume(values: Array, world_from_index: Float64, name: str, source: MappedFile | None = None) -> Volume:
+def make_volume(
+    values: Array,
+    world_from_index: Float64,
+    name: str,
+    source: MappedFile | None = None,
+    num_nonfinite: int = 0,
+    stand_in: float = 0.0,
+) -> Volume:
     """A Volume around `values`, which become read-only, with its fingerprint; nothing is copied.
 
     values: [z, y, x], finite, native byte order, C-contiguous, an integer or float dtype.
     world_from_index: float64 [4, 4].
     source: the file that they are mapped from, if any; raises InputError where it is not what it was.
+    num_nonfinite, stand_in: how many have been replaced, and by what.
     """
     assert values.ndim == 3, values.shape
     assert values.flags.c_contiguous, values.strides
@@ -97,4 +108,4 @@ def make_volume(values: Array, world_from_index: Float64, name: str, source: Map
     digest.update(placed.data.cast("B"))
     for slab in slabs(values, source):
         digest.update(slab.data.cast("B"))
-    return Volume(values, placed, name, digest.hexdigest(), source)
+    return Volume(values, placed, name, digest.hexdigest(), source, num_nonfinite, stand_in)

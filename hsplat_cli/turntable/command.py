@@ -33,7 +33,7 @@ from renderer.errors import HsplatError, InputError
 )
 @click.option("--format", "kind", type=click.Choice(["mp4", "gif", "png"]), default="mp4", show_default=True)
 @film_options
-@volume_options(nonfinite="lowest")
+@volume_options(nonfinite=None)
 @crew_options
 @click.option("--force", is_flag=True, help="Draw again, over scenes that were changed by hand, too.")
 @click.option("--quiet", is_flag=True, help="Say nothing but the table and errors.")
@@ -71,6 +71,7 @@ def turntable(
             output=default_output(one.name, kind, folder),
             crew=crew,
             force=force,
+            hides_nonfinite=options["nonfinite"] is None,
         )
         for one in _films(volumes, name, quiet)
     ]

@@ -35,6 +35,7 @@ class Order:
     """A film to be made. scene: the file that it is described in.
 
     force: an edited scene there may be lost, and what was drawn is drawn again.
+    hides_nonfinite: as `suggest_scene` takes it.
     """
 
     volume: VolumeSpec
@@ -44,6 +45,7 @@ class Order:
     output: Path
     crew: CrewSpec
     force: bool
+    hides_nonfinite: bool = False
 
     def record(self, status: str) -> Record:
         """What the report says about it in any case."""
@@ -76,9 +78,18 @@ def make_film(order: Order, *, quiet: bool) -> Record:
     require_name(volume_file(order.volume))
     # Before the volume is read, as that may take long.
     require_writable(order.scene)
-    suggested = suggest_scene(order.volume, order.film, colormap=order.colormap, scene=order.scene, output=order.output)
+    suggested = suggest_scene(
+        order.volume,
+        order.film,
+        colormap=order.colormap,
+        scene=order.scene,
+        output=order.output,
+        hides_nonfinite=order.hides_nonfinite,
+    )
     if not quiet:
         click.echo(f"{volume_file(order.volume)}: {suggested.kind}; {suggested.reason}", err=True)
+        if suggested.nonfinite is not None:
+            click.echo(f"{volume_file(order.volume)}: {suggested.nonfinite}", err=True)
     job = _job(order, suggested)
     # Held from before the scene is written until the film is there: they belong together.
     sidecar = sidecar_path(job.scene, job.frames)

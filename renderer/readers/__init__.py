@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -56,12 +57,13 @@ def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
         settled = _settled(image.values)
         del image  # with what it was read into
         file = file_behind(settled)
-        values = _finite(settled, file, spec.nonfinite == "lowest", first, name)
+        values, num_nonfinite, stand_in = _finite(settled, file, spec.nonfinite, first, name)
         if mapped is not None:  # and where it was copied
             mapped.require_unchanged()
         file = file if values is settled else None
         check_resolved(values, file, name)
-        return replace(make_volume(values, world_from_index, name, file), replaced_spacing=replaced)
+        made = make_volume(values, world_from_index, name, file, num_nonfinite, stand_in)
+        return replace(made, replaced_spacing=replaced)
     except OSError as error:
         raise unreadable(Path(name), error) from error
     except MemoryError as error:
@@ -156,13 +158,20 @@ def _settled(values: Array) -> Array:
     return values
 
 
-def _finite(values: Array, file: MappedFile | None, to_lowest: bool, first_xyz: tuple[int, ...], where: str) -> Array:
-    """The values, NaN and infinities replaced by the lowest finite value or refused; looked at a slice at a time.
+def _finite(
+    values: Array,
+    file: MappedFile | None,
+    instead: Literal["error", "lowest"] | float,
+    first_xyz: tuple[int, ...],
+    where: str,
+) -> tuple[Array, int, float]:
+    """The values; how many NaN and infinities there were, refused or replaced by the lowest finite value or a number;
+    and this. All is looked at a slice at a time.
 
     Those that are mapped from a file are copied where any is replaced.
     """
     if values.dtype.kind != "f":
-        return values
+        return values, 0, 0.0
     num_bad, first_bad, lowest = 0, None, np.inf
     for z, plane in enumerate(plane for slab in slabs(values, file) for plane in slab):
         finite = np.isfinite(plane)
@@ -172,13 +181,13 @@ def _finite(values: Array, file: MappedFile | None, to_lowest: bool, first_xyz: 
             if first_bad is None:
                 y, x = np.argwhere(~finite)[0]
                 first_bad = (int(x) + first_xyz[0], int(y) + first_xyz[1], z + first_xyz[2])
-        if to_lowest and num_good:
+        if instead == "lowest" and num_good:
             lowest = min(lowest, float(plane.min(where=finite, initial=np.inf)))
     if not num_bad:
-        return values
+        return values, 0, 0.0
     if num_bad == values.size:
         raise InputError("no voxel is finite: all are NaN or infinite", where=where)
-    if not to_lowest:
+    if instead == "error":
         raise InputError(
             f"{num_bad} of {values.size} voxels are NaN or infinite",
             where=where,
@@ -186,7 +195,16 @@ def _finite(values: Array, file: MappedFile | None, to_lowest: bool, first_xyz: 
             expected="finite values",
             hint="`nonfinite: lowest` replaces them with the lowest finite value",
         )
+    number = lowest if instead == "lowest" else instead
+    largest = float(np.finfo(values.dtype).max)
+    if abs(number) > largest:
+        raise InputError(
+            "what takes the place of NaN and infinities is out of the range of the voxels",
+            where=where,
+            got=f"`nonfinite: {number:g}`",
+            expected=f"a number from {-largest:g} to {largest:g}, for {values.dtype.name}",
+        )
     values = values if values.flags.writeable else values.copy()
     for plane in values:
-        plane[~np.isfinite(plane)] = lowest
-    return values
+        plane[~np.isfinite(plane)] = number
+    return values, num_bad, number

@@ -200,6 +200,88 @@ def test_init_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
+@pytest.mark.parametrize("volume", ["scan.npy", "no/where.npy"])
+def test_init_into_a_folder_that_is_not_there(volume: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Which is said first, before the volume is read."""
+    assert main.run(["init", volume, "--output", "no/such/scene.yaml"]) == 2
+    assert capsys.readouterr().err == (
+        "no/such/scene.yaml: the folder of the output is not there\n  got: no/such\n  hint: make it first\n"
+    )
+    assert not Path("no").exists()
+
+
+def test_init_into_a_folder_that_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["init", "no/where.npy", "--output", "notes.txt/scene.yaml"]) == 2
+    assert capsys.readouterr().err == "notes.txt/scene.yaml: the folder of the output is a file\n  got: notes.txt\n"
+
+
+@pytest.mark.parametrize("arguments", [["init"], ["init", "--output", "a.yaml"], ["turntable", "-o", "films"]])
+def test_voxels_that_no_scene_can_draw(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """They are refused at once, as `render` would, and no scene is written."""
+    command, *options = arguments
+    header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nspacings: 1e-6 1e-3 1\nencoding: raw\n\n"
+    Path("flat.nrrd").write_bytes(header.encode() + bytes(range(8)))
+    assert main.run([command, "flat.nrrd", *options]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == (
+        "flat.nrrd: the voxels are too long or too flat\n"
+        "  got: sides with a ratio of 1e+06\n"
+        "  expected: a longest side of at most 1e+05 times the shortest\n"
+    )
+    assert not Path("a.yaml").exists() and not Path("films/flat.yaml").exists()
+
+
+def signed_with_a_hole() -> None:
+    """Waves about 0, and NaN in a corner, as holes.npy."""
+    z, y, x = np.meshgrid(*[np.linspace(0, 9, 24)] * 3, indexing="ij")
+    values = (np.sin(z) + np.cos(y) * np.sin(x)).astype(np.float32)
+    values -= values.mean()
+    values[:6] = np.nan
+    values[12, 3, 4] = -np.inf
+    np.save("holes.npy", values)
+
+
+def test_what_becomes_of_nan_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    signed_with_a_hole()
+    assert main.run(["init", "holes.npy"]) == 0
+    said = capsys.readouterr()
+    fate = "3457 of 13824 voxels are NaN or infinite; they are drawn as 0, which is not seen"
+    assert said.err.splitlines()[1] == f"holes.npy: {fate}"
+    assert f"\n  # {fate}.\n  nonfinite: 0 " in said.out
+    for given, told in (("lowest", "the lowest value, -"), ("-0.25", "-0.25, which is ")):
+        assert main.run(["init", "holes.npy", f"--nonfinite={given}"]) == 0
+        said = capsys.readouterr()
+        assert f"3457 of 13824 voxels are NaN or infinite; they are drawn as {told}" in said.err
+        assert f"\n  nonfinite: {given} " in said.out
+
+
+def test_nan_that_show_are_said_to_show(capsys: pytest.CaptureFixture[str]) -> None:
+    signed_with_a_hole()
+    assert main.run(["init", "holes.npy", "--nonfinite", "lowest"]) == 0
+    assert capsys.readouterr().err.rstrip().endswith(", which can be seen")
+
+
+def test_turntable_tells_of_nan(capsys: pytest.CaptureFixture[str]) -> None:
+    signed_with_a_hole()
+    assert main.run(["turntable", "holes.npy", "-o", "films", "--frames", "1", "--size", "16"]) == 0
+    assert "holes.npy: 3457 of 13824 voxels are NaN or infinite; they are drawn as 0, " in capsys.readouterr().err
+    assert "\n  nonfinite: 0 " in Path("films/holes.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("given", ["nan", "lowst", "1e999"])
+def test_nan_cannot_become_anything(given: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["init", "scan.npy", "--nonfinite", given]) == 2
+    assert f"'{given}' is neither error nor lowest nor a finite number." in capsys.readouterr().err
+
+
+def test_volumes_of_numbers_need_no_word_about_nan(capsys: pytest.CaptureFixture[str]) -> None:
+    np.save("whole.npy", np.arange(64.0).reshape(4, 4, 4))
+    assert main.run(["init", "whole.npy"]) == 0
+    said = capsys.readouterr()
+    assert "NaN or" not in said.err + said.out and "\n  nonfinite: lowest " in said.out
+
+
 def test_what_was_chosen_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["init", "scan.npy"]) == 0
     said = capsys.readouterr()

@@ -457,6 +457,12 @@ def test_nonfinite(folder):
     )
     save(np.full((2, 2, 2), np.inf))
     assert message("a.npy", nonfinite="lowest") == "a.npy: no voxel is finite: all are NaN or infinite"
+    save(values.astype(np.float16))
+    assert message("a.npy", nonfinite=-1e6) == (
+        "a.npy: what takes the place of NaN and infinities is out of the range of the voxels\n"
+        "  got: `nonfinite: -1e+06`\n"
+        "  expected: a number from -65504 to 65504, for float16"
+    )
 
 
 def test_out_of_memory(folder, monkeypatch):

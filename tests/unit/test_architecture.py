@@ -24,7 +24,7 @@ ROOMS: dict[str, tuple[str, str]] = {
         "words",
     ),
     "volumes": ("readers procedural statistics", "words checks"),
-    "suggestions": ("evidence exposure looks labels suggestion", "words checks volumes"),
+    "suggestions": ("evidence exposure looks labels level_sets suggestion unseen", "words checks volumes"),
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_blocks pyramid_kernels pyramid_memory emptiness", "words classification"),
     "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
@@ -69,7 +69,7 @@ COMMANDS_MAY_IMPORT = {
     "bricks", "png", "staging",  # reports
     "encode", "frame_difference", "strictness",  # compare
     "camera", "thumbnails", "transfer",  # peers
-    "colormaps", "suggestion",  # scenes without a scene file
+    "colormaps", "extents", "suggestion", "unseen",  # scenes without a scene file
     "integrator", "octree", "splats",  # paper
 }  # fmt: skip
 

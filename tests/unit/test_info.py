@@ -62,7 +62,7 @@ EXPECTED = """{path}
     material 1           100 to 100            6.25% of the voxels, median 100
     material 2           200 to 200            3.12% of the voxels, median 200
 
-  looks like   labels: there are 3 values, in large pieces, and 0 is the background
+  looks like   labels: there are 3 values, and 0 is the background
 
 transfer_function:
   unit: 0.05

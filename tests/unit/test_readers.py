@@ -320,6 +320,21 @@ def test_nonfinite_voxels(tmp_path, dtype, bad):
     assert not replaced.flags.writeable
 
 
+@pytest.mark.parametrize("dtype", FLOATS)
+def test_nonfinite_voxels_become_a_number(tmp_path, dtype):
+    values = ramp(dtype) - 7
+    values[1, 2, 3], values[2, 0, 0] = np.nan, np.inf
+    np.save(tmp_path / "a.npy", values)
+    volume = read(tmp_path / "a.npy", nonfinite=2.5)
+    np.testing.assert_array_equal(volume.values, np.where(np.isfinite(values), values, values.dtype.type(2.5)))
+    assert (volume.num_nonfinite, volume.stand_in) == (2, 2.5)
+    lowest = read(tmp_path / "a.npy", nonfinite="lowest")
+    assert (lowest.num_nonfinite, lowest.stand_in) == (2, -7)
+    assert lowest.fingerprint != volume.fingerprint
+    np.save(tmp_path / "b.npy", ramp(dtype))
+    assert read(tmp_path / "b.npy", nonfinite=2.5).num_nonfinite == 0
+
+
 def test_nonfinite_voxels_in_memory_of_simpleitk(tmp_path):
     values = ramp("float32")
     values[0, 0, 0] = np.nan

@@ -61,7 +61,7 @@ SPACING = st.tuples(*[finite(0.01, 100)] * 3)
 SHAPE = st.tuples(*[st.integers(8, 64)] * 3)
 COLOR = st.tuples(PART, PART, PART)
 CROP = st.none() | st.tuples(*[st.tuples(st.integers(0, 3), st.integers(4, 8))] * 3)
-NONFINITE = st.sampled_from(["error", "lowest"])
+NONFINITE = st.sampled_from(["error", "lowest"]) | finite()
 
 
 def raw_sources() -> st.SearchStrategy[RawSource]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from renderer.scene import (
     FileSource,
     RawSource,
     ShadingSpec,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -117,6 +119,7 @@ def test_the_whole_text() -> None:
         folder=Path("films"),
         output=Path("films/scan.mp4"),
         is_float=True,
+        nonfinite="3 of 8 voxels are NaN or infinite; they are drawn as 0, which is not seen",
     )
     assert text == WHOLE
 
@@ -131,7 +134,8 @@ volume:
   file: ../scans/scan.nrrd    # relative to this file
   time: 3
   component: 1
-  nonfinite: error            # NaN and infinities: error, or lowest, as the lowest finite value
+  # 3 of 8 voxels are NaN or infinite; they are drawn as 0, which is not seen.
+  nonfinite: error            # NaN and infinities: error, lowest, as the lowest finite value, or a number
 
 # What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.
 transfer_function:
@@ -156,6 +160,22 @@ output:
   frames_per_second: 30
   background: "#000000"
 """
+
+
+@pytest.mark.parametrize("splat", [None, SplatSpec(footprint="gaussian")])
+def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: SplatSpec | None) -> None:
+    (tmp_path / "scan.npy").touch()
+    text = scene_text(
+        VolumeSpec(FileSource(tmp_path / "scan.npy")),
+        replace(SUGGESTION, are_names=True, splat=splat),
+        FilmOptions(),
+        folder=tmp_path,
+        output=Path("scan.mp4"),
+        is_float=False,
+    )
+    assert "skin of a label" in text
+    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
+    assert load_scene(tmp_path / "scene.yaml").splat == (splat or SplatSpec(footprint="integrated"))
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kinds_of_data import KINDS, head_in_hounsfield_units, labels, signed, two_materials
+from kinds_of_data import KINDS, N, axes, head_in_hounsfield_units, labels, signed, two_materials
 
 from renderer.pipeline import prepare, render_frames
 from renderer.raster_gl import GLRasterizer
+from renderer.readers import common, read_volume
 from renderer.scene import (
     CameraSpec,
     ColormapSpec,
@@ -21,6 +22,7 @@ from renderer.scene import (
     FileSource,
     OutputSpec,
     Scene,
+    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -57,6 +59,7 @@ def picture(values: Array, rasterizer: GLRasterizer, size: int = 64) -> Array:
         OutputSpec(Path("still.png"), (size, size)),
         error=ErrorSpec(((0, 0.05),)),
         shading=suggestion.shading,
+        splat=suggestion.splat or SplatSpec(footprint="integrated"),
     )
     stage = prepare(scene, clock=time.perf_counter, num_threads=1, volume=volume)
     (frame,) = render_frames(stage, [1], rasterizer, clock=time.perf_counter)
@@ -195,6 +198,33 @@ def test_a_label_around_others_is_glass() -> None:
     assert organ == pytest.approx(last, rel=0.5)
 
 
+def test_a_label_has_its_own_colour_to_its_skin(rasterizer: GLRasterizer) -> None:
+    """Not that of the number between it and the background's, as interpolated numbers would have there."""
+    values = np.zeros((N, N, N), np.uint8)
+    values[4:18, 8:-8, 8:-8] = 1
+    values[30:44, 8:-8, 8:-8] = 2
+    image = picture(values, rasterizer, 96).astype(int)
+    upper, lower = image[:40], image[56:]
+    for part, own, other in ((upper, 2, 0), (lower, 0, 2)):  # blue above, orange below
+        seen = part.max(axis=2) > 12
+        assert seen.mean() > 0.1
+        assert (part[seen][:, own] > part[seen][:, other]).all()
+
+
+def test_splats_are_suggested_for_labels_in_memory_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    volume = volume_of(labels())
+    statistics = measure(volume.values)
+    in_memory = suggest(volume, statistics)
+    assert in_memory.are_names and in_memory.splat == SplatSpec(footprint="gaussian")
+    mask = suggested((labels() > 1).astype(np.uint8))
+    assert not mask.are_names and mask.splat is None
+    assert suggested(two_materials("uint8")).splat is None
+    monkeypatch.setattr(common, "_MAPPED_FROM", 1)
+    np.save(tmp_path / "labels.npy", labels())
+    in_file = suggest(read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy"))), statistics)
+    assert in_file.are_names and in_file.splat is None
+
+
 def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
     values = np.zeros((32, 32, 32), np.uint8)
     for label, margin in ((5, 2), (1, 6), (3, 10)):
@@ -208,6 +238,61 @@ def test_smooth_volumes_of_few_levels_are_no_labels() -> None:
     z, y, x = np.meshgrid(*[np.linspace(-1, 1, 256)[:96]] * 3, indexing="ij")
     values = np.rint(60 * np.exp(-3 * (x**2 + y**2 + z**2))).astype(np.uint8)
     assert suggested(values).kind not in ("labels", "mask")
+
+
+@pytest.mark.parametrize("num_values", [7, 40, 255])
+def test_clipped_images_without_noise_are_no_labels(num_values: int) -> None:
+    """Most of it has the largest value, but the others are those that its edge goes through."""
+    z, y, x = axes()
+    edge = np.clip(24 * (0.9 - np.sqrt((x + 0.03) ** 2 + (y - 0.06) ** 2 + z**2)), 0, 1)
+    values = np.rint(edge * (num_values - 1)).astype(np.uint8)
+    assert suggested(values).kind not in ("labels", "mask")
+
+
+def test_layers_side_by_side_are_labels() -> None:
+    """Ascending from the inside out, as the values of an edge do, but each of some thickness."""
+    z, y, x = axes()
+    radius = np.sqrt(x**2 + y**2 + z**2)
+    values = np.where(radius < 0.9, 1 + radius * 6, 0).astype(np.uint8)
+    assert suggested(values).kind == "labels"
+
+
+@pytest.mark.parametrize("along", [(0, 1, 2), (2,)])
+def test_pieces_of_one_voxel_are_not_called_large(along: tuple[int, ...]) -> None:
+    """A chequerboard, and stripes."""
+    suggestion = suggested(np.where(np.indices((32, 32, 32))[list(along)].sum(0) % 2, 200, 0).astype(np.uint8))
+    assert (suggestion.kind, suggestion.reason) == ("mask", "there are 2 values, and 0 is the background")
+
+
+def test_large_pieces_are_called_so() -> None:
+    reason = "there are 5 values, in large pieces, and 0 is the background"
+    assert suggested(labels()).reason == reason
+
+
+@pytest.mark.parametrize("extent", [10**6, 10**10, 10**15])
+@pytest.mark.parametrize("offset", [0, 2**60, -(2**60)])
+def test_points_are_told_apart_on_a_large_offset(extent: int, offset: int) -> None:
+    """A ramp of as many points as without the offset, each within a thousandth of the range, which int64 has exactly
+    and float64 to 256 here."""
+    values = (np.asarray(KINDS["temperature"][0], np.float64) - 273) / 80
+    values = np.rint(values / np.ptp(values) * extent).astype(np.int64)
+    plain, shifted = (suggested(values + by).transfer.mapping for by in (0, offset))
+    assert not isinstance(plain, ColormapSpec) and not isinstance(shifted, ColormapSpec)
+    assert len(plain) == len(shifted) == 8
+    for one, other in zip(plain, shifted, strict=True):
+        assert other.value - offset == pytest.approx(one.value, abs=2e-3 * extent)
+        assert one.opacity == pytest.approx(other.opacity, abs=5e-3)
+
+
+def test_points_are_told_apart_beside_a_hot_voxel() -> None:
+    """Which makes them much nearer to each other than a thousandth of the range."""
+    values = two_materials("uint8") / 255
+    hot = values.copy()
+    hot[5, 6, 7] = 3e4
+    mapping = suggested(hot).transfer.mapping
+    assert not isinstance(mapping, ColormapSpec)
+    within = [point.value for point in mapping if 0.05 < point.value < 0.9]
+    assert len(within) == len(mapping) - 1 >= 3
 
 
 def test_thousands_of_labels() -> None:

@@ -1,0 +1,109 @@
+"""Voxels that are no numbers hide nothing, and do not change what the others are taken for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from kinds_of_data import KINDS, N, axes, ball
+
+from hsplat_cli.scene_text import FilmOptions
+from hsplat_cli.suggested_scene import suggest_scene
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+from renderer.statistics import measure
+from renderer.suggestion import suggest
+from renderer.unseen import unseen_value
+
+Array = npt.NDArray[Any]
+
+Z, Y, X = axes()
+SLAB = Z < -0.6  # the lowest fifth
+TUBE = X**2 + Y**2 > 1  # outside of a scanner's circle
+CORNER = (Z > 0.7) & (Y > 0.7) & (X > 0.7)
+
+
+def with_nan(values: Array, where: Array) -> Array:
+    values = values.astype(np.float32)
+    values[where] = np.nan
+    return values
+
+
+def found(folder: Path, values: Array) -> tuple[float | None, str]:
+    """What NaN are to be, and what the volume is taken for then."""
+    np.save(folder / "scan.npy", values)
+    source = FileSource(folder / "scan.npy")
+    volume = read_volume(VolumeSpec(source, nonfinite="lowest"))
+    value = unseen_value(volume, measure(volume.values))
+    if value is not None:
+        volume = read_volume(VolumeSpec(source, nonfinite=value))
+    return value, suggest(volume, measure(volume.values)).kind
+
+
+def is_seen(folder: Path, values: Array) -> bool:
+    np.save(folder / "scan.npy", values)
+    scene = suggest_scene(
+        VolumeSpec(FileSource(folder / "scan.npy"), nonfinite="lowest"),
+        FilmOptions(),
+        colormap=None,
+        scene=folder / "scene.yaml",
+        output=folder / "film.mp4",
+        hides_nonfinite=True,
+    )
+    assert scene.nonfinite is not None and scene.nonfinite.startswith(f"{np.isnan(values).sum()} of {values.size} ")
+    return not scene.nonfinite.endswith("which is not seen")
+
+
+@pytest.mark.parametrize("where", [SLAB, TUBE, CORNER], ids=["slab", "tube", "corner"])
+@pytest.mark.parametrize("name", ["signed", "filled, signed", "distance", "distance, reversed", "head as float32"])
+def test_the_kind_is_that_of_the_others(tmp_path: Path, name: str, where: Array) -> None:
+    values = with_nan(KINDS[name][0], where)
+    assert found(tmp_path, values)[1] == KINDS[name][1]
+    assert not is_seen(tmp_path, values)
+
+
+# Not of the room with a hot spot: its floor and its ceiling have one temperature each, as backgrounds have.
+@pytest.mark.parametrize("name", [name for name in KINDS if name not in ("constant", "temperature")])
+@pytest.mark.parametrize("where", [SLAB, TUBE, X**2 + Y**2 + Z**2 > 0.9], ids=["slab", "tube", "all around"])
+def test_nan_are_not_seen(tmp_path: Path, name: str, where: Array) -> None:
+    values = KINDS[name][0].astype(np.float64)
+    values[where] = np.nan
+    assert not is_seen(tmp_path, values)
+
+
+def test_a_signed_field_inside_of_nan_keeps_its_signs(tmp_path: Path) -> None:
+    values = with_nan(KINDS["filled, signed"][0], X**2 + Y**2 + Z**2 > 0.9)
+    assert found(tmp_path, values) == (0.0, "field with two signs")
+
+
+@pytest.mark.parametrize("where", [SLAB, TUBE], ids=["slab", "tube"])
+def test_a_bright_background_goes_on_where_nan_are(tmp_path: Path, where: Array) -> None:
+    values = KINDS["dark object"][0]
+    background = float(np.median(values[0]))
+    value, kind = found(tmp_path, with_nan(values, where))
+    assert value == pytest.approx(background, abs=3)
+    assert kind.endswith("dark in a bright background")
+
+
+def test_nan_around_labels_are_their_background(tmp_path: Path) -> None:
+    values = KINDS["labels"][0]
+    assert found(tmp_path, with_nan(values, values == 0)) == (0.0, "labels")
+    assert found(tmp_path, with_nan(values, SLAB)) == (None, "labels")  # 0 is there already
+
+
+@pytest.mark.parametrize("value", [1.0, -3.0])
+def test_nan_make_a_mask(tmp_path: Path, value: float) -> None:
+    values = with_nan(np.full((N, N, N), value), ~ball((0, 0, 0), 0.6))
+    assert found(tmp_path, values) == (0.0, "mask")
+    assert not is_seen(tmp_path, values)
+
+
+def test_a_background_of_the_lowest_value_is_not_taken_for_nan(tmp_path: Path) -> None:
+    """A few NaN become 0, as the background is, which stays one."""
+    values = np.maximum(KINDS["uint8"][0].astype(float) - 30, 0)
+    without = found(tmp_path, values)[1]
+    values[20, 20, 20:30] = np.nan
+    assert found(tmp_path, values) == (None, without)
