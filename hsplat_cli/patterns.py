@@ -20,8 +20,3 @@ def matches(name: str) -> list[Path]:
         hint = None if Path(name).is_absolute() else f"it is relative to {Path.cwd()}"
         raise InputError("no file matches this pattern", where=name, hint=hint)
     return [Path(path) for path in found]
-
-
-def require_name(path: Path) -> None:
-    """Raise InputError where a path is a pattern that matches nothing."""
-    matches(str(path))

@@ -156,7 +156,7 @@ def read_as_told(volume: VolumeSpec) -> Volume:
         raise InputError(
             error.what,
             where=error.where,
-            got=error.got and _GOT.sub(r"--\1 \2", error.got),
+            got=error.got and _as_options(_GOT.sub(r"--\1 \2", error.got)),
             expected=error.expected and _as_options(error.expected),
             hint=error.hint and _as_options(error.hint),
         ) from error

@@ -87,7 +87,7 @@ class Thrift:
 class BrickBatch:
     """Boxes in the order of their cut.
 
-    steps: float64 [n], the longest step in cells of the brick.
+    steps: float64 [n], about how long a step is, in cells of the brick.
     table: as in Bricks; texel 0 is the first entry, texel 1 the last.
     origin: float64 [3], world position of the model's origin, the volume's centre. length: world units in a model unit.
     """
@@ -142,7 +142,7 @@ def _depths(cut: BrickCut, bricks: Bricks) -> Float64:
 
 
 def steps_at(roughness: Float64, tolerance: float, depths: Float64) -> Float64:
-    """float64 [n]: the longest step, in cells, in bricks of some roughness, whose cells have these optical depths."""
+    """float64 [n]: the step, in cells, in bricks of some roughness, whose cells have these optical depths."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         steps = np.where(roughness > 0, (ROUGHNESS_OF_STEP * tolerance / roughness) ** STEP_POWER, np.inf)
     least = np.maximum(LEAST_STEP / np.sqrt(np.maximum(depths, 1.0)), SHORTEST_STEP)

@@ -29,14 +29,13 @@ from renderer.brick_means import MadeMeans
 from renderer.bricks import APRON, BRICK, Bricks
 from renderer.classify import Codes, Float64, scalar_at, voxel_codes
 from renderer.jit import jit
+from renderer.optical_table import FARTHEST
 from renderer.pyramid import TOLD_LEVELS
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
 Int32 = npt.NDArray[np.int32]
 
-# Scalars are held to this many ranges from the range's start: no interpolation towards a visible one overflows.
-FARTHEST = 2.0**20
 
 # Of a power of two by which small scalars are multiplied; and of what is so large that FARTHEST times it is no number.
 _LARGEST_EXPONENT = 1000

@@ -27,7 +27,7 @@ from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS
 from renderer.brick_sums import NodeSums, ToldSums, grid_of, places_in
 from renderer.classify import FAINTEST, voxel_codes
 from renderer.octree import children, node_errors
-from renderer.optical_table import optical_table
+from renderer.optical_table import FARTHEST, optical_table
 from renderer.pyramid import Pyramid, build_pyramid, error_scale
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
@@ -60,7 +60,8 @@ ERRORS_ON_A_RAY = math.sqrt(BRICKS_ON_A_RAY * BRICK)
 # Bricks of one task: enough to hide the dispatch, few enough that what is known of their nodes takes little memory.
 _BRICKS_PER_TASK = 64
 # What a table has below a step at its start, of its range: four of the fewest entries. What its range is at least, of
-# the control values', or of the volume's if there is one only: shares of it that are interpolated have to have digits.
+# the control values', or of the volume's if there is one only: shares of it that are interpolated have to have digits,
+# and are held to FARTHEST, which moves what lies between two that are beyond.
 _BELOW_STEP, _LEAST_SHARE = 1 / 256, 1 / 64
 
 
@@ -241,7 +242,9 @@ def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[
     if len(changing):
         start, after, end = (float(transfer.values[k]) for k in (changing[0], changing[0] + 1, changing[-1] + 1))
         half, of_all = end / 2 - start / 2, float(transfer.values[-1] / 2 - transfer.values[0] / 2)  # finite, always
-        missing = max(_LEAST_SHARE * (of_all or high / 2 - low / 2) - half, 0.0)
+        of_volume = high / 2 - low / 2
+        least = max(_LEAST_SHARE * of_all, min(of_volume / FARTHEST, of_all)) if of_all else _LEAST_SHARE * of_volume
+        missing = max(least - half, 0.0)
         below = max(missing, half * (2 * _BELOW_STEP)) if start == after else missing
         first, last = max(low, start - below), min(high, end + missing)
         if start == after and first == start:

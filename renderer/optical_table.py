@@ -16,6 +16,9 @@ Float64 = npt.NDArray[np.float64]
 USUAL_ENTRIES, MOST_ENTRIES = (1 << 10, 1 << 12), (1 << 13, 1 << 14)
 CELLS_OF_PIECE = 4
 
+# Scalars are held to this many ranges from the range's start: no interpolation towards a visible one overflows.
+FARTHEST = 2.0**20
+
 
 def optical_table(transfer: TransferFunction, first: float, last: float) -> npt.NDArray[np.float32]:
     """float32 [k, 4]: (tau c, tau) at evenly spaced scalars from `first` to `last`.

@@ -14,7 +14,7 @@ import click
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.job import Job
-from hsplat_cli.patterns import require_name
+from hsplat_cli.patterns import matches
 from hsplat_cli.place import taken
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, volume_file
@@ -75,7 +75,7 @@ def exit_code(error: HsplatError) -> int:
 
 def make_film(order: Order, *, quiet: bool) -> Record:
     """Write the scene, render it, and say what came of it. Raises HsplatError."""
-    require_name(volume_file(order.volume))
+    matches(str(volume_file(order.volume)))  # or there is none
     # Before the volume is read, as that may take long.
     require_writable(order.scene)
     suggested = suggest_scene(

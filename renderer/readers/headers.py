@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
@@ -25,7 +26,9 @@ from renderer.schema import show
 _MAX_HEADER_BYTES = 2**22
 
 # The line of NRRD, or MetaImage, behind which data files are listed, each on a line.
-_LIST = re.compile(rb"^(data ?file:|ElementDataFile[ \t]*=)[ \t]*LIST[ \t]*\r?\n", re.IGNORECASE | re.MULTILINE)
+_LIST = re.compile(
+    rb"^(data ?file:|ElementDataFile[ \t]*=)[ \t]*LIST([ \t]+[0-9]{1,2})?[ \t]*\r?\n", re.IGNORECASE | re.MULTILINE
+)
 # Data files with numbers: `slice%03d.raw 1 60 1`, from the first to the last in steps. The libraries hand it to printf
 # as it stands, so that no more than this is let through.
 _NUMBERED = re.compile(r"([^%\s]*%0?[0-9]{0,2}d[^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})")
@@ -71,7 +74,9 @@ def nrrd_voxels(path: Path) -> Stored | None:
     stored: Stored = StoredVoxels(path, offset, is_packed, order, is_text)
     if name is not None:
         is_pattern = re.search("%[0-9]*d", name) is not None
-        stored = _detached(path, name, listed, is_packed, order, is_text, is_pattern=is_pattern)
+        name = _plain_list(name, fields.get("dimension", ""))
+        each = partial(StoredVoxels, offset=0, compressed=is_packed, byte_order=order, is_text=is_text)
+        stored = _detached(path, name, listed, each, is_pattern=is_pattern)
     return None if is_packed and lines_skipped != "0" else stored
 
 
@@ -83,6 +88,7 @@ def metaimage_voxels(path: Path) -> Stored | None:
     head = _head(path)
     start = head.find(b"\n", head.find(b"ElementDataFile")) + 1
     _, listed = _without_list(head)
+    listed = list(map(str.rstrip, listed))  # as their reader has them
     fields = _fields(head[:start] if start else head, "=")
     missing = [key for key in ("NDims", "DimSize", "ElementType", "ElementDataFile") if key.lower() not in fields]
     if missing:
@@ -99,9 +105,14 @@ def metaimage_voxels(path: Path) -> Stored | None:
     is_text = fields.get("binarydata", "True").lower() not in ("true", "1")
     order = None if compressed or is_text else {"false": "<", "true": ">", "0": "<", "1": ">"}.get(is_big, "|")
     stored: Stored = StoredVoxels(path, start, compressed, order, is_text)
+    skipped = fields.get("headersize")
     if name.upper() != "LOCAL":
-        stored = _detached(path, name, listed, compressed, order, is_text, is_pattern="%" in name)
-    return stored if "headersize" not in fields else None
+        offset = (
+            max(0, int(float(skipped.split()[0]))) if skipped else 0
+        )  # -1: all that is before the voxels, whatever it is
+        each = partial(StoredVoxels, offset=offset, compressed=compressed, byte_order=order, is_text=is_text)
+        stored = _detached(path, _plain_list(name, fields["ndims"]), listed, each, is_pattern="%" in name)
+    return stored if skipped is None or isinstance(stored, list) else None
 
 
 def _check_numbers(header: bytes, path: Path) -> None:
@@ -111,25 +122,27 @@ def _check_numbers(header: bytes, path: Path) -> None:
     """
     values = _words(header)
 
-    def require(names: str, count: int, expected: str, is_right: Callable[[list[float]], bool]) -> list[float]:
-        key = next((name for name in names.split() if name.lower() in values), None)
-        words = values[key.lower()] if key is not None else []
-        numbers = [float(word) for word in words[:count] if _DECIMAL.fullmatch(word)]
-        if key is None or (len(numbers) == count and is_right(numbers)):
-            return numbers
-        text = " ".join(words)
-        raise InputError(
-            "a line of this MetaImage header does not have the numbers that belong there",
-            where=str(path),
-            got=f"{key} = {text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)}",
-            expected=f"{key} = {expected}",
-            hint="correct that line, or save the file anew",
-        )
+    def require(names: str, count: int, expected: str, is_right: Callable[[list[float]], bool]) -> None:
+        for key in names.split():
+            words = values.get(key.lower(), [])
+            numbers = [float(word) for word in words[:count] if _DECIMAL.fullmatch(word)]
+            if key.lower() not in values or (len(numbers) == count and is_right(numbers)):
+                continue
+            text = " ".join(words)
+            raise InputError(
+                "a line of this MetaImage header does not have the numbers that belong there",
+                where=str(path),
+                got=f"{key} = {text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)}",
+                expected=f"{key} = {expected}",
+                hint="correct that line, or save the file anew",
+            )
 
     def is_finite(found: list[float]) -> bool:
         return all(map(math.isfinite, found))
 
-    n = int(require("NDims", 1, "2, 3 or 4", lambda found: found[0] in range(1, _MOST_DIMENSIONS + 1))[0])
+    require("NDims", 1, "2, 3 or 4", lambda found: found[0] in range(1, _MOST_DIMENSIONS + 1))
+    n = int(float(values["ndims"][0]))
+    require("HeaderSize", 1, "a whole number, or -1", lambda found: found[0] >= -1 and found[0].is_integer())
     require("DimSize", n, f"{n} whole numbers", lambda found: all(x >= 0 and x.is_integer() for x in found))
     expected = f"{n} numbers, none of them 0"
     require("ElementSpacing ElementSize", n, expected, lambda found: is_finite(found) and all(found))
@@ -221,26 +234,28 @@ def _without_list(header: bytes) -> tuple[bytes, list[str]]:
     return header[: match.end()], list(takewhile(bool, lines))
 
 
+def _plain_list(name: str, num_axes: str) -> str:
+    """`LIST` for a list that says of what its files are, if that is slices; other names as they are."""
+    found = re.fullmatch(r"LIST\s+([0-9]{1,2})", name)
+    return "LIST" if found and num_axes.strip() == str(int(found[1]) + 1) else name
+
+
 def _detached(
-    header: Path, name: str, listed: list[str], compressed: bool, order: str | None, is_text: bool, *, is_pattern: bool
+    header: Path, name: str, listed: list[str], each: Callable[[Path], StoredVoxels], *, is_pattern: bool
 ) -> Stored:
-    """What a header's `name` of data files stands for; `listed` are the names below it.
+    """What a header's `name` of data files stands for; `listed` are the names below it, `each` one of such files.
 
     is_pattern: whether its reader takes the name for one with numbers. Raises InputError for a file that is not there,
     and for names that its reader could not be trusted with.
     """
-
-    def stored(each: str) -> StoredVoxels:
-        return StoredVoxels(_data_file(header, each), 0, compressed, order, is_text)
-
     numbered = _NUMBERED.fullmatch(name)
     if name == "LIST" and listed:
-        return [stored(each) for each in listed]
+        return [each(_data_file(header, file)) for file in listed]
     if is_pattern and numbered is not None:
         first, last, step = map(int, numbered.groups()[1:])
-        return [stored(numbered[1] % number) for number in range(first, last + 1, step)]
+        return [each(_data_file(header, numbered[1] % number)) for number in range(first, last + 1, step)]
     if not is_pattern and name.split(maxsplit=1)[0] != "LIST":
-        return stored(name)
+        return each(_data_file(header, name))
     raise InputError(
         "data files cannot be named in this way",
         where=str(header),

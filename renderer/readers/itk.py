@@ -106,8 +106,9 @@ def _check_whole(voxels: StoredVoxels, num_bytes: int, size: tuple[int, ...], dt
 def _check_slices(
     files: list[StoredVoxels], num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any], path: Path
 ) -> None:
-    """Raise InputError unless each step of the last axis has a file, and that is whole."""
-    if len(files) != size[-1]:
+    """Raise InputError unless each step of the last axis has a file, and that is whole. NRRD's reader has counted them;
+    there the last axis may be that of components."""
+    if len(files) != size[-1] and path.suffix.lower() not in (".nrrd", ".nhdr"):
         raise InputError(
             f"this header names too {'few' if len(files) < size[-1] else 'many'} data files",
             where=str(path),
@@ -115,7 +116,7 @@ def _check_slices(
             expected=f"{size[-1]}, one for each slice of {describe_shape(size)} voxels",
         )
     for file in files:
-        _check_whole(file, num_bytes // size[-1], size[:-1], dtype)
+        _check_whole(file, num_bytes // len(files), size[:-1], dtype)
 
 
 def _can_be_mapped(voxels: StoredVoxels, num_bytes: int, num_components: int, dtype: np.dtype[Any]) -> bool:

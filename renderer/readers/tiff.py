@@ -208,6 +208,8 @@ def _world_from_index(first: Page, where: str, any_lengths: bool) -> Float64:
         if not any_lengths:
             raise
         spacing = [1.0, 1.0, 1.0]
+    if any_lengths and not np.isfinite(spacing).all():
+        spacing = [1.0, 1.0, 1.0]
     return affine(spacing, np.zeros(3), np.eye(3))
 
 

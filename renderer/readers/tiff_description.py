@@ -98,7 +98,8 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
     pixels = _PIXELS.search(description)
     attributes = pixels[0] if pixels else description
     found = {axis: re.search(rf'\bPhysicalSize{axis}="([0-9.eE+-]+)"', attributes) for axis in "XYZ"}
-    sizes = {axis: _number(match[1], f"PhysicalSize{axis}", where) for axis, match in found.items() if match}
+    said = {axis: _number(match[1], f"PhysicalSize{axis}", where) for axis, match in found.items() if match}
+    sizes = {axis: size for axis, size in said.items() if size}  # of which 0 is none
     units = {axis: _unit(attributes, axis) for axis in sizes}
     first = next(iter(units.values()), "")
     if any(unit != first and not {unit, first} <= _METRES.keys() for unit in units.values()):

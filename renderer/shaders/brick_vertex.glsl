@@ -9,7 +9,7 @@ in vec3 box_low;                 // index coordinates relative to the volume's c
 in vec3 box_high;
 in vec3 first_corner;            // of the brick, there too
 in vec3 first_texel;             // of the brick's first cell in its atlas
-in vec2 steps;                   // cells per voxel; longest step in cells
+in vec2 steps;                   // cells per voxel; step in cells
 
 flat out vec3 brick_low;
 flat out vec3 brick_high;

@@ -10,9 +10,10 @@ import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches, random_transfer
 from number_types import TYPES, limits
 
-from renderer.brick_texels import FARTHEST, mean_texels, scalar_texels
+from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK, Bricks, make_bricks
 from renderer.classify import FAINTEST
+from renderer.optical_table import FARTHEST
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume

@@ -203,6 +203,19 @@ def test_steps_at_the_ends_of_a_transfer_function(at: str, inside: float) -> Non
     assert np.sqrt(np.mean((image - truth) ** 2)) < 2e-3
 
 
+def test_surfaces_between_far_scalars_are_where_they_belong() -> None:
+    """A ball of 1e6 in -2e4, and a step of 1 at 0: shares of a table for the step alone would be held on both sides."""
+    z, y, x = np.ogrid[:20, :24, :22]
+    inside = (x - 10.3) ** 2 + (y - 12.2) ** 2 + (z - 9.1) ** 2 < 49
+    volume = placed(np.where(inside, 1e6, -2e4).astype(np.float32))
+    transfer = transfer_of((-1, COLOR, 0.0), (0, COLOR, 0.0), (0, COLOR, 3.0), (1, COLOR, 3.0))
+    bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective", (24, 18))
+    truth = integrate(volume, transfer, view, step_voxels=0.02)
+    batch = make_brick_batch(cut_bricks(bricks, 0.01), bricks, tolerance=0.01, shading=None, voxel_px=1)
+    image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
+    assert np.sqrt(np.mean((image - truth) ** 2)) < 1e-2
+
+
 @pytest.mark.parametrize("error", [{}, {"measure": "rms"}, {"measure": "rms", "of": "scalar"}], ids=str)
 def test_opaque_walls_are_exact_at_the_tolerance_0(error: dict[str, Any]) -> None:
     """Whatever errors are measured in, steps are short where a voxel is opaque. Seen: 1.2e-5; with those of clear ones,

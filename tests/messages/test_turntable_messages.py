@@ -93,7 +93,7 @@ REFUSED = {
     "flat voxels": (
         ["scan.npy", "--spacing", "1,1,1e6"],
         2,
-        "--spacing: volume.spacing: the voxels are too long or too flat\n  got: sides with a ratio of 1e+06\n"
+        "scan.npy: the voxels are too long or too flat\n  got: sides with a ratio of 1e+06\n"
         "  expected: a longest side of at most 1e+05 times the shortest\n",
     ),
     "several times": (

@@ -352,6 +352,9 @@ def test_a_table_is_of_what_changes() -> None:
     colors = np.array([blue, red, red, blue, blue])
     bricks = bricks_of(volume, TransferFunction(values, colors, extinctions, 1.0))
     assert bricks.scalar_range == (100, 300)
+    far = make_volume(np.array([[[-(2.0**30), 2.0**30]]]), np.eye(4), "far")
+    bricks = bricks_of(far, TransferFunction(values, colors, extinctions, 1.0))
+    assert bricks.scalar_range == (200 - 1024, 200 + 1024)  # or shares are beyond what texels can have
     spike = np.array([-3200.0, 100, 101, 102, 3200])
     bricks = bricks_of(volume, TransferFunction(spike, colors, np.array([0.0, 0, 1, 0, 0]), 1.0))
     assert bricks.scalar_range == (51, 151)  # no less than 1/64

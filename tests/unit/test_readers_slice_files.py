@@ -45,9 +45,36 @@ def refusal(header: str, named: str) -> str:
 
 
 @pytest.mark.parametrize("header", NAMINGS)
-@pytest.mark.parametrize("named", [LIST, LIST.replace("\n", "\r\n"), "slice%02d.raw 1 4 1\n"])
+@pytest.mark.parametrize(
+    "named", [LIST, LIST.replace("\n", "\r\n"), LIST.replace("LIST", "LIST 2"), "slice%02d.raw 1 4 1\n"]
+)
 def test_each_slice_has_a_file(header: str, named: str) -> None:
     np.testing.assert_array_equal(read(header, NAMINGS[header] + named), VALUES)
+
+
+def test_blanks_behind_names_are_none_of_them() -> None:
+    np.testing.assert_array_equal(read("v.mhd", NAMINGS["v.mhd"] + LIST.replace(".raw", ".raw \t")), VALUES)
+
+
+def test_components_may_be_the_last_axis() -> None:
+    text = NAMINGS["v.nhdr"].replace("sizes: 8 7 4", "sizes: 8 7 1 4\nkinds: domain domain domain vector")
+    Path("v.nhdr").write_text(text.replace("dimension: 3", "dimension: 4") + LIST.replace("LIST", "LIST 3"), "ascii")
+    found = read_volume(VolumeSpec(FileSource(Path("v.nhdr")), component=2)).values
+    np.testing.assert_array_equal(found, VALUES[2:3])
+
+
+@pytest.mark.parametrize("skipped", [-1, 0, 5])
+def test_slices_behind_headers_of_their_own(skipped: int) -> None:
+    header = f"HeaderSize = {skipped}\n" + NAMINGS["v.mhd"]
+    for number, plane in enumerate(VALUES, 1):
+        Path(f"slice{number:02}.raw").write_bytes(bytes(max(0, skipped)) + plane.tobytes())
+    np.testing.assert_array_equal(read("v.mhd", header + LIST), VALUES)
+    for named, what in ((LIST[:-12], "too few data files"), ("slice%02d.raw 1 4 3\n", "too few data files")):
+        with pytest.raises(InputError, match=what):
+            read("v.mhd", header + named)
+    Path("slice03.raw").write_bytes(VALUES[2].tobytes()[:-1])
+    with pytest.raises(InputError, match="shorter than its header says"):
+        read("v.mhd", header + LIST)
 
 
 def test_slices_may_be_compressed() -> None:
@@ -123,7 +150,8 @@ def test_a_single_file_that_is_listed_is_a_slice() -> None:
         "slice%02d.raw 4 1 -1",
         "slice%02d.raw 1 4 1 2",
         "slice%02d.raw",
-        "LIST 2",
+        "LIST 1",
+        "LIST two",
         "LIST",
     ],
 )
