@@ -6,6 +6,7 @@ Memory that a process had is gone with it, and a reader that crashes takes down 
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -38,6 +39,7 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
     require_writable(folder / FILE)
     records: list[Record] = []
     unwritten: list[Record] = []  # others are no more this command's to write
+    missing: list[Record] = []  # but those that are forgotten whenever something is: of volumes that are not there
     try:
         for number, order in enumerate(orders, start=1):
             if not quiet:
@@ -47,18 +49,19 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
             unwritten.append(record)
             if record["status"] != DONE:
                 click.echo(record["error"], err=True)
+                missing += [] if os.path.exists(volume_file(order.volume)) else [record]
             with suppress(HsplatError):  # the next one may be written, and with it this one
-                write_report(folder, unwritten, BRIEFLY_S)
+                write_report(folder, [*missing, *unwritten], BRIEFLY_S)
                 unwritten.clear()
     except KeyboardInterrupt:
         interrupted = [order.record(INTERRUPTED) for order in orders[len(records) :][:1]]
         click.echo(table([*records, *interrupted, *(order.record(NOT_BEGUN) for order in orders[len(records) + 1 :])]))
         with suppress(HsplatError):  # the interrupt is what is said
-            write_report(folder, [*unwritten, *interrupted], patience_s=0.0)
+            write_report(folder, [*missing, *unwritten, *interrupted], patience_s=0.0)
         raise
     click.echo(table(records))
     if unwritten:
-        write_report(folder, unwritten)
+        write_report(folder, [*missing, *unwritten])
     num_failed = sum(record["status"] != DONE for record in records)
     if num_failed:
         raise RenderError(

@@ -175,6 +175,8 @@ def test_a_pattern_without_a_match_does_not_stop_the_others(capfd: pytest.Captur
     ]
     assert f"in/no*.npy: no file matches this pattern\n  hint: it is relative to {Path.cwd()}\n" in said.err
     assert files("out") == ["turntable.json", "uint8.mp4", "uint8.mp4.json", "uint8.yaml"]
+    told = json.loads(Path("out/turntable.json").read_text(encoding="utf-8"))["films"]
+    assert [film["status"] for film in told] == ["failed", "failed", "done"]
 
 
 def test_volumes_of_the_same_name() -> None:
