@@ -23,6 +23,7 @@ def one_behind(tasks: Iterable[Callable[[], Result]]) -> Generator[Result, None,
     results are taken.
     """
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="hsplat-behind") as thread:
+        thread.submit(bool).result()  # an interrupt while a thread begins would leave its task to itself
         at_work: Future[Result] | None = None
         for task in tasks:
             results = [] if at_work is None else [at_work.result()]

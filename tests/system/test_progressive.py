@@ -261,8 +261,9 @@ def test_an_interrupt_between_film_and_sidecar_waits_for_both(
 
     def interrupted(source: Path, target: Path) -> None:
         nonlocal num_replaced
-        num_replaced += Path(target).name in ("film.mp4", "0.png")
-        if num_replaced == (2 if options and output != "film.mp4" else 1):
+        is_picture = Path(target).name in ("film.mp4", "0.png")
+        num_replaced += is_picture
+        if is_picture and num_replaced == (2 if options and output != "film.mp4" else 1):
             os.kill(os.getpid(), signal.SIGINT)
         replace(source, target)
 

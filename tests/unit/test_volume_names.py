@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsplat_cli.patterns import require_name
+from hsplat_cli.patterns import matches
 from hsplat_cli.volume_names import base_name, expand, named
 from renderer.errors import InputError
 
@@ -80,9 +80,9 @@ def test_a_pattern_that_matches_nothing(pattern: str, tmp_path: Path) -> None:
     touch("scan.nrrd")
     volumes, notes = expand(["scan.nrrd", pattern])  # left, like what is not there, until its turn comes
     assert (volumes, notes) == ([Path("scan.nrrd"), Path(pattern)], [])
-    require_name(volumes[0])
+    matches(str(volumes[0]))
     with pytest.raises(InputError) as caught:
-        require_name(volumes[1])
+        matches(str(volumes[1]))
     hint = f"\n  hint: it is relative to {tmp_path}" if pattern == "*.npy" else ""
     assert str(caught.value) == f"{pattern}: no file matches this pattern{hint}"
 
@@ -90,7 +90,7 @@ def test_a_pattern_that_matches_nothing(pattern: str, tmp_path: Path) -> None:
 def test_a_name_that_looks_like_a_pattern() -> None:
     touch("scan[1].npy", "scan1.npy")
     assert expand(["scan[1].npy"])[0] == [Path("scan[1].npy")]
-    require_name(Path("scan[1].npy"))
+    matches("scan[1].npy")
 
 
 def test_what_is_not_there_is_left_to_its_reader() -> None:
