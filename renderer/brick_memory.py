@@ -6,11 +6,11 @@ import math
 
 from renderer.brick_means import MOST_KEPT_BYTES
 from renderer.bricks import Bricks
-from renderer.gl_atlas import most_atlas_bytes
+from renderer.cpu_atlas import most_atlas_bytes
 
 
 def most_bytes(bricks: Bricks, *, lit: bool) -> int:
-    """With a software renderer, whose textures are memory of the machine; the image and the processes are extra."""
+    """Where they are drawn on the processor; the image and the processes are extra."""
     num_scalars, *num_means = (math.prod(level.boxes.shape[:3]) for level in bricks.levels)
     atlases = most_atlas_bytes(4 if lit else 1, num_scalars) + most_atlas_bytes(4, sum(num_means))
     return atlases + min(MOST_KEPT_BYTES, most_atlas_bytes(4, sum(num_means)))

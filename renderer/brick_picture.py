@@ -1,9 +1,8 @@
-"""A picture's bricks as the device is told of them, one vertex for each; where texels are, it finds out itself."""
+"""A picture's bricks as a drawer is told of them, and their texels by number."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,20 +15,17 @@ from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.camera import View
 
 Float32 = npt.NDArray[np.float32]
-
-VERTEX = np.dtype(
-    [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
-     ("first_texel", "f4", 3), ("steps", "f4", 2)]
-)  # fmt: skip
-VERTEX_FORMAT = "4f 3f 3f 3f 3f 2f"
+Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class BrickPicture:
-    """Some bricks of a batch in a view, front to back.
+    """Some bricks of a batch in a view, front to back; index space relative to the volume's centre.
 
     is_mean: bool [n], those above level 0. keys: int64 [n], numbers of bricks; those of level 0 by themselves, those of
-    all others one level after the other. vertices: VERTEX [n], whose `first_texel` is yet to be filled in.
+    all others one level after the other. rectangles_px: float64 [n, 4], as `box_rectangles` has them.
+    bounds: float64 [n, 2, 3], of the boxes. corners: float64 [n, 3], the lowest corner of each brick's first cell.
+    cells_per_voxel, steps: float64 [n], the latter in cells.
     """
 
     batch: BrickBatch
@@ -37,7 +33,11 @@ class BrickPicture:
     view: View
     is_mean: npt.NDArray[np.bool_]
     keys: npt.NDArray[np.int64]
-    vertices: npt.NDArray[Any]
+    rectangles_px: Float64
+    bounds: Float64
+    corners: Float64
+    cells_per_voxel: Float64
+    steps: Float64
 
     def is_of(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Whether it was made from these very objects."""
@@ -46,23 +46,21 @@ class BrickPicture:
 
 def make_brick_picture(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickPicture:
     """Of the bricks `order`, uint32 [n], of a batch."""
-    is_mean = batch.cut.levels[order] > 0
-    return BrickPicture(batch, order, view, is_mean, _keys(batch, order), _vertices(batch, order, view))
-
-
-def _vertices(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[Any]:
-    """What the device is told of each brick, but for its place in the atlas."""
-    cut, volume = batch.cut, batch.cut.volume
-    boxes, levels = cut.boxes[order], cut.levels[order].astype(np.int64)
-    vertices = np.zeros(len(order), VERTEX)
-    vertices["rectangle_px"] = box_rectangles(batch, order, view)
-    vertices["box_low"] = boxes[:, 0] - volume.centre_index
-    vertices["box_high"] = boxes[:, 1] - volume.centre_index
+    cut, centre = batch.cut, batch.cut.volume.centre_index
+    levels = cut.levels[order].astype(np.int64)
     first_voxels = cut.cells[order].astype(np.int64) * BRICK << levels[:, None]
-    vertices["first_corner"] = first_voxels - 0.5 - volume.centre_index
-    vertices["steps"][:, 0] = np.ldexp(1.0, -levels)
-    vertices["steps"][:, 1] = batch.steps[order]
-    return vertices
+    return BrickPicture(
+        batch,
+        order,
+        view,
+        is_mean=levels > 0,
+        keys=_keys(batch, order),
+        rectangles_px=box_rectangles(batch, order, view),
+        bounds=cut.boxes[order] - centre,
+        corners=first_voxels - 0.5 - centre,
+        cells_per_voxel=np.ldexp(1.0, -levels),
+        steps=batch.steps[order],
+    )
 
 
 def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:

@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.brick_batch import DITHER, PHASE_PER_PX, BrickBatch
-from renderer.brick_means import MadeMeans
-from renderer.brick_picture import VERTEX, VERTEX_FORMAT, BrickPicture, make_brick_picture, means_of, scalars_of
+from renderer.brick_picture import BrickPicture
 from renderer.brick_projection import ray_frame
-from renderer.bricks import APRON, Bricks
+from renderer.brick_store import BrickStore
+from renderer.bricks import APRON
 from renderer.camera import View
-from renderer.gl_atlas import Atlas, Texels
+from renderer.gl_atlas import GLAtlas
 from renderer.lattices import interpolated
 
 Image = npt.NDArray[np.float32]
@@ -41,6 +41,13 @@ UNSEEN = 2.0**-22
 
 # Stands for infinity where float32 is wanted.
 LARGEST = 1e30
+
+
+VERTEX = np.dtype(
+    [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
+     ("first_texel", "f4", 3), ("steps", "f4", 2)]
+)  # fmt: skip
+VERTEX_FORMAT = "4f 3f 3f 3f 3f 2f"
 
 
 @dataclass(frozen=True)
@@ -66,47 +73,31 @@ class _Lattice:
             thing.release()
 
 
-class BrickDrawer:
+class GLBrickDrawer:
     """Draws in a context that is given; what lives there is kept for the next picture."""
 
     def __init__(self, context: Any, programs: Programs, largest_point_px: float) -> None:
         self._context, self._programs, self._largest_point_px = context, programs, largest_point_px
         self._lattices: dict[int, _Lattice] = {}
         self._image_size = (0, 0)
-        self._bricks: Bricks | None = None
-        self._scalars: Atlas | None = None
-        self._means: Atlas | None = None
-        self._made = MadeMeans()
+        self._store = BrickStore(partial(GLAtlas, context))
         self._table: tuple[Any, Any] | None = None
-        self._picture: BrickPicture | None = None  # the last one, which may be brought and then drawn
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """Bring those bricks of `batch[order]` to the device that are not there; whether there were any.
-
-        Where it has no room for all of them, they come and go as they are drawn, and here nothing is done.
-        """
-        picture = self._begun(batch, order, view)
-        kinds = [(atlas, picture.keys[chosen], texels) for atlas, chosen, texels in self._of_each_kind(picture)]
-        if any(len(keys) > atlas.most_places for atlas, keys, _ in kinds):
-            return False
-        if not any(atlas.num_missing(keys) for atlas, keys, _ in kinds):
-            return False
-        self._made.begin(is_used=False)
-        for atlas, keys, texels in kinds:
-            atlas.place(keys, texels)
-        return True
+        """Bring those bricks of `batch[order]` to the device that are not there; whether there were any."""
+        return self._store.bring(batch, order, view)
 
     def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
-        picture = self._begun(batch, order, view)
-        assert self._means is not None
-        self._made.begin(is_used=int(np.count_nonzero(picture.is_mean)) > self._means.most_places)
-        programs = self._prepared(batch, view)
+        self._look_at(batch, view.size)
+        picture = self._store.begin(batch, order, view)
+        self._store.begin_drawing(picture)
+        programs, vertices = self._prepared(batch, view), _vertices(picture)
         coarse = None
         for stride in batch.thrift.strides:
             lattice = self._lattice(stride)
             self._begin(lattice, coarse, batch.thrift.spread)
-            self._draw_boxes(programs, picture, lattice)
+            self._draw_boxes(programs, picture, vertices, lattice)
             coarse = lattice
         assert coarse is not None
         nodes = np.empty((coarse.size[1], coarse.size[0], 4), np.float32)
@@ -115,26 +106,14 @@ class BrickDrawer:
 
     def forget(self) -> None:
         """Let go of bricks, on the device and here."""
-        self._release_atlases()
-        self._bricks, self._picture, self._made = None, None, MadeMeans()
+        self._store.forget()
 
-    def _begun(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickPicture:
-        """A picture for which there is room."""
-        self._look_at(batch, view.size)
-        if self._picture is None or not self._picture.is_of(batch, order, view):
-            self._picture = make_brick_picture(batch, order, view)
-        self._reserve(self._picture)
-        return self._picture
+    def release(self) -> None:
+        """Let go of bricks; all else goes with the context."""
+        self.forget()
 
     def _look_at(self, batch: BrickBatch, size: tuple[int, int]) -> None:
-        """Let go of what belongs to other bricks, or to pictures of another size."""
-        num_channels = 4 if batch.shading else 1
-        if self._scalars is None or self._bricks is not batch.bricks or self._scalars.num_channels != num_channels:
-            self._release_atlases()
-            grids = [level.boxes.shape[:3] for level in batch.bricks.levels]
-            self._scalars = Atlas(self._context, num_channels, int(np.prod(grids[0])))
-            self._means = Atlas(self._context, 4, sum(int(np.prod(grid)) for grid in grids[1:]))
-            self._bricks, self._made = batch.bricks, MadeMeans()
+        """Bring a table, and let go of what belongs to pictures of another size."""
         if self._table is None or self._table[0] is not batch.table:
             if self._table is not None:
                 self._table[1].release()
@@ -147,20 +126,6 @@ class BrickDrawer:
             for lattice in self._lattices.values():
                 lattice.release()
             self._lattices, self._image_size = {}, size
-
-    def _reserve(self, picture: BrickPicture) -> None:
-        """Make room for all bricks: with less they would go up every time."""
-        assert self._scalars is not None
-        assert self._means is not None
-        num_means = int(np.count_nonzero(picture.is_mean))
-        self._scalars.reserve(len(picture.is_mean) - num_means)
-        self._means.reserve(num_means)
-
-    def _release_atlases(self) -> None:
-        for atlas in (self._scalars, self._means):
-            if atlas is not None:
-                atlas.release()
-        self._scalars = self._means = None
 
     def _lattice(self, stride: int) -> _Lattice:
         if stride not in self._lattices:
@@ -237,7 +202,9 @@ class BrickDrawer:
         self._table[1].use(TABLE)
         return programs[0], programs[1]
 
-    def _draw_boxes(self, programs: tuple[Any, Any], picture: BrickPicture, lattice: _Lattice) -> None:
+    def _draw_boxes(
+        self, programs: tuple[Any, Any], picture: BrickPicture, vertices: npt.NDArray[Any], lattice: _Lattice
+    ) -> None:
         """Group by group, each behind what has been drawn before."""
         for program in programs:
             program["stride_px"], program["num_nodes"] = lattice.stride, lattice.size
@@ -245,46 +212,31 @@ class BrickDrawer:
         num_groups = NUM_GROUPS if thrift.strides == (1,) else 1
         most, start = -(-num // num_groups), 0
         while start < num:
-            end = self._end_of_group(picture, start, most)
-            self._place(programs, picture, slice(start, end))
+            end = self._store.end_of_group(picture, start, most)
+            self._place(programs, picture, vertices, slice(start, end))
             lattice.target.use()
             lattice.target.depth_mask = False
             self._context.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE)
             self._context.blend_func = moderngl.ONE_MINUS_DST_ALPHA, moderngl.ONE
             self._context.depth_func = "<"
-            self._draw_group(programs, picture.is_mean[start:end], picture.vertices[start:end], lattice.stride)
+            self._draw_group(programs, picture.is_mean[start:end], vertices[start:end], lattice.stride)
             if thrift.least_transmittance > 0 and num_groups > 1 and end < num:
                 self._mask_saturated(lattice, thrift.least_transmittance)
             start = end
 
-    def _end_of_group(self, picture: BrickPicture, start: int, most: int) -> int:
-        """Where a group of at most so many ends that begins at `start`; an atlas has room for each kind's."""
-        assert self._scalars is not None
-        assert self._means is not None
-        is_mean = picture.is_mean[start : start + most]
-        fits = (np.cumsum(is_mean) <= self._means.most_places) & (np.cumsum(~is_mean) <= self._scalars.most_places)
-        return start + int(np.count_nonzero(fits))
-
-    def _place(self, programs: tuple[Any, Any], picture: BrickPicture, group: slice) -> None:
+    def _place(
+        self, programs: tuple[Any, Any], picture: BrickPicture, vertices: npt.NDArray[Any], group: slice
+    ) -> None:
         """Bring bricks to the device, and tell the vertices where they are."""
-        keys, vertices = picture.keys[group], picture.vertices[group]
-        kinds = self._of_each_kind(picture)
+        keys, kinds = picture.keys[group], self._store.kinds(picture)
         for program, unit, (atlas, is_chosen, texels) in zip(programs, (SCALARS, MEANS), kinds, strict=True):
             chosen = is_chosen[group]
             if not chosen.any():
                 continue
-            vertices["first_texel"][chosen] = atlas.place(keys[chosen], texels) + APRON
+            corners = atlas.corners(atlas.place(keys[chosen], texels))
+            vertices["first_texel"][np.flatnonzero(chosen) + group.start] = corners + APRON
             atlas.texture.use(unit)
             program["atlas_scale"] = tuple(1 / n for n in atlas.size)
-
-    def _of_each_kind(self, picture: BrickPicture) -> list[tuple[Atlas, npt.NDArray[np.bool_], Texels]]:
-        """Of scalars and of means: the atlas, which bricks are of the kind, and what makes them ready."""
-        assert self._scalars is not None
-        assert self._means is not None
-        return [
-            (self._scalars, ~picture.is_mean, partial(scalars_of, picture.batch)),
-            (self._means, picture.is_mean, partial(means_of, picture.batch, self._made)),
-        ]
 
     def _draw_group(
         self, programs: tuple[Any, Any], is_mean: npt.NDArray[np.bool_], vertices: npt.NDArray[Any], stride: int
@@ -319,3 +271,13 @@ class BrickDrawer:
         triangle = self._context.vertex_array(program, [])
         triangle.render(moderngl.TRIANGLES, vertices=3)
         triangle.release()
+
+
+def _vertices(picture: BrickPicture) -> npt.NDArray[Any]:
+    """VERTEX [n]: what the device is told of each brick, but for its place in the atlas."""
+    vertices = np.zeros(len(picture.order), VERTEX)
+    vertices["rectangle_px"] = picture.rectangles_px
+    vertices["box_low"], vertices["box_high"] = picture.bounds[:, 0], picture.bounds[:, 1]
+    vertices["first_corner"] = picture.corners
+    vertices["steps"] = np.column_stack([picture.cells_per_voxel, picture.steps])
+    return vertices

@@ -15,6 +15,9 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
+from numba.core import types
+from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -72,3 +75,24 @@ def jit(function: Function) -> Function:
     for itself.
     """
     return cast(Function, numba.njit(cache=_FOLDER is not None, nogil=True, error_model="numpy")(function))
+
+
+def jit_inline(function: Function) -> Function:
+    """As `jit`, and a part of whoever calls it.
+
+    Arrays cost nothing then to hand over: a call copies what numba knows of each, and counts it.
+    """
+    compiled = numba.njit(cache=_FOLDER is not None, nogil=True, error_model="numpy", inline="always")(function)
+    return cast(Function, compiled)
+
+
+@intrinsic
+def _fma(_: Any, x: Any, y: Any, z: Any) -> Any:
+    """LLVM's instruction, which a processor without one computes step by step to the same end."""
+    if not (x == y == z and isinstance(x, types.Float)):
+        return None
+    return x(x, x, x), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
+
+
+# x * y + z, rounded once; in compiled loops only.
+fma = cast(Callable[[np.float32, np.float32, np.float32], np.float32], _fma)

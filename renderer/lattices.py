@@ -7,8 +7,11 @@ import numpy.typing as npt
 
 from renderer.jit import jit
 
+Bools = npt.NDArray[np.bool_]
+Float32 = npt.NDArray[np.float32]
 
-def interpolated(nodes: npt.NDArray[np.float32], stride: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+
+def interpolated(nodes: Float32, stride: int, size: tuple[int, int]) -> Float32:
     """float32 [height, width, 4]: the picture of `size`, bilinear between nodes [h, w, 4] at every `stride`-th pixel.
 
     There are as many nodes as cover the picture.
@@ -20,7 +23,7 @@ def interpolated(nodes: npt.NDArray[np.float32], stride: int, size: tuple[int, i
 
 
 @jit
-def _interpolate(nodes: npt.NDArray[np.float32], stride: int, image: npt.NDArray[np.float32]) -> None:
+def _interpolate(nodes: Float32, stride: int, image: Float32) -> None:
     """Row by row: first between two rows of nodes, then along the row."""
     height, width, _ = image.shape
     num_rows, num_columns, _ = nodes.shape
@@ -38,3 +41,62 @@ def _interpolate(nodes: npt.NDArray[np.float32], stride: int, image: npt.NDArray
                 part = np.float32((column - first) / stride)
                 for k in range(4):
                     image[row, column, k] = between[left, k] + part * (between[right, k] - between[left, k])
+
+
+def refined(nodes: Float32, factor: int, spread: float, num_nodes: tuple[int, int]) -> tuple[Float32, Bools]:
+    """A lattice of `num_nodes` (columns, rows), each `factor`-th of which nodes [h, w, 4] are: float32 [rows, columns,
+    4], and bool [rows, columns], which of it are to be drawn.
+
+    Those have 0: they lie between four nodes that differ, by more than `spread`, as Thrift says. Others are bilinear.
+    """
+    image = np.empty((num_nodes[1], num_nodes[0], 4), np.float32)
+    is_drawn = np.empty(image.shape[:2], np.bool_)
+    _refine(nodes, factor, _differing(nodes, np.float32(spread)), image, is_drawn)
+    return image, is_drawn
+
+
+@jit
+def _differing(nodes: Float32, spread: np.float32) -> Bools:
+    """[h, w]: which four nodes, the lowest of which has this place, differ, and bend, by more than `spread`."""
+    num_rows, num_columns, _ = nodes.shape
+    bends, differ = np.zeros((num_rows, num_columns), np.float32), np.empty((num_rows, num_columns), np.bool_)
+    for row in range(num_rows):
+        above, below = max(row - 1, 0), min(row + 1, num_rows - 1)
+        for column in range(num_columns):
+            left, right = max(column - 1, 0), min(column + 1, num_columns - 1)
+            for k in range(4):
+                twice = np.float32(2) * nodes[row, column, k]
+                across = abs(nodes[row, left, k] - twice + nodes[row, right, k])
+                down = abs(nodes[above, column, k] - twice + nodes[below, column, k])
+                bends[row, column] = max(bends[row, column], across, down)
+    for row in range(num_rows):
+        below = min(row + 1, num_rows - 1)
+        for column in range(num_columns):
+            right = min(column + 1, num_columns - 1)
+            most = np.float32(0.0)
+            for k in range(4):
+                one, two = nodes[row, column, k], nodes[row, right, k]
+                three, four = nodes[below, column, k], nodes[below, right, k]
+                most = max(most, max(one, two, three, four) - min(one, two, three, four))
+            bend = max(bends[row, column], bends[row, right], bends[below, column], bends[below, right])
+            differ[row, column] = most > spread and bend > spread
+    return differ
+
+
+@jit
+def _refine(nodes: Float32, factor: int, differ: Bools, image: Float32, is_drawn: Bools) -> None:
+    num_rows, num_columns, _ = image.shape
+    for row in range(num_rows):
+        above = row // factor
+        below, down = min(above + 1, nodes.shape[0] - 1), np.float32((row % factor) / factor)
+        for column in range(num_columns):
+            left, rest = column // factor, column % factor
+            is_drawn[row, column] = differ[above, left] and (rest > 0 or row % factor > 0)
+            if is_drawn[row, column]:
+                image[row, column] = 0
+                continue
+            right, share = min(left + 1, nodes.shape[1] - 1), np.float32(rest / factor)
+            for k in range(4):
+                upper = nodes[above, left, k] + share * (nodes[above, right, k] - nodes[above, left, k])
+                lower = nodes[below, left, k] + share * (nodes[below, right, k] - nodes[below, left, k])
+                image[row, column, k] = upper + down * (lower - upper)

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 import moderngl
 import numpy as np
@@ -28,13 +28,15 @@ from renderer.brick_batch import BrickBatch
 from renderer.camera import View
 from renderer.cell_edges import CellEdges, level_colors
 from renderer.compositing import LEAST_CHUNK, composite_over, splats_at_once
+from renderer.cpu_bricks import CPUBrickDrawer
 from renderer.errors import ContextLostError, RenderError
-from renderer.gl_bricks import BrickDrawer
+from renderer.gl_bricks import GLBrickDrawer
 from renderer.projection import ModelView, Region, covered_region, longest_sigma, mean_footprint_px, model_view
 from renderer.shaders import load_shader
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 
 Image = npt.NDArray[np.float32]
+BricksOn = Literal["device", "processor"]
 Draw = Callable[[npt.NDArray[np.uint32]], None]  # draws these splats of a batch, back to front
 
 # Splats on the device at a time: 9 MiB of vertices.
@@ -58,17 +60,22 @@ VERTEX_FORMAT, VERTEX_NAMES, VERTEX_BYTES = "3f 4f 1f", ("center", "areas", "sha
 # EGL devices tried before giving up; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
 
+# Parts of GL_RENDERER that tell of drivers which draw on the processor.
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "SwiftShader")
+
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
 class GLRasterizer:
     """A GL context with its programs; reusable for any number of frames, of any size.
 
+    num_threads: of loops on the processor, on which bricks are drawn where the driver would do so, too, and slower;
+    bricks_on: otherwise, for tests.
     Use as a context manager, or call `release`. Raises RenderError where no context can be made, and ContextLostError
     where it is lost while it draws: then it is of no more use, and `raster_lasting` takes another one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, num_threads: int = 2, bricks_on: BricksOn | None = None) -> None:
         self._context = _create_context()
         info = self._context.info
         self._renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"  # a lost context tells nothing
@@ -78,7 +85,11 @@ class GLRasterizer:
             self._shapes = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
         self._programs: dict[tuple[str, str], Any] = {}
         self._target: Any = None
-        self._bricks = BrickDrawer(self._context, self._program, self._largest_point_px)
+        self._bricks: GLBrickDrawer | CPUBrickDrawer
+        if bricks_on == "device" or (bricks_on is None and not is_software(self._renderer_name)):
+            self._bricks = GLBrickDrawer(self._context, self._program, self._largest_point_px)
+        else:
+            self._bricks = CPUBrickDrawer(num_threads)
 
     def __enter__(self) -> GLRasterizer:
         return self
@@ -90,6 +101,7 @@ class GLRasterizer:
 
     def release(self) -> None:
         """Give back the context and all that lives in it."""
+        self._bricks.release()
         self._context.release()
 
     @property
@@ -308,6 +320,11 @@ class GLRasterizer:
                 ) from error
             _ = self._context.error  # moderngl binds the target before once more, which is gone
         return self._target
+
+
+def is_software(renderer_name: str) -> bool:
+    """Whether a device draws on the processor."""
+    return any(name in renderer_name for name in _SOFTWARE)
 
 
 def _create_context() -> Any:

@@ -17,10 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.drawn import Drawn, LocalDrawer
+from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.versions import package_versions, sources_digest
 from renderer.errors import ContextLostError
 from renderer.parcel import unpack
-from renderer.raster_gl import GLRasterizer
 
 
 class Studio:
@@ -40,7 +40,7 @@ class Studio:
 
     def _open(self, content: memoryview, num_threads: int) -> None:
         os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
-        self._rasterizer = GLRasterizer()
+        self._rasterizer = open_rasterizer()
         self._drawer = LocalDrawer(unpack(content), self._rasterizer)
         self.made_with = package_versions() | {"GL": self._rasterizer.renderer_name}
 

@@ -26,6 +26,7 @@ from hsplat_cli.peers.vtk_peer import (
     with_transparent_border,
 )
 from hsplat_cli.progress import progress
+from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.report.files import check_writable, write_study
 from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
@@ -35,7 +36,6 @@ from renderer.camera import View
 from renderer.drawing import Stage, view_of
 from renderer.errors import HsplatError
 from renderer.metrics import require_measuring_packages
-from renderer.raster_gl import GLRasterizer
 from renderer.scene import Scene
 from renderer.scene_schema import scene_to_dict
 from renderer.study import Study
@@ -78,7 +78,7 @@ def run_study(request: Request) -> None:
     if request.peer:
         check_vtk(scene)
     tell_first_run(quiet=request.quiet)
-    with GLRasterizer() as rasterizer:  # tried before a voxel is read
+    with open_rasterizer() as rasterizer:  # tried before a voxel is read
         machine = describe_machine(rasterizer.renderer_name)
     if request.peer:
         machine["peer"] = {"name": request.peer, **describe_vtk()}
@@ -159,7 +159,7 @@ def _own(request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequ
             stage = prepared(scene, volume)
         stage = replace(stage, scene=scene)
         if key not in done:
-            with GLRasterizer() as rasterizer:
+            with open_rasterizer() as rasterizer:
                 done[key] = measure_setting(
                     stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
                 )

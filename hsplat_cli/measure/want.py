@@ -9,12 +9,12 @@ import click
 from hsplat_cli.counts import counted
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.measure.stage import prepared
+from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.search import beyond_full_resolution, search_tolerance
 from hsplat_cli.shrinking import read_guarded
 from hsplat_cli.truths import nothing_to_measure
 from renderer.errors import InputError
 from renderer.metrics import SSIM_WINDOW_PX, require_measuring_packages
-from renderer.raster_gl import GLRasterizer
 from renderer.scene import Scene
 from renderer.trials import Found
 from renderer.want import Want
@@ -24,7 +24,7 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
     """Search, and print the line. Raises RenderError where full resolution does not reach what is wanted."""
     _require_measurable(scene, want)
     tell_first_run(quiet=quiet)
-    with GLRasterizer() as rasterizer:
+    with open_rasterizer() as rasterizer:
         stage = prepared(scene, read_guarded(scene.volume))
         found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, quiet=quiet)
     if found.shows_nothing:

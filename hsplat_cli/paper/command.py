@@ -16,6 +16,7 @@ from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.progress import progress
+from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.scene_file import load_scene
 from renderer.errors import InputError, SceneError
 from renderer.scene import Scene
@@ -153,14 +154,13 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     from hsplat_cli.paper.studio import Studio  # noqa: PLC0415
     from hsplat_cli.report.html import plot_style  # noqa: PLC0415
     from hsplat_cli.shrinking import read_guarded  # noqa: PLC0415
-    from renderer.raster_gl import GLRasterizer  # noqa: PLC0415
 
     tell_first_run(quiet=quiet)
     num_threads = num_cores()
     work = [RECIPES[job.number].work for job in jobs]
     figures: list[Figure] = []
     with (
-        GLRasterizer() as rasterizer,
+        open_rasterizer() as rasterizer,
         plot_style(),
         progress(work, label="paper", quiet=quiet, unit="figures") as bar,
     ):

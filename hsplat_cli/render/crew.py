@@ -13,16 +13,16 @@ from hsplat_cli.cluster.drawer import Cluster, open_cluster
 from hsplat_cli.cores import num_cores
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.drawn import Drawer, Drawn, LocalDrawer
+from hsplat_cli.rasterizers import open_lasting_rasterizer
 from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers.pool import Pool, open_pool
 from renderer.brick_memory import most_bytes
 from renderer.drawing import Stage
 from renderer.errors import RenderError
+from renderer.raster_gl import is_software
 from renderer.raster_lasting import LastingRasterizer
 from renderer.scene import AccuracyGoal, Scene
 
-# Mesa's renderers that draw with the processor's cores, as they name themselves.
-_SOFTWARE = ("llvmpipe", "softpipe", "swrast")
 # A device is shared by the processes; what they do beside drawing is not.
 _MOST_ON_DEVICE = 4
 # What a worker takes beside the stage that they share, and bricks, for the bound by the memory that is free.
@@ -40,7 +40,7 @@ def open_crew(spec: CrewSpec, scene: Scene) -> Iterator[Crew]:
         if spec.scheduler is not None:
             cluster = stack.enter_context(open_cluster(spec.scheduler, num_workers=spec.workers))
         if cluster is None or isinstance(scene.error.goal, AccuracyGoal):  # which is looked for here
-            rasterizer = stack.enter_context(LastingRasterizer())
+            rasterizer = stack.enter_context(open_lasting_rasterizer())
         yield Crew(spec, rasterizer, cluster)
 
 
@@ -200,8 +200,7 @@ class _GrowingDrawer:
 
 def _default_workers(gl: str, stage: Stage) -> int:
     """One for each core where they draw; as many as there is memory for."""
-    on_cores = any(name in gl for name in _SOFTWARE)
-    most = num_cores() if on_cores else min(num_cores(), _MOST_ON_DEVICE)
+    most = num_cores() if is_software(gl) else min(num_cores(), _MOST_ON_DEVICE)
     each = _WORKER_BYTES + (most_bytes(stage.bricks, lit=stage.scene.shading is not None) if stage.bricks else 0)
     return max(1, int(min(most, _free_bytes() / 2 / each)))
 

@@ -25,6 +25,7 @@ from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from hsplat_cli.place import taken
 from hsplat_cli.progress import Progress, progress
+from hsplat_cli.rasterizers import open_lasting_rasterizer
 from hsplat_cli.render.behind import in_turn, one_behind
 from hsplat_cli.render.cause import Cause
 from hsplat_cli.render.difference import Difference, Differences
@@ -80,7 +81,7 @@ def render_progressively(
     """
     start = time.perf_counter()
     place = taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames))
-    with place as folder, LastingRasterizer() as rasterizer:
+    with place as folder, open_lasting_rasterizer() as rasterizer:
         require_encoder(job.scene.output)
         begun = start_film(job, folder, rasterizer.renderer_name, force=force, quiet=quiet)
         if begun is None:

@@ -14,11 +14,11 @@ import time
 from collections.abc import Sequence
 
 from hsplat_cli.drawn import Drawn, LocalDrawer
+from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.workers.messages import Message, error_to_plain, receive, send
 from hsplat_cli.workers.shared import map_stage
 from renderer.drawing import Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
 from renderer.errors import ContextLostError, HsplatError, RenderError
-from renderer.raster_gl import GLRasterizer
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _serve(end: socket.socket, descriptor: int) -> None:
-    with GLRasterizer() as rasterizer:
+    with open_rasterizer() as rasterizer:
         stage = map_stage(descriptor)
         os.close(descriptor)
         _warm_up(stage, rasterizer)

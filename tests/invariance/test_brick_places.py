@@ -1,4 +1,5 @@
-"""A picture of bricks is the same to the byte whatever was drawn before: that decides where they lie on the device."""
+"""A picture of bricks is the same to the byte whatever was drawn before: that decides where they lie,
+on the device or in memory."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, random_cut, transfer_of, view_of
 
-from renderer import gl_atlas
+from renderer import brick_atlas
 from renderer.brick_batch import BrickBatch
 from renderer.camera import View
-from renderer.raster_gl import GLRasterizer
+from renderer.raster_gl import BricksOn, GLRasterizer
 from renderer.scene import ShadingSpec
 
 
@@ -26,14 +27,15 @@ def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:
     return batches, view_of(volume, "perspective", (40, 30)), view_of(volume, "inside", (40, 30), azimuth=200.0)
 
 
+@pytest.mark.parametrize("bricks_on", ["device", "processor"])
 @pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
 @pytest.mark.parametrize("most_bytes", [None, 4 << 20], ids=["all at once", "few at once"])
 def test_what_was_drawn_before_changes_nothing(
-    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None, most_bytes: int | None
+    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None, most_bytes: int | None, bricks_on: BricksOn
 ) -> None:
     batches, view, other = subject(shading)
     if most_bytes is not None:
-        monkeypatch.setattr(gl_atlas, "MOST_BYTES", most_bytes)
+        monkeypatch.setattr(brick_atlas, "MOST_BYTES", most_bytes)
 
     def draw(gl: GLRasterizer, batch: BrickBatch) -> bytes:
         return gl.rasterize(batch, ordered(batch.cut, view), view).tobytes()
@@ -47,17 +49,18 @@ def test_what_was_drawn_before_changes_nothing(
         lambda gl, batch: gl.rasterize(batch, np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32), other),
     ]
     for batch in batches:
-        with GLRasterizer() as gl:
+        with GLRasterizer(bricks_on=bricks_on) as gl:
             first = draw(gl, batch)
         for history in histories:
-            with GLRasterizer() as gl:
+            with GLRasterizer(bricks_on=bricks_on) as gl:
                 history(gl, batch)
                 assert draw(gl, batch) == first
 
 
-def test_bricks_are_brought_once() -> None:
+@pytest.mark.parametrize("bricks_on", ["device", "processor"])
+def test_bricks_are_brought_once(bricks_on: BricksOn) -> None:
     batches, view, _ = subject(None)
-    with GLRasterizer() as gl:
+    with GLRasterizer(bricks_on=bricks_on) as gl:
         for batch in batches:
             order = ordered(batch.cut, view)
             assert gl.bring(batch, order, view)
@@ -66,18 +69,30 @@ def test_bricks_are_brought_once() -> None:
             assert not gl.bring(batch, ordered(batch.cut, view), view)
 
 
-def test_what_was_drawn_is_there() -> None:
+@pytest.mark.parametrize("bricks_on", ["device", "processor"])
+def test_what_was_drawn_is_there(bricks_on: BricksOn) -> None:
     batches, view, _ = subject(ShadingSpec())
-    with GLRasterizer() as gl:
+    with GLRasterizer(bricks_on=bricks_on) as gl:
         for batch in batches:
             order = ordered(batch.cut, view)
             gl.rasterize(batch, order, view)
             assert not gl.bring(batch, order, view)
 
 
-def test_more_than_the_device_holds_is_not_brought(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("bricks_on", ["device", "processor"])
+def test_more_than_there_is_room_for_is_not_brought(monkeypatch: pytest.MonkeyPatch, bricks_on: BricksOn) -> None:
     """It comes and goes as it is drawn."""
-    monkeypatch.setattr(gl_atlas, "MOST_BYTES", 1 << 10)
+    monkeypatch.setattr(brick_atlas, "MOST_BYTES", 1 << 10)
     batches, view, _ = subject(ShadingSpec())
-    with GLRasterizer() as gl:
+    with GLRasterizer(bricks_on=bricks_on) as gl:
         assert not gl.bring(batches[0], ordered(batches[0].cut, view), view)
+
+
+@pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
+def test_pictures_do_not_depend_on_the_number_of_threads(shading: ShadingSpec | None) -> None:
+    batches, view, _ = subject(shading)
+    pictures = []
+    for num_threads in (1, 2, 3):
+        with GLRasterizer(bricks_on="processor", num_threads=num_threads) as gl:
+            pictures.append([gl.rasterize(batch, ordered(batch.cut, view), view).tobytes() for batch in batches])
+    assert pictures[0] == pictures[1] == pictures[2]

@@ -1,4 +1,4 @@
-"""The GL rasteriser of bricks against the reference, pixel by pixel.
+"""Both rasterisers of bricks, the one on the device and the one on the processor, against the reference, by pixels.
 
 PRECISION: the device looks up places that are multiples of 2^-12 of a texel (`renderer.gl_atlas` says why), and these
 tests have volumes in which a tenth of the range lies between two voxels. Worst seen on llvmpipe: 4e-5; before places
@@ -12,6 +12,7 @@ In the same way a block of pixels may differ by as much as `spread`, or not, wit
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -46,6 +47,12 @@ from renderer.volume import make_volume
 PRECISION = 6e-5
 STEP = 1e-5
 SPREAD = 1e-3
+
+
+@pytest.fixture(scope="module", params=["device", "processor"])
+def rasterizer(request: pytest.FixtureRequest) -> Iterator[GLRasterizer]:
+    with GLRasterizer(bricks_on=request.param) as gl:
+        yield gl
 
 
 def assert_parity(

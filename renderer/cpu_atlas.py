@@ -1,0 +1,51 @@
+"""Bricks in memory, one after the other, for loops on the processor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer import brick_atlas
+from renderer.brick_atlas import Atlas, Float32, Int64, brick_bytes
+from renderer.brick_kernels import SIDE
+
+
+class CPUAtlas(Atlas):
+    """As in Atlas. texels: float32 [places * SIDE^3 * num_channels]."""
+
+    def __init__(self, num_channels: int, num_keys: int) -> None:
+        super().__init__(num_channels, num_keys)
+        self.texels = np.empty(0, np.float32)
+
+    @property
+    def most_places(self) -> int:
+        """How many bricks there may be."""
+        return _most_places(self.num_channels, len(self._places))
+
+    def first_texels(self, places: Int64) -> Int64:
+        """int64 [n]: the first texels of places, apron and all."""
+        return places * SIDE**3
+
+    def release(self) -> None:
+        """Give the memory back."""
+        self.texels = np.empty(0, np.float32)
+        self._resize(0, is_empty=True)
+
+    def _grow(self, num: int) -> None:
+        """As many more: until they are used, they take no memory."""
+        num = min(2 * num, self.most_places)
+        texels = np.empty(num * SIDE**3 * self.num_channels, np.float32)
+        texels[: len(self.texels)] = self.texels
+        self.texels = texels
+        self._resize(num, is_empty=False)
+
+    def _write(self, places: Int64, content: Float32) -> None:
+        self.texels.reshape(-1, SIDE**3 * self.num_channels)[places] = content.reshape(len(places), -1)
+
+
+def most_atlas_bytes(num_channels: int, num_keys: int) -> int:
+    """What an atlas takes at most of that many bricks."""
+    return _most_places(num_channels, num_keys) * brick_bytes(num_channels)
+
+
+def _most_places(num_channels: int, num_keys: int) -> int:
+    return min(num_keys, max(1, brick_atlas.MOST_BYTES // brick_bytes(num_channels)))

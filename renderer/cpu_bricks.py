@@ -1,0 +1,177 @@
+"""Bricks drawn by compiled loops, where OpenGL would be software, too, and slower.
+
+    lattice of nodes -> its tiles, with the boxes that lie over each -> boxes front to back, on several threads
+    -> the next, finer lattice, where the nodes differ
+
+What is drawn is what `gl_bricks` draws. It is quicker than Mesa's llvmpipe, whose shaders go through eight or sixteen
+pixels in step: what one of them needs, all wait for, and where few are drawn most lanes are idle.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.brick_batch import BrickBatch
+from renderer.brick_picture import BrickPicture
+from renderer.brick_projection import ray_frame
+from renderer.brick_store import BrickStore
+from renderer.camera import View
+from renderer.cpu_atlas import CPUAtlas
+from renderer.cpu_bricks_kernel import Boxes, Field, Float32, Float64, Int64, Rays, bin_boxes, draw_tiles
+from renderer.lattices import interpolated, refined
+from renderer.scene import ShadingSpec
+
+# Nodes along a tile's sides, where every pixel is one, and where few are. Tiles of 16 draw each brick more often, tiles
+# of 64 share their rays with no cache.
+SIDE_OF_ALL, SIDE_OF_FEW = 32, 16
+# Tasks of a thread, each of tiles all over the picture.
+_TASKS_EACH = 8
+# Of a rectangle's edges; the shaders have the same.
+_ROUNDING_PX = 2e-3
+# What float32 leaves of a transmittance is less.
+_UNSEEN = 2.0**-22
+
+
+class CPUBrickDrawer:
+    """Draws on so many threads; pictures do not depend on their number. `release` ends them."""
+
+    def __init__(self, num_threads: int) -> None:
+        self._num_threads = num_threads
+        self._pool = ThreadPoolExecutor(num_threads, thread_name_prefix="hsplat-bricks") if num_threads > 1 else None
+        self._store = BrickStore(CPUAtlas)
+        self._table: tuple[npt.NDArray[np.float32], Float32] | None = None
+
+    def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """Make those bricks of `batch[order]` ready that are not; whether there were any."""
+        return self._store.bring(batch, order, view)
+
+    def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float32:
+        """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
+        picture = self._store.begin(batch, order, view)
+        self._store.begin_drawing(picture)
+        strides = batch.thrift.strides
+        columns, rows = _num_nodes(view.size, strides[0])
+        image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
+        self._draw_boxes(picture, strides[0], is_drawn, image)
+        for coarse, stride in pairwise(strides):
+            image, is_drawn = refined(image, coarse // stride, batch.thrift.spread, _num_nodes(view.size, stride))
+            self._draw_boxes(picture, stride, is_drawn, image)
+        return image if strides[-1] == 1 else interpolated(image, strides[-1], view.size)
+
+    def forget(self) -> None:
+        """Let go of bricks."""
+        self._store.forget()
+
+    def release(self) -> None:
+        """Let go of bricks, and end the threads."""
+        self.forget()
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def _draw_boxes(self, picture: BrickPicture, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:
+        """Group by group, as many as there is room for, each behind what has been drawn before."""
+        start = 0
+        while start < len(picture.order):
+            end = self._store.end_of_group(picture, start, len(picture.order))
+            self._draw_group(picture, slice(start, end), stride, is_drawn, image)
+            start = end
+
+    def _draw_group(
+        self, picture: BrickPicture, group: slice, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32
+    ) -> None:
+        """Some boxes behind what is in the image."""
+        boxes, field = self._boxes(picture, group), self._field(picture)
+        rows, columns = is_drawn.shape
+        rectangles = _in_nodes(picture.rectangles_px[group], stride, (columns, rows))
+        side = SIDE_OF_ALL if stride == 1 else SIDE_OF_FEW
+        starts, numbers = _bins(rectangles, side, (columns, rows))
+        tiles = np.flatnonzero(starts[1:] > starts[:-1])
+        opaque = np.float32(1 - max(picture.batch.thrift.least_transmittance, _UNSEEN))
+        rays = _rays(picture)
+
+        def draw(some: Int64) -> None:
+            draw_tiles(
+                some, side, stride, opaque, rays, boxes, rectangles, starts, numbers, field, is_drawn, image
+            )  # fmt: skip
+
+        if self._pool is None:
+            draw(tiles)
+        else:
+            num_tasks = min(len(tiles), _TASKS_EACH * self._num_threads)
+            list(self._pool.map(draw, (tiles[k::num_tasks] for k in range(num_tasks))))
+
+    def _boxes(self, picture: BrickPicture, group: slice) -> Boxes:
+        """What the loops are told of bricks, which are made ready."""
+        keys, firsts = picture.keys[group], np.empty(len(picture.keys[group]), np.int64)
+        for atlas, is_chosen, texels in self._store.kinds(picture):
+            chosen = is_chosen[group]
+            firsts[chosen] = atlas.first_texels(atlas.place(keys[chosen], texels))
+        return Boxes(
+            picture.bounds[group],
+            picture.corners[group],
+            picture.cells_per_voxel[group],
+            picture.steps[group],
+            picture.is_mean[group],
+            firsts,
+        )
+
+    def _field(self, picture: BrickPicture) -> Field:
+        batch = picture.batch
+        (scalars, _, _), (means, _, _) = self._store.kinds(picture)
+        shading = batch.shading or ShadingSpec()
+        light = np.array(shading.light, np.float64)
+        x, y, z = (light / np.linalg.norm(light)).astype(np.float32)
+        return Field(
+            scalars.texels,
+            means.texels,
+            np.float32(batch.length / batch.cut.volume.finest_spacing),
+            self._table_of(batch),
+            batch.shading is not None,
+            (x, y, z),
+            np.float32(shading.ambient),
+            np.float32(shading.diffuse),
+        )
+
+    def _table_of(self, batch: BrickBatch) -> Float32:
+        """float32 [entries * ENTRY]; made once, for it does not change in a film."""
+        if self._table is None or self._table[0] is not batch.table:
+            entries = (batch.table * np.float32(batch.length)).astype(np.float32)
+            more = np.diff(entries, axis=0, append=entries[-1:])
+            self._table = batch.table, np.hstack([entries, more]).ravel()
+        return self._table[1]
+
+
+def _rays(picture: BrickPicture) -> Rays:
+    batch, view = picture.batch, picture.view
+    frame = ray_frame(batch.cut.volume, batch.length, view)
+    center_px = view.size[0] / 2, view.size[1] / 2
+    return Rays(frame.origins, frame.directions, float(frame.slope_per_px), float(frame.start), center_px)
+
+
+def _num_nodes(size: tuple[int, int], stride: int) -> tuple[int, int]:
+    """Columns and rows of a lattice that covers an image of (width, height)."""
+    return -(-(size[0] - 1) // stride) + 1, -(-(size[1] - 1) // stride) + 1
+
+
+def _in_nodes(rectangles_px: Float64, stride: int, num_nodes: tuple[int, int]) -> Int64:
+    """int64 [n, 4]: left, top, right and bottom of the nodes in rectangles, half-open, and of those that rounding may
+    have put outside. Node 0 is the centre of pixel 0."""
+    most = np.array(num_nodes)
+    low = np.clip(np.ceil((rectangles_px[:, :2] - 0.5 - _ROUNDING_PX) / stride), 0, most)
+    high = np.clip(np.floor((rectangles_px[:, 2:] - 0.5 + _ROUNDING_PX) / stride) + 1, low, most)
+    return np.hstack([low, high]).astype(np.int64)
+
+
+def _bins(rectangles: Int64, side: int, num_nodes: tuple[int, int]) -> tuple[Int64, Int64]:
+    """As `bin_boxes` has them: where the boxes of each tile begin, and their numbers."""
+    columns, rows = (-(-n // side) for n in num_nodes)
+    starts, numbers = np.empty(columns * rows + 1, np.int64), np.empty(8 * len(rectangles), np.int64)
+    num = bin_boxes(rectangles, side, columns, starts, numbers)
+    if num > len(numbers):
+        numbers = np.empty(num, np.int64)
+        bin_boxes(rectangles, side, columns, starts, numbers)
+    return starts, numbers

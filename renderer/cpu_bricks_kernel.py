@@ -1,0 +1,438 @@
+"""The compiled half of `renderer.cpu_bricks`: a lattice of pixels, tile by tile, in each box by box, pixel by pixel.
+
+A tile's pixels stay in the processor's cache while all boxes over it are drawn, front to back, and no two threads write
+to one pixel, so that pictures do not depend on their number. Rays, and where they meet boxes, are float64; what lies
+between is float32. Nothing is computed but by IEEE's sums, products, quotients and roots, and by `fma`, which rounds
+once: pictures are the same bytes on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.brick_batch import DITHER, PHASE_PER_PX
+from renderer.brick_kernels import SIDE
+from renderer.jit import fma, jit, jit_inline
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+Color = tuple[np.float32, np.float32, np.float32, np.float32]
+
+# Floats that are stored of an entry of the table: (tau c, tau), and what the next one has more.
+ENTRY = 8
+# Parts of a way through a brick, at most; `1 / n` is looked up.
+_MOST_PARTS = 4095
+_PARTS_OF_ONE = np.concatenate([[1.0], 1 / np.arange(1, _MOST_PARTS + 1)])
+# Where samples are, in texels of a brick: between the centres of the first and the last, whatever is rounded.
+_FIRST, _LAST = 0.25, SIDE - 1.25
+# From one texel of a brick to the next along y and z.
+_ROW, _PLANE = SIDE, SIDE * SIDE
+# What a row of the rays of a tile has.
+_ORIGIN, _DIRECTION, _INVERSE, _LENGTH, _HALF_MORE, _WAY, _RAY = 0, 3, 6, 9, 10, 11, 12
+
+_0, _1, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+_LOG2_E, _LN_2, _MOST_DEPTH = np.float32(1 / math.log(2)), np.float32(math.log(2)), np.float32(40.0)
+_POWERS = (2.0 ** -np.arange(64.0)).astype(np.float32)
+
+
+class Rays(NamedTuple):
+    """As in RayFrame: matrices, of which each row is that of an axis; center_px: (x, y) of the image's centre."""
+
+    origins: Float64
+    directions: Float64
+    slope_per_px: float
+    start: float
+    center_px: tuple[float, float]
+
+
+class Boxes(NamedTuple):
+    """Bricks of a picture, front to back; index space relative to the volume's centre.
+
+    bounds: float64 [n, 2, 3]. corners: float64 [n, 3], of the first cell's centre and half a cell before it.
+    cells_per_voxel, steps: float64 [n]. first_texels: int64 [n], of the brick among those of its kind.
+    """
+
+    bounds: Float64
+    corners: Float64
+    cells_per_voxel: Float64
+    steps: Float64
+    is_mean: Bools
+    first_texels: Int64
+
+
+class Field(NamedTuple):
+    """What is looked up.
+
+    scalars: float32 [texels], or with light [texels * 4] with the gradient. means: float32 [texels * 4].
+    depth_of_mean: 1 / model unit for a stored mean. table: float32 [entries * ENTRY], 1 / model unit.
+    """
+
+    scalars: Float32
+    means: Float32
+    depth_of_mean: np.float32
+    table: Float32
+    is_lit: bool
+    light: tuple[np.float32, np.float32, np.float32]
+    ambient: np.float32
+    diffuse: np.float32
+
+
+@jit
+def bin_boxes(rectangles: Int64, side: int, num_columns: int, starts: Int64, numbers: Int64) -> int:
+    """Which boxes lie over which tiles: those of tile k are `numbers[starts[k] : starts[k + 1]]`, in their order.
+
+    rectangles: int64 [n, 4], half-open, of nodes. starts: [tiles + 1]. How many numbers there are is returned; where
+    there is no room for them, they are not written.
+    """
+    starts[:] = 0
+    for is_told in range(2):
+        for i in range(len(rectangles)):
+            left, top, right, bottom = rectangles[i, 0], rectangles[i, 1], rectangles[i, 2], rectangles[i, 3]
+            if left >= right or top >= bottom:
+                continue
+            for row in range(top // side, (bottom - 1) // side + 1):
+                for column in range(left // side, (right - 1) // side + 1):
+                    tile = row * num_columns + column
+                    if is_told:
+                        numbers[starts[tile]] = i
+                        starts[tile] += 1
+                    else:
+                        starts[tile + 1] += 1
+        if is_told:
+            starts[1:] = starts[:-1].copy()
+            starts[0] = 0
+            break
+        for tile in range(len(starts) - 1):
+            starts[tile + 1] += starts[tile]
+        if starts[-1] > len(numbers):
+            break
+    return int(starts[-1])
+
+
+@jit
+def draw_tiles(
+    tiles: Int64,
+    side: int,
+    stride: int,
+    opaque: np.float32,
+    rays: Rays,
+    boxes: Boxes,
+    rectangles: Int64,
+    starts: Int64,
+    numbers: Int64,
+    field: Field,
+    is_drawn: Bools,
+    image: Float32,
+) -> None:
+    """Boxes behind what is in some tiles of `image` [rows, columns, 4], whose nodes are every `stride`-th pixel.
+
+    opaque: the alpha behind which nothing is drawn. rectangles, starts, numbers: as in `bin_boxes`. is_drawn: [rows,
+    columns], which nodes are.
+    """
+    num_rows, num_columns = is_drawn.shape
+    tiles_in_row = -(-num_columns // side)
+    of_pixels = np.empty((side * side, _RAY))
+    for tile in tiles:
+        top, left = tile // tiles_in_row * side, tile % tiles_in_row * side
+        bottom, right = min(top + side, num_rows), min(left + side, num_columns)
+        _aim(rays, stride, left, top, right, bottom, is_drawn, of_pixels)
+        for place in range(starts[tile], starts[tile + 1]):
+            box = numbers[place]
+            first, last = max(left, rectangles[box, 0]), min(right, rectangles[box, 2])
+            for row in range(max(top, rectangles[box, 1]), min(bottom, rectangles[box, 3])):
+                number = (row - top) * (right - left) + first - left
+                _draw_row(row, first, last, number, box, opaque, rays.start, boxes, field, of_pixels, is_drawn, image)
+
+
+@jit_inline
+def _aim(
+    rays: Rays, stride: int, left: int, top: int, right: int, bottom: int, is_drawn: Bools, of_pixels: Float64
+) -> None:
+    """The rays of a tile, row by row: float64 [pixels, _RAY], which has what `_draw_row` says."""
+    number = 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            if is_drawn[row, column]:
+                x = column * stride + 0.5 - rays.center_px[0]
+                y = row * stride + 0.5 - rays.center_px[1]
+                square = 0.0
+                for axis in range(3):
+                    origin = rays.origins[axis, 0] + rays.origins[axis, 1] * x + rays.origins[axis, 2] * y
+                    speed = rays.directions[axis, 0] + rays.directions[axis, 1] * x + rays.directions[axis, 2] * y
+                    of_pixels[number, _ORIGIN + axis] = origin
+                    of_pixels[number, _DIRECTION + axis] = speed
+                    of_pixels[number, _INVERSE + axis] = 1 / speed if speed != 0.0 else 0.0
+                    square += speed * speed
+                phase = _phase(column * stride, row * stride)
+                of_pixels[number, _LENGTH] = math.sqrt(square) * (1 + DITHER * (phase - 0.5))
+                of_pixels[number, _HALF_MORE] = 0.5 + phase
+                of_pixels[number, _WAY] = math.sqrt(1 + rays.slope_per_px**2 * (x * x + y * y))
+            number += 1
+
+
+@jit
+def _phase(column: int, row: int) -> float:
+    """Of a pixel, from 0 to 1: as in `brick_batch`."""
+    whole = (column * PHASE_PER_PX[0] + row * PHASE_PER_PX[1]) & 0xFFFFFFFF
+    return (whole >> 8) / 16777216.0
+
+
+@jit_inline
+def _draw_row(
+    row: int,
+    first: int,
+    last: int,
+    number: int,
+    box: int,
+    opaque: np.float32,
+    start: float,
+    boxes: Boxes,
+    field: Field,
+    of_pixels: Float64,
+    is_drawn: Bools,
+    image: Float32,
+) -> None:
+    """The pixels `first` to `last` of a row behind which a box may lie; the first one's ray is `number`."""
+    low_x, low_y, low_z = boxes.bounds[box, 0, 0], boxes.bounds[box, 0, 1], boxes.bounds[box, 0, 2]
+    high_x, high_y, high_z = boxes.bounds[box, 1, 0], boxes.bounds[box, 1, 1], boxes.bounds[box, 1, 2]
+    corner_x, corner_y, corner_z = boxes.corners[box, 0], boxes.corners[box, 1], boxes.corners[box, 2]
+    scale = boxes.cells_per_voxel[box]
+    parts_per_length = scale / boxes.steps[box]
+    first_texel, is_mean = boxes.first_texels[box], boxes.is_mean[box]
+    for column in range(first, last):
+        before = image[row, column, 3]
+        if not is_drawn[row, column] or before > opaque:
+            continue
+        ray = number + column - first
+        enter, leave = start, math.inf
+        enter, leave = _between(enter, leave, of_pixels[ray, 0], of_pixels[ray, 6], low_x, high_x)
+        enter, leave = _between(enter, leave, of_pixels[ray, 1], of_pixels[ray, 7], low_y, high_y)
+        enter, leave = _between(enter, leave, of_pixels[ray, 2], of_pixels[ray, 8], low_z, high_z)
+        if not leave > enter:
+            continue
+        num = int((leave - enter) * parts_per_length * of_pixels[ray, _LENGTH] + of_pixels[ray, _HALF_MORE])
+        num = max(1, min(num, _MOST_PARTS))
+        part = (leave - enter) * _PARTS_OF_ONE[num]
+        begin, end = enter + 0.5 * part, leave - 0.5 * part
+        fewer = _PARTS_OF_ONE[num - 1]
+        x, step_x = _samples(of_pixels[ray, 0], of_pixels[ray, 3], begin, end, corner_x, scale, fewer)
+        y, step_y = _samples(of_pixels[ray, 1], of_pixels[ray, 4], begin, end, corner_y, scale, fewer)
+        z, step_z = _samples(of_pixels[ray, 2], of_pixels[ray, 5], begin, end, corner_z, scale, fewer)
+        way = np.float32(part * of_pixels[ray, _WAY])
+        line = (x, y, z, step_x, step_y, step_z)
+        if is_mean:
+            color = _through_means(line, num, way, opaque, first_texel, field)
+        elif field.is_lit:
+            color = _through_lit(line, num, way, opaque, first_texel, field)
+        else:
+            color = _through_scalars(line, num, way, opaque, first_texel, field)
+        left = _1 - before
+        image[row, column, 0] = fma(left, color[0], image[row, column, 0])
+        image[row, column, 1] = fma(left, color[1], image[row, column, 1])
+        image[row, column, 2] = fma(left, color[2], image[row, column, 2])
+        image[row, column, 3] = fma(left, color[3], before)
+
+
+@jit
+def _between(enter: float, leave: float, origin: float, inverse: float, low: float, high: float) -> tuple[float, float]:
+    """The way from `enter` to `leave` as far as it is between two planes across an axis; a ray within a plane belongs
+    to what is above it."""
+    if inverse == 0.0:
+        return (enter, leave) if low <= origin < high else (enter, -math.inf)
+    one, other = (low - origin) * inverse, (high - origin) * inverse
+    near = one if one < other else other
+    far = other if one < other else one
+    return near if near > enter else enter, far if far < leave else leave
+
+
+@jit
+def _samples(
+    origin: float, direction: float, begin: float, end: float, corner: float, scale: float, fewer: float
+) -> tuple[np.float32, np.float32]:
+    """Along an axis, in texels of the brick: where the first sample is, and how far the next one is from there."""
+    first = (origin + begin * direction - corner) * scale + 0.5
+    last = (origin + end * direction - corner) * scale + 0.5
+    first, last = _inside(first), _inside(last)
+    return np.float32(first), np.float32((last - first) * fewer)
+
+
+@jit
+def _inside(place: float) -> float:
+    """A place where there are texels around; what is no number is brought there, too."""
+    place = place if place > _FIRST else _FIRST
+    return place if place < _LAST else _LAST
+
+
+@jit
+def _lerp(share: np.float32, one: np.float32, other: np.float32) -> np.float32:
+    return fma(share, other - one, one)
+
+
+@jit_inline
+def _through_scalars(
+    line: tuple[np.float32, ...], num: int, way: np.float32, opaque: np.float32, first: int, field: Field
+) -> Color:
+    """(r, g, b, alpha) of `num` parts of a way, each of the length `way`, in a brick of scalars."""
+    x, y, z, step_x, step_y, step_z = line
+    texels, table = field.scalars, field.table
+    last = np.float32(len(table) // ENTRY - 1)
+    red = green = blue = alpha = _0
+    for number in range(num):
+        t = np.float32(number)
+        at_x, at_y, at_z = fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z)
+        i, j, k = np.int32(at_x), np.int32(at_y), np.int32(at_z)
+        u, v, w = at_x - np.float32(i), at_y - np.float32(j), at_z - np.float32(k)
+        at = np.uint64(first + (k * SIDE + j) * SIDE + i)
+        low = _lerp(
+            v,
+            _lerp(u, texels[at], texels[at + np.uint64(1)]),
+            _lerp(u, texels[at + np.uint64(_ROW)], texels[at + np.uint64(_ROW + 1)]),
+        )
+        high = _lerp(
+            v,
+            _lerp(u, texels[at + np.uint64(_PLANE)], texels[at + np.uint64(_PLANE + 1)]),
+            _lerp(u, texels[at + np.uint64(_PLANE + _ROW)], texels[at + np.uint64(_PLANE + _ROW + 1)]),
+        )
+        place = _lerp(w, low, high) * last
+        place = place if place > _0 else _0
+        place = place if place < last else last
+        entry = np.int32(place)
+        share = place - np.float32(entry)
+        row = np.uint64(entry * ENTRY)
+        tau = fma(share, table[row + np.uint64(7)], table[row + np.uint64(3)])
+        if tau > _0:
+            weight = (_1 - alpha) * _opacity(tau * way)
+            alpha += weight
+            weight /= tau
+            red = fma(weight, fma(share, table[row + np.uint64(4)], table[row]), red)
+            green = fma(weight, fma(share, table[row + np.uint64(5)], table[row + np.uint64(1)]), green)
+            blue = fma(weight, fma(share, table[row + np.uint64(6)], table[row + np.uint64(2)]), blue)
+            if alpha > opaque:
+                break
+    return red, green, blue, alpha
+
+
+@jit
+def _opacity(x: np.float32) -> np.float32:
+    """1 - exp(-x) of x >= 0, relative error below 3e-7, as in shaders/opacity.glsl; 2^-n is looked up."""
+    if x < _HALF:
+        series = fma(x, np.float32(-0.00680757), np.float32(0.04104245))
+        series = fma(-x, series, np.float32(0.16656359))
+        series = fma(-x, series, np.float32(0.49999463))
+        return x * fma(-x, series, _1)
+    if not x < _MOST_DEPTH:
+        return _1
+    n = np.int32(fma(x, _LOG2_E, _HALF))
+    r = fma(np.float32(n), _LN_2, -x)
+    power = fma(r, np.float32(1 / 720), np.float32(1 / 120))
+    power = fma(r, power, np.float32(1 / 24))
+    power = fma(r, power, np.float32(1 / 6))
+    power = fma(r, power, _HALF)
+    power = fma(r, fma(r, power, _1), _1)
+    return fma(-power, _POWERS[np.uint64(n)], _1)
+
+
+@jit_inline
+def _through_lit(
+    line: tuple[np.float32, ...], num: int, way: np.float32, opaque: np.float32, first: int, field: Field
+) -> Color:
+    """As `_through_scalars`, of scalars with gradients, lit by Lambert's law."""
+    x, y, z, step_x, step_y, step_z = line
+    table = field.table
+    last = np.float32(len(table) // ENTRY - 1)
+    red = green = blue = alpha = _0
+    for number in range(num):
+        t = np.float32(number)
+        scalar, across, up, through = _four_at(
+            field.scalars, first, fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z)
+        )
+        place = scalar * last
+        place = place if place > _0 else _0
+        place = place if place < last else last
+        entry = np.int32(place)
+        share = place - np.float32(entry)
+        row = np.uint64(entry * ENTRY)
+        tau = fma(share, table[row + np.uint64(7)], table[row + np.uint64(3)])
+        if tau > _0:
+            weight = (_1 - alpha) * _opacity(tau * way)
+            alpha += weight
+            weight = weight / tau * _light_factor(across, up, through, field)
+            red = fma(weight, fma(share, table[row + np.uint64(4)], table[row]), red)
+            green = fma(weight, fma(share, table[row + np.uint64(5)], table[row + np.uint64(1)]), green)
+            blue = fma(weight, fma(share, table[row + np.uint64(6)], table[row + np.uint64(2)]), blue)
+            if alpha > opaque:
+                break
+    return red, green, blue, alpha
+
+
+@jit_inline
+def _light_factor(x: np.float32, y: np.float32, z: np.float32, field: Field) -> np.float32:
+    """What a colour is multiplied by where the gradient is (x, y, z), of any length."""
+    largest = max(abs(x), abs(y), abs(z))
+    if not largest > _0:
+        return field.ambient
+    x, y, z = x / largest, y / largest, z / largest  # their squares neither overflow nor vanish
+    across = fma(x, field.light[0], fma(y, field.light[1], z * field.light[2]))
+    cosine = -across / np.float32(math.sqrt(fma(x, x, fma(y, y, z * z))))
+    return fma(field.diffuse, max(_0, cosine), field.ambient)
+
+
+@jit_inline
+def _through_means(
+    line: tuple[np.float32, ...], num: int, way: np.float32, opaque: np.float32, first: int, field: Field
+) -> Color:
+    """As `_through_scalars`, in a brick of means."""
+    x, y, z, step_x, step_y, step_z = line
+    depth = field.depth_of_mean * way
+    red = green = blue = alpha = _0
+    for number in range(num):
+        t = np.float32(number)
+        r, g, b, tau = _four_at(field.means, first, fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z))
+        if tau > _0:
+            weight = (_1 - alpha) * _opacity(tau * depth)
+            alpha += weight
+            weight /= tau
+            red, green, blue = fma(weight, r, red), fma(weight, g, green), fma(weight, b, blue)
+            if alpha > opaque:
+                break
+    return red, green, blue, alpha
+
+
+@jit_inline
+def _four_at(texels: Float32, first: int, x: np.float32, y: np.float32, z: np.float32) -> Color:
+    """Four channels between eight texels of the brick that begins at texel `first`."""
+    i, j, k = np.int32(x), np.int32(y), np.int32(z)
+    u, v, w = x - np.float32(i), y - np.float32(j), z - np.float32(k)
+    at = np.uint64(first + (k * SIDE + j) * SIDE + i)
+    low = _mixed(v, _four_between(u, texels, at), _four_between(u, texels, at + np.uint64(_ROW)))
+    at += np.uint64(_PLANE)
+    high = _mixed(v, _four_between(u, texels, at), _four_between(u, texels, at + np.uint64(_ROW)))
+    return _mixed(w, low, high)
+
+
+@jit_inline
+def _four_between(share: np.float32, texels: Float32, at: np.uint64) -> Color:
+    """Between a texel and the next one along x."""
+    one = np.uint64(4) * at
+    return (
+        _lerp(share, texels[one], texels[one + np.uint64(4)]),
+        _lerp(share, texels[one + np.uint64(1)], texels[one + np.uint64(5)]),
+        _lerp(share, texels[one + np.uint64(2)], texels[one + np.uint64(6)]),
+        _lerp(share, texels[one + np.uint64(3)], texels[one + np.uint64(7)]),
+    )
+
+
+@jit
+def _mixed(share: np.float32, one: Color, other: Color) -> Color:
+    return (
+        _lerp(share, one[0], other[0]),
+        _lerp(share, one[1], other[1]),
+        _lerp(share, one[2], other[2]),
+        _lerp(share, one[3], other[3]),
+    )
