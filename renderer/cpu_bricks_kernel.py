@@ -36,7 +36,9 @@ _ROW, _PLANE = SIDE, SIDE * SIDE
 # What a row of the rays of a tile has.
 _ORIGIN, _DIRECTION, _INVERSE, _LENGTH, _HALF_MORE, _WAY, _RAY = 0, 3, 6, 9, 10, 11, 12
 
-_0, _1, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+_0: np.float32 = np.float32(0.0)
+_1: np.float32 = np.float32(1.0)
+_HALF: np.float32 = np.float32(0.5)
 _LOG2_E, _LN_2, _MOST_DEPTH = np.float32(1 / math.log(2)), np.float32(math.log(2)), np.float32(40.0)
 _POWERS = (2.0 ** -np.arange(64.0)).astype(np.float32)
 
@@ -325,7 +327,8 @@ def _opacity(x: np.float32) -> np.float32:
         series = fma(x, np.float32(-0.00680757), np.float32(0.04104245))
         series = fma(-x, series, np.float32(0.16656359))
         series = fma(-x, series, np.float32(0.49999463))
-        return x * fma(-x, series, _1)
+        opacity: np.float32 = x * fma(-x, series, _1)
+        return opacity
     if not x < _MOST_DEPTH:
         return _1
     n = np.int32(fma(x, _LOG2_E, _HALF))
@@ -379,8 +382,8 @@ def _light_factor(x: np.float32, y: np.float32, z: np.float32, field: Field) -> 
         return field.ambient
     x, y, z = x / largest, y / largest, z / largest  # their squares neither overflow nor vanish
     across = fma(x, field.light[0], fma(y, field.light[1], z * field.light[2]))
-    cosine = -across / np.float32(math.sqrt(fma(x, x, fma(y, y, z * z))))
-    return fma(field.diffuse, max(_0, cosine), field.ambient)
+    length = np.float32(math.sqrt(fma(x, x, fma(y, y, z * z))))
+    return fma(field.diffuse, max(_0, -across / length), field.ambient)
 
 
 @jit_inline
