@@ -22,10 +22,10 @@ Kind = tuple[A, npt.NDArray[np.bool_], Texels]
 
 
 class BrickStore(Generic[A]):
-    """Atlases of scalars and of means; make_atlas: one of so many channels for so many keys."""
+    """Atlases of scalars and of means; of_scalars, of_means: what makes one, of so many channels for so many keys."""
 
-    def __init__(self, make_atlas: Callable[[int, int], A]) -> None:
-        self._make_atlas = make_atlas
+    def __init__(self, of_scalars: Callable[[int, int], A], of_means: Callable[[int, int], A]) -> None:
+        self._of_scalars, self._of_means = of_scalars, of_means
         self._bricks: Bricks | None = None
         self._scalars: A | None = None
         self._means: A | None = None
@@ -91,6 +91,6 @@ class BrickStore(Generic[A]):
         if self._scalars is None or self._bricks is not batch.bricks or self._scalars.num_channels != num_channels:
             self.forget()
             grids = [level.boxes.shape[:3] for level in batch.bricks.levels]
-            self._scalars = self._make_atlas(num_channels, int(np.prod(grids[0])))
-            self._means = self._make_atlas(4, sum(int(np.prod(grid)) for grid in grids[1:]))
+            self._scalars = self._of_scalars(num_channels, int(np.prod(grids[0])))
+            self._means = self._of_means(4, sum(int(np.prod(grid)) for grid in grids[1:]))
             self._bricks = batch.bricks

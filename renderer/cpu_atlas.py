@@ -10,10 +10,15 @@ from renderer.brick_kernels import SIDE
 
 
 class CPUAtlas(Atlas):
-    """As in Atlas. texels: float32 [places * SIDE^3 * num_channels]."""
+    """As in Atlas. texels: float32 [places * SIDE^3 * num_channels].
 
-    def __init__(self, num_channels: int, num_keys: int) -> None:
+    is_planar: a brick has one channel after the other, and not one texel after the other: of scalars with gradients
+    the scalars are looked up more often.
+    """
+
+    def __init__(self, num_channels: int, num_keys: int, *, is_planar: bool = False) -> None:
         super().__init__(num_channels, num_keys)
+        self._is_planar = is_planar
         self.texels = np.empty(0, np.float32)
 
     @property
@@ -21,9 +26,9 @@ class CPUAtlas(Atlas):
         """How many bricks there may be."""
         return _most_places(self.num_channels, len(self._places))
 
-    def first_texels(self, places: Int64) -> Int64:
-        """int64 [n]: the first texels of places, apron and all."""
-        return places * SIDE**3
+    def firsts(self, places: Int64) -> Int64:
+        """int64 [n]: where in `texels` places begin, apron and all."""
+        return places * (SIDE**3 * self.num_channels)
 
     def release(self) -> None:
         """Give the memory back."""
@@ -39,6 +44,8 @@ class CPUAtlas(Atlas):
         self._resize(num, is_empty=False)
 
     def _write(self, places: Int64, content: Float32) -> None:
+        if self._is_planar and self.num_channels > 1:
+            content = np.moveaxis(content, -1, 1)
         self.texels.reshape(-1, SIDE**3 * self.num_channels)[places] = content.reshape(len(places), -1)
 
 

@@ -10,6 +10,7 @@ pixels in step: what one of them needs, all wait for, and where few are drawn mo
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -42,7 +43,7 @@ class CPUBrickDrawer:
     def __init__(self, num_threads: int) -> None:
         self._num_threads = num_threads
         self._pool = ThreadPoolExecutor(num_threads, thread_name_prefix="hsplat-bricks") if num_threads > 1 else None
-        self._store = BrickStore(CPUAtlas)
+        self._store = BrickStore(partial(CPUAtlas, is_planar=True), CPUAtlas)
         self._table: tuple[npt.NDArray[np.float32], Float32] | None = None
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
@@ -109,7 +110,7 @@ class CPUBrickDrawer:
         keys, firsts = picture.keys[group], np.empty(len(picture.keys[group]), np.int64)
         for atlas, is_chosen, texels in self._store.kinds(picture):
             chosen = is_chosen[group]
-            firsts[chosen] = atlas.first_texels(atlas.place(keys[chosen], texels))
+            firsts[chosen] = atlas.firsts(atlas.place(keys[chosen], texels))
         return Boxes(
             picture.bounds[group],
             picture.corners[group],

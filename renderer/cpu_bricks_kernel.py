@@ -23,6 +23,7 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Color = tuple[np.float32, np.float32, np.float32, np.float32]
+Shares = tuple[np.float32, np.float32, np.float32]
 
 # Floats that are stored of an entry of the table: (tau c, tau), and what the next one has more.
 ENTRY = 8
@@ -31,8 +32,8 @@ _MOST_PARTS = 4095
 _PARTS_OF_ONE = np.concatenate([[1.0], 1 / np.arange(1, _MOST_PARTS + 1)])
 # Where samples are, in texels of a brick: between the centres of the first and the last, whatever is rounded.
 _FIRST, _LAST = 0.25, SIDE - 1.25
-# From one texel of a brick to the next along y and z.
-_ROW, _PLANE = SIDE, SIDE * SIDE
+# From one texel of a brick to the next along y and z; of all of it.
+_ROW, _PLANE, _NUM_TEXELS = SIDE, SIDE**2, SIDE**3
 # What a row of the rays of a tile has.
 _ORIGIN, _DIRECTION, _INVERSE, _LENGTH, _HALF_MORE, _WAY, _RAY = 0, 3, 6, 9, 10, 11, 12
 
@@ -57,7 +58,7 @@ class Boxes(NamedTuple):
     """Bricks of a picture, front to back; index space relative to the volume's centre.
 
     bounds: float64 [n, 2, 3]. corners: float64 [n, 3], of the first cell's centre and half a cell before it.
-    cells_per_voxel, steps: float64 [n]. first_texels: int64 [n], of the brick among those of its kind.
+    cells_per_voxel, steps: float64 [n]. firsts: int64 [n], where the brick begins among those of its kind.
     """
 
     bounds: Float64
@@ -65,13 +66,13 @@ class Boxes(NamedTuple):
     cells_per_voxel: Float64
     steps: Float64
     is_mean: Bools
-    first_texels: Int64
+    firsts: Int64
 
 
 class Field(NamedTuple):
     """What is looked up.
 
-    scalars: float32 [texels], or with light [texels * 4] with the gradient. means: float32 [texels * 4].
+    scalars: float32, of each brick [SIDE^3], or with light [4, SIDE^3] with the gradient. means: of each [SIDE^3, 4].
     depth_of_mean: 1 / model unit for a stored mean. table: float32 [entries * ENTRY], 1 / model unit.
     """
 
@@ -206,7 +207,7 @@ def _draw_row(
     corner_x, corner_y, corner_z = boxes.corners[box, 0], boxes.corners[box, 1], boxes.corners[box, 2]
     scale = boxes.cells_per_voxel[box]
     parts_per_length = scale / boxes.steps[box]
-    first_texel, is_mean = boxes.first_texels[box], boxes.is_mean[box]
+    of_brick, is_mean = boxes.firsts[box], boxes.is_mean[box]
     for column in range(first, last):
         before = image[row, column, 3]
         if not is_drawn[row, column] or before > opaque:
@@ -229,11 +230,9 @@ def _draw_row(
         way = np.float32(part * of_pixels[ray, _WAY])
         line = (x, y, z, step_x, step_y, step_z)
         if is_mean:
-            color = _through_means(line, num, way, opaque, first_texel, field)
-        elif field.is_lit:
-            color = _through_lit(line, num, way, opaque, first_texel, field)
+            color = _through_means(line, num, way, opaque, of_brick, field)
         else:
-            color = _through_scalars(line, num, way, opaque, first_texel, field)
+            color = _through_scalars(line, num, way, opaque, of_brick, field)
         left = _1 - before
         image[row, column, 0] = fma(left, color[0], image[row, column, 0])
         image[row, column, 1] = fma(left, color[1], image[row, column, 1])
@@ -280,28 +279,17 @@ def _lerp(share: np.float32, one: np.float32, other: np.float32) -> np.float32:
 def _through_scalars(
     line: tuple[np.float32, ...], num: int, way: np.float32, opaque: np.float32, first: int, field: Field
 ) -> Color:
-    """(r, g, b, alpha) of `num` parts of a way, each of the length `way`, in a brick of scalars."""
+    """(r, g, b, alpha) of `num` parts of a way, each of the length `way`, in the brick of scalars that begins at
+    `first`."""
     x, y, z, step_x, step_y, step_z = line
-    texels, table = field.scalars, field.table
+    table = field.table
     last = np.float32(len(table) // ENTRY - 1)
     red = green = blue = alpha = _0
     for number in range(num):
         t = np.float32(number)
-        at_x, at_y, at_z = fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z)
-        i, j, k = np.int32(at_x), np.int32(at_y), np.int32(at_z)
-        u, v, w = at_x - np.float32(i), at_y - np.float32(j), at_z - np.float32(k)
-        at = np.uint64(first + (k * SIDE + j) * SIDE + i)
-        low = _lerp(
-            v,
-            _lerp(u, texels[at], texels[at + np.uint64(1)]),
-            _lerp(u, texels[at + np.uint64(_ROW)], texels[at + np.uint64(_ROW + 1)]),
-        )
-        high = _lerp(
-            v,
-            _lerp(u, texels[at + np.uint64(_PLANE)], texels[at + np.uint64(_PLANE + 1)]),
-            _lerp(u, texels[at + np.uint64(_PLANE + _ROW)], texels[at + np.uint64(_PLANE + _ROW + 1)]),
-        )
-        place = _lerp(w, low, high) * last
+        at, shares = _cell_at(fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z))
+        at += first
+        place = _scalar_at(field.scalars, at, shares) * last
         place = place if place > _0 else _0
         place = place if place < last else last
         entry = np.int32(place)
@@ -312,12 +300,55 @@ def _through_scalars(
             weight = (_1 - alpha) * _opacity(tau * way)
             alpha += weight
             weight /= tau
+            if field.is_lit:
+                weight *= _light_factor(field, at, shares)
             red = fma(weight, fma(share, table[row + np.uint64(4)], table[row]), red)
             green = fma(weight, fma(share, table[row + np.uint64(5)], table[row + np.uint64(1)]), green)
             blue = fma(weight, fma(share, table[row + np.uint64(6)], table[row + np.uint64(2)]), blue)
             if alpha > opaque:
                 break
     return red, green, blue, alpha
+
+
+@jit
+def _cell_at(x: np.float32, y: np.float32, z: np.float32) -> tuple[int, Shares]:
+    """Of a place in a brick, in texels: the number of the texel at or below it, and how far it is beyond that."""
+    i, j, k = np.int32(x), np.int32(y), np.int32(z)
+    return np.int64((k * SIDE + j) * SIDE + i), (x - np.float32(i), y - np.float32(j), z - np.float32(k))
+
+
+@jit_inline
+def _scalar_at(texels: Float32, at: int, shares: Shares) -> np.float32:
+    """Between eight texels, the lowest of which is `at`."""
+    low = np.uint64(at)
+    high = low + np.uint64(_PLANE)
+    u, v, w = shares
+    below = _lerp(
+        v,
+        _lerp(u, texels[low], texels[low + np.uint64(1)]),
+        _lerp(u, texels[low + np.uint64(_ROW)], texels[low + np.uint64(_ROW + 1)]),
+    )
+    above = _lerp(
+        v,
+        _lerp(u, texels[high], texels[high + np.uint64(1)]),
+        _lerp(u, texels[high + np.uint64(_ROW)], texels[high + np.uint64(_ROW + 1)]),
+    )
+    return _lerp(w, below, above)
+
+
+@jit_inline
+def _light_factor(field: Field, at: int, shares: Shares) -> np.float32:
+    """What a colour is multiplied by: Lambert's law on the gradient, of any length, between eight texels."""
+    x = _scalar_at(field.scalars, at + _NUM_TEXELS, shares)
+    y = _scalar_at(field.scalars, at + 2 * _NUM_TEXELS, shares)
+    z = _scalar_at(field.scalars, at + 3 * _NUM_TEXELS, shares)
+    largest = max(abs(x), abs(y), abs(z))
+    if not largest > _0:
+        return field.ambient
+    x, y, z = x / largest, y / largest, z / largest  # their squares neither overflow nor vanish
+    across = fma(x, field.light[0], fma(y, field.light[1], z * field.light[2]))
+    length = np.float32(math.sqrt(fma(x, x, fma(y, y, z * z))))
+    return fma(field.diffuse, max(_0, -across / length), field.ambient)
 
 
 @jit
@@ -342,51 +373,6 @@ def _opacity(x: np.float32) -> np.float32:
 
 
 @jit_inline
-def _through_lit(
-    line: tuple[np.float32, ...], num: int, way: np.float32, opaque: np.float32, first: int, field: Field
-) -> Color:
-    """As `_through_scalars`, of scalars with gradients, lit by Lambert's law."""
-    x, y, z, step_x, step_y, step_z = line
-    table = field.table
-    last = np.float32(len(table) // ENTRY - 1)
-    red = green = blue = alpha = _0
-    for number in range(num):
-        t = np.float32(number)
-        scalar, across, up, through = _four_at(
-            field.scalars, first, fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z)
-        )
-        place = scalar * last
-        place = place if place > _0 else _0
-        place = place if place < last else last
-        entry = np.int32(place)
-        share = place - np.float32(entry)
-        row = np.uint64(entry * ENTRY)
-        tau = fma(share, table[row + np.uint64(7)], table[row + np.uint64(3)])
-        if tau > _0:
-            weight = (_1 - alpha) * _opacity(tau * way)
-            alpha += weight
-            weight = weight / tau * _light_factor(across, up, through, field)
-            red = fma(weight, fma(share, table[row + np.uint64(4)], table[row]), red)
-            green = fma(weight, fma(share, table[row + np.uint64(5)], table[row + np.uint64(1)]), green)
-            blue = fma(weight, fma(share, table[row + np.uint64(6)], table[row + np.uint64(2)]), blue)
-            if alpha > opaque:
-                break
-    return red, green, blue, alpha
-
-
-@jit_inline
-def _light_factor(x: np.float32, y: np.float32, z: np.float32, field: Field) -> np.float32:
-    """What a colour is multiplied by where the gradient is (x, y, z), of any length."""
-    largest = max(abs(x), abs(y), abs(z))
-    if not largest > _0:
-        return field.ambient
-    x, y, z = x / largest, y / largest, z / largest  # their squares neither overflow nor vanish
-    across = fma(x, field.light[0], fma(y, field.light[1], z * field.light[2]))
-    length = np.float32(math.sqrt(fma(x, x, fma(y, y, z * z))))
-    return fma(field.diffuse, max(_0, -across / length), field.ambient)
-
-
-@jit_inline
 def _through_means(
     line: tuple[np.float32, ...], num: int, way: np.float32, opaque: np.float32, first: int, field: Field
 ) -> Color:
@@ -396,7 +382,8 @@ def _through_means(
     red = green = blue = alpha = _0
     for number in range(num):
         t = np.float32(number)
-        r, g, b, tau = _four_at(field.means, first, fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z))
+        at, shares = _cell_at(fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z))
+        r, g, b, tau = _four_at(field.means, first + 4 * at, shares)
         if tau > _0:
             weight = (_1 - alpha) * _opacity(tau * depth)
             alpha += weight
@@ -408,26 +395,24 @@ def _through_means(
 
 
 @jit_inline
-def _four_at(texels: Float32, first: int, x: np.float32, y: np.float32, z: np.float32) -> Color:
-    """Four channels between eight texels of the brick that begins at texel `first`."""
-    i, j, k = np.int32(x), np.int32(y), np.int32(z)
-    u, v, w = x - np.float32(i), y - np.float32(j), z - np.float32(k)
-    at = np.uint64(first + (k * SIDE + j) * SIDE + i)
-    low = _mixed(v, _four_between(u, texels, at), _four_between(u, texels, at + np.uint64(_ROW)))
-    at += np.uint64(_PLANE)
-    high = _mixed(v, _four_between(u, texels, at), _four_between(u, texels, at + np.uint64(_ROW)))
-    return _mixed(w, low, high)
+def _four_at(texels: Float32, at: int, shares: Shares) -> Color:
+    """Four channels between eight texels, the lowest of which begins at `at`."""
+    low = np.uint64(at)
+    high = low + np.uint64(4 * _PLANE)
+    u, v, w = shares
+    below = _mixed(v, _four_between(u, texels, low), _four_between(u, texels, low + np.uint64(4 * _ROW)))
+    above = _mixed(v, _four_between(u, texels, high), _four_between(u, texels, high + np.uint64(4 * _ROW)))
+    return _mixed(w, below, above)
 
 
 @jit_inline
 def _four_between(share: np.float32, texels: Float32, at: np.uint64) -> Color:
     """Between a texel and the next one along x."""
-    one = np.uint64(4) * at
     return (
-        _lerp(share, texels[one], texels[one + np.uint64(4)]),
-        _lerp(share, texels[one + np.uint64(1)], texels[one + np.uint64(5)]),
-        _lerp(share, texels[one + np.uint64(2)], texels[one + np.uint64(6)]),
-        _lerp(share, texels[one + np.uint64(3)], texels[one + np.uint64(7)]),
+        _lerp(share, texels[at], texels[at + np.uint64(4)]),
+        _lerp(share, texels[at + np.uint64(1)], texels[at + np.uint64(5)]),
+        _lerp(share, texels[at + np.uint64(2)], texels[at + np.uint64(6)]),
+        _lerp(share, texels[at + np.uint64(3)], texels[at + np.uint64(7)]),
     )
 
 

@@ -80,7 +80,7 @@ class GLBrickDrawer:
         self._context, self._programs, self._largest_point_px = context, programs, largest_point_px
         self._lattices: dict[int, _Lattice] = {}
         self._image_size = (0, 0)
-        self._store = BrickStore(partial(GLAtlas, context))
+        self._store = BrickStore(partial(GLAtlas, context), partial(GLAtlas, context))
         self._table: tuple[Any, Any] | None = None
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:

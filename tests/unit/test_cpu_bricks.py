@@ -101,7 +101,7 @@ def brick(keys: Any) -> Any:
 
 def content(atlas: CPUAtlas, keys: Any) -> list[float]:
     places = atlas.place(np.asarray(keys), pytest.fail)
-    return [float(atlas.texels[first]) for first in atlas.first_texels(places)]
+    return [float(atlas.texels[first]) for first in atlas.firsts(places)]
 
 
 def test_bricks_stay_while_an_atlas_grows() -> None:
