@@ -141,7 +141,7 @@ def no_gl(folder: Path) -> None:
     def refuse() -> None:
         raise RenderError("no OpenGL 3.3 context could be made", got="nothing", expected="a driver", hint="install one")
 
-    worker.GLRasterizer = refuse  # type: ignore[assignment,misc]
+    worker.open_rasterizer = refuse  # type: ignore[assignment]
 
 
 def fail_to_start(folder: Path) -> None:

@@ -7,6 +7,7 @@ import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -96,12 +97,12 @@ def test_a_context_that_refuses_is_lost(
 
 
 @pytest.mark.parametrize(("step", "refused"), [("texture3d", 0), ("texture", 1), ("framebuffer", 1), ("buffer", 2)])
-def test_bricks_are_uploaded_again(
-    rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, step: str, refused: int
-) -> None:
+def test_bricks_are_uploaded_again(monkeypatch: pytest.MonkeyPatch, step: str, refused: int) -> None:
     """Atlas, table, target and boxes go with their context, whichever is to be made when it is found lost."""
     stage = stage_of(SCENES["integrated"])
-    expected = pngs(stage, rasterizer)
+    on_device = partial(GLRasterizer, bricks_on="device")
+    with on_device() as gl:
+        expected = pngs(stage, gl)
     whole_step = getattr(moderngl.Context, step)
     calls = itertools.count()
 
@@ -110,7 +111,7 @@ def test_bricks_are_uploaded_again(
             raise moderngl.Error("cannot create it")
         return whole_step(self, *arguments, **options)
 
-    with LastingRasterizer() as lasting:
+    with LastingRasterizer(on_device) as lasting:
         monkeypatch.setattr(moderngl.Context, step, refusing)
         assert pngs(stage, lasting) == expected
         assert next(calls) > refused + 1
@@ -177,7 +178,7 @@ def test_the_command_goes_on_and_says_so(
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
     make = failing_at({2})
-    monkeypatch.setattr(crew, "LastingRasterizer", lambda: LastingRasterizer(make))
+    monkeypatch.setattr(crew, "open_lasting_rasterizer", lambda: LastingRasterizer(make))
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "lost.mp4"]) == 0
     assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
     assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()
