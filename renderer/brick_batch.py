@@ -9,12 +9,12 @@ equal parts of the world length h. The phase, from 0 to 1, is the pixel's own, (
 whole part: what parts leave out is noise, of a level or less, and not rings where n changes, or whole bricks that are
 off alike. In the middle of each part the field is looked up, linear between the centres of cells:
 
-    level 0     u, a scalar; then (tau c, tau) = table(u), linear between its entries; with light, c times the factor
-                of the interpolated gradient
-    above       (tau c, tau), divided by the finest spacing
+    level 0     u, a scalar; then c and tau of u, each linear in the pieces of the transfer function; with light, c
+                times the factor of the interpolated gradient
+    above       (tau c, tau)
 
-and a part has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Parts, and bricks, are composited front to
-back.
+both with tau times the finest spacing; and a part has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Parts,
+and bricks, are composited front to back.
 
 M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences" (2018): phases that are even over any block of
 pixels, from powers of the plastic number.
@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BrickCut, Bricks
+from renderer.optical_pieces import OpticalPieces
 from renderer.scene import ShadingSpec
 
 Float64 = npt.NDArray[np.float64]
@@ -88,14 +89,14 @@ class BrickBatch:
     """Boxes in the order of their cut.
 
     steps: float64 [n], about how long a step is, in cells of the brick.
-    table: as in Bricks; texel 0 is the first entry, texel 1 the last.
+    pieces: as in Bricks.
     origin: float64 [3], world position of the model's origin, the volume's centre. length: world units in a model unit.
     """
 
     cut: BrickCut
     bricks: Bricks
     steps: Float64
-    table: npt.NDArray[np.float32]
+    pieces: OpticalPieces
     shading: ShadingSpec | None
     thrift: Thrift
     origin: Float64
@@ -126,7 +127,7 @@ def make_brick_batch(
         cut,
         bricks,
         steps_at(cut.roughness, tolerance, _depths(cut, bricks)),
-        bricks.table,
+        bricks.pieces,
         shading,
         thrift_at(tolerance if change is None else change, voxel_px * 2.0**finest, voxel_px * thinnest),
         volume.centre,
@@ -138,7 +139,7 @@ def _depths(cut: BrickCut, bricks: Bricks) -> Float64:
     """float64 [n]: of cells of bricks, about the largest; without the measure for it, that of the whole volume."""
     if bricks.pyramid.measure == "optical":
         return cut.roughness
-    return np.full(len(cut), float(bricks.table[:, 3].max()) * cut.volume.finest_spacing)
+    return np.full(len(cut), bricks.transfer.max_extinction * cut.volume.finest_spacing)
 
 
 def steps_at(roughness: Float64, tolerance: float, depths: Float64) -> Float64:

@@ -29,7 +29,7 @@ from renderer.brick_means import MadeMeans
 from renderer.bricks import APRON, BRICK, Bricks
 from renderer.classify import Codes, Float64, scalar_at, voxel_codes
 from renderer.jit import jit
-from renderer.optical_table import FARTHEST
+from renderer.optical_pieces import range_width, relative
 from renderer.pyramid import TOLD_LEVELS
 
 Array = npt.NDArray[Any]
@@ -37,9 +37,8 @@ Float32 = npt.NDArray[np.float32]
 Int32 = npt.NDArray[np.int32]
 
 
-# Of a power of two by which small scalars are multiplied; and of what is so large that FARTHEST times it is no number.
+# Of a power of two by which small scalars are multiplied.
 _LARGEST_EXPONENT = 1000
-_LARGE = 2.0**_LARGEST_EXPONENT
 
 # By how much more a mean of tau c may exceed a mean of tau: each is rounded, to 11 bits at least.
 _ROUNDING = 1 + 2.0**-9
@@ -121,24 +120,10 @@ def _set_nearest(cell: int, num: int, nearest: Array) -> None:
 
 
 @jit
-def _relative(scalar: float, first: float, width: float, halves: float) -> float:
-    """The scalar's place in a range, held."""
-    return min(max((scalar * halves - first * halves) / width, -FARTHEST), FARTHEST)
-
-
-@jit
-def _width(first: float, last: float) -> tuple[float, float]:
-    """The width of a range times 1, or times 1/2 where it is large, and that factor. Times it, differences of scalars
-    overflow, if at all, where they are more than FARTHEST widths."""
-    halves = 1.0 if last - first < _LARGE else 0.5
-    return last * halves - first * halves, halves
-
-
-@jit
 def _fill_scalars(
     codes: Codes, scalars: Float64 | None, cells: Int32, first: float, last: float, texels: Float32
 ) -> None:
-    width, halves = _width(first, last)
+    width, halves = range_width(first, last)
     x, y, z = np.empty(SIDE, np.int64), np.empty(SIDE, np.int64), np.empty(SIDE, np.int64)
     for i in range(len(cells)):
         _set_nearest(cells[i, 0], codes.shape[2], x)
@@ -148,7 +133,7 @@ def _fill_scalars(
             for u in range(SIDE):
                 for v in range(SIDE):
                     scalar = scalar_at(codes, scalars, z[t], y[u], x[v])
-                    texels[i, t, u, v] = _relative(scalar, first, width, halves)
+                    texels[i, t, u, v] = relative(scalar, first, width, halves)
 
 
 @jit
@@ -163,7 +148,7 @@ def _fill_lit_scalars(
     texels: Float32,
 ) -> None:
     """Texels [n, 18, 18, 18, 4]. scale: of gradients; times it, no difference of two scalars overflows."""
-    width, halves = _width(first, last)
+    width, halves = range_width(first, last)
     around = np.empty((SIDE + 2, SIDE + 2, SIDE + 2))  # the voxels of texels and those next to them
     nearest, weights = np.empty((3, SIDE), np.int64), np.empty((3, SIDE))
     m = world_from_gradient
@@ -181,7 +166,7 @@ def _fill_lit_scalars(
                 z, y = nearest[2, t], nearest[1, u]
                 row = texels[i, t, u]
                 for x in range(SIDE):
-                    row[x, 0] = _relative(around[z + 1, y + 1, x + 1], first, width, halves)
+                    row[x, 0] = relative(around[z + 1, y + 1, x + 1], first, width, halves)
                     gx = (around[z + 1, y + 1, x + 2] * scale - around[z + 1, y + 1, x] * scale) * weights[0, x]
                     gy = (around[z + 1, y + 2, x + 1] * scale - around[z + 1, y, x + 1] * scale) * weights[1, u]
                     gz = (around[z + 2, y + 1, x + 1] * scale - around[z, y + 1, x + 1] * scale) * weights[2, t]

@@ -27,7 +27,7 @@ from renderer.brick_kernels import APRON, BRICK, BRICK_LEVELS
 from renderer.brick_sums import NodeSums, ToldSums, grid_of, places_in
 from renderer.classify import FAINTEST, voxel_codes
 from renderer.octree import children, node_errors
-from renderer.optical_table import FARTHEST, optical_table
+from renderer.optical_pieces import FARTHEST, OpticalPieces, optical_pieces
 from renderer.pyramid import Pyramid, build_pyramid, error_scale
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
@@ -59,10 +59,9 @@ ERRORS_ON_A_RAY = math.sqrt(BRICKS_ON_A_RAY * BRICK)
 
 # Bricks of one task: enough to hide the dispatch, few enough that what is known of their nodes takes little memory.
 _BRICKS_PER_TASK = 64
-# What a table has below a step at its start, of its range: four of the fewest entries. What its range is at least, of
-# the control values', or of the volume's if there is one only: shares of it that are interpolated have to have digits,
-# and are held to FARTHEST, which moves what lies between two that are beyond.
-_BELOW_STEP, _LEAST_SHARE = 1 / 256, 1 / 64
+# What the range of texels is at least, of the control values', or of the volume's if there is one only: shares of it
+# that are interpolated have to have digits, and are held to FARTHEST, which moves what lies between two beyond it.
+_LEAST_SHARE = 1 / 64
 
 
 @dataclass(frozen=True)
@@ -97,10 +96,10 @@ class BrickLevel:
 class Bricks:
     """levels[l] holds the bricks of level l; the last one is a single brick.
 
-    scalar_range: what texels of level 0 are relative to: scalars at the ends of the transfer function's table. The part
-        of the volume's range in which the transfer function changes, or all of it where it does not.
+    scalar_range: what texels of level 0 are relative to. The part of the volume's range in which the transfer function
+        changes, or all of it where it does not.
     volume_range: the volume's smallest and largest scalar.
-    table: float32 [k, 4], (tau c, tau), 1 / world unit, at evenly spaced scalars of `scalar_range`.
+    pieces: the transfer function by the scalars of texels.
     """
 
     levels: tuple[BrickLevel, ...]
@@ -108,7 +107,7 @@ class Bricks:
     transfer: TransferFunction
     scalar_range: tuple[float, float]
     volume_range: tuple[float, float]
-    table: npt.NDArray[np.float32]
+    pieces: OpticalPieces
 
     @property
     def volume(self) -> Volume:
@@ -178,8 +177,8 @@ def make_bricks(
         for below, above in pairwise(nodes)
     ]
     scalar_range = _scalar_range(transfer, *volume_range)
-    table = optical_table(transfer, *scalar_range)
-    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, table)
+    pieces = optical_pieces(transfer, volume.finest_spacing, *scalar_range)
+    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces)
 
 
 def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
@@ -233,22 +232,18 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tup
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
     """As in Bricks, of a volume from `low` to `high`; never a single number.
 
-    Where the transfer function changes, and no more: the narrower, the more exactly a table has its steps. Of a step at
-    the start something of what is below is in the range, as its upper side is at the end.
+    Where the transfer function changes, and no more: the narrower, the more digits texels have there.
     """
     points = np.column_stack([transfer.colors * transfer.extinctions[:, None], transfer.extinctions])
     changing = np.flatnonzero(np.any(points[1:] != points[:-1], axis=1))
     first, last = low, high
     if len(changing):
-        start, after, end = (float(transfer.values[k]) for k in (changing[0], changing[0] + 1, changing[-1] + 1))
+        start, end = float(transfer.values[changing[0]]), float(transfer.values[changing[-1] + 1])
         half, of_all = end / 2 - start / 2, float(transfer.values[-1] / 2 - transfer.values[0] / 2)  # finite, always
         of_volume = high / 2 - low / 2
         least = max(_LEAST_SHARE * of_all, min(of_volume / FARTHEST, of_all)) if of_all else _LEAST_SHARE * of_volume
         missing = max(least - half, 0.0)
-        below = max(missing, half * (2 * _BELOW_STEP)) if start == after else missing
-        first, last = max(low, start - below), min(high, end + missing)
-        if start == after and first == start:
-            first = max(low, math.nextafter(start, -math.inf))
+        first, last = max(low, start - missing), min(high, end + missing)
     if not first < last:  # the volume is outside, where all is constant
         first, last = low, high
     if first < last:

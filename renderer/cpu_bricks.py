@@ -24,6 +24,7 @@ from renderer.camera import View
 from renderer.cpu_atlas import CPUAtlas
 from renderer.cpu_bricks_kernel import Boxes, Field, Float32, Float64, Int64, Rays, bin_boxes, draw_tiles
 from renderer.lattices import interpolated, refined
+from renderer.optical_pieces import OpticalPieces
 from renderer.scene import ShadingSpec
 
 # Nodes along a tile's sides, where every pixel is one, and where few are. Tiles of 16 draw each brick more often, tiles
@@ -44,7 +45,7 @@ class CPUBrickDrawer:
         self._num_threads = num_threads
         self._pool = ThreadPoolExecutor(num_threads, thread_name_prefix="hsplat-bricks") if num_threads > 1 else None
         self._store = BrickStore(partial(CPUAtlas, is_planar=True), CPUAtlas)
-        self._table: tuple[npt.NDArray[np.float32], Float32] | None = None
+        self._pieces: tuple[OpticalPieces, Float32] | None = None
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Make those bricks of `batch[order]` ready that are not; whether there were any."""
@@ -130,20 +131,21 @@ class CPUBrickDrawer:
             scalars.texels,
             means.texels,
             np.float32(batch.length / batch.cut.volume.finest_spacing),
-            self._table_of(batch),
+            self._pieces_of(batch),
+            batch.pieces.guide,
             batch.shading is not None,
             (x, y, z),
             np.float32(shading.ambient),
             np.float32(shading.diffuse),
         )
 
-    def _table_of(self, batch: BrickBatch) -> Float32:
-        """float32 [entries * ENTRY]; made once, for it does not change in a film."""
-        if self._table is None or self._table[0] is not batch.table:
-            entries = (batch.table * np.float32(batch.length)).astype(np.float32)
-            more = np.diff(entries, axis=0, append=entries[-1:])
-            self._table = batch.table, np.hstack([entries, more]).ravel()
-        return self._table[1]
+    def _pieces_of(self, batch: BrickBatch) -> Float32:
+        """As in Field; made once, for the transfer function does not change in a film."""
+        if self._pieces is None or self._pieces[0] is not batch.pieces:
+            of = batch.pieces
+            rows = np.column_stack([of.ends, of.origins, of.lows, of.slopes])
+            self._pieces = of, np.ascontiguousarray(rows, np.float32).ravel()
+        return self._pieces[1]
 
 
 def _rays(picture: BrickPicture) -> Rays:

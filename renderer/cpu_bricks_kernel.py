@@ -17,6 +17,7 @@ import numpy.typing as npt
 from renderer.brick_batch import DITHER, PHASE_PER_PX
 from renderer.brick_kernels import SIDE
 from renderer.jit import fma, jit, jit_inline
+from renderer.optical_pieces import GUIDE_SIZE
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -25,8 +26,9 @@ Bools = npt.NDArray[np.bool_]
 Color = tuple[np.float32, np.float32, np.float32, np.float32]
 Shares = tuple[np.float32, np.float32, np.float32]
 
-# Floats that are stored of an entry of the table: (tau c, tau), and what the next one has more.
-ENTRY = 8
+# Floats of a piece of the transfer function: end, origin, (r, g, b, tau) there, and their slopes.
+PIECE = 10
+_GUIDE_SIZE, _LAST_OF_GUIDE = np.float32(GUIDE_SIZE), np.float32(GUIDE_SIZE - 1)
 # Parts of a way through a brick, at most; `1 / n` is looked up.
 _MOST_PARTS = 4095
 _PARTS_OF_ONE = np.concatenate([[1.0], 1 / np.arange(1, _MOST_PARTS + 1)])
@@ -73,13 +75,15 @@ class Field(NamedTuple):
     """What is looked up.
 
     scalars: float32, of each brick [SIDE^3], or with light [4, SIDE^3] with the gradient. means: of each [SIDE^3, 4].
-    depth_of_mean: 1 / model unit for a stored mean. table: float32 [entries * ENTRY], 1 / model unit.
+    depth_of_spacing: 1 / model unit for 1 / finest spacing.
+    pieces: float32 [pieces * PIECE]. guide: int32 [GUIDE_SIZE]. Both as in OpticalPieces.
     """
 
     scalars: Float32
     means: Float32
-    depth_of_mean: np.float32
-    table: Float32
+    depth_of_spacing: np.float32
+    pieces: Float32
+    guide: npt.NDArray[np.int32]
     is_lit: bool
     light: tuple[np.float32, np.float32, np.float32]
     ambient: np.float32
@@ -282,32 +286,39 @@ def _through_scalars(
     """(r, g, b, alpha) of `num` parts of a way, each of the length `way`, in the brick of scalars that begins at
     `first`."""
     x, y, z, step_x, step_y, step_z = line
-    table = field.table
-    last = np.float32(len(table) // ENTRY - 1)
+    depth, pieces = field.depth_of_spacing * way, field.pieces
     red = green = blue = alpha = _0
     for number in range(num):
         t = np.float32(number)
         at, shares = _cell_at(fma(t, step_x, x), fma(t, step_y, y), fma(t, step_z, z))
         at += first
-        place = _scalar_at(field.scalars, at, shares) * last
-        place = place if place > _0 else _0
-        place = place if place < last else last
-        entry = np.int32(place)
-        share = place - np.float32(entry)
-        row = np.uint64(entry * ENTRY)
-        tau = fma(share, table[row + np.uint64(7)], table[row + np.uint64(3)])
+        scalar = _scalar_at(field.scalars, at, shares)
+        piece = _piece_at(field, scalar)
+        offset = scalar - pieces[piece + np.uint64(1)]
+        tau = fma(offset, pieces[piece + np.uint64(9)], pieces[piece + np.uint64(5)])
         if tau > _0:
-            weight = (_1 - alpha) * _opacity(tau * way)
+            weight = (_1 - alpha) * _opacity(tau * depth)
             alpha += weight
-            weight /= tau
             if field.is_lit:
                 weight *= _light_factor(field, at, shares)
-            red = fma(weight, fma(share, table[row + np.uint64(4)], table[row]), red)
-            green = fma(weight, fma(share, table[row + np.uint64(5)], table[row + np.uint64(1)]), green)
-            blue = fma(weight, fma(share, table[row + np.uint64(6)], table[row + np.uint64(2)]), blue)
+            red = fma(weight, fma(offset, pieces[piece + np.uint64(6)], pieces[piece + np.uint64(2)]), red)
+            green = fma(weight, fma(offset, pieces[piece + np.uint64(7)], pieces[piece + np.uint64(3)]), green)
+            blue = fma(weight, fma(offset, pieces[piece + np.uint64(8)], pieces[piece + np.uint64(4)]), blue)
             if alpha > opaque:
                 break
     return red, green, blue, alpha
+
+
+@jit_inline
+def _piece_at(field: Field, scalar: np.float32) -> np.uint64:
+    """Where in `pieces` that of a scalar is; the last one has no end."""
+    place = scalar * _GUIDE_SIZE
+    place = place if place > _0 else _0
+    place = place if place < _LAST_OF_GUIDE else _LAST_OF_GUIDE
+    piece: np.uint64 = np.uint64(field.guide[np.uint64(np.int32(place))] * PIECE)
+    while scalar >= field.pieces[piece]:
+        piece = piece + np.uint64(PIECE)
+    return piece
 
 
 @jit
@@ -378,7 +389,7 @@ def _through_means(
 ) -> Color:
     """As `_through_scalars`, in a brick of means."""
     x, y, z, step_x, step_y, step_z = line
-    depth = field.depth_of_mean * way
+    depth = field.depth_of_spacing * way
     red = green = blue = alpha = _0
     for number in range(num):
         t = np.float32(number)

@@ -26,6 +26,7 @@ from renderer.bricks import APRON
 from renderer.camera import View
 from renderer.gl_atlas import GLAtlas
 from renderer.lattices import interpolated
+from renderer.optical_pieces import OpticalPieces
 
 Image = npt.NDArray[np.float32]
 Programs = Callable[[str, str], Any]
@@ -34,10 +35,15 @@ Programs = Callable[[str, str], Any]
 # costs more than it saves where few pixels are drawn.
 NUM_GROUPS = 4
 
-SCALARS, MEANS, TABLE, IMAGE, DIFFERING = range(5)  # texture units
+SCALARS, MEANS, GUIDE, PIECES, IMAGE, DIFFERING = range(6)  # texture units
 
 # What float32 leaves of a transmittance is less.
 UNSEEN = 2.0**-22
+
+# Of the transfer function in a texture's row, as in brick_pieces.glsl.
+PIECES_IN_ROW = 1024
+# What filters of devices may take from a scalar between equal ones: one on a step must stay on its upper side.
+FILTERED = np.float32(2.0**-22)
 
 # Stands for infinity where float32 is wanted.
 LARGEST = 1e30
@@ -81,7 +87,7 @@ class GLBrickDrawer:
         self._lattices: dict[int, _Lattice] = {}
         self._image_size = (0, 0)
         self._store = BrickStore(partial(GLAtlas, context), partial(GLAtlas, context))
-        self._table: tuple[Any, Any] | None = None
+        self._transfer: tuple[OpticalPieces, list[Any]] | None = None
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Bring those bricks of `batch[order]` to the device that are not there; whether there were any."""
@@ -113,19 +119,23 @@ class GLBrickDrawer:
         self.forget()
 
     def _look_at(self, batch: BrickBatch, size: tuple[int, int]) -> None:
-        """Bring a table, and let go of what belongs to pictures of another size."""
-        if self._table is None or self._table[0] is not batch.table:
-            if self._table is not None:
-                self._table[1].release()
-            content = (batch.table * np.float32(batch.length)).astype(np.float32)
-            table = self._context.texture((len(content), 1), 4, content, dtype="f4")
-            table.filter = moderngl.LINEAR, moderngl.LINEAR
-            table.repeat_x = table.repeat_y = False
-            self._table = batch.table, table
+        """Bring the transfer function, and let go of what belongs to pictures of another size."""
+        if self._transfer is None or self._transfer[0] is not batch.pieces:
+            for texture in self._transfer[1] if self._transfer is not None else ():
+                texture.release()
+            self._transfer = None
+            self._transfer = batch.pieces, [self._table(content) for content in _tables(batch.pieces)]
         if self._image_size != size:
             for lattice in self._lattices.values():
                 lattice.release()
             self._lattices, self._image_size = {}, size
+
+    def _table(self, content: npt.NDArray[np.float32]) -> Any:
+        """A texture of float32 [rows, columns, channels]."""
+        rows, columns, num_channels = content.shape
+        texture = self._context.texture((columns, rows), num_channels, content, dtype="f4")
+        texture.filter = moderngl.NEAREST, moderngl.NEAREST
+        return texture
 
     def _lattice(self, stride: int) -> _Lattice:
         if stride not in self._lattices:
@@ -170,12 +180,12 @@ class GLBrickDrawer:
         self._draw_whole(program)
 
     def _prepared(self, batch: BrickBatch, view: View) -> tuple[Any, Any]:
-        """The programs of scalars and of means, with the uniforms of a batch and a view, and the table in its place.
+        """The programs of scalars and of means, with what is the same for a batch and a view.
 
         There are two, for software renderers go through what either needs for all pixels of a program that has both.
         """
-        of_scalars = "brick_lit.glsl" if batch.shading else "brick_plain.glsl"
-        rays, entries = ray_frame(batch.cut.volume, batch.length, view), len(batch.table)
+        look_up_scalars = "brick_pieces.glsl " + ("brick_lit.glsl" if batch.shading else "brick_plain.glsl")
+        rays = ray_frame(batch.cut.volume, batch.length, view)
         common = {
             "center_px": tuple(n / 2 for n in view.size),
             "origins": tuple(rays.origins.T.ravel()),  # GL matrices are column by column
@@ -185,21 +195,23 @@ class GLBrickDrawer:
             "opaque": 1 - max(batch.thrift.least_transmittance, UNSEEN),
             "phase_per_px": PHASE_PER_PX,
             "dither": DITHER,
+            "depth_of_spacing": batch.length / batch.cut.volume.finest_spacing,
         }
-        of_table = {"atlas": SCALARS, "table": TABLE, "entry_of_texel": ((entries - 1) / entries, 0.5 / entries)}
+        of_scalars: dict[str, Any] = {"atlas": SCALARS, "guide": GUIDE, "pieces": PIECES}
         if batch.shading:
             light = np.array(batch.shading.light, np.float64)
-            of_table["light"] = tuple(light / np.linalg.norm(light))
-            of_table["ambient_diffuse"] = batch.shading.ambient, batch.shading.diffuse
-        of_means = {"atlas": MEANS, "depth_of_mean": batch.length / batch.cut.volume.finest_spacing}
+            of_scalars["light"] = tuple(light / np.linalg.norm(light))
+            of_scalars["ambient_diffuse"] = batch.shading.ambient, batch.shading.diffuse
         programs = []
-        for look_up, uniforms in ((of_scalars, of_table), ("brick_means.glsl", of_means)):
+        of_means = {"atlas": MEANS}
+        for look_up, uniforms in ((look_up_scalars, of_scalars), ("brick_means.glsl", of_means)):
             program = self._programs("brick_vertex.glsl", f"opacity.glsl {look_up} brick_fragment.glsl")
             for name, value in (common | uniforms).items():
                 program[name] = value
             programs.append(program)
-        assert self._table is not None
-        self._table[1].use(TABLE)
+        assert self._transfer is not None
+        for texture, unit in zip(self._transfer[1], (GUIDE, PIECES), strict=True):
+            texture.use(unit)
         return programs[0], programs[1]
 
     def _draw_boxes(
@@ -281,3 +293,14 @@ def _vertices(picture: BrickPicture) -> npt.NDArray[Any]:
     vertices["first_corner"] = picture.corners
     vertices["steps"] = np.column_stack([picture.cells_per_voxel, picture.steps])
     return vertices
+
+
+def _tables(pieces: OpticalPieces) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Guide and pieces as brick_pieces.glsl has them, float32 [rows, columns, channels]."""
+    num_rows = -(-len(pieces.ends) // PIECES_IN_ROW)
+    rows = np.zeros((num_rows, 3, PIECES_IN_ROW, 4), np.float32)
+    where = np.divmod(np.arange(len(pieces.ends)), PIECES_IN_ROW)
+    rows[where[0], 0, where[1]], rows[where[0], 1, where[1]] = pieces.lows, pieces.slopes
+    rows[where[0], 2, where[1], 0] = np.minimum(pieces.ends - FILTERED, np.float32(LARGEST))
+    rows[where[0], 2, where[1], 1] = pieces.origins
+    return pieces.guide.astype(np.float32)[None, :, None], rows.reshape(3 * num_rows, PIECES_IN_ROW, 4)

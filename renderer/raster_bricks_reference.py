@@ -186,7 +186,7 @@ def _field(batch: BrickBatch, level: int, cell: npt.NDArray[np.int32]) -> Callab
         return lambda at: _trilinear(means, at) / batch.cut.volume.finest_spacing
     texels = scalar_texels(batch.bricks, cell[None], lit=batch.shading is not None)[0].astype(np.float64)
     texels = texels.reshape(*texels.shape[:3], -1)
-    return lambda at: _classified(batch, _trilinear(texels, at))
+    return lambda at: _classified(batch, _trilinear(texels, at)) / batch.cut.volume.finest_spacing
 
 
 def _trilinear(texels: Float64, at: Float64) -> Float64:
@@ -202,12 +202,14 @@ def _trilinear(texels: Float64, at: Float64) -> Float64:
 
 
 def _classified(batch: BrickBatch, texel: Float64) -> Float64:
-    """[n, 4]: (tau c, tau) of interpolated texels, (u) or (u, world gradient)."""
-    entries = np.arange(len(batch.table)) / (len(batch.table) - 1)
-    channels = np.stack([np.interp(texel[:, 0], entries, batch.table[:, k]) for k in range(4)], axis=1)
+    """[n, 4]: (tau c, tau) times the finest spacing of interpolated texels, (u) or (u, world gradient)."""
+    pieces = batch.pieces
+    k = np.searchsorted(pieces.ends, texel[:, 0], side="right")
+    offset = (texel[:, 0] - pieces.origins[k])[:, None]
+    channels = pieces.lows[k] + offset * pieces.slopes[k].astype(np.float64)
     if batch.shading is not None:
         channels[:, :3] *= _light(batch.shading, texel[:, 1:])[:, None]
-    return channels
+    return np.hstack([channels[:, :3] * channels[:, 3:], channels[:, 3:]])
 
 
 def _light(shading: ShadingSpec, gradient: Float64) -> Float64:

@@ -13,7 +13,7 @@ from number_types import TYPES, limits
 from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK, Bricks, make_bricks
 from renderer.classify import FAINTEST
-from renderer.optical_table import FARTHEST
+from renderer.optical_pieces import FARTHEST
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume

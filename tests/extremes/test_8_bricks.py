@@ -13,7 +13,7 @@ from number_types import random_ranges
 
 from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.bricks import APRON, BRICK, BRICK_LEVELS, Bricks, make_bricks
-from renderer.optical_table import FARTHEST
+from renderer.optical_pieces import FARTHEST
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import make_volume

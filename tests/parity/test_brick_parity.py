@@ -96,7 +96,7 @@ def test_cuts_of_one_level_and_of_many(rasterizer: GLRasterizer, affine: str, sh
     bricks = hilly(affine, shading)
     cuts = [level_cut(bricks, 0), level_cut(bricks, 1), *(random_cut(bricks, seed) for seed in (5, 6, 7))]
     for cut, camera in zip(cuts[len(affine) % 5 :] + cuts[: len(affine) % 5], CAMERAS, strict=True):
-        batch = batch_of(cut, bricks, step=(0.7, 0.5, 0.4, 1.0), shading=shading, num_entries=1024)
+        batch = batch_of(cut, bricks, step=(0.7, 0.5, 0.4, 1.0), shading=shading)
         assert_parity(rasterizer, batch, view_of(bricks.volume, camera), (affine, camera, len(cut)))
 
 
@@ -104,7 +104,7 @@ def test_cuts_of_one_level_and_of_many(rasterizer: GLRasterizer, affine: str, sh
 def test_texels_of_any_dtype(rasterizer: GLRasterizer, dtype: str) -> None:
     bricks = hilly("oblique", None, dtype)
     cut, view = level_cut(bricks, 0), view_of(bricks.volume, "perspective")
-    assert_parity(rasterizer, batch_of(cut, bricks, num_entries=1024), view, dtype)
+    assert_parity(rasterizer, batch_of(cut, bricks), view, dtype)
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 90.0, 180.0, 270.0])
@@ -113,7 +113,7 @@ def test_rays_along_an_axis(rasterizer: GLRasterizer, azimuth: float) -> None:
     bricks = hilly("straight", None)
     view = view_of(bricks.volume, "orthographic", azimuth=azimuth, elevation=0.0)
     for cut in (level_cut(bricks, 0), random_cut(bricks, 5)):
-        assert_parity(rasterizer, batch_of(cut, bricks, step=0.5, num_entries=1024), view, len(cut))
+        assert_parity(rasterizer, batch_of(cut, bricks, step=0.5), view, len(cut))
 
 
 @pytest.mark.parametrize("azimuth", [90.0, 270.0])
@@ -128,7 +128,7 @@ def test_the_eye_in_a_plane_between_bricks(rasterizer: GLRasterizer, azimuth: fl
     camera = CameraSpec(TurntablePath(1, start=azimuth, elevation=elevation))
     for distance in (8.0, 16.0):
         view = make_view(camera, 0, (31.5, 31.5, 31.5), distance, (33, 33))
-        assert_parity(rasterizer, batch_of(level_cut(bricks, 0), bricks, step=0.5, num_entries=1024), view, distance)
+        assert_parity(rasterizer, batch_of(level_cut(bricks, 0), bricks, step=0.5), view, distance)
 
 
 @pytest.mark.parametrize("strides", [(1,), (2,), (4, 1), (8, 2), (8, 4, 1)])
@@ -140,7 +140,7 @@ def test_thrift_with_pixels(rasterizer: GLRasterizer, strides: tuple[int, ...], 
     for camera in ("perspective", "inside"):
         view = view_of(bricks.volume, camera, size)
         for spread in (0.0, 0.05, 0.3):
-            batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0), num_entries=1024)
+            batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0))
             assert_parity(rasterizer, batch, view, (camera, spread))
 
 
@@ -152,7 +152,7 @@ def test_thrift_with_what_is_hidden(rasterizer: GLRasterizer, least: float) -> N
     cut = level_cut(bricks, 0)
     for camera in ("perspective", "inside"):
         view = view_of(bricks.volume, camera)
-        batch = batch_of(cut, dense, step=0.25, thrift=Thrift((1,), 0.0, least), num_entries=1024)
+        batch = batch_of(cut, dense, step=0.25, thrift=Thrift((1,), 0.0, least))
         image = assert_parity(rasterizer, batch, view, camera)
         whole = rasterize_bricks_reference(replace(batch, thrift=EXACTLY), ordered(cut, view), view)
         assert np.abs(image - whole).max() <= least + PRECISION
@@ -162,7 +162,7 @@ def test_bricks_that_are_left_out(rasterizer: GLRasterizer) -> None:
     """Any part of an order is drawn, also none of it."""
     bricks = hilly("straight", None)
     cut, view = level_cut(bricks, 0), view_of(bricks.volume, "perspective")
-    batch = batch_of(cut, bricks, num_entries=1024)
+    batch = batch_of(cut, bricks)
     for order in (ordered(cut, view)[::3], np.empty(0, np.uint32)):
         image = rasterizer.rasterize(batch, order, view)
         np.testing.assert_allclose(image, rasterize_bricks_reference(batch, order, view), atol=PRECISION)
@@ -178,7 +178,7 @@ def test_thrift_where_a_picture_is_even(rasterizer: GLRasterizer) -> None:
     for strides in ((4, 1), (4, 2), (4, 2, 1)):
         pictures = []
         for spread in (0.0, 0.03, 0.1):
-            batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0), num_entries=1024)
+            batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0))
             pictures.append(assert_parity(rasterizer, batch, view, (strides, spread)))
         assert all(np.abs(a - b).max() > 0.01 for a, b in pairwise(pictures))
 

@@ -109,17 +109,14 @@ def batch_of(
     bricks: Bricks,
     *,
     step: float | Sequence[float] = 1.0,
-    num_entries: int = 4096,
     shading: ShadingSpec | None = None,
     thrift: Thrift = EXACTLY,
 ) -> BrickBatch:
     """A batch by hand: one step for all, or one for each level."""
     volume = cut.volume
-    colors, extinctions = bricks.transfer.classify(np.linspace(*bricks.scalar_range, num_entries))
-    table = np.column_stack([colors * extinctions[:, None], extinctions]).astype(np.float32)
     steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
     length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * volume.shape_xyz))
-    return BrickBatch(cut, bricks, steps, table, shading, thrift, volume.centre, length)
+    return BrickBatch(cut, bricks, steps, bricks.pieces, shading, thrift, volume.centre, length)
 
 
 def view_of(

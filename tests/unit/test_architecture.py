@@ -30,7 +30,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     "cut": ("octree cut_sizes visibility depth_directions", "words classification pyramid"),
     "path": ("camera_paths framing schedule", "words pyramid cut"),
     "bricks": (
-        "bricks between_voxels brick_kernels brick_means brick_sizes brick_sums brick_texels optical_table",
+        "bricks between_voxels brick_kernels brick_means brick_sizes brick_sums brick_texels optical_pieces",
         "words classification pyramid cut",
     ),
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),

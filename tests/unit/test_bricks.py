@@ -32,7 +32,6 @@ from number_types import TYPES, limits
 
 from renderer.between_voxels import STEEPNESS
 from renderer.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
-from renderer.optical_table import optical_table
 from renderer.pyramid import TOLD_LEVELS
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
@@ -321,31 +320,9 @@ def test_scalar_range(control: tuple[float, float], scalars: tuple[float, float]
     assert bricks.volume_range == scalars
 
 
-@pytest.mark.parametrize(
-    ("control", "scalars", "want"),
-    [
-        ((0, 0, 256), (-10, 300), (-1, 256)),
-        ((0, 0, 256), (-0.5, 300), (-0.5, 256)),  # no more than there is
-        ((0, 0, 256), (0, 300), (0, 256)),
-        ((0, 0, 256), (-10, 0), (-1, 0)),
-        ((0, 0, 256), (-10, -5), (-10, -5)),
-        ((5, 5, 5), (0, 10), (5 - 10 / 128, 5 + 10 / 128)),
-        ((-1.7e308, -1.7e308, 1.7e308), (-1.75e308, 1.7e308), (-1.7e308 * (1 + 2 / 256), 1.7e308)),
-    ],
-)
-def test_what_is_below_a_step_is_in_the_range(
-    control: tuple[float, ...], scalars: tuple[float, float], want: tuple[float, float]
-) -> None:
-    volume = make_volume(np.array([[scalars]], np.float64), np.eye(4), "two")
-    bricks = bricks_of(volume, hills(*((value, k % 2) for k, value in enumerate(control))))
-    assert bricks.scalar_range == pytest.approx(want, rel=1e-15)
-    below, above = bricks.transfer.classify(np.array(scalars))[1]
-    np.testing.assert_allclose(bricks.table[[0, -1], 3], [below, above])
-
-
-def test_a_table_is_of_what_changes() -> None:
-    """A threshold, and a ramp in front of which and behind which nothing changes: their tables tell them apart from
-    their neighbours as finely as they can. Colours of nothing are no change."""
+def test_the_range_is_of_what_changes() -> None:
+    """A ramp in front of which and behind which nothing changes: texels have their digits there. Colours of nothing are
+    no change."""
     volume = make_volume(np.array([[[-1000.0, 3000.0]]]), np.eye(4), "two")
     red, blue = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     values, extinctions = np.array([-2000.0, 100, 200, 300, 4000]), np.array([0.0, 0.0, 1.0, 0.5, 0.5])
@@ -371,10 +348,3 @@ def test_no_such_tolerance(tolerance: float) -> None:
 def test_no_such_level() -> None:
     with pytest.raises(ValueError, match="no bricks of this level"):
         cut_bricks(bricks_of(soft((5, 5, 5)), SOFT), 0.1, finest_level=-1)
-
-
-def test_a_table_over_scalars_too_small_for_their_inverse() -> None:
-    volume = make_volume(np.linspace(0, 9e-323, 8).reshape(2, 2, 2), np.eye(4), "denormal")
-    bricks = bricks_of(volume, hills((0, 0), (5e-323, 1), (1e-322, 0)))
-    table = optical_table(bricks.transfer, *bricks.scalar_range)
-    assert np.isfinite(table).all() and table[:, 3].max() == pytest.approx(1.0, abs=0.1)

@@ -1,0 +1,134 @@
+"""The transfer function by the scalars of texels: exact, and found at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from brickwork import batch_of, bricks_of, level_cut
+from number_types import random_ranges
+
+from renderer.brick_kernels import SIDE
+from renderer.brick_texels import scalar_texels
+from renderer.bricks import Bricks
+from renderer.cpu_bricks import CPUBrickDrawer
+from renderer.optical_pieces import GUIDE_SIZE, OpticalPieces, optical_pieces
+from renderer.raster_bricks_reference import _classified
+from renderer.transfer import TransferFunction
+from renderer.volume import Float64, make_volume
+
+
+def random_transfer(rng: np.random.Generator, low: float, high: float, num: int = 9) -> TransferFunction:
+    """Some of its points are steps."""
+    values = np.sort(low * (shares := rng.random(num)) + high * (1 - shares))
+    values[2::4] = values[1::4][: len(values[2::4])]
+    return TransferFunction(values, rng.random((num, 3)), rng.random(num) * 3, 1.0)
+
+
+def classified(bricks: Bricks, u: Float64) -> Float64:
+    """[n, 4], (r, g, b, extinction) of texels."""
+    channels = _classified(batch_of(level_cut(bricks, 0), bricks), u[:, None].astype(np.float64))
+    tau = channels[:, 3:]
+    colors = np.divide(channels[:, :3], tau, out=np.zeros((len(u), 3)), where=tau > 0)
+    return np.hstack([colors, tau / bricks.volume.finest_spacing])
+
+
+def test_texels_are_classified_as_voxels_are() -> None:
+    """On steps, too, and of all types: what a voxel has, its texel has."""
+    for case, values in enumerate(random_ranges(40)):
+        rng = np.random.default_rng(case)
+        low, high = float(values.min()) / 2, float(values.max()) / 2
+        transfer = random_transfer(rng, low, high)
+        at = values.ravel()[:2]  # two of the voxels lie on steps
+        if values.dtype.kind in "iu" and np.all(np.abs(at.astype(np.float64)) < 2.0**53):
+            points = np.sort(np.concatenate([transfer.values[:-4], at, at]).astype(np.float64))
+            transfer = TransferFunction(
+                points, transfer.colors[: len(points)], transfer.extinctions[: len(points)], 1.0
+            )
+        bricks = bricks_of(make_volume(values.reshape(1, 1, -1), np.eye(4), "voxels"), transfer)
+        texels = scalar_texels(bricks, np.zeros((1, 3), np.int32), lit=False)[
+            0, 1, 1, 1 : 1 + min(values.size, SIDE - 2)
+        ]
+        got = classified(bricks, texels)
+        colors, extinctions = transfer.classify(values.ravel()[: len(texels)])
+        room = 1e-6 + 4 * 2.0**-24 * steepest(bricks.pieces)
+        assert np.abs(got[:, 3] - extinctions).max() <= room, case
+        seen = extinctions > 1e-3
+        assert np.abs(got[:, :3] - colors)[seen].max(initial=0) <= room, case
+
+
+def steepest(pieces: OpticalPieces) -> float:
+    """What a unit of u changes, at most, in pieces that are wider than the rounding of texels."""
+    wide = np.diff(pieces.ends[:-1], prepend=-1.0) > 1e-5
+    return float(np.abs(pieces.slopes[:-1][wide]).max(initial=0.0))
+
+
+def test_each_label_has_its_own_side_of_a_step() -> None:
+    """Labels k from k to k + 1, up to 255: none has the colour of the one below."""
+    num = 256
+    points = np.repeat(np.arange(num + 1), 2)[1:-1].astype(np.float64)
+    is_odd = np.arange(num) % 2 == 1
+    colors = np.repeat(np.where(is_odd[:, None], [1.0, 0, 0], [0, 0, 1.0]), 2, axis=0)
+    transfer = TransferFunction(points, colors, np.full(2 * num, 0.7), 1.0)
+    for first in range(0, num, 16):
+        labels = np.arange(first, first + 16, dtype=np.uint8)
+        values = np.concatenate([labels, np.array([0, 255], np.uint8)])
+        bricks = bricks_of(make_volume(values.reshape(1, 1, -1), np.eye(4), "labels"), transfer)
+        texels = scalar_texels(bricks, np.zeros((1, 3), np.int32), lit=False)[0, 1, 1, 1:17]
+        assert np.array_equal(classified(bricks, texels)[:, 0], labels % 2)
+
+
+def test_what_is_narrow_is_as_high_as_it_is() -> None:
+    """A tent 20 wide in a range of a million, on a ramp; and a window of one among 16 bits."""
+    values, extinctions = np.array([0, 290, 300, 310, 1e6]), np.array([0, 0, 1.0, 1e-4, 0.5])
+    pieces = optical_pieces(TransferFunction(values, np.ones((5, 3)), extinctions, 1.0), 1.0, 0.0, 1e6)
+    np.testing.assert_allclose(at(pieces, np.array([290, 295, 300, 305, 310]) / 1e6), [0, 0.5, 1, 0.5, 1e-4], atol=1e-3)
+    values = np.array([2.5, 2.5, 3.5, 3.5, 65535])
+    pieces = optical_pieces(
+        TransferFunction(values, np.ones((5, 3)), np.array([0, 2.0, 2, 0, 0.1]), 1.0), 1.0, 0, 65535
+    )
+    np.testing.assert_allclose(at(pieces, np.array([2, 3, 4]) / 65535), [0, 2, 0], atol=1e-5)
+
+
+def at(pieces: OpticalPieces, u: Float64) -> Float64:
+    """Extinctions."""
+    k = np.searchsorted(pieces.ends, u.astype(np.float32), side="right")
+    return np.asarray(pieces.lows[k, 3] + (u - pieces.origins[k]) * pieces.slopes[k, 3].astype(np.float64))
+
+
+def test_the_guide_never_leads_too_far() -> None:
+    """And, from 0 on, no further away than its part of the range has pieces."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        pieces = optical_pieces(random_transfer(rng, -3.0, 5.0, 40), 1.0, 0.0, 2.0)
+        u = np.concatenate([rng.uniform(0, 1, 5000), pieces.ends[:-1]]).astype(np.float32)
+        u = u[(u >= 0) & (u < 1)]
+        bucket = (u * np.float32(GUIDE_SIZE)).astype(int)
+        piece, begin = np.searchsorted(pieces.ends, u, side="right"), pieces.guide[bucket]
+        assert np.all(begin <= piece)
+        inside = np.bincount(
+            (pieces.ends[:-1][(pieces.ends[:-1] >= 0) & (pieces.ends[:-1] < 1)] * GUIDE_SIZE).astype(int)
+        )
+        inside = np.append(inside, np.zeros(GUIDE_SIZE, int))
+        assert np.all(piece - begin <= inside[bucket])
+
+
+@pytest.mark.parametrize("last", [1e-322, 1e-300, 1.0, 1e300])
+def test_pieces_are_finite(last: float) -> None:
+    """Over scalars too small for their inverse, or too large for their difference."""
+    values = np.array([-last, -last / 2, 0.0, 0.0, last / 3, last])
+    transfer = TransferFunction(values, np.ones((6, 3)), np.array([0, 1.0, 2, 0, 3, 0]), 1.0)
+    pieces = optical_pieces(transfer, 1.0, -last, last)
+    assert all(np.isfinite(array).all() for array in (pieces.ends[:-1], pieces.origins, pieces.lows, pieces.slopes))
+    assert pieces.ends[-1] == np.inf
+    np.testing.assert_allclose(at(pieces, np.array([0.25, 0.5, 2 / 3])), [1, 0, 3], atol=0.2)
+
+
+def test_the_loops_are_told_once() -> None:
+    """Of one transfer function in a film."""
+    bricks = bricks_of(
+        make_volume(np.arange(8.0).reshape(2, 2, 2), np.eye(4), "few"),
+        random_transfer(np.random.default_rng(1), 0.0, 7.0),
+    )
+    batch, drawer = batch_of(level_cut(bricks, 0), bricks), CPUBrickDrawer(1)
+    assert drawer._pieces_of(batch) is drawer._pieces_of(batch)
+    drawer.release()
