@@ -59,7 +59,9 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
         if len(values) == 2:
             return Suggestion("mask", reason, transfer, notes, shading)
         # What stays in its file may be larger than memory, which splats would need.
-        splat = SplatSpec(footprint="gaussian") if volume.source is None else None
+        splat = None
+        if volume.source is None or volume.values.nbytes <= _MOST_BYTES_OF_SPLATS:
+            splat = SplatSpec(footprint="gaussian")
         return Suggestion("labels", reason, transfer, notes, shading, are_names=True, splat=splat)
     zero = hounsfield_zero(statistics)
     if zero is not None:
@@ -72,6 +74,9 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
 
 
 # Signs of the other kinds
+
+# Of volumes in files; splats of larger ones would take several times as much.
+_MOST_BYTES_OF_SPLATS = 1 << 30
 
 # Sides of a background: one that has less than this part of the other one's voxels does not count.
 _ONE_SIDED = 0.15

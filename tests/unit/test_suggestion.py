@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import KINDS, N, axes, head_in_hounsfield_units, labels, signed, two_materials
 
+from renderer import suggestion
 from renderer.pipeline import prepare, render_frames
 from renderer.raster_gl import GLRasterizer
 from renderer.readers import common, read_volume
@@ -211,7 +212,7 @@ def test_a_label_has_its_own_colour_to_its_skin(rasterizer: GLRasterizer) -> Non
         assert (part[seen][:, own] > part[seen][:, other]).all()
 
 
-def test_splats_are_suggested_for_labels_in_memory_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_splats_are_suggested_for_labels_that_fit_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     volume = volume_of(labels())
     statistics = measure(volume.values)
     in_memory = suggest(volume, statistics)
@@ -221,8 +222,11 @@ def test_splats_are_suggested_for_labels_in_memory_only(tmp_path: Path, monkeypa
     assert suggested(two_materials("uint8")).splat is None
     monkeypatch.setattr(common, "_MAPPED_FROM", 1)
     np.save(tmp_path / "labels.npy", labels())
-    in_file = suggest(read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy"))), statistics)
-    assert in_file.are_names and in_file.splat is None
+    in_file = read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy")))
+    assert suggest(in_file, statistics).splat == SplatSpec(footprint="gaussian")
+    monkeypatch.setattr(suggestion, "_MOST_BYTES_OF_SPLATS", in_file.values.nbytes - 1)
+    too_large = suggest(in_file, statistics)
+    assert too_large.are_names and too_large.splat is None
 
 
 def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
