@@ -22,7 +22,8 @@ from renderer.brick_projection import ray_frame
 from renderer.brick_store import BrickStore
 from renderer.camera import View
 from renderer.cpu_atlas import CPUAtlas
-from renderer.cpu_bricks_kernel import Boxes, Field, Float32, Float64, Int64, Rays, bin_boxes, draw_tiles
+from renderer.cpu_bricks_kernel import Boxes, Float64, Int64, Rays, bin_boxes, draw_tiles
+from renderer.cpu_field import Field, Float32
 from renderer.lattices import interpolated, refined
 from renderer.optical_pieces import OpticalPieces
 from renderer.scene import ShadingSpec

@@ -77,15 +77,6 @@ def jit(function: Function) -> Function:
     return cast(Function, numba.njit(cache=_FOLDER is not None, nogil=True, error_model="numpy")(function))
 
 
-def jit_inline(function: Function) -> Function:
-    """As `jit`, and a part of whoever calls it.
-
-    Arrays cost nothing then to hand over: a call copies what numba knows of each, and counts it.
-    """
-    compiled = numba.njit(cache=_FOLDER is not None, nogil=True, error_model="numpy", inline="always")(function)
-    return cast(Function, compiled)
-
-
 @intrinsic
 def _fma(_: Any, x: Any, y: Any, z: Any) -> Any:
     """LLVM's instruction, which a processor without one computes step by step to the same end."""

@@ -27,6 +27,7 @@ from renderer.classify import Classifier, Lighting, Segments
 from renderer.depth_directions import Turning
 from renderer.drawing import Stage
 from renderer.mapped_file import MappedFile, OnMapped
+from renderer.optical_pieces import OpticalPieces
 from renderer.pyramid import Level, Pyramid
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
@@ -41,7 +42,7 @@ _LENGTH = struct.Struct("<Q")
 _OF_SCENE = [kind for kind in vars(scene).values() if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
 _OF_STAGE = (
     Stage, Volume, MappedFile, Pyramid, Level, Classifier, Segments, Lighting, Turning, Bricks, BrickLevel,
-    TransferFunction,
+    OpticalPieces, TransferFunction,
 )  # fmt: skip
 _RECORDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_OF_STAGE, *_OF_SCENE)}
 

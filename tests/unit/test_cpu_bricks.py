@@ -15,7 +15,8 @@ from renderer import brick_atlas
 from renderer.brick_atlas import brick_bytes
 from renderer.brick_kernels import SIDE
 from renderer.cpu_atlas import CPUAtlas, most_atlas_bytes
-from renderer.cpu_bricks_kernel import _inside, _opacity, bin_boxes
+from renderer.cpu_bricks_kernel import _inside, bin_boxes
+from renderer.cpu_field import opacity
 from renderer.jit import fma, jit
 from renderer.lattices import refined
 from renderer.raster_bricks_reference import _are_alike, _between
@@ -42,11 +43,11 @@ def test_fma_rounds_once() -> None:
 
 def test_opacities_keep_their_digits() -> None:
     depths = np.concatenate([np.logspace(-37, 2, 20_000), np.linspace(0.4, 0.6, 2001)]).astype(np.float32)
-    got = np.array([_opacity(x) for x in depths], np.float64)
+    got = np.array([opacity(x) for x in depths], np.float64)
     expected = -np.expm1(-depths.astype(np.float64))
     assert np.abs(got / expected - 1).max() < 3e-7
-    assert _opacity(np.float32(0.0)) == 0.0
-    assert _opacity(np.float32(np.inf)) == 1.0
+    assert opacity(np.float32(0.0)) == 0.0
+    assert opacity(np.float32(np.inf)) == 1.0
     assert got.max() <= 1.0
 
 
