@@ -138,6 +138,14 @@ def listed(names: Iterable[object], last: str = "or") -> str:
     return f"{', '.join(most)} {last} {final}" if most else final
 
 
+NO_HOME = "~ is not expanded: write the whole path"
+
+
+def in_no_home(name: str) -> bool:
+    """Whether a name means a file in somebody's home, and would be one in a folder `~` of the current one."""
+    return name == "~" or name.startswith("~/")
+
+
 def did_you_mean(name: object, names: Iterable[str]) -> str | None:
     """A hint that names the nearest of `names`, or None."""
     close = nearest(name, names) if isinstance(name, str) else None
