@@ -26,6 +26,7 @@ from renderer.readers.common import (
     check_size,
     check_stored,
     check_text,
+    check_used,
     choose,
     describe_shape,
     stays_mapped,
@@ -76,6 +77,8 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
             _check_slices(voxels, num_bytes, size, dtype, path)
         elif voxels is not None:
             _check_whole(voxels, num_bytes, size, dtype)
+            if voxels.byte_order is not None:  # they are alone in the file, as they are
+                check_used(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
         world_from_index = _world_from_index(reader)
