@@ -7,15 +7,20 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
+
 from renderer.drawing import Frame, Rasterizer, Stage
 from renderer.pacing import Guide, Scheduled
 from renderer.picture import Picture
 from renderer.pipeline import render_frames
 
+_LEAST_SEEN = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
+
 
 @dataclass(frozen=True)
 class Drawn:
-    """record: plain data for JSON: the number as `frame`, `tolerance`, `cells`, `splats`, and `seconds` by step."""
+    """record: plain data for JSON, as `is_record` has it: the number as `frame`, `tolerance`, `cells`, `splats`,
+    `seconds` by step."""
 
     number: int
     picture: Picture
@@ -63,4 +68,5 @@ def drawn(frame: Frame) -> Drawn:
         "seconds": frame.seconds,
     }
     predicted = {} if frame.predicted_seconds is None else {"predicted_seconds": frame.predicted_seconds}
-    return Drawn(frame.number, Picture(frame.image), record | predicted)
+    blank = {"blank": True} if np.max(frame.radiance[..., 3], initial=0.0) < _LEAST_SEEN else {}
+    return Drawn(frame.number, Picture(frame.image), record | predicted | blank)

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from hsplat_cli.film_options import FILM_NAMES, film_of, film_options
+from hsplat_cli.output_path import OutputPath
 from hsplat_cli.suggested_scene import suggest_scene
 from hsplat_cli.volume_names import base_name
 from hsplat_cli.volume_options import volume_options, volume_spec
@@ -17,7 +18,7 @@ from renderer.staging import require_possible, write_staged
 
 @click.command()
 @click.argument("volume", type=click.Path(path_type=Path))
-@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write to this file, not to stdout.")
+@click.option("--output", type=OutputPath(), metavar="FILE", help="Write to this file, not to stdout.")
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 @film_options
 @volume_options(nonfinite=None)

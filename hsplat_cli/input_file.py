@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from renderer.errors import InputError, nearest
@@ -10,6 +11,10 @@ from renderer.errors import InputError, nearest
 MAX_SCENE_BYTES = 2**20
 # The longest film that a scene can ask for has a million frames, and a sidecar some 500 bytes for each.
 MAX_SIDECAR_BYTES = 2**29
+
+_AS_VOLUME = "a volume is rendered with `hsplat render SCENE --volume FILE`"
+# How the headers of NRRD and VTK begin, and a line without which MetaImage has none.
+_VOLUME_HEADER = re.compile(rb"NRRD000|# vtk DataFile|(?:.*\n)*?ElementDataFile[ \t]*=", re.IGNORECASE)
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
@@ -46,8 +51,14 @@ def decode(content: bytes, path: Path) -> str:
             "not a text file in UTF-8",
             where=f"{path}:{line}",
             got=f"the byte 0x{content[error.start]:02x}",
-            hint="a volume is rendered with `hsplat render SCENE --volume FILE`" if b"\0" in content else None,
+            hint=_AS_VOLUME if b"\0" in content else None,
         ) from error
+
+
+def refuse_volume(content: bytes, path: Path) -> None:
+    """Raise InputError for the header of a volume, which is text, in the place of a scene."""
+    if b"\0" not in content and _VOLUME_HEADER.match(content):
+        raise InputError("a volume, not a scene", where=str(path), expected="a scene file", hint=_AS_VOLUME)
 
 
 def is_same_file(path: Path, other: Path) -> bool:

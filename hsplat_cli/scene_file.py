@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from hsplat_cli.input_file import MAX_SCENE_BYTES, read_content
+from hsplat_cli.input_file import MAX_SCENE_BYTES, read_content, refuse_volume
 from hsplat_cli.scene_editor import Editor
 from hsplat_cli.yaml_tree import tree_of_file
 from renderer.errors import InputError
@@ -47,6 +47,7 @@ def scene_in(
     """The scene in the content of the file `path`; as `load_scene`."""
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
+    refuse_volume(content, path)
     tree, lines = tree_of_file(content, path)
     if not isinstance(tree.data, dict):
         got = "an empty file" if tree.data is None else show(tree.data)

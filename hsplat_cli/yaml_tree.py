@@ -105,7 +105,7 @@ def read_tree(text: str) -> Tree:
         what = f"not valid YAML: the character {error.character!r} may not be in it"
         raise NotYamlError(what, Mark(len(lines), len(lines[-1]) + 1)) from error
     except yaml.MarkedYAMLError as error:
-        raise _explain(error) from error
+        raise _explain(error, text) from error
     except (ValueError, OverflowError) as error:  # PyYAML lets that of chr() through
         raise NotYamlError("not valid YAML: an escape for a character that does not exist") from error
     return tree
@@ -254,12 +254,28 @@ _WORDS = (
 )
 
 
-def _explain(error: yaml.MarkedYAMLError) -> NotYamlError:
+# What is often written without the quotes that it needs.
+_COLOR = re.compile(r"\s#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})\b")
+_UNQUOTED = (
+    (_COLOR, 'put colors in quotes, for # begins a comment: "#ff8800"'),
+    (re.compile(r"""^[^"'#]*\{frame(:[^{}]*)?\}"""), 'put names with braces in quotes: "frames/{frame:04}.png"'),
+)
+
+
+def _explain(error: yaml.MarkedYAMLError, text: str) -> NotYamlError:
     problem = error.problem or error.context or "unreadable"
     mark = _mark(error.problem_mark) if error.problem_mark else None
     begin = error.context_mark.line + 1 if error.context_mark else None
     hint = "it belongs to what begins in line {begin}" if begin and mark and begin != mark.line else None
+    unquoted = _missing_quotes(text, mark) if problem.startswith("expected") else None
     for beginning, words, advice in _WORDS:
         if problem.startswith(beginning):
             problem, hint = words, advice
-    return NotYamlError(f"not valid YAML: {problem}", mark, hint.format(begin=begin) if hint else None)
+    return NotYamlError(f"not valid YAML: {problem}", mark, unquoted or (hint.format(begin=begin) if hint else None))
+
+
+def _missing_quotes(text: str, mark: Mark | None) -> str | None:
+    """A hint for what lacks its quotes on the line of a mistake or, for it may show late, on the one before."""
+    lines = [] if mark is None else [line for line in LINE_BREAK.split(text)[: mark.line] if line.strip()]
+    found = (hint for line in lines[:-3:-1] for pattern, hint in _UNQUOTED if pattern.search(line))
+    return next(found, None)

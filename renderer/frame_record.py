@@ -8,14 +8,15 @@ from typing import Any
 
 Record = Mapping[str, Any]
 
-_KEYS = {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds", "gl"}
+_KEYS = {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds", "gl", "blank"}
 
 
 def is_record(record: Any, *, has_digest: bool = True) -> bool:
     """Whether this, read from a file that anybody may have written, is all that a film's record tells of a frame.
 
     That is its number as `frame`, the `digest` of its PNG file, `tolerance`, `cells`, `splats`, `seconds` by step,
-    `predicted_seconds` where it was drawn on a budget of time, and `gl` where it was drawn elsewhere.
+    `predicted_seconds` where it was drawn on a budget of time, `gl` where it was drawn elsewhere, and `blank`, true,
+    where nothing of the volume shows.
 
     has_digest: the digest may not be missing.
     """
@@ -25,6 +26,7 @@ def is_record(record: Any, *, has_digest: bool = True) -> bool:
     return (
         set(record) <= _KEYS
         and isinstance(record.get("gl", ""), str)
+        and record.get("blank", True) is True
         and isinstance(record.get("digest", None if has_digest else ""), str)
         and all(type(record.get(key)) is int and record[key] >= 0 for key in ("frame", "cells", "splats"))
         and isinstance(seconds, dict)

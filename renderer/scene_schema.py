@@ -35,7 +35,21 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.schema import BOOLEAN, INVALID, Kind, Node, Table, choice, integer, known, number, section, sequence, show
+from renderer.schema import (
+    BOOLEAN,
+    INVALID,
+    Kind,
+    Node,
+    Table,
+    as_int,
+    choice,
+    integer,
+    known,
+    number,
+    section,
+    sequence,
+    show,
+)
 from renderer.schema_camera import CAMERA, direction
 from renderer.schema_error import ERROR, check_frames
 from renderer.schema_output import OUTPUT, check_name
@@ -77,7 +91,7 @@ def _scene_kind(base: Path, still: bool) -> Kind[Scene]:
 
 
 def _parse_version(node: Node) -> int:
-    if node.value == VERSION and not isinstance(node.value, bool):
+    if as_int(node.value) == VERSION:
         return VERSION
     return _VERSION.refuse(node, "unknown version of the scene format", got=show(node.value))
 

@@ -29,6 +29,7 @@ class _Invalid:
 INVALID: Any = _Invalid()
 
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
+_WITH_A_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
 _MAX_SHOWN = 60
 _MAX_KEY = 255  # as long as the name of a file can be
 
@@ -138,6 +139,14 @@ def listed(names: Iterable[object], last: str = "or") -> str:
     return f"{', '.join(most)} {last} {final}" if most else final
 
 
+NO_HOME = "~ is not expanded: write the whole path"
+
+
+def in_no_home(name: str) -> bool:
+    """Whether a name means a file in somebody's home, and would be one in a folder `~` of the current one."""
+    return name == "~" or name.startswith("~/")
+
+
 def did_you_mean(name: object, names: Iterable[str]) -> str | None:
     """A hint that names the nearest of `names`, or None."""
     close = nearest(name, names) if isinstance(name, str) else None
@@ -158,7 +167,7 @@ def number(
     def parse(node: Node) -> float:
         value = _as_float(node.value)
         if value is None:
-            return kind.refuse(node, "not a number", got=show(node.value))
+            return kind.refuse(node, "not a number", got=show(node.value), hint=_with_a_point(node.value))
         if not math.isfinite(value):
             return kind.refuse(node, "not a finite number", got=show(node.value))
         if isinstance(node.value, str) and underflows(node.value):
@@ -176,15 +185,22 @@ def integer(*, least: int, most: int) -> Kind[int]:
     """A whole number from `least` to `most`; `1e3` and `120.0` are whole, and so is text that spells one."""
 
     def parse(node: Node) -> int:
-        value = _as_int(node.value)
+        value = as_int(node.value)
         if value is None:
-            return kind.refuse(node, "not a whole number", got=show(node.value))
+            return kind.refuse(node, "not a whole number", got=show(node.value), hint=_with_a_point(node.value))
         if not _within(value, least, most, None, None):
             return kind.refuse(node, "out of range", got=show(node.value))
         return value
 
     kind: Kind[int] = Kind("a whole number" + _range(least, most, None, None), parse)
     return kind
+
+
+def _with_a_point(value: object) -> str | None:
+    """A hint for text that is a number but for its decimal comma."""
+    if not isinstance(value, str) or not _WITH_A_COMMA.fullmatch(value):
+        return None
+    return f"decimals come after a point: {value.replace(',', '.')}"
 
 
 def underflows(text: str) -> bool:
@@ -204,7 +220,8 @@ def _as_float(value: object) -> float | None:
         return math.inf
 
 
-def _as_int(value: object) -> int | None:
+def as_int(value: object) -> int | None:
+    """The whole number that a value is or, as text, spells; None for others."""
     if isinstance(value, int) and not isinstance(value, bool):
         return value
     as_float = _as_float(value)
@@ -325,6 +342,8 @@ def fields(
         close = nearest(key, table) if isinstance(key, str) else None
         other_place = (elsewhere or {}).get(key) if isinstance(key, str) else None
         hint = other_place or (f"did you mean {close}?" if close else None)
+        if value is None and type(key) is int:  # as of {opacity: 0,5}
+            hint = "decimals come after a point; in {...} and [...] a comma begins what comes next"
         node.key(key).complain("unknown key", expected=listed(table), hint=hint)
         if close and close not in node.value:  # a misspelt key is not missing, too
             given[close] = INVALID

@@ -7,7 +7,20 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from renderer.scene import FRAME_FIELD, OutputSpec
-from renderer.schema import INVALID, Kind, Node, Table, integer, known, number, section, sequence, show
+from renderer.schema import (
+    INVALID,
+    NO_HOME,
+    Kind,
+    Node,
+    Table,
+    in_no_home,
+    integer,
+    known,
+    number,
+    section,
+    sequence,
+    show,
+)
 from renderer.schema_transfer import COLOR
 
 MAX_SIDE = 16384
@@ -21,6 +34,8 @@ _FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one 
 def _parse_file(node: Node) -> Path:
     if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
         return OUTPUT_FILE.refuse(node, "not a file name", got=show(node.value))
+    if in_no_home(node.value):
+        return OUTPUT_FILE.refuse(node, "a folder named ~", got=show(node.value), hint=NO_HOME)
     name = PurePath(node.value).name
     suffix = PurePath(name).suffix.lower()
     if suffix not in _SUFFIXES or node.value.endswith(("/", "\\")):

@@ -10,6 +10,7 @@ from renderer.scene import LONGEST, PROCEDURAL_NAMES, SHORTEST, FileSource, Proc
 from renderer.schema import (
     INVALID,
     LENGTH,
+    NO_HOME,
     Kind,
     Node,
     Table,
@@ -221,5 +222,5 @@ def _where_else(path: Path) -> str | None:
     try:
         others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
     except (OSError, ValueError):
-        return "~ is not expanded: write the whole path" if "~" in path.parts else "its folder is not there, either"
+        return NO_HOME if "~" in path.parts else "its folder is not there, either"
     return did_you_mean(path.name, others)

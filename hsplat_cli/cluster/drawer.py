@@ -44,27 +44,31 @@ _DRAWN = ("finished", "lost")
 
 
 @contextlib.contextmanager
-def open_cluster(address: str, *, num_workers: int | None = None, patience_s: float = PATIENCE_S) -> Iterator[Cluster]:
+def open_cluster(
+    address: str, *, num_workers: int | None = None, patience_s: float = PATIENCE_S, quiet: bool = False
+) -> Iterator[Cluster]:
     """The cluster of the Dask scheduler at an address, or at `local` one of processes on this machine.
 
     num_workers: of `local`, as many as cores by default. patience_s: the longest time without any worker.
+    quiet: not to say that one is waited for.
 
     Raises InputError where nobody answers; RenderError, in the block, where workers are missing or cannot draw.
     """
     with connect(address, num_workers) as client:
-        yield Cluster(client, address, patience_s)
+        yield Cluster(client, address, patience_s, quiet=quiet)
 
 
 class Cluster:
     """A connection with a scheduler; made by `open_cluster`."""
 
-    def __init__(self, client: Client, address: str, patience_s: float) -> None:
-        self._client, self._address, self._patience_s = client, address, patience_s
+    def __init__(self, client: Client, address: str, patience_s: float, *, quiet: bool = False) -> None:
+        self._client, self._address, self._patience_s, self._quiet = client, address, patience_s, quiet
 
     @contextlib.contextmanager
     def drawer(self, stage: Stage) -> Iterator[ClusterDrawer]:
         """What draws this stage, whose goal is resolved, at the tolerances of its schedule."""
-        drawer = ClusterDrawer(Roster(self._client, self._address, self._patience_s), self._client, stage)
+        roster = Roster(self._client, self._address, self._patience_s, quiet=self._quiet)
+        drawer = ClusterDrawer(roster, self._client, stage)
         try:
             yield drawer
         finally:

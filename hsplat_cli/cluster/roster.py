@@ -6,6 +6,8 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from hsplat_cli.cluster.worker import describe
 from renderer.errors import RenderError
 
@@ -14,19 +16,22 @@ if TYPE_CHECKING:
 
 # Workers are looked for so often.
 _LOOK_EVERY_S = 1.0
+_HINT = "`dask worker ADDRESS` starts one"
 
 
 class Roster:
     """The workers of a cluster that can draw, by their addresses.
 
     address: of the scheduler, for messages. patience_s: the longest time without any worker at all.
+    quiet: not to say that it waits for one.
     """
 
-    def __init__(self, client: Client, address: str, patience_s: float) -> None:
+    def __init__(self, client: Client, address: str, patience_s: float, *, quiet: bool = False) -> None:
         self._client, self._address, self._patience_s = client, address, patience_s
         self._here = describe()
         self._unfit: dict[str, str] = {}  # why, by address
-        self._had_any = False
+        self._had_any, self._quiet = False, quiet
+        self._is_told = quiet
         self._look_at = self._last_seen = time.monotonic()
         self.fit: set[str] = set()
         self._require_hsplat_in_scheduler()
@@ -52,14 +57,17 @@ class Roster:
         if new:
             self._examine(new)
         if present:
-            self._had_any, self._last_seen = True, time.monotonic()
+            self._had_any, self._last_seen, self._is_told = True, time.monotonic(), self._quiet
         elif time.monotonic() > self._last_seen + self._patience_s:
             raise RenderError(
-                f"the cluster has no workers{' left' if self._had_any else ''}",
+                self._what,
                 where=f"--scheduler {self._address}",
                 got=f"none for {self._patience_s:g} s",
-                hint="`dask worker ADDRESS` starts one",
+                hint=_HINT,
             )
+        elif not self._is_told:
+            self._is_told = True
+            click.echo(f"{self._what}: waiting {self._patience_s:g} s for one; {_HINT}", err=True)
         if present and present <= self._unfit.keys():
             raise RenderError(
                 "no worker of the cluster can draw this film",
@@ -67,6 +75,10 @@ class Roster:
                 got=_counted([self._unfit[worker] for worker in present]),
                 expected=f"hsplat {self._here['hsplat']} of the same sources, and OpenGL, as here",
             )
+
+    @property
+    def _what(self) -> str:
+        return f"the cluster has no workers{' left' if self._had_any else ''}"
 
     @property
     def notes(self) -> list[str]:

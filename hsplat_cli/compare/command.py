@@ -12,9 +12,11 @@ import click
 
 from hsplat_cli.crew_options import workers_option
 from hsplat_cli.interrupts import terminated_as_interrupted
+from hsplat_cli.output_path import OutputPath
 from renderer.errors import InputError
 
 _file = click.Path(path_type=Path)
+_written = OutputPath()
 
 
 def _named(_: click.Context, parameter: click.Parameter, name: str) -> Path:
@@ -35,9 +37,11 @@ def _named(_: click.Context, parameter: click.Parameter, name: str) -> Path:
     metavar="FIGURE=VALUE",
     help="Another limit, such as largest=4 or flip=none; of largest, p99, flip, ssim, densest and bias.",
 )
-@click.option("--json", "json_file", type=_file, metavar="FILE", help="Write what came of every frame as JSON.")
-@click.option("--junit", "junit_file", type=_file, metavar="FILE", help="Write a JUnit report, as CI systems read it.")
-@click.option("--html", "html_file", type=_file, metavar="FILE", help="Write a page that shows the worst frames.")
+@click.option("--json", "json_file", type=_written, metavar="FILE", help="Write what came of every frame as JSON.")
+@click.option(
+    "--junit", "junit_file", type=_written, metavar="FILE", help="Write a JUnit report, as CI systems read it."
+)
+@click.option("--html", "html_file", type=_written, metavar="FILE", help="Write a page that shows the worst frames.")
 @click.option("--frames", metavar="A:B:STEP", help="Of a scene: compare only those of its goldens in this range.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Of a scene: change a value.")
 @click.option("--volume", type=_file, metavar="FILE", help="Of a scene: take the volume from this file.")

@@ -12,12 +12,13 @@ from hsplat_cli.crew_options import CrewSpec, workers_option
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.interrupts import terminated_as_interrupted
+from hsplat_cli.output_path import OutputPath
 from renderer.errors import InputError
 
 
 @click.command()
 @click.argument("scene", type=click.Path(path_type=Path))
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=OutputPath())
 @click.option(
     "--frames",
     metavar="A:B:STEP",

@@ -10,6 +10,7 @@ import click
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.job import load_job
 from hsplat_cli.measure.options import parse_sweep, parse_want
+from hsplat_cli.output_path import OutputPath
 from renderer.errors import InputError
 
 # They say what to sweep and where to; a search for one tolerance does neither.
@@ -20,9 +21,7 @@ _NOT_BESIDE_WANT = ("output", "tolerances", "footprints", "measures", "correctio
 @click.argument("scene", type=click.Path(path_type=Path))
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
-@click.option(
-    "--output", type=click.Path(path_type=Path), metavar="FOLDER", help="Write the report there, not to SCENE.measured."
-)
+@click.option("--output", type=OutputPath(), metavar="FOLDER", help="Write the report there, not to SCENE.measured.")
 @click.option("--frames", metavar="A:B:STEP", help="Measure on these frames; by default on three of the path.")
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
 @click.option(

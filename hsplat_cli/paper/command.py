@@ -15,6 +15,7 @@ from hsplat_cli.cores import num_cores
 from hsplat_cli.first_run import tell_first_run
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.machine import describe_machine
+from hsplat_cli.output_path import OutputPath
 from hsplat_cli.progress import progress
 from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.scene_file import load_scene
@@ -81,9 +82,7 @@ class _Job:
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path), default=FOLDER)
 @click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="The engine, for figures 5 and 6.")
-@click.option(
-    "--output", type=click.Path(path_type=Path), default=Path("paper"), metavar="DIR", help="Write DIR/index.html."
-)
+@click.option("--output", type=OutputPath(), default=Path("paper"), metavar="DIR", help="Write DIR/index.html.")
 @click.option("--figure", "numbers", type=int, multiple=True, metavar="N", help="Make only this figure; repeatable.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, ...], quiet: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -77,6 +77,13 @@ def differences(before: Any, now: Any) -> str:
     return first_few(list(_differences(before, now, "")), _MOST_DIFFERENCES, "; ")
 
 
+def reason(before: Any, now: Any) -> str:
+    """`differences`, or what else is to be said of a cause that has another mark; before: whatever was read."""
+    if not isinstance(before, Mapping) or not before:
+        return "its scene is not on record"
+    return differences(before, now) or "the record of its scene was changed"
+
+
 def _differences(before: Any, now: Any, path: str) -> Iterator[str]:
     if isinstance(before, dict) and isinstance(now, dict):
         for key in [*now, *(key for key in before if key not in now)]:
@@ -95,12 +102,14 @@ class Made:
     is_whole: all its frames are told of, and they are what was asked for.
     file_digest: of a film that is one file.
     records: of the frames.
+    output: the scene's, as plain data.
     """
 
     cause: Cause
     is_whole: bool
     file_digest: str | None
     records: Sequence[Record]
+    output: Mapping[str, Any]
 
     def has_frames_of(self, cause: Cause) -> bool:
         """Whether its frames are as they would be drawn for this cause."""
@@ -115,6 +124,26 @@ class Made:
         files = ((frame_path(output.file, each["frame"]), each["digest"]) for each in self.records)
         return all(is_frame(path, mark, output) for path, mark in files)
 
+    def why_anew(self, cause: Cause, output: OutputSpec, frames: Sequence[int]) -> str | None:
+        """Why a film that is not up to date is drawn anew, as the end of a sentence about it; None where there is none,
+        or where its frames, which are files, are kept or are gone one by one."""
+        told = None
+        if not self.has_frames_of(cause):
+            told = reason(self.cause.of, cause.of)
+        elif has_frame_files(output):
+            return None
+        elif self.cause.film != cause.film or [each["frame"] for each in self.records] != [*frames]:
+            now = {"frames_per_second": output.frames_per_second, "quality": output.quality}
+            before = {key: self.output.get(key) for key in now}
+            told = differences({"output": before}, {"output": now}) or "it has other frames"
+        if not has_frame_files(output) and not output.file.exists():
+            return told and f"is not there, and its sidecar is that of another film: {told}"
+        if told is not None:
+            return f"is drawn anew, for what is there is another film: {told}"
+        if not self.is_whole:
+            return "is drawn anew, for what is there is not all that was asked for"
+        return "is drawn anew, for what is there is not the file that its sidecar tells of"
+
 
 def made_before(sidecar: Path, output: OutputSpec) -> Made | None:
     """What is told by the sidecar of an output, if there is one that tells enough."""
@@ -124,7 +153,13 @@ def made_before(sidecar: Path, output: OutputSpec) -> Made | None:
         # The pictures of a film that is one file are there no more.
         whole = [record for record in records if is_record(record, has_digest=has_frame_files(output))]
         is_whole = schedule["met"] is True and len(whole) == len(records)
-        return None if cause is None else Made(cause, is_whole, data.get("digest"), whole)
+        scene = data.get("scene")
+        told = scene.get("output") if isinstance(scene, dict) else None
+        return (
+            None
+            if cause is None
+            else Made(cause, is_whole, data.get("digest"), whole, told if isinstance(told, dict) else {})
+        )
     except (KeyError, TypeError):
         return None
 

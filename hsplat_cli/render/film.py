@@ -54,7 +54,7 @@ def render_once(
         folder = place or stack.enter_context(taken(output, frames, sidecar_path(job.scene, frames)))
         defer_interrupts = stack.enter_context(deferrable_interrupts())
         require_encoder(output)
-        crew = stack.enter_context(open_crew(crew_spec, job.scene))
+        crew = stack.enter_context(open_crew(crew_spec, job.scene, quiet=quiet))
         begun = start_film(job, folder, crew.gl, force=force, quiet=quiet)
         if begun is None:
             return None

@@ -9,7 +9,7 @@ import click
 
 from hsplat_cli.counts import counted
 from hsplat_cli.job import Job
-from hsplat_cli.render.cause import Cause, Made, differences, made_before
+from hsplat_cli.render.cause import Cause, Made, made_before, reason
 from hsplat_cli.render.goals import Plan
 from renderer.frame_record import Record
 from renderer.kept_frames import KeptFrames
@@ -44,8 +44,8 @@ def tell_kept(kept: KeptFrames, job: Job, plan: Plan) -> None:
     if kept.records:
         click.echo(f"{_some(kept, job)} there already", err=True)
     if kept.former_cause is not None:
-        why = f": {differences(kept.former_cause, kept.cause)}" if kept.former_cause else ""
-        click.echo(f"{_drawn_anew(kept.num_former)} of another film{why}", err=True)
+        why = reason(kept.former_cause, kept.cause)
+        click.echo(f"{_drawn_anew(kept.num_former)} of another film: {why}", err=True)
     if kept.num_dropped:
         why = "not drawn on a budget of time" if plan.by_clock else "drawn at other tolerances"
         click.echo(f"{_drawn_anew(kept.num_dropped)} {why}", err=True)

@@ -94,12 +94,12 @@ def visibility_notes(frames: Sequence[Record]) -> list[str]:
         return [
             "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
         ]
-    empty = [frame["frame"] for frame in frames if frame["splats"] == 0]
+    empty = [frame for frame in frames if frame["splats"] == 0 or frame.get("blank")]
     if not empty:
         return []
-    if len(frames) == 1:
-        return ["nothing is in view"]
-    return [f"nothing is in view on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]}"]
+    among = f" on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]['frame']}" * (len(frames) > 1)
+    why = ": the volume is out of the picture, nearer than `camera.near`, too small or too transparent"
+    return [f"nothing is in view{among}{why if any(frame['splats'] for frame in empty) else ''}"]
 
 
 def summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None, num_kept: int = 0) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import click
 
 from hsplat_cli.cores import num_cores
 from hsplat_cli.job import Job
-from hsplat_cli.render.cause import Cause, Made, cause_of, differences, made_before
+from hsplat_cli.render.cause import Cause, Made, cause_of, made_before
 from hsplat_cli.shrinking import read_guarded
 from renderer.drawing import Stage
 from renderer.kept_frames import forget_frames
@@ -52,9 +51,9 @@ def start_film(job: Job, folder: Path, made_by: str, *, force: bool, quiet: bool
             click.echo(f"{output.file} is up to date; --force draws it again", err=True)
         return None
     stage = _prepare(job, volume, read_seconds)
-    if before is not None and not before.has_frames_of(cause) and not quiet:
-        why = f": {differences(before.cause.of, cause.of)}" if isinstance(before.cause.of, Mapping) else ""
-        click.echo(f"{output.file} is drawn anew, for what is there is another film{why}", err=True)
+    why = None if before is None else before.why_anew(cause, output, job.frames)
+    if why is not None and not quiet:
+        click.echo(f"{output.file} {why}", err=True)
     return Start(job, stage, cause, before)
 
 

@@ -11,6 +11,7 @@ import click
 from hsplat_cli.crew_options import CrewSpec, crew_options, require_crew
 from hsplat_cli.film_options import FILM_NAMES, default_output, film_of, film_options
 from hsplat_cli.interrupts import terminated_as_interrupted
+from hsplat_cli.output_path import OutputPath
 from hsplat_cli.suggested_scene import require_colormap
 from hsplat_cli.turntable.batch import run_batch
 from hsplat_cli.turntable.report import BRIEFLY_S, INTERRUPTED, write_report
@@ -26,7 +27,7 @@ from renderer.errors import HsplatError, InputError
     "-o",
     "--output",
     "folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=OutputPath(file_okay=False),
     required=True,
     metavar="FOLDER",
     help="Where scenes and films go.",

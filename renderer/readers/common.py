@@ -239,6 +239,26 @@ def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...
         )
 
 
+def check_used(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
+    """Raise InputError where behind `num_bytes` of voxels, which are neither compressed nor text, the file has more of
+    them: as many as make one axis longer. Less than that may be a line break, or fill up a block."""
+    found_bytes = stored.file.stat().st_size - stored.offset
+    if found_bytes - num_bytes < min(num_bytes // n for n in shape_xyz[:3]):
+        return
+    fits = [
+        (*shape_xyz[:k], found_bytes // (num_bytes // n), *shape_xyz[k + 1 :])
+        for k, n in enumerate(shape_xyz)
+        if found_bytes % (num_bytes // n) == 0
+    ]
+    raise InputError(
+        "the file is longer than its header says",
+        where=str(stored.file),
+        got=f"{found_bytes} bytes",
+        expected=f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)",
+        hint=f"these would fit: {'; '.join(map(describe_shape, fits))}" if fits else "the header is wrong",
+    )
+
+
 def _inflated_size(stored: StoredVoxels, enough: int) -> int:
     """The bytes in the gzip members or the zlib stream at `offset`, as many members as are needed for `enough`.
 

@@ -16,7 +16,17 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, choose, describe_shape
 from renderer.readers.headers import PIXEL_DATA
-from renderer.readers.itk import distill, executed, open_itk, pixel_dtype, quiet_simpleitk, read_itk, view_of
+from renderer.readers.itk import (
+    distill,
+    executed,
+    itk_name,
+    open_itk,
+    path_of,
+    pixel_dtype,
+    quiet_simpleitk,
+    read_itk,
+    view_of,
+)
 from renderer.volume import Array, Float64
 
 # Slices may lie this part of the spacing away from even steps. Positions are written with few digits and gantries are
@@ -68,9 +78,10 @@ def read_dicom(folder: Path, time: int | None, component: int | None) -> Image:
 
 
 def _series_files(sitk: Any, folder: Path) -> list[Path]:
+    name = itk_name(folder)
     try:
-        series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
-        files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), uid) for uid in series}
+        series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(name)
+        files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(name, uid) for uid in series}
     except RuntimeError as error:
         raise InputError(
             "the DICOM files in this folder cannot be read",
@@ -92,8 +103,9 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
             got="; ".join(_name_series(sitk, uid, files[uid]) for uid in sorted(series)),
             hint="put each series into a folder of its own",
         )
-    _check_none_left_out(folder, {Path(name).name for name in files[series[0]]})
-    return [Path(name) for name in files[series[0]]]
+    found = [path_of(name) for name in files[series[0]]]
+    _check_none_left_out(folder, {path.name for path in found})
+    return found
 
 
 def _check_none_left_out(folder: Path, names: set[str]) -> None:
@@ -114,9 +126,10 @@ def _check_none_left_out(folder: Path, names: set[str]) -> None:
 
 def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:
     """`"T1 sagittal", 40 files from N2D_0171.dcm`."""
-    reader = open_itk(sitk, Path(files[0]))
+    first = path_of(files[0])
+    reader = open_itk(sitk, first)
     description = reader.GetMetaData(_DESCRIPTION).strip() if reader.HasMetaDataKey(_DESCRIPTION) else ""
-    return f'"{description or uid}", {len(files)} file{"s" if len(files) > 1 else ""} from {Path(files[0]).name}'
+    return f'"{description or uid}", {len(files)} file{"s" if len(files) > 1 else ""} from {first.name}'
 
 
 def _header(sitk: Any, file: Path) -> _Slice:

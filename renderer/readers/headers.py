@@ -9,6 +9,7 @@ NRRD: http://teem.sourceforge.net/nrrd/format.html. MetaImage: https://itk.org/W
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable
 from functools import partial
@@ -205,7 +206,7 @@ def _head(path: Path) -> bytes:
 
 def _text(header: bytes) -> str:
     """As names of files are decoded: whatever bytes they have."""
-    return header.decode("utf-8", "surrogateescape")
+    return os.fsdecode(header)
 
 
 def _split(head: bytes) -> tuple[bytes, int]:

@@ -8,6 +8,7 @@ are mapped from the file.
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,11 +26,13 @@ from renderer.readers.common import (
     check_size,
     check_stored,
     check_text,
+    check_used,
     choose,
     describe_shape,
     stays_mapped,
 )
 from renderer.readers.headers import Stored, check_dicom_pixels, metaimage_voxels, nrrd_voxels, vtk_voxels
+from renderer.schema import show
 from renderer.volume import Array
 from renderer.volume_files import UnknownFormatError
 
@@ -74,6 +77,8 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
             _check_slices(voxels, num_bytes, size, dtype, path)
         elif voxels is not None:
             _check_whole(voxels, num_bytes, size, dtype)
+            if voxels.byte_order is not None:  # they are alone in the file, as they are
+                check_used(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
         world_from_index = _world_from_index(reader)
@@ -125,13 +130,45 @@ def _can_be_mapped(voxels: StoredVoxels, num_bytes: int, num_components: int, dt
     return stays_mapped(num_bytes) and num_components == 1 and is_known
 
 
+def itk_name(path: Path) -> str:
+    """The name by which SimpleITK opens a file or folder, which has its names in UTF-8 whatever the locale.
+
+    Raises InputError for a name that is not: SimpleITK ends the process that hands it one.
+    """
+    try:
+        return os.fsencode(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        bad = next(part for part in path.parts if not _is_utf8(os.fsencode(part)))
+        raise InputError(
+            "a file or folder of this name cannot be read in its format",
+            where=str(path),
+            got=f"{show(bad)}, which is not UTF-8",
+            expected="a path in UTF-8",
+            hint="rename that file or folder",
+        ) from error
+
+
+def path_of(name: str) -> Path:
+    """The path for which SimpleITK has this name."""
+    return Path(os.fsdecode(name.encode("utf-8", "surrogateescape")))
+
+
+def _is_utf8(name: bytes) -> bool:
+    try:
+        name.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
 def open_itk(sitk: Any, path: Path) -> Any:
     """A SimpleITK reader that has read the header of `path`; raises InputError when it is of no known format."""
-    format_name = sitk.ImageFileReader.GetImageIOFromFileName(str(path))
+    name = itk_name(path)
+    format_name = sitk.ImageFileReader.GetImageIOFromFileName(name)
     if not format_name:
         raise UnknownFormatError(path, is_empty=path.stat().st_size == 0)
     reader = sitk.ImageFileReader()
-    reader.SetFileName(str(path))
+    reader.SetFileName(name)
     try:
         reader.ReadImageInformation()
     except RuntimeError as error:

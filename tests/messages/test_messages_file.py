@@ -62,6 +62,50 @@ scene.yaml:22:13: not valid YAML: expected ',' or ']', but got ':'
   hint: it belongs to what begins in line 21
 """,
     ),
+    "open_braces": (
+        "  distance: 300\n  path: {type: turntable, frames: 120, elevation: 20}",
+        "  path: {type: turntable, frames: 120, elevation: 20\n  distance: 300",
+        """\
+scene.yaml:13:11: not valid YAML: expected ',' or '}', but got ':'
+    | distance: 300
+    |         ^
+  hint: it belongs to what begins in line 12
+""",
+    ),
+    "unquoted_color": (
+        'color: "#6680e6"',
+        "color: #6680e6",
+        """\
+scene.yaml:9:5: not valid YAML: a value that is missing or not finished
+    | - {value: 255, color: white, opacity: 0.5}
+    | ^
+  hint: put colors in quotes, for # begins a comment: "#ff8800"
+""",
+    ),
+    "unquoted_template": (
+        """\
+  file: engine.mp4
+  size: [512, 512]
+  background: "#000000"
+""",
+        "  {file: fr/{frame:04}.png, size: [512, 512]}\n",
+        """\
+scene.yaml:20:13: not valid YAML: expected ',' or '}', but got '{'
+    | {file: fr/{frame:04}.png, size: [512, 512]}
+    |           ^
+  hint: put names with braces in quotes: "frames/{frame:04}.png"
+""",
+    ),
+    "unquoted_number": (
+        "file: engine.mp4",
+        "file: {frame:04}.png",
+        """\
+scene.yaml:20:19: not valid YAML: this does not belong to what is above it
+    | file: {frame:04}.png
+    |                 ^
+  hint: put names with braces in quotes: "frames/{frame:04}.png"
+""",
+    ),
     "open_quote": (
         'background: "#000000"',
         'background: "#000000',
@@ -187,6 +231,22 @@ scene.yaml:2: not a text file in UTF-8
         """\
 scene.yaml:1: not a text file in UTF-8
   got: the byte 0xff
+  hint: a volume is rendered with `hsplat render SCENE --volume FILE`
+""",
+    ),
+    "nrrd": (
+        b"NRRD0004\n# made by hand\ntype: uint8\ndimension: 3\nsizes: 8 7 6\nencoding: raw\ndata file: v.raw\n",
+        """\
+scene.yaml: a volume, not a scene
+  expected: a scene file
+  hint: a volume is rendered with `hsplat render SCENE --volume FILE`
+""",
+    ),
+    "metaimage": (
+        b"NDims = 3\r\nDimSize = 8 7 6\r\nElementType = MET_UCHAR\r\nElementDataFile = v.raw\r\n",
+        """\
+scene.yaml: a volume, not a scene
+  expected: a scene file
   hint: a volume is rendered with `hsplat render SCENE --volume FILE`
 """,
     ),

@@ -313,6 +313,18 @@ scene.yaml:20:9: output.file: unknown output format
   expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png
 """,
     ),
+    "no_home": (
+        "file: engine.mp4",
+        "file: ~/engine.mp4",
+        """\
+scene.yaml:20:9: output.file: a folder named ~
+    | file: ~/engine.mp4
+    |       ^
+  got: '~/engine.mp4'
+  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png
+  hint: ~ is not expanded: write the whole path
+""",
+    ),
     "gif_rate": (
         "file: engine.mp4",
         """\

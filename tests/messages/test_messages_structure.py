@@ -40,6 +40,29 @@ scene.yaml:5:3: transfer_function.42: unknown key
   expected: unit, points, colormap, range or opacity
 """,
     ),
+    "decimal_comma": (
+        "  tolerance: 0.1",
+        "  tolerance: 0,1",
+        """\
+scene.yaml:16:14: error.tolerance: not a number
+    | tolerance: 0,1
+    |            ^
+  got: '0,1'
+  expected: a number of at least 0
+  hint: decimals come after a point: 0.1
+""",
+    ),
+    "decimal_comma_in_braces": (
+        '{value: 90, color: "#6680e6", opacity: 0.01}',
+        '{value: 90, color: "#6680e6", opacity: 0,5}',
+        """\
+scene.yaml:8:48: transfer_function.points.1.5: unknown key
+    | - {value: 90, color: "#6680e6", opacity: 0,5}
+    |                                            ^
+  expected: value, color or opacity
+  hint: decimals come after a point; in {...} and [...] a comma begins what comes next
+""",
+    ),
     "key_of_another_path": (
         "frames: 120, elevation",
         "frames: 120, swing: 40, elevation",

@@ -202,13 +202,28 @@ def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixtu
     assert f"note: {note}\n" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("footprint", ["integrated", "gaussian"])
+@pytest.mark.parametrize("change", ["camera.near=1e9", "camera.target=[1e6, 0, 0]", "camera.distance=1e9"])
+def test_a_camera_that_sees_nothing_is_told(footprint: str, change: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A brick, or a splat, is drawn, and changes no pixel."""
+    reason = "the volume is out of the picture, nearer than `camera.near`, too small or too transparent"
+    changes = ["--set", change, "--set", f"splat.footprint={footprint}"]
+    render("--output", "{frame}.png", *changes)
+    made = sidecar("frames.json")
+    assert [frame["splats"] > 0 and frame["blank"] for frame in made["frames"]] == [True] * 6
+    assert made["notes"] == [f"nothing is in view on 6 of 6 frames, the first of them frame 0: {reason}"]
+    assert f"note: {made['notes'][0]}\n" in capsys.readouterr().out
+    render("--frames", "2", "--output", "still.png", *changes)
+    assert sidecar("still.png.json")["notes"] == [f"nothing is in view: {reason}"]
+
+
 def test_a_camera_that_looks_away_on_some_frames(capsys: pytest.CaptureFixture[str]) -> None:
     """From beside the volume it is behind the eye on one half of the path."""
     render("--set", "camera.target=[0, 200, 0]", "--set", "camera.distance=100")
     (note,) = sidecar("film.mp4.json")["notes"]
-    empty = [frame["frame"] for frame in sidecar("film.mp4.json")["frames"] if frame["splats"] == 0]
+    empty = [frame["frame"] for frame in sidecar("film.mp4.json")["frames"] if frame.get("blank")]
     assert 0 < len(empty) < 6
-    assert note == f"nothing is in view on {len(empty)} of 6 frames, the first of them frame {empty[0]}"
+    assert note.startswith(f"nothing is in view on {len(empty)} of 6 frames, the first of them frame {empty[0]}")
     away = ["--set", "camera.target=[0, 200, 0]", "--set", "camera.distance=100", "--frames", str(empty[0])]
     render(*away, "--output", "still.png")
     assert sidecar("still.png.json")["notes"] == ["nothing is in view"]

@@ -263,3 +263,56 @@ def test_what_differs_where_tolerances_are_given_by_frame(capsys: pytest.Capture
     render("film.mp4", *by_frame, "--set", "camera.path.elevation=10")
     what = "out/film.mp4 is drawn anew, for what is there is another film"
     assert said(capsys)[0] == f"{what}: scene.camera.path.elevation was 20"
+
+
+def of_another(what: str) -> list[str]:
+    return [f"out/film.mp4 is drawn anew, for what is there is another film: {what}"]
+
+
+def test_why_a_film_of_the_same_frames_is_drawn_anew(capsys: pytest.CaptureFixture[str]) -> None:
+    render("film.mp4")
+    said(capsys)
+    render("film.mp4", "--set", "output.quality=3")
+    assert said(capsys) == of_another("output.quality was 8")
+    render("film.mp4", "--set", "output.quality=3", "--set", "output.frames_per_second=10")
+    assert said(capsys) == of_another("output.frames_per_second was 30")
+    render("film.mp4", "--frames", "1:3")
+    said(capsys)
+    render("film.mp4", "--frames", "0:2")
+    assert said(capsys) == of_another("it has other frames")
+    with Path("out/film.mp4").open("ab") as film:
+        film.write(b"more")
+    render("film.mp4", "--frames", "0:2")
+    assert said(capsys) == ["out/film.mp4 is drawn anew, for what is there is not the file that its sidecar tells of"]
+    Path("out/film.mp4").unlink()
+    render("film.mp4", "--frames", "0:2")
+    assert said(capsys) == []
+
+
+def test_why_where_a_sidecar_was_changed(capsys: pytest.CaptureFixture[str]) -> None:
+    render("film.mp4")
+    change("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.7))
+    Path("out/film.mp4").unlink()
+    said(capsys)
+    again("film.mp4.json")
+    missing = "out/film.mp4 is not there, and its sidecar is that of another film"
+    assert said(capsys) == [f"{missing}: scene.error.tolerance was 0.1"]
+    change("film.mp4.json", lambda data: data["cause"].update(frames="0" * 32, film="0" * 32))
+    render("film.mp4", "--set", "error.tolerance=0.7")
+    assert said(capsys) == of_another("the record of its scene was changed")
+    change("film.mp4.json", lambda data: data["cause"].update(frames="0" * 32, film="0" * 32, of=None))
+    render("film.mp4", "--set", "error.tolerance=0.7")
+    assert said(capsys) == of_another("its scene is not on record")
+    change("film.mp4.json", lambda data: data["schedule"].update(met=False))
+    render("film.mp4", "--set", "error.tolerance=0.7")
+    assert said(capsys) == ["out/film.mp4 is drawn anew, for what is there is not all that was asked for"]
+
+
+def test_why_kept_frames_are_drawn_anew(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    stopped(draws, "film.mp4")
+    (cause_file,) = Path("out/film.mp4.unfinished").glob("cause-*.json")
+    cause_file.unlink()
+    said(capsys)
+    render("film.mp4", "--set", "error.tolerance=0.7")
+    what = "3 frames that were there are drawn anew, for they were of another film"
+    assert said(capsys) == [f"{what}: its scene is not on record"]

@@ -67,6 +67,26 @@ def test_workers_with_another_hsplat_are_refused(other: Any, told: str) -> None:
     )
 
 
+def test_that_it_waits_is_said_at_once(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Once, and again when workers have come and gone."""
+    monkeypatch.setattr(roster, "_LOOK_EVERY_S", 0.0)
+    answers: dict[str, Any] = {}
+    waits = "waiting 30 s for one; `dask worker ADDRESS` starts one\n"
+    found = roster_of(answers)
+    found.look()
+    assert capsys.readouterr() == ("", f"the cluster has no workers: {waits}")
+    found.look()
+    answers["a"] = SAME
+    found.look()
+    assert capsys.readouterr() == ("", "")
+    del answers["a"]
+    found.look()
+    assert capsys.readouterr() == ("", f"the cluster has no workers left: {waits}")
+    quiet = Roster(Client({}), ADDRESS, 30.0, quiet=True)  # type: ignore[arg-type]
+    quiet.look()
+    assert capsys.readouterr() == ("", "")
+
+
 def test_who_is_in_doubt_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """At once, whenever all were to be looked at."""
     monkeypatch.setattr(roster, "_LOOK_EVERY_S", 3600.0)

@@ -112,6 +112,34 @@ def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert "No such option" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "where"),
+    [
+        (["init", "scan.npy", "--output=~/scene.yaml"], "--output"),
+        (["turntable", "scan.npy", "--output=~"], "--output"),
+        (["measure", "scene.yaml", "--output=~/report"], "--output"),
+        (["paper", "--output=~/paper"], "--output"),
+        (["golden", "scene.yaml", "~/goldens"], "FOLDER"),
+        (["compare", "a", "b", "--html=~/page.html"], "--html"),
+        (["render", str(DEMO), "--output=~/demo.mp4"], "--output ~/demo.mp4: output.file"),
+        (["check", str(DEMO), "--output=~/demo.mp4"], "--output ~/demo.mp4: output.file"),
+    ],
+)
+def test_no_output_is_in_a_folder_of_a_tilde(
+    arguments: list[str],
+    where: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main.run(arguments) == 2
+    text = capsys.readouterr().err
+    assert text.startswith(f"{where}: a folder named ~\n")
+    assert text.endswith("\n  hint: ~ is not expanded: write the whole path\n")
+    assert not any(tmp_path.iterdir())
+
+
 Fail = Callable[[BaseException], int]
 
 

@@ -113,13 +113,14 @@ def test_a_record_of_garbage(folder: Path, output: OutputSpec, garbage: bytes) -
         {"digest": 7}, {"digest": None}, {"tolerance": "0.1"}, {"tolerance": -1}, {"tolerance": None},
         {"tolerance": float("nan")}, {"tolerance": float("inf")}, {"seconds": []}, {"seconds": {"draw": "1"}},
         {"seconds": {"draw": {"deep": [[[]]]}}}, {"predicted_seconds": "soon"}, {"more": 1}, {"tolerance": 10**400},
-        {"gl": 1},
+        {"gl": 1}, {"blank": 1},
     ],
 )  # fmt: skip
 def test_what_is_no_record(change: dict[str, Any]) -> None:
     whole = record(1) | {"digest": "00"}
     assert is_record(whole)
     assert is_record(whole | {"predicted_seconds": 0.1})
+    assert is_record(whole | {"blank": True})
     assert not is_record(whole | change)
 
 

@@ -50,6 +50,16 @@ def complaints(tree: object) -> list[tuple[str, str]]:
     return [(problem.path, problem.what) for problem in caught.value.problems]
 
 
+@pytest.mark.parametrize("version", [1, 1.0, "1", "1.0"])
+def test_a_version_may_be_spelt_as_any_number(version: object) -> None:
+    assert parse(changed(version=version)) == parse(SMALL)
+
+
+@pytest.mark.parametrize("version", [True, 2, "2", "one", [1]])
+def test_other_versions(version: object) -> None:
+    assert complaints(changed(version=version)) == [("version", "unknown version of the scene format")]
+
+
 @pytest.mark.parametrize(
     ("section", "footprint"),
     [

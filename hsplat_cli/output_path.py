@@ -1,0 +1,27 @@
+"""The names of outputs on a command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from renderer.errors import InputError
+from renderer.schema import NO_HOME, in_no_home
+
+
+class OutputPath(click.Path):
+    """A Path in which no ~ stands for a home: shells leave it in `--output=~/films`, and a folder of that name would be
+    made."""
+
+    def __init__(self, *, file_okay: bool = True) -> None:
+        super().__init__(path_type=Path, file_okay=file_okay)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path; raises InputError for one in a folder `~`."""
+        if in_no_home(str(value)):
+            name = "" if param is None else max(param.opts, key=len)
+            where = name if name.startswith("-") else name.upper()
+            raise InputError("a folder named ~", where=where, got=str(value), hint=NO_HOME)
+        return super().convert(value, param, ctx)

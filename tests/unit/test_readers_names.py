@@ -1,0 +1,108 @@
+"""Names of files and folders that are not ASCII, or no text at all, in the formats that SimpleITK reads.
+
+It ends the process that hands it a name that is not UTF-8, so that a process of its own reads them.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk  # noqa: N813
+
+from tests.unit.test_readers_dicom import NORMAL, write_series
+
+ROOT = Path(__file__).parents[2]
+VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
+READ = """\
+import sys
+from pathlib import Path
+from renderer.errors import InputError
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+for name in sys.argv[1:]:
+    try:
+        print(int(read_volume(VolumeSpec(FileSource(Path(name)))).values.sum()))
+    except InputError as error:
+        print(ascii(str(error)))
+"""
+LOCALES = {"utf-8": {"LC_ALL": "C.UTF-8", "PYTHONUTF8": "1"}, "ascii": {"LC_ALL": "C", "PYTHONUTF8": "0"}}
+FILES = ("v.nrrd", "v.nhdr", "v.mha", "v.mhd", "v.tif", "dicom")
+UTF_8, OTHER = "größe".encode(), b"f\xfcel"
+
+pytestmark = pytest.mark.skipif(sys.platform == "darwin", reason="names of its files are UTF-8")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with VALUES in FILES, and a series."""
+    monkeypatch.chdir(tmp_path)
+    for name in FILES[:-1]:
+        sitk.WriteImage(sitk.GetImageFromArray(VALUES), name, True)
+    Path("dicom").mkdir()
+    write_series(Path("dicom"), [k * NORMAL for k in range(3)])
+    return tmp_path
+
+
+def found(locale: str, names: list[bytes]) -> list[str]:
+    """What a process in this locale says of each: the sum of its voxels, or a message."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **LOCALES[locale]}
+    command = [sys.executable, "-c", READ, *names]
+    child = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert child.returncode == 0, child.stderr
+    return child.stdout.splitlines()
+
+
+@pytest.mark.parametrize("locale", LOCALES)
+def test_names_in_utf_8_are_read_in_any_locale(folder: Path, locale: str) -> None:
+    names = [UTF_8 + name.encode() for name in FILES]
+    for old, new in zip(FILES, names, strict=True):
+        os.rename(old, new)
+    sums = [str(VALUES.sum())] * 5 + ["303"]
+    assert found(locale, names) == sums
+    os.mkdir(UTF_8)
+    for name in os.listdir(b"."):
+        if name != UTF_8:
+            os.rename(name, UTF_8 + b"/" + name)
+    os.rename(UTF_8 + b"/" + names[-1] + b"/97.dcm", UTF_8 + b"/" + names[-1] + b"/" + UTF_8)
+    assert found(locale, [UTF_8 + b"/" + name for name in names]) == sums
+
+
+@pytest.mark.parametrize("locale", LOCALES)
+def test_other_names_are_refused(folder: Path, locale: str) -> None:
+    names = [OTHER + name.encode() for name in FILES]
+    for old, new in zip(FILES, names, strict=True):
+        os.rename(old, new)
+    for text, name in zip(found(locale, names), FILES, strict=True):
+        assert text == ascii(
+            f"f\udcfcel{name}: a file or folder of this name cannot be read in its format\n"
+            f"  got: 'f\\udcfcel{name}', which is not UTF-8\n"
+            "  expected: a path in UTF-8\n"
+            "  hint: rename that file or folder"
+        )
+
+
+@pytest.mark.parametrize("locale", LOCALES)
+def test_other_names_of_what_is_around_and_within(folder: Path, locale: str) -> None:
+    os.rename("dicom/97.dcm", b"dicom/" + OTHER)
+    os.mkdir(OTHER)
+    os.rename("v.mha", OTHER + b"/v.mha")
+    around, within = found(locale, [OTHER + b"/v.mha", b"dicom"])
+    for text in (around, within):
+        assert r"udcfcel', which is not UTF-8" in text
+    assert "dicom/f" in within
+
+
+@pytest.mark.parametrize("locale", LOCALES)
+def test_headers_may_name_data_files_of_any_name(folder: Path, locale: str) -> None:
+    for number, data in enumerate((UTF_8, OTHER)):
+        Path(os.fsdecode(data)).write_bytes(VALUES.tobytes())
+        header = b"NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\ndata file: "
+        Path(f"{number}.nhdr").write_bytes(header + data + b"\n")
+        header = b"NDims = 3\nDimSize = 5 4 3\nElementType = MET_USHORT\nElementDataFile = "
+        Path(f"{number}.mhd").write_bytes(header + data + b"\n")
+    assert found(locale, [b"0.nhdr", b"0.mhd", b"1.nhdr", b"1.mhd"]) == [str(VALUES.sum())] * 4
