@@ -59,16 +59,16 @@ def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
 
 
 WHAT_LIMITS_IT = (
-    "Where a goal is missed, by parts of the fragment shader left out in turns (llvmpipe, two cores, engine_close and "
-    "bonsai_close): a quarter to a third of a frame is there when every fragment is discarded at once, which is boxes, "
-    "lattices, the way back and 8 bits; 5 to 10 % more are the box and the blending, 15 to 25 % the first sample of "
-    "each box, 30 to 55 % all others. Of a sample at 0.1 half is the interpolation of eight texels, which llvmpipe "
-    "gathers one by one, a sixth the look-up of the transfer function, a twentieth the exponential; 26 of them lie on "
-    "a ray, of which 37 % find nothing that is visible. At 30 and 35 dB a sixteenth of the pixels or fewer are drawn: "
-    "a box has few of them, and leaves most lanes of llvmpipe's vectors idle. Boxes of eight bricks, where they are no "
-    "dearer, would take 0.75 to 0.95 of the time there, and 0.9 to 1 from 40 dB on, by an estimate from boxes, steps "
-    "and this profile. VTK's fixed-point caster takes 8 to 25 ms there for the whole frame. Other layouts and formats "
-    "of texels (16 and 8 bits, four corners in one) gained 0 to 20 %; vectors of 128 and 512 bits are no faster."
+    "Bricks are drawn by compiled loops (OpenGL is llvmpipe here, which took 1.3 to 2.4 times as long). Where a goal is "
+    "missed, by parts of these loops left out in turns (two cores, engine_close and bonsai_close): of the 7 to 10 ms of "
+    "a frame at 30 and 35 dB 2 to 3 are cut, order, lattices, 8 bits and the Python between them, while VTK's "
+    "fixed-point caster takes 9 to 16 ms for the whole frame. Of the rest half is waiting for memory: few rays meet "
+    "each brick there, whose texels have left the caches since the last frame (27 MB of the bonsai); with all bricks "
+    "in one place boxes take half the time, at 0.1 they take 0.85 to 0.9 of it. At 0.1 5 to 12 % are rays, and boxes "
+    "that they pass by; 26 samples lie on a ray, of which 37 % (engine) to two thirds (bonsai) find nothing that is "
+    "visible, and each takes 8 to 12 ns of a core: a hundred instructions, a tenth of them for the exponential, none "
+    "of them on more than one sample at a time. A bit for each of 64 parts of a brick, for passing over what shows "
+    "nothing, gained nothing: branches that are guessed wrong cost as much."
 )
 
 
