@@ -59,9 +59,9 @@ def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
 
 
 WHAT_LIMITS_IT = (
-    "Bricks are drawn by compiled loops (OpenGL is llvmpipe here, which took 1.3 to 2.4 times as long). Where a goal is "
-    "missed, by parts of these loops left out in turns (two cores, engine_close and bonsai_close): of the 7 to 10 ms of "
-    "a frame at 30 and 35 dB 2 to 3 are cut, order, lattices, 8 bits and the Python between them, while VTK's "
+    "Bricks are drawn by compiled loops (OpenGL is llvmpipe here, which took 1.3 to 2.4 times as long). Where a goal "
+    "is missed, by parts of these loops left out in turns (two cores, engine_close and bonsai_close): of the 7 to 10 "
+    "ms of a frame at 30 and 35 dB 2 to 3 are cut, order, lattices, 8 bits and the Python between them, while VTK's "
     "fixed-point caster takes 9 to 16 ms for the whole frame. Of the rest half is waiting for memory: few rays meet "
     "each brick there, whose texels have left the caches since the last frame (27 MB of the bonsai); with all bricks "
     "in one place boxes take half the time, at 0.1 they take 0.85 to 0.9 of it. At 0.1 5 to 12 % are rays, and boxes "
