@@ -98,6 +98,7 @@ def test_what_can_be_done_again_is(
 
 def test_workers_that_die_often(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
     with open_pool(stage, 1, threads_each=1, program=faulty("kill_often", tmp_path)) as pool:
+        gc.collect()  # what tests before have left
         before = len(os.listdir("/proc/self/fd"))
         assert draw_all(pool) == expected
         gc.collect()
