@@ -17,7 +17,6 @@ from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.output_path import OutputPath
 from hsplat_cli.progress import progress
-from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.scene_file import load_scene
 from renderer.errors import InputError, SceneError
 from renderer.scene import Scene
@@ -151,6 +150,7 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     # Imported here: numpy, numba, matplotlib and GL take longer to load than --help may take to answer.
     from hsplat_cli.paper.page import paper_page  # noqa: PLC0415
     from hsplat_cli.paper.studio import Studio  # noqa: PLC0415
+    from hsplat_cli.rasterizers import open_rasterizer  # noqa: PLC0415
     from hsplat_cli.report.html import plot_style  # noqa: PLC0415
     from hsplat_cli.shrinking import read_guarded  # noqa: PLC0415
 
