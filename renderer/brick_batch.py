@@ -57,6 +57,9 @@ CELLS_BETWEEN_NODES, FINE, OF_THINNEST = 1.35, 0.1, 0.5
 # two CT scans lose 1 to 1.5 dB, behind 0.15 3 to 5 more, and gain 2 to 4 % of the time.
 SPREAD, MOST_SPREAD, UNSEEN, MOST_UNSEEN = 0.35, 0.35, 0.04, 0.025
 
+# What float32 leaves of a transmittance is less.
+_UNSEEN_IN_FLOAT32 = 2.0**-22
+
 # By which share of n the numbers of parts of two pixels differ, beside one part. Over five scans, means of 8 x 8 pixels
 # are 0.35 to 0.7 times as far off, at most, as with one number for all, in 3 to 5 % more time, since lanes of a
 # processor wait for each other; 0.1 leaves more (0.5 to 0.75), 0.3 no less.
@@ -82,6 +85,11 @@ class Thrift:
     strides: tuple[int, ...]
     spread: float
     least_transmittance: float
+
+    @property
+    def opaque(self) -> float:
+        """The alpha behind which a ray may end: nothing is drawn there, or float32 would not keep it."""
+        return 1 - max(self.least_transmittance, _UNSEEN_IN_FLOAT32)
 
 
 @dataclass(frozen=True)

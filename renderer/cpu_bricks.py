@@ -35,8 +35,6 @@ SIDE_OF_ALL, SIDE_OF_FEW = 32, 16
 _TASKS_EACH = 8
 # Of a rectangle's edges; the shaders have the same.
 _ROUNDING_PX = 2e-3
-# What float32 leaves of a transmittance is less.
-_UNSEEN = 2.0**-22
 
 
 class CPUBrickDrawer:
@@ -93,7 +91,7 @@ class CPUBrickDrawer:
         side = SIDE_OF_ALL if stride == 1 else SIDE_OF_FEW
         starts, numbers = _bins(rectangles, side, (columns, rows))
         tiles = np.flatnonzero(starts[1:] > starts[:-1])
-        opaque = np.float32(1 - max(picture.batch.thrift.least_transmittance, _UNSEEN))
+        opaque = np.float32(picture.batch.thrift.opaque)
         rays = _rays(picture)
 
         def draw(some: Int64) -> None:

@@ -311,7 +311,7 @@ def _draw_scalars(
     """What rays take up in the brick of scalars that begins at `first`, behind the pixels of a window.
 
     frame: left and top of the tile whose rays `of_pixels` has, and its width. Arrays are arguments, and everything but
-    single places of them happens here: numba counts arrays that are handed on, which took longer than all else.
+    single places of them happens here: numba counts arrays that are handed on, up to 15 % of the time.
     """
     left, top, right, bottom = window
     for row in range(top, bottom):

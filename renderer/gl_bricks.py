@@ -37,9 +37,6 @@ NUM_GROUPS = 4
 
 SCALARS, MEANS, GUIDE, PIECES, IMAGE, DIFFERING = range(6)  # texture units
 
-# What float32 leaves of a transmittance is less.
-UNSEEN = 2.0**-22
-
 # Of the transfer function in a texture's row, as in brick_pieces.glsl.
 PIECES_IN_ROW = 1024
 # What filters of devices may take from a scalar between equal ones: one on a step must stay on its upper side.
@@ -192,7 +189,7 @@ class GLBrickDrawer:
             "directions": tuple(rays.directions.T.ravel()),
             "slope_per_px": rays.slope_per_px,
             "start": max(rays.start, -LARGEST),
-            "opaque": 1 - max(batch.thrift.least_transmittance, UNSEEN),
+            "opaque": batch.thrift.opaque,
             "phase_per_px": PHASE_PER_PX,
             "dither": DITHER,
             "depth_of_spacing": batch.length / batch.cut.volume.finest_spacing,
