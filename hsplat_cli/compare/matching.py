@@ -52,7 +52,7 @@ def compare_frames(
         if folder is None:
             opened, names = open_pairs(golden, actual), (str(golden), str(actual))
         else:
-            opened = compare_scene(golden, folder, drawing, quiet=quiet)
+            opened = compare_scene(golden, folder, drawing, rules, quiet=quiet)
             names = (str(folder), f"{golden}, drawn now")
         with opened as pairs:
             return run_comparison(pairs, rules, golden=names[0], actual=names[1], reports=reports, quiet=quiet)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.compare.pair import Pair
+from hsplat_cli.compare.rules import Rules
 from hsplat_cli.compare.words import printable
 from hsplat_cli.counts import counted, first_few
 from hsplat_cli.crew_options import CrewSpec
@@ -74,11 +75,14 @@ class SceneOptions:
 
 
 @contextlib.contextmanager
-def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bool) -> Iterator[ScenePairs]:
+def compare_scene(
+    scene: Path, folder: Path, options: SceneOptions, rules: Rules, *, quiet: bool
+) -> Iterator[ScenePairs]:
     """Draw the frames of a scene, or of a film's sidecar, of which a folder has goldens, or some of them.
 
     The pictures are gone after the block. Raises InputError where the folder has no goldens, none of these frames, or
-    goldens that its golden.json does not tell of, and what reading the scene and drawing raise.
+    goldens that its golden.json does not tell of, SceneError where `rules` are of frames that are not there, and what
+    reading the scene and drawing raise.
     """
     before = _provenance_in(folder)
     strangers = _strangers(folder, before.goldens)
@@ -93,6 +97,7 @@ def compare_scene(scene: Path, folder: Path, options: SceneOptions, *, quiet: bo
             got=f"{counted(len(job.frames), 'frame')} up to frame {job.frames[-1]}",
             expected=f"such as frame {goldens[0].frame}, which is in {folder / NAME}",
         )
+    rules.require_frames([golden.file for golden in goldens])  # before it takes time
     tell_first_run(quiet=quiet)
     with drawn(job, numbers, CrewSpec(options.workers), quiet=quiet) as drawing:
         notes = [*_notes(before.origin, drawing.origin), *_file_notes(folder, goldens, strangers), *drawing.notes]

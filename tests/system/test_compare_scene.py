@@ -12,6 +12,7 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.compare import scene as compare_scene
+from hsplat_cli.compare.rules import Rules
 from renderer.png import encode_png
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
@@ -167,9 +168,18 @@ def test_what_cannot_be_compared(options: list[str]) -> None:
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
 
 
+def test_limits_of_no_frame_are_found_before_anything_is_drawn(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(compare_scene, "drawn", None)
+    (FOLDER / "compare.yaml").write_text("frames: {frame-00002.png: {largest: 8}}\n", encoding="utf-8")
+    assert main.run(["compare", "scene.yaml", "goldens"]) == 2
+    assert "did you mean frame-0002.png?" in capsys.readouterr().err
+
+
 def test_pairs_may_be_gone_through_again() -> None:
     with compare_scene.compare_scene(
-        Path("scene.yaml"), FOLDER, compare_scene.SceneOptions("::2"), quiet=True
+        Path("scene.yaml"), FOLDER, compare_scene.SceneOptions("::2"), Rules(), quiet=True
     ) as pairs:
         for _ in range(2):
             assert [(pair.name, pair.number) for pair in pairs] == [("frame-0000.png", 0), ("frame-0002.png", 2)]
