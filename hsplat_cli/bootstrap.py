@@ -1,7 +1,7 @@
 """Everything from a fresh checkout to a first film or a test run: `python3 -m hsplat_cli.bootstrap demo` or `test`.
 
-1. OpenGL without a screen and Python's venv are looked for. On Debian and its kin, root installs what is missing;
-   anybody else is told the line that an administrator has to run.
+1. Python's venv is looked for, and for the tests OpenGL without a screen, which the demo does not need. On Debian and
+   its kin, root installs what is missing; anybody else is told the line that an administrator has to run.
 2. `.venv` is made, and hsplat installed into it as a wheel, unless it holds these very sources already.
 3. The demo is rendered to `demo.mp4`, or the tests are run, both with the installed wheel and not the checkout.
 
@@ -39,7 +39,7 @@ def main(arguments: "list[str]") -> int:
     try:
         require_python(sys.version_info[:2], sys.executable)
         require_checkout()
-        require_system_packages()
+        require_system_packages(needs_opengl=arguments == ["test"])
         if arguments == ["demo"]:
             install("")
             return demo()
@@ -85,9 +85,9 @@ def require_checkout() -> None:
         raise SetupError(f"{ROOT} is not a checkout of hsplat: it has no pyproject.toml.")
 
 
-def require_system_packages() -> None:
+def require_system_packages(*, needs_opengl: bool) -> None:
     """Look for what pip cannot install; install it where that is possible, else raise SetupError with the way to."""
-    problems = find_system_problems()
+    problems = find_system_problems(needs_opengl=needs_opengl)
     if not problems:
         return
     packages = [package for _, names in problems for package in names]
@@ -109,17 +109,19 @@ def require_system_packages() -> None:
     run("apt-get", "update", DEBIAN_FRONTEND="noninteractive")
     if run(*command, DEBIAN_FRONTEND="noninteractive") != 0:
         raise SetupError(f"`{' '.join(command)}` failed; its reason is above.")
-    remaining = find_system_problems()
+    remaining = find_system_problems(needs_opengl=needs_opengl)
     if remaining:
         raise SetupError("the packages are installed, and still: " + "; ".join(problem for problem, _ in remaining))
 
 
-def find_system_problems() -> "list[tuple[str, tuple[str, ...]]]":
+def find_system_problems(*, needs_opengl: bool) -> "list[tuple[str, tuple[str, ...]]]":
     """What is missing, each with the Debian packages that provide it."""
     problems: list[tuple[str, tuple[str, ...]]] = []
     if importlib.util.find_spec("venv") is None or importlib.util.find_spec("ensurepip") is None:
         version = dotted(sys.version_info[:2])
         problems.append((f"Python {version} without its venv module", (f"python{version}-venv",)))
+    if not needs_opengl:
+        return problems
     probe = Path(__file__).with_name("gl_probe.py")
     # In a process of its own: libraries that have just been installed are found, and a driver may crash.
     result = subprocess.run([sys.executable, str(probe)], stderr=subprocess.PIPE, check=False)

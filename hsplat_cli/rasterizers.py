@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 
 from hsplat_cli.cores import num_cores
+from renderer.errors import RenderError
+from renderer.raster_cpu import CPURasterizer
 from renderer.raster_gl import GLRasterizer
 from renderer.raster_lasting import LastingRasterizer
 
 
-def open_rasterizer() -> GLRasterizer:
-    """For pictures that need not outlive a lost context."""
-    return GLRasterizer(num_threads=num_drawing_threads())
+def open_rasterizer(*, needs_opengl: bool) -> GLRasterizer | CPURasterizer:
+    """For pictures that need not outlive a lost context. needs_opengl: as in Scene; of any of them.
+
+    Raises RenderError where there is no OpenGL, and one of them needs it.
+    """
+    try:
+        return GLRasterizer(num_threads=num_drawing_threads())
+    except RenderError:
+        if needs_opengl:
+            raise
+        return CPURasterizer(num_threads=num_drawing_threads())
 
 
-def open_lasting_rasterizer() -> LastingRasterizer:
-    """For films."""
-    return LastingRasterizer(open_rasterizer)
+def open_lasting_rasterizer(*, needs_opengl: bool) -> LastingRasterizer:
+    """For films; as `open_rasterizer`."""
+    return LastingRasterizer(partial(open_rasterizer, needs_opengl=needs_opengl))
 
 
 def num_drawing_threads() -> int:

@@ -60,8 +60,9 @@ VERTEX_FORMAT, VERTEX_NAMES, VERTEX_BYTES = "3f 4f 1f", ("center", "areas", "sha
 # EGL devices tried before giving up; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
 
-# Parts of GL_RENDERER that tell of drivers which draw on the processor.
-_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "SwiftShader")
+WITHOUT_OPENGL = "no OpenGL: drawn on the processor"
+# Parts of names of what draws on the processor: of drivers in GL_RENDERER.
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "SwiftShader", WITHOUT_OPENGL)
 
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
@@ -323,7 +324,7 @@ class GLRasterizer:
 
 
 def is_software(renderer_name: str) -> bool:
-    """Whether a device draws on the processor."""
+    """Whether what has this name draws on the processor."""
     return any(name in renderer_name for name in _SOFTWARE)
 
 
@@ -340,7 +341,8 @@ def _create_context() -> Any:
         "no OpenGL 3.3 context could be made",
         got=str(failures[0]),
         expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
-        hint=f"on Debian or Ubuntu: apt-get install {PACKAGES}",
+        hint=f"on Debian or Ubuntu: apt-get install {PACKAGES}; "
+        "the footprint integrated, without an overlay, needs none",
     ) from failures[0]
 
 

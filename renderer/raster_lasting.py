@@ -13,6 +13,7 @@ from renderer.brick_batch import BrickBatch
 from renderer.camera import View
 from renderer.cell_edges import CellEdges
 from renderer.errors import ContextLostError, RenderError
+from renderer.raster_cpu import CPURasterizer
 from renderer.raster_gl import GLRasterizer, Image
 from renderer.splats import SplatBatch
 
@@ -27,7 +28,7 @@ class LastingRasterizer:
     device or driver, which would draw other bytes. make: a new one.
     """
 
-    def __init__(self, make: Callable[[], GLRasterizer] = GLRasterizer) -> None:
+    def __init__(self, make: Callable[[], GLRasterizer | CPURasterizer] = GLRasterizer) -> None:
         self._make, self._current, self._num_lost = make, make(), 0
         self.renderer_name = self._current.renderer_name
 
@@ -65,7 +66,7 @@ class LastingRasterizer:
         """As in GLRasterizer."""
         return self._draw(lambda gl: gl.rasterize_edges(edges, view))
 
-    def _draw(self, draw: Callable[[GLRasterizer], Result]) -> Result:
+    def _draw(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:
         try:
             return draw(self._current)
         except ContextLostError as error:

@@ -262,3 +262,8 @@ class Scene:
     shading: ShadingSpec | None = None
     overlay: Literal["none", "octree"] = "none"
     version: int = 1
+
+    @property
+    def needs_opengl(self) -> bool:
+        """Whether it has splats or lines; bricks are drawn without it, too."""
+        return self.splat.footprint != "integrated" or self.overlay != "none"

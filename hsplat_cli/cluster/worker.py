@@ -40,8 +40,9 @@ class Studio:
 
     def _open(self, content: memoryview, num_threads: int) -> None:
         os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
-        self._rasterizer = open_rasterizer()
-        self._drawer = LocalDrawer(unpack(content), self._rasterizer)
+        stage = unpack(content)
+        self._rasterizer = open_rasterizer(needs_opengl=stage.scene.needs_opengl)
+        self._drawer = LocalDrawer(stage, self._rasterizer)
         self.made_with = package_versions() | {"GL": self._rasterizer.renderer_name}
 
     def draw(self, number: int) -> Drawn:

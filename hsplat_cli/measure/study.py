@@ -78,7 +78,8 @@ def run_study(request: Request) -> None:
     if request.peer:
         check_vtk(scene)
     tell_first_run(quiet=request.quiet)
-    with open_rasterizer() as rasterizer:  # tried before a voxel is read
+    needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
+    with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # tried before a voxel is read
         machine = describe_machine(rasterizer.renderer_name)
     if request.peer:
         machine["peer"] = {"name": request.peer, **describe_vtk()}
@@ -159,7 +160,7 @@ def _own(request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequ
             stage = prepared(scene, volume)
         stage = replace(stage, scene=scene)
         if key not in done:
-            with open_rasterizer() as rasterizer:
+            with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
                 done[key] = measure_setting(
                     stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
                 )

@@ -24,7 +24,7 @@ def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_toleranc
     """Search, and print the line. Raises RenderError where full resolution does not reach what is wanted."""
     _require_measurable(scene, want)
     tell_first_run(quiet=quiet)
-    with open_rasterizer() as rasterizer:
+    with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
         stage = prepared(scene, read_guarded(scene.volume))
         found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, quiet=quiet)
     if found.shows_nothing:

@@ -159,7 +159,7 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     work = [RECIPES[job.number].work for job in jobs]
     figures: list[Figure] = []
     with (
-        open_rasterizer() as rasterizer,
+        open_rasterizer(needs_opengl=True) as rasterizer,
         plot_style(),
         progress(work, label="paper", quiet=quiet, unit="figures") as bar,
     ):

@@ -36,14 +36,14 @@ _ALONE = "drawn by one process, for others could not be started: {}"
 def open_crew(spec: CrewSpec, scene: Scene, *, quiet: bool) -> Iterator[Crew]:
     """Those who can draw this scene. quiet: not to say that workers are waited for.
 
-    Raises what is wrong with the GL here, or with the address of a cluster.
+    Raises what is wrong with the GL here, where the scene needs it, or with the address of a cluster.
     """
     with contextlib.ExitStack() as stack:
         cluster = rasterizer = None
         if spec.scheduler is not None:
             cluster = stack.enter_context(open_cluster(spec.scheduler, num_workers=spec.workers, quiet=quiet))
         if cluster is None or isinstance(scene.error.goal, AccuracyGoal):  # which is looked for here
-            rasterizer = stack.enter_context(open_lasting_rasterizer())
+            rasterizer = stack.enter_context(open_lasting_rasterizer(needs_opengl=scene.needs_opengl))
         yield Crew(spec, rasterizer, cluster)
 
 

@@ -81,7 +81,7 @@ def render_progressively(
     """
     start = time.perf_counter()
     place = taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames))
-    with place as folder, open_lasting_rasterizer() as rasterizer:
+    with place as folder, open_lasting_rasterizer(needs_opengl=job.scene.needs_opengl) as rasterizer:
         require_encoder(job.scene.output)
         begun = start_film(job, folder, rasterizer.renderer_name, force=force, quiet=quiet)
         if begun is None:

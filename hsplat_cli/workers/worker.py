@@ -36,9 +36,9 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _serve(end: socket.socket, descriptor: int) -> None:
-    with open_rasterizer() as rasterizer:
-        stage = map_stage(descriptor)
-        os.close(descriptor)
+    stage = map_stage(descriptor)
+    os.close(descriptor)
+    with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
         _warm_up(stage, rasterizer)
         send(end, Message({"ready": rasterizer.renderer_name}))
         drawer = LocalDrawer(stage, rasterizer)

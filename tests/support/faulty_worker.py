@@ -138,7 +138,7 @@ def slow_first(folder: Path, number: int) -> None:
 
 
 def no_gl(folder: Path) -> None:
-    def refuse() -> None:
+    def refuse(*, needs_opengl: bool) -> None:
         raise RenderError("no OpenGL 3.3 context could be made", got="nothing", expected="a driver", hint="install one")
 
     worker.open_rasterizer = refuse  # type: ignore[assignment]

@@ -53,7 +53,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
 def problems(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, tuple[str, ...]]]:
     """What the machine lacks, as long as the test says so, and it has apt-get."""
     problems = [GL_PROBLEM]
-    monkeypatch.setattr(bootstrap, "find_system_problems", lambda: list(problems))
+    monkeypatch.setattr(bootstrap, "find_system_problems", lambda needs_opengl: list(problems))
     monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
     return problems
 
@@ -93,11 +93,18 @@ def test_other_commands_are_refused(arguments: list[str], capsys: pytest.Capture
     assert capsys.readouterr().err == "usage: python3 -m hsplat_cli.bootstrap demo|test\n"
 
 
+def test_only_the_tests_need_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
+    refused = subprocess.CompletedProcess([], 1, stderr=b"libEGL.so.1 is not there")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: refused)
+    assert bootstrap.find_system_problems(needs_opengl=True) == [GL_PROBLEM]
+    assert bootstrap.find_system_problems(needs_opengl=False) == []
+
+
 @pytest.mark.usefixtures("problems")
 def test_an_ordinary_user_gets_the_line(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     with pytest.raises(bootstrap.SetupError) as caught:
-        bootstrap.require_system_packages()
+        bootstrap.require_system_packages(needs_opengl=True)
     assert str(caught.value) == (
         "some packages are missing. An administrator has to run this line once:\n\n"
         "  apt-get update && apt-get install -y --no-install-recommends libegl1 libgl1 libgl1-mesa-dri\n\n"
@@ -117,12 +124,12 @@ def test_root_installs(
 
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     monkeypatch.setattr(bootstrap, "run", run)
-    bootstrap.require_system_packages()
+    bootstrap.require_system_packages(needs_opengl=True)
     assert runs.commands == [
         "apt-get update",
         "apt-get install -y --no-install-recommends libegl1 libgl1 libgl1-mesa-dri",
     ]
-    bootstrap.require_system_packages()
+    bootstrap.require_system_packages(needs_opengl=True)
     assert len(runs.commands) == 2
 
 
@@ -132,14 +139,14 @@ def test_packages_that_do_not_help(runs: Runs, monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     runs.status = status
     with pytest.raises(bootstrap.SetupError, match=message):
-        bootstrap.require_system_packages()
+        bootstrap.require_system_packages(needs_opengl=True)
 
 
 @pytest.mark.usefixtures("problems")
 def test_a_machine_without_apt(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(bootstrap.SetupError) as caught:
-        bootstrap.require_system_packages()
+        bootstrap.require_system_packages(needs_opengl=True)
     assert str(caught.value) == (
         "this machine lacks something that pip cannot install:\n"
         "  OpenGL without a screen: libEGL.so.1 is not there\n"

@@ -178,7 +178,7 @@ def test_the_command_goes_on_and_says_so(
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
     make = failing_at({2})
-    monkeypatch.setattr(crew, "open_lasting_rasterizer", lambda: LastingRasterizer(make))
+    monkeypatch.setattr(crew, "open_lasting_rasterizer", lambda *, needs_opengl: LastingRasterizer(make))
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "lost.mp4"]) == 0
     assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
     assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()

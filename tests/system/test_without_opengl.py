@@ -1,0 +1,82 @@
+"""A machine without OpenGL: bricks are drawn all the same, by this process and by others, and are the same bytes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from small_scene import small_scene
+
+from hsplat_cli import main
+from renderer.raster_gl import WITHOUT_OPENGL, GLRasterizer, is_software
+
+# Where libglvnd looks for drivers: there are none.
+NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
+CODE = Path(main.__file__).parents[1]
+PAPER = Path(__file__).parents[2] / "configs" / "paper"
+FRAMES = [f"{number}.png" for number in range(5)]
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text(small_scene(footprint=None), encoding="utf-8")
+
+
+def hsplat(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "hsplat_cli", *arguments],
+        check=False, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(CODE)} | variables,
+    )  # fmt: skip
+
+
+def films(folder: str) -> dict[str, bytes]:
+    return {name: (Path(folder) / name).read_bytes() for name in FRAMES}
+
+
+def test_films_without_opengl() -> None:
+    for workers in "1", "2":
+        output = ["--output", f"{workers}/{{frame}}.png"]
+        result = hsplat("render", "scene.yaml", "--workers", workers, *output, **NO_OPENGL)
+        assert result.returncode == 0, result.stderr
+    assert films("1") == films("2")
+    (sidecar,) = Path("2").glob("*.json")
+    assert json.loads(sidecar.read_bytes())["gl"] == WITHOUT_OPENGL
+
+
+def test_other_commands_without_opengl() -> None:
+    for arguments in (
+        ["golden", "scene.yaml", "goldens"],
+        ["compare", "scene.yaml", "goldens"],
+        ["measure", "scene.yaml", "--want", "psnr=20", "--frames", "0"],
+        ["render", "scene.yaml", "--progressive"],
+    ):
+        result = hsplat(*arguments, **NO_OPENGL)
+        assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["render", "scene.yaml", "--set", "overlay=octree"],
+        ["measure", "scene.yaml", "--footprints", "integrated,gaussian", "--output", "study"],
+        ["paper", str(PAPER), "--figure", "6", "--output", "paper"],
+    ],
+)
+def test_what_needs_opengl_says_so(arguments: list[str]) -> None:
+    result = hsplat(*arguments, **NO_OPENGL)
+    assert result.returncode == 1
+    assert "no OpenGL 3.3 context could be made" in result.stderr
+    assert "needs none" in result.stderr
+
+
+def test_the_same_bytes_as_beside_software_opengl(rasterizer: GLRasterizer) -> None:
+    if not is_software(rasterizer.renderer_name):
+        pytest.skip("a GPU draws other bytes")
+    for folder, variables in (("with", {}), ("without", NO_OPENGL)):
+        assert hsplat("render", "scene.yaml", "--output", f"{folder}/{{frame}}.png", **variables).returncode == 0
+    assert films("with") == films("without")
