@@ -103,7 +103,8 @@ class CPUBrickDrawer:
             draw(tiles)
         else:
             num_tasks = min(len(tiles), _TASKS_EACH * self._num_threads)
-            list(self._pool.map(draw, (tiles[k::num_tasks] for k in range(num_tasks))))
+            # Copies: an array that is not contiguous is of another type, for which the loops would be compiled again.
+            list(self._pool.map(draw, (tiles[k::num_tasks].copy() for k in range(num_tasks))))
 
     def _boxes(self, picture: BrickPicture, group: slice) -> Boxes:
         """What the loops are told of bricks, which are made ready."""
