@@ -25,7 +25,7 @@ from renderer.brick_store import BrickStore
 from renderer.bricks import APRON
 from renderer.camera import View
 from renderer.gl_atlas import GLAtlas
-from renderer.lattices import interpolated
+from renderer.lattices import interpolated, num_nodes
 from renderer.optical_pieces import OpticalPieces
 
 Image = npt.NDArray[np.float32]
@@ -136,7 +136,7 @@ class GLBrickDrawer:
 
     def _lattice(self, stride: int) -> _Lattice:
         if stride not in self._lattices:
-            width, height = (-(-(n - 1) // stride) + 1 for n in self._image_size)
+            width, height = num_nodes(self._image_size, stride)
             image = self._context.texture((width, height), 4, dtype="f4")
             depths = self._context.depth_renderbuffer((width, height))
             target = self._context.framebuffer([image], depths)
