@@ -78,14 +78,10 @@ class Atlas(ABC):
                 self._places[part], self._keys[places], self._last_used[places] = places, part, self._time
         return self._places[keys]
 
-    def _resize(self, num: int, *, is_empty: bool) -> None:
-        """There are so many places now, and what was in the old ones is gone, or still there."""
-        if is_empty:
-            self._places[:] = -1
-            self._keys, self._last_used = np.empty(0, np.int64), np.empty(0, np.int64)
-        more = num - len(self._keys)
-        self._keys = np.append(self._keys, np.full(more, -1))
-        self._last_used = np.append(self._last_used, np.zeros(more, np.int64))
+    def _resize(self, num: int) -> None:
+        """There are so many places now, all of them free."""
+        self._places[:] = -1
+        self._keys, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
 
 
 def brick_bytes(num_channels: int) -> int:
