@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.brick_batch import BrickBatch
+from renderer.brick_batch import BrickBatch, toward_light
 from renderer.brick_picture import BrickPicture
 from renderer.brick_projection import ray_frame
 from renderer.brick_store import BrickStore
@@ -125,12 +125,11 @@ class CPUBrickDrawer:
         batch = picture.batch
         (scalars, _, _), (means, _, _) = self._store.kinds(picture)
         shading = batch.shading or ShadingSpec()
-        light = np.array(shading.light, np.float64)
-        x, y, z = (light / np.linalg.norm(light)).astype(np.float32)
+        x, y, z = toward_light(shading).astype(np.float32)
         return Field(
             scalars.texels,
             means.texels,
-            np.float32(batch.length / batch.cut.volume.finest_spacing),
+            np.float32(batch.depth_of_spacing),
             self._pieces_of(batch),
             batch.pieces.guide,
             batch.shading is not None,

@@ -18,7 +18,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.brick_batch import DITHER, PHASE_PER_PX, BrickBatch
+from renderer.brick_batch import DITHER, PHASE_PER_PX, BrickBatch, toward_light
 from renderer.brick_picture import BrickPicture
 from renderer.brick_projection import ray_frame
 from renderer.brick_store import BrickStore
@@ -192,12 +192,11 @@ class GLBrickDrawer:
             "opaque": batch.thrift.opaque,
             "phase_per_px": PHASE_PER_PX,
             "dither": DITHER,
-            "depth_of_spacing": batch.length / batch.cut.volume.finest_spacing,
+            "depth_of_spacing": batch.depth_of_spacing,
         }
         of_scalars: dict[str, Any] = {"atlas": SCALARS, "guide": GUIDE, "pieces": PIECES}
         if batch.shading:
-            light = np.array(batch.shading.light, np.float64)
-            of_scalars["light"] = tuple(light / np.linalg.norm(light))
+            of_scalars["light"] = tuple(toward_light(batch.shading))
             of_scalars["ambient_diffuse"] = batch.shading.ambient, batch.shading.diffuse
         programs = []
         of_means = {"atlas": MEANS}
