@@ -63,10 +63,14 @@ class Atlas(ABC):
         return int(np.count_nonzero(self._places[keys] < 0))
 
     def place(self, keys: Int64, texels: Texels) -> Int64:
-        """int64 [n]: the places of these bricks, for which there is room. Those that have none are asked for."""
+        """int64 [n]: the places of these bricks, int64 [n] keys, all different and no more than there is room for.
+
+        Those that have none are asked for; where `texels` raises, those made before stay, and the others have no place.
+        """
         self._time += 1
-        missing = keys[self._places[keys] < 0]
-        self._last_used[self._places[keys[self._places[keys] >= 0]]] = self._time
+        here = self._places[keys]
+        missing, here = keys[here < 0], here[here >= 0]
+        self._last_used[here] = self._time  # first: what is drawn now does not make room
         if len(missing):
             free = np.argsort(self._last_used, kind="stable")[: len(missing)]
             gone = self._keys[free]
