@@ -63,10 +63,14 @@ class Atlas(ABC):
         return int(np.count_nonzero(self._places[keys] < 0))
 
     def place(self, keys: Int64, texels: Texels) -> Int64:
-        """int64 [n]: the places of these bricks, for which there is room. Those that have none are asked for."""
+        """int64 [n]: the places of these bricks, int64 [n] keys, all different and no more than there is room for.
+
+        Those that have none are asked for; where `texels` raises, those made before stay, and the others have no place.
+        """
         self._time += 1
-        missing = keys[self._places[keys] < 0]
-        self._last_used[self._places[keys[self._places[keys] >= 0]]] = self._time
+        here = self._places[keys]
+        missing, here = keys[here < 0], here[here >= 0]
+        self._last_used[here] = self._time  # first: what is drawn now does not make room
         if len(missing):
             free = np.argsort(self._last_used, kind="stable")[: len(missing)]
             gone = self._keys[free]
@@ -78,14 +82,10 @@ class Atlas(ABC):
                 self._places[part], self._keys[places], self._last_used[places] = places, part, self._time
         return self._places[keys]
 
-    def _resize(self, num: int, *, is_empty: bool) -> None:
-        """There are so many places now, and what was in the old ones is gone, or still there."""
-        if is_empty:
-            self._places[:] = -1
-            self._keys, self._last_used = np.empty(0, np.int64), np.empty(0, np.int64)
-        more = num - len(self._keys)
-        self._keys = np.append(self._keys, np.full(more, -1))
-        self._last_used = np.append(self._last_used, np.zeros(more, np.int64))
+    def _resize(self, num: int) -> None:
+        """There are so many places now, all of them free."""
+        self._places[:] = -1
+        self._keys, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
 
 
 def brick_bytes(num_channels: int) -> int:

@@ -113,6 +113,17 @@ class BrickBatch:
     def __len__(self) -> int:
         return len(self.cut)
 
+    @property
+    def depth_of_spacing(self) -> float:
+        """The finest spacing's worth in model units: what tau times that spacing is multiplied by for tau per unit."""
+        return self.length / self.cut.volume.finest_spacing
+
+
+def toward_light(shading: ShadingSpec) -> Float64:
+    """float64 [3], world axes, of unit length."""
+    light = np.array(shading.light, np.float64)
+    return np.asarray(light / np.linalg.norm(light))
+
 
 def make_brick_batch(
     cut: BrickCut,

@@ -33,15 +33,13 @@ class CPUAtlas(Atlas):
     def release(self) -> None:
         """Give the memory back."""
         self.texels = np.empty(0, np.float32)
-        self._resize(0, is_empty=True)
+        self._resize(0)
 
     def _grow(self, num: int) -> None:
-        """As many more: until they are used, they take no memory."""
-        num = min(2 * num, self.most_places)
-        texels = np.empty(num * SIDE**3 * self.num_channels, np.float32)
-        texels[: len(self.texels)] = self.texels
-        self.texels = texels
-        self._resize(num, is_empty=False)
+        """As many as there may be, at once: they take no memory until they are used, where making room later would take
+        twice as much for as long as a copy takes."""
+        self.texels = np.empty(self.most_places * SIDE**3 * self.num_channels, np.float32)
+        self._resize(self.most_places)
 
     def _write(self, places: Int64, content: Float32) -> None:
         if self._is_planar and self.num_channels > 1:

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.brick_batch import BrickBatch
+from renderer.brick_batch import BrickBatch, toward_light
 from renderer.brick_picture import BrickPicture
 from renderer.brick_projection import ray_frame
 from renderer.brick_store import BrickStore
@@ -24,7 +24,7 @@ from renderer.camera import View
 from renderer.cpu_atlas import CPUAtlas
 from renderer.cpu_bricks_kernel import Boxes, Float64, Int64, Rays, bin_boxes, draw_tiles
 from renderer.cpu_field import Field, Float32
-from renderer.lattices import interpolated, refined
+from renderer.lattices import interpolated, num_nodes, refined
 from renderer.optical_pieces import OpticalPieces
 from renderer.scene import ShadingSpec
 
@@ -55,11 +55,11 @@ class CPUBrickDrawer:
         picture = self._store.begin(batch, order, view)
         self._store.begin_drawing(picture)
         strides = batch.thrift.strides
-        columns, rows = _num_nodes(view.size, strides[0])
+        columns, rows = num_nodes(view.size, strides[0])
         image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
         self._draw_boxes(picture, strides[0], is_drawn, image)
         for coarse, stride in pairwise(strides):
-            image, is_drawn = refined(image, coarse // stride, batch.thrift.spread, _num_nodes(view.size, stride))
+            image, is_drawn = refined(image, coarse // stride, batch.thrift.spread, num_nodes(view.size, stride))
             self._draw_boxes(picture, stride, is_drawn, image)
         return image if strides[-1] == 1 else interpolated(image, strides[-1], view.size)
 
@@ -103,7 +103,8 @@ class CPUBrickDrawer:
             draw(tiles)
         else:
             num_tasks = min(len(tiles), _TASKS_EACH * self._num_threads)
-            list(self._pool.map(draw, (tiles[k::num_tasks] for k in range(num_tasks))))
+            # Copies: an array that is not contiguous is of another type, for which the loops would be compiled again.
+            list(self._pool.map(draw, (tiles[k::num_tasks].copy() for k in range(num_tasks))))
 
     def _boxes(self, picture: BrickPicture, group: slice) -> Boxes:
         """What the loops are told of bricks, which are made ready."""
@@ -124,12 +125,11 @@ class CPUBrickDrawer:
         batch = picture.batch
         (scalars, _, _), (means, _, _) = self._store.kinds(picture)
         shading = batch.shading or ShadingSpec()
-        light = np.array(shading.light, np.float64)
-        x, y, z = (light / np.linalg.norm(light)).astype(np.float32)
+        x, y, z = toward_light(shading).astype(np.float32)
         return Field(
             scalars.texels,
             means.texels,
-            np.float32(batch.length / batch.cut.volume.finest_spacing),
+            np.float32(batch.depth_of_spacing),
             self._pieces_of(batch),
             batch.pieces.guide,
             batch.shading is not None,
@@ -154,23 +154,18 @@ def _rays(picture: BrickPicture) -> Rays:
     return Rays(frame.origins, frame.directions, float(frame.slope_per_px), float(frame.start), center_px)
 
 
-def _num_nodes(size: tuple[int, int], stride: int) -> tuple[int, int]:
-    """Columns and rows of a lattice that covers an image of (width, height)."""
-    return -(-(size[0] - 1) // stride) + 1, -(-(size[1] - 1) // stride) + 1
-
-
-def _in_nodes(rectangles_px: Float64, stride: int, num_nodes: tuple[int, int]) -> Int64:
+def _in_nodes(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> Int64:
     """int64 [n, 4]: left, top, right and bottom of the nodes in rectangles, half-open, and of those that rounding may
-    have put outside. Node 0 is the centre of pixel 0."""
-    most = np.array(num_nodes)
+    have put outside. Node 0 is the centre of pixel 0. shape: columns and rows of the lattice."""
+    most = np.array(shape)
     low = np.clip(np.ceil((rectangles_px[:, :2] - 0.5 - _ROUNDING_PX) / stride), 0, most)
     high = np.clip(np.floor((rectangles_px[:, 2:] - 0.5 + _ROUNDING_PX) / stride) + 1, low, most)
     return np.hstack([low, high]).astype(np.int64)
 
 
-def _bins(rectangles: Int64, side: int, num_nodes: tuple[int, int]) -> tuple[Int64, Int64]:
-    """As `bin_boxes` has them: where the boxes of each tile begin, and their numbers."""
-    columns, rows = (-(-n // side) for n in num_nodes)
+def _bins(rectangles: Int64, side: int, shape: tuple[int, int]) -> tuple[Int64, Int64]:
+    """As `bin_boxes` has them: where the boxes of each tile begin, and their numbers. shape: as in `_in_nodes`."""
+    columns, rows = (-(-n // side) for n in shape)
     starts, numbers = np.empty(columns * rows + 1, np.int64), np.empty(8 * len(rectangles), np.int64)
     num = bin_boxes(rectangles, side, columns, starts, numbers)
     if num > len(numbers):

@@ -55,7 +55,7 @@ _1: np.float32 = np.float32(1.0)
 
 
 class Rays(NamedTuple):
-    """As in RayFrame: matrices, of which each row is that of an axis; center_px: (x, y) of the image's centre."""
+    """Origins, directions, slope_per_px and start as in RayFrame; center_px: (x, y) of the image's centre."""
 
     origins: Float64
     directions: Float64
@@ -67,8 +67,8 @@ class Rays(NamedTuple):
 class Boxes(NamedTuple):
     """Bricks of a picture, front to back; index space relative to the volume's centre.
 
-    bounds: float64 [n, 2, 3]. corners: float64 [n, 3], of the first cell's centre and half a cell before it.
-    cells_per_voxel, steps: float64 [n]. firsts: int64 [n], where the brick begins among those of its kind.
+    bounds, corners, cells_per_voxel, steps, is_mean: as in BrickPicture.
+    firsts: int64 [n], where the brick begins in the texels of its kind.
     """
 
     bounds: Float64
@@ -83,32 +83,40 @@ class Boxes(NamedTuple):
 def bin_boxes(rectangles: Int64, side: int, num_columns: int, starts: Int64, numbers: Int64) -> int:
     """Which boxes lie over which tiles: those of tile k are `numbers[starts[k] : starts[k + 1]]`, in their order.
 
-    rectangles: int64 [n, 4], half-open, of nodes. starts: [tiles + 1]. How many numbers there are is returned; where
-    there is no room for them, they are not written.
+    rectangles: int64 [n, 4], left, top, right and bottom, half-open, in nodes of the lattice, inside of it. side: of a
+    tile, in nodes. num_columns: of tiles. starts: int64 [tiles + 1] and numbers: int64, both written. How many numbers
+    there are is returned; where there is no room for them, they are not written.
     """
     starts[:] = 0
-    for is_told in range(2):
-        for i in range(len(rectangles)):
-            left, top, right, bottom = rectangles[i, 0], rectangles[i, 1], rectangles[i, 2], rectangles[i, 3]
-            if left >= right or top >= bottom:
-                continue
-            for row in range(top // side, (bottom - 1) // side + 1):
-                for column in range(left // side, (right - 1) // side + 1):
-                    tile = row * num_columns + column
-                    if is_told:
-                        numbers[starts[tile]] = i
-                        starts[tile] += 1
-                    else:
-                        starts[tile + 1] += 1
-        if is_told:
-            starts[1:] = starts[:-1].copy()
-            starts[0] = 0
-            break
-        for tile in range(len(starts) - 1):
-            starts[tile + 1] += starts[tile]
-        if starts[-1] > len(numbers):
-            break
-    return int(starts[-1])
+    for i in range(len(rectangles)):
+        left, top, right, bottom = _tiles_under(rectangles[i], side)
+        for row in range(top, bottom):
+            for column in range(left, right):
+                starts[row * num_columns + column + 1] += 1
+    for tile in range(len(starts) - 1):
+        starts[tile + 1] += starts[tile]
+    num = int(starts[-1])
+    if num > len(numbers):
+        return num
+    for i in range(len(rectangles)):
+        left, top, right, bottom = _tiles_under(rectangles[i], side)
+        for row in range(top, bottom):
+            for column in range(left, right):
+                tile = row * num_columns + column
+                numbers[starts[tile]] = i
+                starts[tile] += 1  # in the end where the next tile's begin
+    starts[1:] = starts[:-1].copy()
+    starts[0] = 0
+    return num
+
+
+@jit
+def _tiles_under(rectangle: Int64, side: int) -> Window:
+    """Of tiles, which a rectangle of nodes lies over."""
+    left, top, right, bottom = rectangle
+    if left >= right or top >= bottom:
+        return 0, 0, 0, 0
+    return left // side, top // side, (right - 1) // side + 1, (bottom - 1) // side + 1
 
 
 @jit
@@ -126,10 +134,15 @@ def draw_tiles(
     is_drawn: Bools,
     image: Float32,
 ) -> None:
-    """Boxes behind what is in some tiles of `image` [rows, columns, 4], whose nodes are every `stride`-th pixel.
+    """Draw boxes behind what is in some tiles of `image`, float32 [rows, columns, 4], premultiplied RGBA, whose nodes
+    are every `stride`-th pixel along both axes.
 
-    opaque: the alpha behind which nothing is drawn. rectangles, starts, numbers: as in `bin_boxes`. is_drawn: [rows,
-    columns], which nodes are.
+    tiles: int64 [k], their numbers, row by row. side: of a tile, in nodes. opaque: the alpha behind which nothing is
+    drawn. rectangles, starts, numbers: as in `bin_boxes`. is_drawn: [rows, columns], which nodes are.
+
+    No place of an array is checked (numba does not). What keeps them inside: rectangles are clipped to the lattice, and
+    windows to the tile; samples are held to the brick (`_inside`), from which the last one is off by float32's rounding
+    at most, less than a quarter of a texel; u is finite, so that the search ends at the last piece.
     """
     num_rows, num_columns = is_drawn.shape
     tiles_in_row = -(-num_columns // side)

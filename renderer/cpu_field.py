@@ -40,7 +40,7 @@ class Field(NamedTuple):
     """What is looked up.
 
     scalars: float32, of each brick [SIDE^3], or with light [4, SIDE^3] with the gradient. means: of each [SIDE^3, 4].
-    depth_of_spacing: 1 / model unit for 1 / finest spacing.
+    depth_of_spacing: as in BrickBatch.
     pieces: float32 [pieces * PIECE]. guide: int32 [GUIDE_SIZE]. Both as in OpticalPieces.
     """
 

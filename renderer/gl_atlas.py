@@ -58,7 +58,7 @@ class GLAtlas(Atlas):
         if self.texture is not None:
             self.texture.release()
             self.texture = None
-        self._resize(0, is_empty=True)
+        self._resize(0)
 
     def _grow(self, num: int) -> None:
         """A texture with room for so many, and some more; what was in the old one is gone."""
@@ -66,7 +66,7 @@ class GLAtlas(Atlas):
         while self.texture is None:
             self.size = _size_for(num, self._sizes)
             self.texture = self._made()
-        self._resize(_num_places(self.size), is_empty=True)
+        self._resize(_num_places(self.size))
         self.texture.filter = moderngl.LINEAR, moderngl.LINEAR
         self.texture.repeat_x = self.texture.repeat_y = self.texture.repeat_z = False
 

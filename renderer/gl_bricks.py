@@ -18,14 +18,14 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.brick_batch import DITHER, PHASE_PER_PX, BrickBatch
+from renderer.brick_batch import DITHER, PHASE_PER_PX, BrickBatch, toward_light
 from renderer.brick_picture import BrickPicture
 from renderer.brick_projection import ray_frame
 from renderer.brick_store import BrickStore
 from renderer.bricks import APRON
 from renderer.camera import View
 from renderer.gl_atlas import GLAtlas
-from renderer.lattices import interpolated
+from renderer.lattices import interpolated, num_nodes
 from renderer.optical_pieces import OpticalPieces
 
 Image = npt.NDArray[np.float32]
@@ -136,7 +136,7 @@ class GLBrickDrawer:
 
     def _lattice(self, stride: int) -> _Lattice:
         if stride not in self._lattices:
-            width, height = (-(-(n - 1) // stride) + 1 for n in self._image_size)
+            width, height = num_nodes(self._image_size, stride)
             image = self._context.texture((width, height), 4, dtype="f4")
             depths = self._context.depth_renderbuffer((width, height))
             target = self._context.framebuffer([image], depths)
@@ -192,12 +192,11 @@ class GLBrickDrawer:
             "opaque": batch.thrift.opaque,
             "phase_per_px": PHASE_PER_PX,
             "dither": DITHER,
-            "depth_of_spacing": batch.length / batch.cut.volume.finest_spacing,
+            "depth_of_spacing": batch.depth_of_spacing,
         }
         of_scalars: dict[str, Any] = {"atlas": SCALARS, "guide": GUIDE, "pieces": PIECES}
         if batch.shading:
-            light = np.array(batch.shading.light, np.float64)
-            of_scalars["light"] = tuple(light / np.linalg.norm(light))
+            of_scalars["light"] = tuple(toward_light(batch.shading))
             of_scalars["ambient_diffuse"] = batch.shading.ambient, batch.shading.diffuse
         programs = []
         of_means = {"atlas": MEANS}

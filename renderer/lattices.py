@@ -11,11 +11,15 @@ Bools = npt.NDArray[np.bool_]
 Float32 = npt.NDArray[np.float32]
 
 
-def interpolated(nodes: Float32, stride: int, size: tuple[int, int]) -> Float32:
-    """float32 [height, width, 4]: the picture of `size`, bilinear between nodes [h, w, 4] at every `stride`-th pixel.
+def num_nodes(size: tuple[int, int], stride: int) -> tuple[int, int]:
+    """Columns and rows of a lattice that covers a picture of (width, height): every `stride`-th pixel along both axes,
+    from the first one to the last or beyond."""
+    return -(-(size[0] - 1) // stride) + 1, -(-(size[1] - 1) // stride) + 1
 
-    There are as many nodes as cover the picture.
-    """
+
+def interpolated(nodes: Float32, stride: int, size: tuple[int, int]) -> Float32:
+    """float32 [height, width, 4]: the picture of `size` (width, height), bilinear between nodes [h, w, 4] at every
+    `stride`-th pixel, of which there are `num_nodes`."""
     width, height = size
     image = np.empty((height, width, 4), np.float32)
     _interpolate(nodes, stride, image)
@@ -43,13 +47,13 @@ def _interpolate(nodes: Float32, stride: int, image: Float32) -> None:
                     image[row, column, k] = between[left, k] + part * (between[right, k] - between[left, k])
 
 
-def refined(nodes: Float32, factor: int, spread: float, num_nodes: tuple[int, int]) -> tuple[Float32, Bools]:
-    """A lattice of `num_nodes` (columns, rows), each `factor`-th of which nodes [h, w, 4] are: float32 [rows, columns,
-    4], and bool [rows, columns], which of it are to be drawn.
+def refined(nodes: Float32, factor: int, spread: float, shape: tuple[int, int]) -> tuple[Float32, Bools]:
+    """A finer lattice of `shape` (columns, rows), each `factor`-th of whose nodes are those given, [h, w, 4]: float32
+    [rows, columns, 4], and bool [rows, columns], which of it are to be drawn.
 
     Those have 0: they lie between four nodes that differ, by more than `spread`, as Thrift says. Others are bilinear.
     """
-    image = np.empty((num_nodes[1], num_nodes[0], 4), np.float32)
+    image = np.empty((shape[1], shape[0], 4), np.float32)
     is_drawn = np.empty(image.shape[:2], np.bool_)
     _refine(nodes, factor, _differing(nodes, np.float32(spread)), image, is_drawn)
     return image, is_drawn

@@ -22,6 +22,11 @@ out vec4 color;
 const float COARSE = 2048.0;
 // No ray is as long.
 const float FAR = 1e30;
+// Where samples are, in cells of the brick: between the centres of its first and last texel, for what else lies in the
+// atlas is another brick's, or nobody's. Rays of extremely wide views are rounded to more than that.
+const float FIRST = -0.25, LAST = 16.25;
+// Parts of a way, as on the processor; no ray that is not rounded beyond its brick has more.
+const float MOST_PARTS = 4095.0;
 
 vec4 behind(vec4 before, vec4 extinction, float way) {
     float alpha = opacity_of_depth(extinction.a * way);
@@ -45,7 +50,7 @@ void main() {
     uvec2 pixel = uvec2((gl_FragCoord.xy - 0.5) * stride_px + 0.5);
     float phase = float((pixel.x * phase_per_px.x + pixel.y * phase_per_px.y) >> 8) / 16777216.0;
     float num_steps = (leave - enter) * length(direction) * brick_steps.x / brick_steps.y;
-    float num = max(1.0, floor(num_steps * (1.0 + dither * (phase - 0.5)) + 0.5 + phase));
+    float num = clamp(floor(num_steps * (1.0 + dither * (phase - 0.5)) + 0.5 + phase), 1.0, MOST_PARTS);
     float part = (leave - enter) / num;
     float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));
     vec3 place = (origin + (enter + 0.5 * part) * direction - brick_corner) * brick_steps.x;
@@ -54,7 +59,7 @@ void main() {
     vec4 result = vec4(0.0);
     // Not `for`: software renderers go through the body of one once more when its condition fails.
     do {
-        vec3 texel = (place + COARSE) + first_texel;
+        vec3 texel = (clamp(place, FIRST, LAST) + COARSE) + first_texel;
         result = behind(result, look_up(texel * atlas_scale), way);
         place += step_place;
     } while (++number < num_parts && result.a <= opaque);

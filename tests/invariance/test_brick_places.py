@@ -3,8 +3,10 @@ on the device or in memory."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,9 +14,12 @@ from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, p
 
 from renderer import brick_atlas
 from renderer.brick_batch import BrickBatch
+from renderer.brick_kernels import SIDE
 from renderer.camera import View
 from renderer.raster_gl import BricksOn, GLRasterizer
 from renderer.scene import ShadingSpec
+from renderer.schema_camera import WIDEST_VIEW
+from renderer.schema_output import MAX_SIDE
 
 
 def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:
@@ -96,3 +101,25 @@ def test_pictures_do_not_depend_on_the_number_of_threads(shading: ShadingSpec | 
         with GLRasterizer(bricks_on="processor", num_threads=num_threads) as gl:
             pictures.append([gl.rasterize(batch, ordered(batch.cut, view), view).tobytes() for batch in batches])
     assert pictures[0] == pictures[1] == pictures[2]
+
+
+@pytest.mark.parametrize("bricks_on", ["device", "processor"])
+@pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
+def test_samples_stay_in_their_brick(shading: ShadingSpec | None, bricks_on: BricksOn) -> None:
+    """In the widest picture that a scene may ask for, whose outer rays float32 puts voxels away from where they are:
+    what else lies in the atlas, here no numbers, is not seen."""
+    volume = placed(hills((16, 16, 80), 9.0))
+    bricks = bricks_of(volume, transfer_of((0, (0.9, 0.2, 0.1), 0.1), (1, (0.1, 0.5, 1.0), 0.3)), shading)
+    batch, order = batch_of(level_cut(bricks, 0), bricks, shading=shading), np.zeros(1, np.uint32)
+    eye, scale_px = np.array([3.0, 4.0, 5.0]), 0.5 / math.tan(math.radians(WIDEST_VIEW / 2))
+    with GLRasterizer(bricks_on=bricks_on) as gl:
+        for azimuth in (20.0, 100.0, 200.0, 300.0):
+            view = replace(view_of(volume, "inside", (MAX_SIDE, 1), azimuth), target=eye, scale_px=scale_px)
+            expected = gl.rasterize(batch, order, view)
+            atlas = cast(Any, gl)._bricks._store._scalars
+            free = np.flatnonzero(atlas._keys < 0)
+            assert len(free) > 0
+            with cast(Any, gl)._context:
+                atlas._write(free, np.full((len(free), SIDE, SIDE, SIDE, atlas.num_channels), np.nan, np.float32))
+            assert expected[..., 3].max() > 0.5
+            assert gl.rasterize(batch, order, view).tobytes() == expected.tobytes()

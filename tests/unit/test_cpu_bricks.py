@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from fractions import Fraction
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,7 +15,8 @@ from renderer import brick_atlas
 from renderer.brick_atlas import brick_bytes
 from renderer.brick_kernels import SIDE
 from renderer.cpu_atlas import CPUAtlas, most_atlas_bytes
-from renderer.cpu_bricks_kernel import _inside, bin_boxes
+from renderer.cpu_bricks import CPUBrickDrawer
+from renderer.cpu_bricks_kernel import _inside, bin_boxes, draw_tiles
 from renderer.cpu_field import opacity
 from renderer.jit import fma, jit
 from renderer.lattices import refined
@@ -105,11 +106,14 @@ def content(atlas: CPUAtlas, keys: Any) -> list[float]:
     return [float(atlas.texels[first]) for first in atlas.firsts(places)]
 
 
-def test_bricks_stay_while_an_atlas_grows() -> None:
+def test_bricks_stay_where_they_are_when_there_are_more() -> None:
+    """A copy would take memory that nobody reckons with."""
     atlas = CPUAtlas(1, 1000)
     atlas.reserve(10)
     atlas.place(np.arange(10), brick)
+    texels = atlas.texels
     atlas.reserve(500)
+    assert atlas.texels is texels
     assert atlas.num_missing(np.arange(10)) == 0
     assert content(atlas, np.arange(10)) == list(range(10))
     assert len(atlas.texels) == 1000 * SIDE**3  # no more than there are bricks
@@ -158,3 +162,15 @@ def test_threads_end_with_the_rasterizer() -> None:
         gl.rasterize(batch, ordered(batch.cut, view), view)
         assert threading.active_count() > before
     assert threading.active_count() == before
+
+
+def test_loops_are_compiled_once_for_any_number_of_threads() -> None:
+    """What a thread is given has one type. The picture has more tiles than there are tasks."""
+    bricks = bricks_of(placed(hills((20, 30, 40), 9.0), AFFINES["straight"]), GLASS)
+    view = view_of(bricks.volume, "perspective", (640, 480))
+    batch = batch_of(level_cut(bricks, 0), bricks)
+    for num_threads in (1, 3):
+        drawer = CPUBrickDrawer(num_threads)
+        drawer.draw(batch, ordered(batch.cut, view), view)
+        drawer.release()
+    assert {tiles.layout for tiles, *_ in cast(Any, draw_tiles).signatures} == {"C"}
