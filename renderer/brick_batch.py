@@ -5,9 +5,11 @@ the near plane. In index space, in cells of the brick, that way is L long, and i
 
     n = max(1, floor(L / step * (1 + DITHER * (phase - 1/2)) + 1/2 + phase))
 
-equal parts of the world length h. The phase, from 0 to 1, is the pixel's own, (column, row) . PHASE_PER_PX without its
-whole part: what parts leave out is noise, of a level or less, and not rings where n changes, or whole bricks that are
-off alike. In the middle of each part the field is looked up, linear between the centres of cells:
+equal parts of the world length h; one more where that is a multiple of four: a brick is 16 cells wide, and along an
+axis with 8, 16 or 32 parts all their middles would lie alike in their cells, in brick after brick. The phase, from 0 to
+1, is the pixel's own, (column, row) . PHASE_PER_PX without its whole part: what parts leave out is noise, of a level or
+less, and not rings where n changes, or whole bricks that are off alike. In the middle of each part the field is looked
+up, linear between the centres of cells:
 
     level 0     u, a scalar; then c and tau of u, each linear in the pieces of the transfer function; with light, c
                 times the factor of the interpolated gradient

@@ -163,6 +163,7 @@ def _of_brick(batch: BrickBatch, brick: int, rays: _Rays, enter: Float64, leave:
     length = np.linalg.norm(rays.directions, axis=1) * (leave - enter) / 2**level  # in cells
     spread = 1 + DITHER * (rays.phases - 0.5)
     num_parts = np.maximum(1, np.floor(length / batch.steps[brick] * spread + 0.5 + rays.phases))
+    num_parts += num_parts % 4 == 0
     part = (leave - enter) / num_parts
     number = np.arange(num_parts.max())
     is_part = number < num_parts[:, None]

@@ -51,6 +51,7 @@ void main() {
     float phase = float((pixel.x * phase_per_px.x + pixel.y * phase_per_px.y) >> 8) / 16777216.0;
     float num_steps = (leave - enter) * length(direction) * brick_steps.x / brick_steps.y;
     float num = clamp(floor(num_steps * (1.0 + dither * (phase - 0.5)) + 0.5 + phase), 1.0, MOST_PARTS);
+    num += mod(num, 4.0) == 0.0 ? 1.0 : 0.0;
     float part = (leave - enter) / num;
     float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));
     vec3 place = (origin + (enter + 0.5 * part) * direction - brick_corner) * brick_steps.x;
