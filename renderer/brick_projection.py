@@ -1,8 +1,9 @@
 """Bricks in a view: which are seen in which order, where on the image, and the rays that meet them.
 
 Rays are told in index space, relative to the volume's centre, as they are in `renderer.integrator`: each begins on the
-plane through that centre that faces the camera, in perspective not behind the eye, which keeps its digits in float32
-however far the eye is. Origins and directions are linear in the pixel.
+plane through that centre that faces the camera, which keeps its digits in float32 however far the eye is; in
+perspective at the eye itself where that is near, for rays of wide views meet the plane far away. Origins and directions
+are linear in the pixel.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ Float64 = npt.NDArray[np.float64]
 
 # What a corner must have of depth, in model units, to be divided by it; a box with one that has not is cut.
 _NEAREST = 1e-6
+# Of eyes at which rays begin, in model units from the volume's centre.
+_NEAR = 2.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,8 @@ def ray_frame(volume: Volume, length: float, view: View) -> RayFrame:
     """The rays of a view; `length` is that of a model unit."""
     centre = view.in_view(volume.centre) / length
     index_from_view = np.linalg.inv(volume.world_from_index[:3, :3] / length) @ view.axes.T
-    depth = max(0.0, -float(centre[2]))
+    is_near = view.projection == "perspective" and np.linalg.norm(centre) < _NEAR
+    depth = 0.0 if is_near else max(0.0, -float(centre[2]))
     begin = -centre - (0.0, 0.0, depth)
     if view.projection == "perspective":
         slope = 1 / view.scale_px

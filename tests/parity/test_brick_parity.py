@@ -12,6 +12,7 @@ In the same way a block of pixels may differ by as much as `spread`, or not, wit
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -114,6 +115,15 @@ def test_rays_along_an_axis(rasterizer: GLRasterizer, azimuth: float) -> None:
     view = view_of(bricks.volume, "orthographic", azimuth=azimuth, elevation=0.0)
     for cut in (level_cut(bricks, 0), random_cut(bricks, 5)):
         assert_parity(rasterizer, batch_of(cut, bricks, step=0.5), view, len(cut))
+
+
+@pytest.mark.parametrize(("size", "degrees"), [((300, 3), 170.0), ((40, 30), 179.9), ((3000, 1), 179.9)])
+def test_very_wide_views(rasterizer: GLRasterizer, size: tuple[int, int], degrees: float) -> None:
+    """Outer rays meet the plane through the volume's centre far away: 0.005 off where they began there."""
+    bricks = hilly("oblique", None)
+    scale_px = 0.5 * size[1] / math.tan(math.radians(degrees / 2))
+    view = replace(view_of(bricks.volume, "inside", size), scale_px=scale_px)
+    assert_parity(rasterizer, batch_of(level_cut(bricks, 0), bricks), view)
 
 
 @pytest.mark.parametrize("azimuth", [90.0, 270.0])
