@@ -6,6 +6,7 @@ the means are those that it would have stored, bit for bit.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from renderer.pyramid import Pyramid
 from renderer.pyramid_blocks import classify_blocks, opacities_to_depths, store
 from renderer.pyramid_kernels import BLOCK, PLACES
 from renderer.pyramid_memory import BLOCKS_PER_TASK, Scratch
+from renderer.threads import Threads
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -29,16 +31,19 @@ UInt64 = npt.NDArray[np.uint64]
 
 # What a cache of made bricks may take.
 MOST_KEPT_BYTES = 256 << 20
+# Bricks that are worth a thread.
+LEAST_BRICKS = 8
 
 
 class MadeMeans:
     """Bricks that were made, for pictures of more bricks than the device holds: they would be made again for each.
 
     What the last two pictures did not need goes first. What they did stays: of bricks that are asked for in turns, and
-    are too many, those that were asked for longest ago would be the next.
+    are too many, those that were asked for longest ago would be the next. threads: that make them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, threads: Threads | None = None) -> None:
+        self._threads = threads or Threads()
         self._kept: dict[tuple[int, ...], Array] = {}  # stored means by level and cell
         self._last_used: dict[tuple[int, ...], int] = {}  # the number of the picture, longest ago first
         self._picture, self._num_bytes, self._is_used = 0, 0, False
@@ -54,10 +59,10 @@ class MadeMeans:
     def of(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
         """As `made_means`."""
         if not self._is_used:
-            return made_means(pyramid, level, cells)
+            return self._made(pyramid, level, cells)
         keys = [(level, *cell) for cell in cells.tolist()]
         missing = [k for k, key in enumerate(keys) if key not in self._kept]
-        made = dict(zip(missing, made_means(pyramid, level, cells[missing]), strict=True))
+        made = dict(zip(missing, self._made(pyramid, level, cells[missing]), strict=True))
         means = np.stack([made[k] if k in made else self._kept[key] for k, key in enumerate(keys)])
         for k, key in enumerate(keys):
             if k not in made:
@@ -66,6 +71,9 @@ class MadeMeans:
         for k, brick in made.items():
             self._keep(keys[k], brick)
         return means
+
+    def _made(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
+        return self._threads.concatenated(partial(made_means, pyramid, level), cells, LEAST_BRICKS)
 
     def _keep(self, key: tuple[int, ...], made: Array) -> None:
         """Keep a brick if there is room."""

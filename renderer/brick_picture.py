@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.brick_batch import BrickBatch
 from renderer.brick_kernels import BRICK, SIDE
-from renderer.brick_means import MadeMeans
+from renderer.brick_means import LEAST_BRICKS, MadeMeans
 from renderer.brick_projection import box_rectangles
 from renderer.brick_texels import mean_texels, scalar_texels
 from renderer.camera import View
+from renderer.threads import Threads
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -82,10 +84,12 @@ def _cells(keys: npt.NDArray[np.int64], grid: tuple[int, ...]) -> npt.NDArray[np
     return np.column_stack([x, y, z]).astype(np.int32)
 
 
-def scalars_of(batch: BrickBatch, keys: npt.NDArray[np.int64]) -> Float32:
+def scalars_of(batch: BrickBatch, threads: Threads, keys: npt.NDArray[np.int64]) -> Float32:
     """float32 [n, SIDE, SIDE, SIDE(, 4)]: texels of bricks of level 0, by their keys."""
     cells = _cells(keys, batch.bricks.levels[0].boxes.shape[:3])
-    return scalar_texels(batch.bricks, cells, lit=batch.shading is not None)
+    return threads.concatenated(
+        partial(scalar_texels, batch.bricks, lit=batch.shading is not None), cells, LEAST_BRICKS
+    )  # fmt: skip
 
 
 def means_of(batch: BrickBatch, made: MadeMeans, keys: npt.NDArray[np.int64]) -> Float32:

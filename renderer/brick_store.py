@@ -15,6 +15,7 @@ from renderer.brick_means import MadeMeans
 from renderer.brick_picture import BrickPicture, make_brick_picture, means_of, scalars_of
 from renderer.bricks import Bricks
 from renderer.camera import View
+from renderer.threads import Threads
 
 A = TypeVar("A", bound=Atlas)
 # An atlas, which bricks of a picture belong there, and what makes them ready.
@@ -22,14 +23,17 @@ Kind = tuple[A, npt.NDArray[np.bool_], Texels]
 
 
 class BrickStore(Generic[A]):
-    """Atlases of scalars and of means; of_scalars, of_means: what makes one, of so many channels for so many keys."""
+    """Atlases of scalars and of means; of_scalars, of_means: what makes one, of so many channels for so many keys.
+    threads: that make bricks ready."""
 
-    def __init__(self, of_scalars: Callable[[int, int], A], of_means: Callable[[int, int], A]) -> None:
-        self._of_scalars, self._of_means = of_scalars, of_means
+    def __init__(
+        self, of_scalars: Callable[[int, int], A], of_means: Callable[[int, int], A], threads: Threads
+    ) -> None:
+        self._of_scalars, self._of_means, self._threads = of_scalars, of_means, threads
         self._bricks: Bricks | None = None
         self._scalars: A | None = None
         self._means: A | None = None
-        self._made = MadeMeans()
+        self._made = MadeMeans(threads)
         self._picture: BrickPicture | None = None  # the last one, which may be brought and then drawn
 
     def begin(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickPicture:
@@ -67,7 +71,7 @@ class BrickStore(Generic[A]):
         assert self._scalars is not None
         assert self._means is not None
         return (
-            (self._scalars, ~picture.is_mean, partial(scalars_of, picture.batch)),
+            (self._scalars, ~picture.is_mean, partial(scalars_of, picture.batch, self._threads)),
             (self._means, picture.is_mean, partial(means_of, picture.batch, self._made)),
         )
 
@@ -83,7 +87,7 @@ class BrickStore(Generic[A]):
             if atlas is not None:
                 atlas.release()
         self._scalars = self._means = None
-        self._bricks, self._picture, self._made = None, None, MadeMeans()
+        self._bricks, self._picture, self._made = None, None, MadeMeans(self._threads)
 
     def _look_at(self, batch: BrickBatch) -> None:
         """Let go of what belongs to other bricks."""

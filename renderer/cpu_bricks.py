@@ -9,7 +9,6 @@ pixels in step: what one of them needs, all wait for, and where few are drawn mo
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
 
@@ -27,11 +26,12 @@ from renderer.cpu_field import Field, Float32
 from renderer.lattices import interpolated, num_nodes, refined
 from renderer.optical_pieces import OpticalPieces
 from renderer.scene import ShadingSpec
+from renderer.threads import Threads
 
 # Nodes along a tile's sides, where every pixel is one, and where few are. Tiles of 16 draw each brick more often, tiles
 # of 64 share their rays with no cache.
 SIDE_OF_ALL, SIDE_OF_FEW = 32, 16
-# Tasks of a thread, each of tiles all over the picture.
+# Tasks of a thread, each of tiles side by side, which have bricks in common.
 _TASKS_EACH = 8
 # Of a rectangle's edges; the shaders have the same.
 _ROUNDING_PX = 2e-3
@@ -41,9 +41,8 @@ class CPUBrickDrawer:
     """Draws on so many threads; pictures do not depend on their number. `release` ends them."""
 
     def __init__(self, num_threads: int) -> None:
-        self._num_threads = num_threads
-        self._pool = ThreadPoolExecutor(num_threads, thread_name_prefix="hsplat-bricks") if num_threads > 1 else None
-        self._store = BrickStore(partial(CPUAtlas, is_planar=True), CPUAtlas)
+        self._threads = Threads(num_threads)
+        self._store = BrickStore(partial(CPUAtlas, is_planar=True), CPUAtlas, self._threads)
         self._pieces: tuple[OpticalPieces, Float32] | None = None
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
@@ -59,9 +58,10 @@ class CPUBrickDrawer:
         image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
         self._draw_boxes(picture, strides[0], is_drawn, image)
         for coarse, stride in pairwise(strides):
-            image, is_drawn = refined(image, coarse // stride, batch.thrift.spread, num_nodes(view.size, stride))
+            shape = num_nodes(view.size, stride)
+            image, is_drawn = refined(image, coarse // stride, batch.thrift.spread, shape, self._threads)
             self._draw_boxes(picture, stride, is_drawn, image)
-        return image if strides[-1] == 1 else interpolated(image, strides[-1], view.size)
+        return image if strides[-1] == 1 else interpolated(image, strides[-1], view.size, self._threads)
 
     def forget(self) -> None:
         """Let go of bricks."""
@@ -70,8 +70,7 @@ class CPUBrickDrawer:
     def release(self) -> None:
         """Let go of bricks, and end the threads."""
         self.forget()
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._threads.release()
 
     def _draw_boxes(self, picture: BrickPicture, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:
         """Group by group, as many as there is room for, each behind what has been drawn before."""
@@ -99,12 +98,8 @@ class CPUBrickDrawer:
                 some, side, stride, opaque, rays, boxes, rectangles, starts, numbers, field, is_drawn, image
             )  # fmt: skip
 
-        if self._pool is None:
-            draw(tiles)
-        else:
-            num_tasks = min(len(tiles), _TASKS_EACH * self._num_threads)
-            # Copies: an array that is not contiguous is of another type, for which the loops would be compiled again.
-            list(self._pool.map(draw, (tiles[k::num_tasks].copy() for k in range(num_tasks))))
+        num_tasks = min(len(tiles), _TASKS_EACH * self._threads.num) if self._threads.num > 1 else 1
+        self._threads.each(draw, np.array_split(tiles, max(1, num_tasks)))
 
     def _boxes(self, picture: BrickPicture, group: slice) -> Boxes:
         """What the loops are told of bricks, which are made ready."""

@@ -27,6 +27,7 @@ from renderer.camera import View
 from renderer.gl_atlas import GLAtlas
 from renderer.lattices import interpolated, num_nodes
 from renderer.optical_pieces import OpticalPieces
+from renderer.threads import Threads
 
 Image = npt.NDArray[np.float32]
 Programs = Callable[[str, str], Any]
@@ -77,13 +78,15 @@ class _Lattice:
 
 
 class GLBrickDrawer:
-    """Draws in a context that is given; what lives there is kept for the next picture."""
+    """Draws in a context that is given; what lives there is kept for the next picture. num_threads: for what is done
+    beforehand, and afterwards. `release` ends them."""
 
-    def __init__(self, context: Any, programs: Programs, largest_point_px: float) -> None:
+    def __init__(self, context: Any, programs: Programs, largest_point_px: float, num_threads: int) -> None:
         self._context, self._programs, self._largest_point_px = context, programs, largest_point_px
+        self._threads = Threads(num_threads)
         self._lattices: dict[int, _Lattice] = {}
         self._image_size = (0, 0)
-        self._store = BrickStore(partial(GLAtlas, context), partial(GLAtlas, context))
+        self._store = BrickStore(partial(GLAtlas, context), partial(GLAtlas, context), self._threads)
         self._transfer: tuple[OpticalPieces, list[Any]] | None = None
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
@@ -105,15 +108,16 @@ class GLBrickDrawer:
         assert coarse is not None
         nodes = np.empty((coarse.size[1], coarse.size[0], 4), np.float32)
         coarse.target.read_into(nodes, components=4, dtype="f4")
-        return nodes if coarse.stride == 1 else interpolated(nodes, coarse.stride, view.size)
+        return nodes if coarse.stride == 1 else interpolated(nodes, coarse.stride, view.size, self._threads)
 
     def forget(self) -> None:
         """Let go of bricks, on the device and here."""
         self._store.forget()
 
     def release(self) -> None:
-        """Let go of bricks; all else goes with the context."""
+        """Let go of bricks, and end the threads; all else goes with the context."""
         self.forget()
+        self._threads.release()
 
     def _look_at(self, batch: BrickBatch, size: tuple[int, int]) -> None:
         """Bring the transfer function, and let go of what belongs to pictures of another size."""

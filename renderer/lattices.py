@@ -6,9 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
+from renderer.threads import Threads
 
 Bools = npt.NDArray[np.bool_]
 Float32 = npt.NDArray[np.float32]
+
+# Pixels that are worth a thread.
+_LEAST_PIXELS = 1 << 16
 
 
 def num_nodes(size: tuple[int, int], stride: int) -> tuple[int, int]:
@@ -17,22 +21,30 @@ def num_nodes(size: tuple[int, int], stride: int) -> tuple[int, int]:
     return -(-(size[0] - 1) // stride) + 1, -(-(size[1] - 1) // stride) + 1
 
 
-def interpolated(nodes: Float32, stride: int, size: tuple[int, int]) -> Float32:
+def interpolated(nodes: Float32, stride: int, size: tuple[int, int], threads: Threads) -> Float32:
     """float32 [height, width, 4]: the picture of `size` (width, height), bilinear between nodes [h, w, 4] at every
     `stride`-th pixel, of which there are `num_nodes`."""
     width, height = size
     image = np.empty((height, width, 4), np.float32)
-    _interpolate(nodes, stride, image)
+
+    def work(first: int, end: int) -> None:
+        _interpolate(nodes, stride, first, end, image)
+
+    threads.in_parts(work, height, _least_rows(width))
     return image
 
 
+def _least_rows(num_columns: int) -> int:
+    return -(-_LEAST_PIXELS // num_columns)
+
+
 @jit
-def _interpolate(nodes: Float32, stride: int, image: Float32) -> None:
+def _interpolate(nodes: Float32, stride: int, first_row: int, end_row: int, image: Float32) -> None:
     """Row by row: first between two rows of nodes, then along the row."""
-    height, width, _ = image.shape
+    width = image.shape[1]
     num_rows, num_columns, _ = nodes.shape
     between = np.empty((num_columns, 4), np.float32)
-    for row in range(height):
+    for row in range(first_row, end_row):
         above = row // stride
         below, share = min(above + 1, num_rows - 1), np.float32((row - above * stride) / stride)
         for column in range(num_columns):
@@ -47,7 +59,9 @@ def _interpolate(nodes: Float32, stride: int, image: Float32) -> None:
                     image[row, column, k] = between[left, k] + part * (between[right, k] - between[left, k])
 
 
-def refined(nodes: Float32, factor: int, spread: float, shape: tuple[int, int]) -> tuple[Float32, Bools]:
+def refined(
+    nodes: Float32, factor: int, spread: float, shape: tuple[int, int], threads: Threads
+) -> tuple[Float32, Bools]:
     """A finer lattice of `shape` (columns, rows), each `factor`-th of whose nodes are those given, [h, w, 4]: float32
     [rows, columns, 4], and bool [rows, columns], which of it are to be drawn.
 
@@ -55,7 +69,12 @@ def refined(nodes: Float32, factor: int, spread: float, shape: tuple[int, int]) 
     """
     image = np.empty((shape[1], shape[0], 4), np.float32)
     is_drawn = np.empty(image.shape[:2], np.bool_)
-    _refine(nodes, factor, _differing(nodes, np.float32(spread)), image, is_drawn)
+    differ = _differing(nodes, np.float32(spread))
+
+    def work(first: int, end: int) -> None:
+        _refine(nodes, factor, differ, first, end, image, is_drawn)
+
+    threads.in_parts(work, shape[1], _least_rows(shape[0]))
     return image, is_drawn
 
 
@@ -88,9 +107,11 @@ def _differing(nodes: Float32, spread: np.float32) -> Bools:
 
 
 @jit
-def _refine(nodes: Float32, factor: int, differ: Bools, image: Float32, is_drawn: Bools) -> None:
-    num_rows, num_columns, _ = image.shape
-    for row in range(num_rows):
+def _refine(
+    nodes: Float32, factor: int, differ: Bools, first_row: int, end_row: int, image: Float32, is_drawn: Bools
+) -> None:
+    num_columns = image.shape[1]
+    for row in range(first_row, end_row):
         above = row // factor
         below, down = min(above + 1, nodes.shape[0] - 1), np.float32((row % factor) / factor)
         for column in range(num_columns):

@@ -88,7 +88,7 @@ class GLRasterizer:
         self._target: Any = None
         self._bricks: GLBrickDrawer | CPUBrickDrawer
         if bricks_on == "device" or (bricks_on is None and not is_software(self._renderer_name)):
-            self._bricks = GLBrickDrawer(self._context, self._program, self._largest_point_px)
+            self._bricks = GLBrickDrawer(self._context, self._program, self._largest_point_px, num_threads)
         else:
             self._bricks = CPUBrickDrawer(num_threads)
 

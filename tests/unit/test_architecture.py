@@ -17,7 +17,7 @@ MAX_FUNCTION_LINES = 60
 
 # Rooms of renderer/: their modules, and the other rooms that they may import from.
 ROOMS: dict[str, tuple[str, str]] = {
-    "words": ("errors mapped_file scene volume camera jit runs", ""),
+    "words": ("errors mapped_file scene volume camera jit runs threads", ""),
     "checks": (
         "extents volume_files schema schema_camera schema_error schema_output schema_transfer schema_volume "
         "scene_schema colormaps",
@@ -35,7 +35,7 @@ ROOMS: dict[str, tuple[str, str]] = {
     ),
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
     "raster": (
-        "raster_gl gl_atlas gl_bricks cpu_atlas cpu_bricks cpu_bricks_kernel cpu_field brick_atlas brick_store "
+        "raster_gl raster_cpu gl_atlas gl_bricks cpu_atlas cpu_bricks cpu_bricks_kernel cpu_field brick_atlas brick_store "
         "brick_picture brick_memory lattices raster_lasting raster_reference raster_bricks_reference compositing "
         "shaders",
         "words classification pyramid bricks splats",
@@ -63,8 +63,8 @@ COMMANDS_MAY_IMPORT = {
     "output_files", "volume_files",  # quick, too
     "readers", "volume", "statistics",  # info
     "mapped_file",  # what shrinks
-    "drawing", "pacing", "costs", "pipeline", "raster_gl", "raster_lasting", "film", "sidecar", "jit",  # render
-    "brick_memory",  # render
+    "drawing", "pacing", "costs", "pipeline", "raster_gl", "raster_cpu", "raster_lasting", "film", "sidecar",  # render
+    "brick_memory", "jit",  # render
     "frame_record", "kept_frames", "output_lock", "picture", "parcel", "runs", "stream_tail",  # render
     "metrics", "pareto", "schedule", "study", "sweep", "sweep_plan", "tolerances", "trials", "truths",  # measure
     "bricks", "png", "staging",  # reports
