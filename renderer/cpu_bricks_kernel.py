@@ -31,7 +31,7 @@ from renderer.cpu_field import (
     optical_at,
     scalar_at,
 )
-from renderer.jit import fma, jit
+from renderer.jit import fma, jit, prefetch
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -47,6 +47,8 @@ _MOST_PARTS = 4095
 _PARTS_OF_ONE = np.concatenate([[1.0], 1 / np.arange(1, _MOST_PARTS + 1)])
 # Where samples are, in texels of a brick: between the centres of the first and the last, whatever is rounded.
 _FIRST, _LAST = 0.25, SIDE - 1.25
+# Bytes that come to a cache together.
+_LINE = 64
 # Numbers of a ray, as `_ray_at` has them.
 _RAY = 12
 
@@ -148,6 +150,7 @@ def draw_tiles(
     tiles_in_row = -(-num_columns // side)
     of_pixels = np.empty((side * side, _RAY))
     light = (field.light[0], field.light[1], field.light[2], field.ambient, field.diffuse)
+    of_scalars, of_means = field.scalars.ctypes.data, field.means.ctypes.data
     for tile in tiles:
         top, left = tile // tiles_in_row * side, tile % tiles_in_row * side
         bottom, right = min(top + side, num_rows), min(left + side, num_columns)
@@ -162,6 +165,11 @@ def draw_tiles(
             of_pixels,
         )
         for place in range(starts[tile], starts[tile + 1]):
+            if stride > 1 and place + 1 < starts[tile + 1]:
+                box = numbers[place + 1]
+                size, texels = (4 * 4, of_means) if boxes.is_mean[box] else (4, of_scalars)
+                geometry = _geometry(boxes.bounds, boxes.corners, boxes.cells_per_voxel, boxes.steps, box, rays.start)
+                _ask_for(geometry, texels + 4 * boxes.firsts[box], size)
             box = numbers[place]
             window = (
                 max(left, rectangles[box, 0]), max(top, rectangles[box, 1]),
@@ -179,6 +187,27 @@ def draw_tiles(
                     window, frame, geometry, opaque, field.depth_of_spacing, boxes.firsts[box], field.scalars,
                     field.pieces, field.guide, field.is_lit, light, of_pixels, is_drawn, image,
                 )  # fmt: skip
+
+
+@jit
+def _ask_for(geometry: Geometry, texels: int, size: int) -> None:
+    """Have what a box shows of its brick brought to the cache while another box is drawn: where few pixels are, each
+    texel is looked up a few times only, and half of the time would be waiting. texels: where the brick begins, size:
+    of a texel, bytes."""
+    low, high, corner, scale, _, _ = geometry
+    first_row, last_row = _texels_of(low[1], high[1], corner[1], scale)
+    first_plane, last_plane = _texels_of(low[2], high[2], corner[2], scale)
+    row = SIDE * size
+    for plane in range(first_plane, last_plane + 1):
+        begin = texels + plane * SIDE * row
+        for address in range(begin + first_row * row, begin + (last_row + 1) * row, _LINE):
+            prefetch(address)
+
+
+@jit
+def _texels_of(low: float, high: float, corner: float, scale: float) -> tuple[int, int]:
+    """The first and the last texel along an axis of what lies between two places."""
+    return int((low - corner) * scale + 0.5), min(int((high - corner) * scale + 1.5), SIDE - 1)
 
 
 @jit

@@ -16,12 +16,14 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
-from numba.core import types
+from llvmlite import ir
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 _config: Any = numba.config  # its attributes are made at run time
+_cgutils: Any = cgutils  # has no types
 
 # A folder of the cache; where none of its version has run for 30 days, it goes when another one is made.
 _PREFIX, _LONGEST_UNUSED_S = "kernels-", 30 * 86400.0
@@ -87,3 +89,21 @@ def _fma(_: Any, x: Any, y: Any, z: Any) -> Any:
 
 # x * y + z, rounded once; in compiled loops only.
 fma = cast(Callable[[np.float32, np.float32, np.float32], np.float32], _fma)
+
+
+@intrinsic
+def _prefetch(_: Any, address: Any) -> Any:
+    """LLVM's hint; 3 and 1 ask for it in the first cache, as data."""
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        pointer, number = ir.PointerType(ir.IntType(8)), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
+        hint = _cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(hint, [builder.inttoptr(arguments[0], pointer), number(0), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(types.int64), generate
+
+
+# Say that what is at an address, if there is something, is read soon; in compiled loops only.
+prefetch = cast(Callable[[int], None], _prefetch)
