@@ -155,15 +155,9 @@ def draw_tiles(
         top, left = tile // tiles_in_row * side, tile % tiles_in_row * side
         bottom, right = min(top + side, num_rows), min(left + side, num_columns)
         _aim(
-            rays.origins,
-            rays.directions,
-            rays.center_px,
-            rays.slope_per_px,
-            stride,
-            (left, top, right, bottom),
-            is_drawn,
-            of_pixels,
-        )
+            rays.origins, rays.directions, rays.center_px, rays.slope_per_px, stride, (left, top, right, bottom),
+            is_drawn, of_pixels,
+        )  # fmt: skip
         for place in range(starts[tile], starts[tile + 1]):
             if stride > 1 and place + 1 < starts[tile + 1]:
                 box = numbers[place + 1]

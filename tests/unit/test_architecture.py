@@ -36,8 +36,8 @@ ROOMS: dict[str, tuple[str, str]] = {
     "splats": ("splats brick_batch projection brick_projection cell_edges", "words classification pyramid cut bricks"),
     "raster": (
         "raster_gl raster_cpu gl_atlas gl_bricks cpu_atlas cpu_bricks cpu_bricks_kernel cpu_field brick_atlas "
-        "brick_store brick_picture brick_memory lattices raster_lasting raster_reference raster_bricks_reference compositing "
-        "shaders",
+        "brick_store brick_picture brick_memory lattices raster_lasting raster_reference raster_bricks_reference "
+        "compositing shaders",
         "words classification pyramid bricks splats",
     ),
     "truth": ("cubic integrator integrator_kernel", "words"),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 
-from renderer import brick_atlas
+from renderer import brick_atlas, lattices
 from renderer.brick_atlas import brick_bytes
 from renderer.brick_kernels import SIDE
 from renderer.cpu_atlas import CPUAtlas, most_atlas_bytes
@@ -19,9 +19,10 @@ from renderer.cpu_bricks import CPUBrickDrawer
 from renderer.cpu_bricks_kernel import _inside, bin_boxes, draw_tiles
 from renderer.cpu_field import opacity
 from renderer.jit import fma, jit
-from renderer.lattices import refined
+from renderer.lattices import interpolated, refined
 from renderer.raster_bricks_reference import _are_alike, _between
 from renderer.raster_gl import GLRasterizer, is_software
+from renderer.threads import Threads
 
 GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))
 
@@ -85,7 +86,7 @@ def test_lattices_are_refined_as_the_reference_does(factor: int, spread: float) 
     nodes = rng.random((7, 9, 4)).astype(np.float32)
     nodes[:4, :5] = 0.25 + 0.01 * rng.random((4, 5, 4))
     size = 8 * factor - 1, 6 * factor + 1
-    image, is_drawn = refined(nodes, factor, spread, size)
+    image, is_drawn = refined(nodes, factor, spread, size, Threads())
     columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
     is_alike = _are_alike(nodes.astype(np.float64), spread)[rows // factor, columns // factor]
     expected = ~is_alike & ((columns % factor != 0) | (rows % factor != 0))
@@ -94,6 +95,18 @@ def test_lattices_are_refined_as_the_reference_does(factor: int, spread: float) 
     between = _between(nodes.astype(np.float64), factor, columns, rows)
     assert np.abs(image - between)[~is_drawn].max() < 1e-6
     assert not image[is_drawn].any()
+
+
+def test_threads_do_not_change_what_lies_between_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    nodes, size = np.random.default_rng(3).random((7, 9, 4)).astype(np.float32), (31, 25)
+    monkeypatch.setattr(lattices, "_LEAST_PIXELS", 1)
+    pictures = []
+    for num in (1, 3):
+        threads = Threads(num)
+        image, is_drawn = refined(nodes, 4, 0.5, size, threads)
+        pictures.append([each.tobytes() for each in (image, is_drawn, interpolated(nodes, 4, size, threads))])
+        threads.release()
+    assert pictures[0] == pictures[1]
 
 
 def brick(keys: Any) -> Any:

@@ -1,0 +1,57 @@
+"""Work that threads share."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from renderer.threads import Threads
+
+
+@pytest.fixture(params=[1, 3])
+def threads(request: pytest.FixtureRequest) -> Iterator[Threads]:
+    threads = Threads(request.param)
+    yield threads
+    threads.release()
+
+
+def test_each_item_is_worked_on(threads: Threads) -> None:
+    done: list[int] = []
+    threads.each(done.append, range(20))
+    assert sorted(done) == list(range(20))
+
+
+def test_what_fails_is_raised(threads: Threads) -> None:
+    def work(item: int) -> None:
+        if item == 2:
+            raise KeyError(item)
+
+    with pytest.raises(KeyError):
+        threads.each(work, range(4))
+
+
+@pytest.mark.parametrize(("num", "least", "num_parts"), [(0, 5, 1), (9, 5, 1), (10, 5, 2), (15, 5, 3), (100, 1, 3)])
+def test_parts_are_large_enough_and_make_up_the_whole(threads: Threads, num: int, least: int, num_parts: int) -> None:
+    parts: list[tuple[int, int]] = []
+    threads.in_parts(lambda first, end: parts.append((first, end)), num, least)
+    parts.sort()
+    assert len(parts) == (num_parts if threads.num == 3 else 1)
+    assert [first for first, _ in parts] == [0, *(end for _, end in parts[:-1])]
+    assert parts[-1][1] == num
+    assert len(parts) == 1 or min(end - first for first, end in parts) >= least
+
+
+def test_what_is_made_in_parts_is_in_order(threads: Threads) -> None:
+    items = np.arange(17)
+    names: set[str] = set()
+
+    def make(part: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        names.add(threading.current_thread().name)
+        return part[:, None] * [1, 10]
+
+    np.testing.assert_array_equal(threads.concatenated(make, items, 4), items[:, None] * [1, 10])
+    assert any(name.startswith("hsplat-bricks") for name in names) == (threads.num > 1)
+    assert threads.concatenated(make, items[:0], 4).shape == (0, 2)
