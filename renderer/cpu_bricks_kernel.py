@@ -3,7 +3,7 @@
 A tile's pixels stay in the processor's cache while all boxes over it are drawn, front to back, and no two threads write
 to one pixel, so that pictures do not depend on their number. Rays, and where they meet boxes, are float64; what lies
 between is float32. Nothing is computed but by IEEE's sums, products, quotients and roots, and by `fma`, which rounds
-once: pictures are the same bytes on every machine.
+once: what rays take up is the same bytes on every machine.
 """
 
 from __future__ import annotations
