@@ -222,7 +222,7 @@ def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...
     voxels of a damaged stream without a word.
     """
     found_bytes = stored.file.stat().st_size - stored.offset
-    if found_bytes < (stored.num_compressed or 0):
+    if stored.num_compressed is not None and found_bytes < stored.num_compressed:
         raise InputError(
             "the file is shorter than its header says",
             where=str(stored.file),

@@ -109,6 +109,6 @@ def test_values_that_are_to_be_scaled(line: str) -> None:
     assert refusal(write(f"ElementToIntensityFunction{line}\n", RAW)) == (
         "a.mha: MetaImage voxels that are to be scaled cannot be read\n"
         f"  got: ElementToIntensityFunction{line}\n"
-        f"  expected: ElementToIntensityFunction{line.split()[0]} = {0 if 'Offset' in line else 1}\n"
+        f"  expected: ElementToIntensityFunction{line.split(maxsplit=1)[0]} = {0 if 'Offset' in line else 1}\n"
         "  hint: correct that line to have the values as they are in the file, or save scaled ones"
     )
