@@ -4,7 +4,8 @@ SimpleITK is not asked: it refuses sheared affines, may prefer the qform to a sh
 with zeros without a word. nibabel gives the affine of the header as it is.
 
 The affine is the sform when it is set and invertible, else the qform, else the voxel sizes alone, the first voxel being
-at the origin; RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as the standard has them.
+at the origin; RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as the
+standard has them.
 """
 
 from __future__ import annotations
@@ -182,9 +183,10 @@ def _open(path: Path) -> Any:
             got=type(image).__name__,
             expected="NIfTI-1 or NIfTI-2, which say where the voxels are",
         )
+    proxy: Any = image.dataobj
     least = image.header.single_vox_offset
-    if "header" not in image.file_map and image.dataobj.offset < least:  # whose first bytes were repaired
-        raise _misplaced(path, image.dataobj.offset, least)
+    if "header" not in image.file_map and proxy.offset < least:  # whose first bytes were repaired
+        raise _misplaced(path, proxy.offset, least)
     return image
 
 
