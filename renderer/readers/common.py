@@ -41,10 +41,12 @@ class Image:
     values: [z, y, x] of one time step and one component, an integer or float dtype in any byte order and memory layout,
         possibly mapped from a file.
     world_from_index: float64 [4, 4], (x, y, z) voxel index to world.
+    note: what to say of how they were read.
     """
 
     values: Array
     world_from_index: Float64
+    note: str | None = None
 
 
 def describe_shape(shape_xyz: tuple[int, ...]) -> str:

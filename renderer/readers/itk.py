@@ -31,12 +31,13 @@ from renderer.readers.common import (
     describe_shape,
     stays_mapped,
 )
+from renderer.readers.dicom_header import as_stored, dicom_spacing, is_dicom
 from renderer.readers.headers import Stored, check_dicom_pixels, metaimage_voxels, nrrd_voxels, vtk_voxels
 from renderer.schema import show
 from renderer.volume import Array
 from renderer.volume_files import UnknownFormatError
 
-_BITS_ALLOCATED = "0028|0100"
+_BITS_ALLOCATED, _SERIES = "0028|0100", "0020|000e"
 
 # Formats of which it is known where in the file the voxels are.
 _LOCATED: dict[str, Callable[[Path], Stored | None]] = {
@@ -62,10 +63,11 @@ def quiet_simpleitk() -> Iterator[Any]:
         sitk.ProcessObject.SetGlobalWarningDisplay(shown)
 
 
-def read_itk(path: Path, time: int | None, component: int | None) -> Image:
+def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
     """The volume in one file.
 
-    Raises InputError for unknown, truncated and broken files, and when `time` or `component` do not fit.
+    any_lengths: others take the place of what a DICOM file says of lengths, which so may be anything. Raises InputError
+    for unknown, truncated and broken files, and when `time` or `component` do not fit.
     """
     voxels = _LOCATED[path.suffix.lower()](path) if path.suffix.lower() in _LOCATED else None
     with quiet_simpleitk() as sitk:
@@ -81,7 +83,8 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
                 check_used(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
-        world_from_index = _world_from_index(reader)
+        spacing = dicom_spacing(reader, path, any_lengths=any_lengths) if is_dicom(reader) else reader.GetSpacing()
+        world_from_index = _world_from_index(reader, spacing)
         check_axes(world_from_index, str(path))  # of which SimpleITK says no more than some numbers
         step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
         channel = choose("component", component, num_components, str(path))
@@ -97,7 +100,22 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
             values = view_of(sitk, executed(reader, path))
             if num_components > 1:
                 values = values[..., channel]
-    return Image(values if values.ndim == 3 else values[np.newaxis], world_from_index)
+        note = _one_of_a_series(sitk, reader, path) if values.ndim == 2 or len(values) == 1 else None
+    return Image(values if values.ndim == 3 else values[np.newaxis], world_from_index, note)
+
+
+def _one_of_a_series(sitk: Any, reader: Any, path: Path) -> str | None:
+    """What to say of a file with one slice of a DICOM series of which its folder has more."""
+    if not reader.HasMetaDataKey(_SERIES):
+        return None
+    try:
+        uid = reader.GetMetaData(_SERIES).strip()
+        files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(itk_name(path.parent), uid)
+    except RuntimeError:  # for another file of the folder, of which nothing was asked
+        return None
+    if len(files) < 2:
+        return None
+    return f"one of {len(files)} slices of a DICOM series; {path.parent} is all of them, if its name is given instead"
 
 
 def _check_whole(voxels: StoredVoxels, num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any]) -> None:
@@ -182,7 +200,8 @@ def open_itk(sitk: Any, path: Path) -> Any:
 def executed(reader: Any, path: Path) -> Any:
     """The SimpleITK image; raises InputError when its voxels cannot be read."""
     try:
-        return reader.Execute()
+        with as_stored(reader, path):
+            return reader.Execute()
     except RuntimeError as error:
         raise InputError(
             "cannot read the voxels", where=str(path), got=distill(str(error)), hint="the file is truncated or damaged"
@@ -224,12 +243,12 @@ def distill(message: str) -> str:
     return re.sub(r"^(\[\w+\] \w+: |(itk|ITK|sitk)(::| )ERROR: (\w+\(0x[0-9a-f]+\): )?)", "", last)
 
 
-def _world_from_index(reader: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """[4, 4] from a header of 2 to 4 dimensions: a plane lies at z = 0, a time axis is left out."""
+def _world_from_index(reader: Any, lengths: tuple[float, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """[4, 4] from the spacing and a header of 2 to 4 dimensions: a plane lies at z = 0, a time axis is left out."""
     n = reader.GetDimension()
     spatial = min(n, 3)
     spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)
-    spacing[:spatial] = reader.GetSpacing()[:spatial]
+    spacing[:spatial] = lengths[:spatial]
     origin[:spatial] = reader.GetOrigin()[:spatial]
     direction[:spatial, :spatial] = np.reshape(reader.GetDirection(), (n, n))[:spatial, :spatial]
     return affine(spacing, origin, direction)
