@@ -112,11 +112,22 @@ def _load_file(path: Path, time: int | None, component: int | None, any_lengths:
 
 
 def _load_folder(folder: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
+    from renderer.readers.headers import has_dicom_mark  # noqa: PLC0415
     from renderer.readers.tiff import SUFFIXES, read_tiff_folder  # noqa: PLC0415
 
-    names = (entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     tiffs = [entry for entry in names if entry.suffix.lower() in SUFFIXES]
     if tiffs:
+        rest = (entry for entry in names if entry.suffix.lower() not in SUFFIXES and entry.is_file())
+        others = sorted(filter(has_dicom_mark, rest))
+        if others:
+            raise InputError(
+                "this folder holds both TIFF slices and DICOM files",
+                where=str(folder),
+                got=f"{min(tiffs).name} and {others[0].name}",
+                expected="the slices of one volume",
+                hint="put each volume into a folder of its own",
+            )
         choose("time", time, 1, str(folder))
         return read_tiff_folder(folder, tiffs, component, any_lengths=any_lengths)
     from renderer.readers.dicom import read_dicom  # noqa: PLC0415

@@ -17,7 +17,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, choose, describe_shape
 from renderer.readers.dicom_header import dicom_spacing
-from renderer.readers.headers import PIXEL_DATA
+from renderer.readers.headers import PIXEL_DATA, has_dicom_mark
 from renderer.readers.itk import (
     distill,
     executed,
@@ -121,9 +121,8 @@ def _check_none_left_out(folder: Path, names: set[str]) -> None:
     for path in sorted(folder.iterdir()):
         if path.name in names or path.name.startswith(".") or not path.is_file():
             continue
-        with path.open("rb") as file:
-            is_dicom = file.read(132)[128:] == b"DICM"  # after a preamble of 128 bytes
-            is_slice = PIXEL_DATA in file.read() if is_dicom else _shape(path.name) in shapes
+        is_dicom = has_dicom_mark(path)
+        is_slice = PIXEL_DATA in path.read_bytes() if is_dicom else _shape(path.name) in shapes
         if is_slice:
             is_empty = path.stat().st_size == 0
             raise InputError(

@@ -235,6 +235,12 @@ def vtk_voxels(path: Path) -> StoredVoxels:
     return StoredVoxels(path, start, False, None, kind.strip().upper() == b"ASCII")
 
 
+def has_dicom_mark(path: Path) -> bool:
+    """Whether a file begins as one of DICOM does, by a preamble of 128 bytes and a mark."""
+    with path.open("rb") as file:
+        return file.read(132)[128:] == b"DICM"
+
+
 def check_dicom_pixels(path: Path, num_bytes: int) -> None:
     """Raise InputError when a DICOM file ends before its pixels do: most versions of GDCM fill up with zeros.
 

@@ -9,7 +9,6 @@ that of a screen, and slices as thick as pixels keep the shape of things.
 
 from __future__ import annotations
 
-import re
 from itertools import product
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_dtype, check_size, choose, existing
 from renderer.readers.itk import executed, open_itk, quiet_simpleitk, view_of
+from renderer.readers.slice_names import in_order
 from renderer.readers.tiff_description import MM_PER_UNIT, hyperstack, imagej_spacing, is_imagej, is_ome, ome_spacing
 from renderer.readers.tiff_directory import (
     BITS,
@@ -87,11 +87,12 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, any_length
 
 
 def read_tiff_folder(folder: Path, files: list[Path], component: int | None, *, any_lengths: bool = False) -> Image:
-    """One slice from each of `files`, which are sorted naturally here; raises InputError when they differ.
+    """One slice from each of `files`, which are sorted by their names here; raises InputError when the slices differ,
+    and when the names do not tell of one whole stack.
 
     any_lengths: as of `read_tiff`.
     """
-    files = sorted(files, key=_natural)
+    files = in_order(folder, files)
     values, first = None, None
     for index, file in enumerate(files):
         order, pages = read_pages(existing(file))
@@ -123,12 +124,6 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None, *, 
     assert values is not None, "called without files"
     assert first is not None
     return Image(values, _world_from_index(first, str(files[0]), any_lengths))
-
-
-def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-    """A sort key in which runs of digits count as numbers; the name itself breaks ties such as `1.tif` and `01.tif`."""
-    parts = re.split(r"(\d+)", path.name.lower())
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
 
 
 def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
