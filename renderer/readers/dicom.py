@@ -86,6 +86,9 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
         series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(name)
         files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(name, uid) for uid in series}
     except RuntimeError as error:
+        for path in sorted(folder.iterdir()):
+            if path.is_file() and has_dicom_mark(path):
+                open_itk(sitk, path)  # which tells of the file that is damaged
         raise InputError(
             "the DICOM files in this folder cannot be read",
             where=str(folder),

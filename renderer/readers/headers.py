@@ -34,6 +34,10 @@ _LIST = re.compile(
 # as it stands, so that no more than this is let through.
 _NUMBERED = re.compile(r"([^%\s]*%0?[0-9]{0,2}d[^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})")
 
+_META_LENGTHS = re.compile(rb"^[ \t]*(ElementSpacing|ElementSize)[ \t]*=", re.MULTILINE)
+# Of NRRD's axes; unknown ones, in the order of the axes, are taken for such.
+_KINDS_OF_SPACE = ("domain", "space", "???", "none")
+
 _DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _MOST_DIMENSIONS = 10  # of MetaImage
 _LONGEST_SHOWN = 200  # a matrix with all its digits
@@ -79,6 +83,31 @@ def nrrd_voxels(path: Path) -> Stored | None:
         each = partial(StoredVoxels, offset=0, compressed=is_packed, byte_order=order, is_text=is_text)
         stored = _detached(path, name, listed, each, is_pattern=is_pattern)
     return None if is_packed and lines_skipped != "0" else stored
+
+
+def unsaid_lengths(path: Path) -> str | None:
+    """What to say of a NRRD or MetaImage file that does not say how large its voxels are, which are taken for 1.
+
+    Raises InputError for NRRD's NaN where an axis of space has its length: its reader takes 1 for this.
+    """
+    if path.suffix.lower() in (".nrrd", ".nhdr"):
+        fields = _fields(_without_list(_split(_head(path))[0])[0], ":")
+        lengths, kinds = fields.get("spacings", "").split(), fields.get("kinds", "").lower().split()
+        in_space = [k for k in range(len(lengths)) if k >= len(kinds) or kinds[k] in _KINDS_OF_SPACE][:3]
+        if any(lengths[k].lower().lstrip("+-") == "nan" for k in in_space):
+            raise InputError(
+                "this NRRD header does not have the length of an axis",
+                where=str(path),
+                got=f"spacings: {fields['spacings']}",
+                expected="a number for each axis of space",
+                hint="correct that line; without it, voxels are 1 long",
+            )
+        is_said = bool(lengths) or "space directions" in fields
+    elif path.suffix.lower() in (".mha", ".mhd"):
+        is_said = _META_LENGTHS.search(_head(path)) is not None
+    else:
+        return None
+    return None if is_said else "the file does not say how large its voxels are; they are taken for 1 x 1 x 1"
 
 
 def metaimage_voxels(path: Path) -> Stored:

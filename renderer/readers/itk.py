@@ -32,10 +32,20 @@ from renderer.readers.common import (
     stays_mapped,
 )
 from renderer.readers.dicom_header import as_stored, dicom_spacing, is_dicom
-from renderer.readers.headers import Stored, check_dicom_pixels, metaimage_voxels, nrrd_voxels, vtk_voxels
+from renderer.readers.headers import (
+    Stored,
+    check_dicom_pixels,
+    metaimage_voxels,
+    nrrd_voxels,
+    unsaid_lengths,
+    vtk_voxels,
+)
 from renderer.schema import show
 from renderer.volume import Array
 from renderer.volume_files import UnknownFormatError
+
+# What no sentence has, but conditions of a program that were not met, and its own exceptions.
+_CODE = re.compile(r"::|\(\)|bad_alloc")
 
 _BITS_ALLOCATED, _SERIES = "0028|0100", "0020|000e"
 
@@ -63,6 +73,24 @@ def quiet_simpleitk() -> Iterator[Any]:
         sitk.ProcessObject.SetGlobalWarningDisplay(shown)
 
 
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what libraries of SimpleITK write to the terminal by themselves, as HDF5 and MetaIO do, off it."""
+    try:
+        shown = os.dup(2)
+    except OSError:  # there is none
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(shown, 2)
+        os.close(shown)
+        os.close(nowhere)
+
+
 def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
     """The volume in one file.
 
@@ -70,6 +98,7 @@ def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths
     for unknown, truncated and broken files, and when `time` or `component` do not fit.
     """
     voxels = _LOCATED[path.suffix.lower()](path) if path.suffix.lower() in _LOCATED else None
+    unsaid = unsaid_lengths(path)
     with quiet_simpleitk() as sitk:
         reader = open_itk(sitk, path)
         size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
@@ -101,6 +130,7 @@ def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths
             if num_components > 1:
                 values = values[..., channel]
         note = _one_of_a_series(sitk, reader, path) if values.ndim == 2 or len(values) == 1 else None
+        note = note if any_lengths else unsaid or note
     return Image(values if values.ndim == 3 else values[np.newaxis], world_from_index, note)
 
 
@@ -182,15 +212,22 @@ def _is_utf8(name: bytes) -> bool:
 def open_itk(sitk: Any, path: Path) -> Any:
     """A SimpleITK reader that has read the header of `path`; raises InputError when it is of no known format."""
     name = itk_name(path)
-    format_name = sitk.ImageFileReader.GetImageIOFromFileName(name)
+    with _silent():
+        format_name = sitk.ImageFileReader.GetImageIOFromFileName(name)
     if not format_name:
         raise UnknownFormatError(path, is_empty=path.stat().st_size == 0)
     reader = sitk.ImageFileReader()
     reader.SetFileName(name)
     try:
-        reader.ReadImageInformation()
+        with _silent():
+            reader.ReadImageInformation()
     except RuntimeError as error:
-        raise InputError("cannot read the header", where=str(path), got=distill(str(error))) from error
+        raise InputError(
+            "cannot read the header",
+            where=str(path),
+            got=distill(str(error)),
+            hint="the file is damaged, or of a kind that cannot be read",
+        ) from error
     if format_name == "GDCMImageIO" and reader.HasMetaDataKey(_BITS_ALLOCATED):
         bits = math.prod(reader.GetSize()) * reader.GetNumberOfComponents() * int(reader.GetMetaData(_BITS_ALLOCATED))
         check_dicom_pixels(path, bits // 8)
@@ -200,9 +237,11 @@ def open_itk(sitk: Any, path: Path) -> Any:
 def executed(reader: Any, path: Path) -> Any:
     """The SimpleITK image; raises InputError when its voxels cannot be read."""
     try:
-        with as_stored(reader, path):
+        with as_stored(reader, path), _silent():
             return reader.Execute()
     except RuntimeError as error:
+        if "bad_alloc" in str(error):
+            raise MemoryError from error
         raise InputError(
             "cannot read the voxels", where=str(path), got=distill(str(error)), hint="the file is truncated or damaged"
         ) from error
@@ -232,15 +271,17 @@ def view_of(sitk: Any, image: Any) -> Array:
     return np.asarray(_Kept(sitk.GetArrayViewFromImage(image), image))
 
 
-def distill(message: str) -> str:
+def distill(message: str) -> str | None:
     """The last statement of one of SimpleITK's messages, which open with source files, addresses and call chains.
 
     The innermost cause is the last line, apart from the system's last error, which is often another's;
-    `[nrrd] function:` and `ITK ERROR: class(address):` in front of it say nothing to a user.
+    `[nrrd] function:` and `ITK ERROR: class(address):` in front of it say nothing to a user, and nor does a line of a
+    program's code, in place of which there is None.
     """
     lines = [line.strip() for line in message.splitlines() if line.strip() and not line.startswith("Reason:")]
     last = lines[-1] if lines else "no reason given"
-    return re.sub(r"^(\[\w+\] \w+: |(itk|ITK|sitk)(::| )ERROR: (\w+\(0x[0-9a-f]+\): )?)", "", last)
+    said = re.sub(r"^(\[\w+\] \w+: |(itk|ITK|sitk)(::| )ERROR: (\w+\(0x[0-9a-f]+\): )?)", "", last)
+    return None if _CODE.search(said) else said
 
 
 def _world_from_index(reader: Any, lengths: tuple[float, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -173,6 +173,7 @@ def _open(path: Path) -> Any:
             "this is not a NIfTI file, or it is damaged",
             where=str(path),
             got="an empty file" if path.stat().st_size == 0 else None,
+            expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
         ) from error
     except (OSError, EOFError, ValueError, zlib.error) as error:
         raise unreadable(path, error) from error

@@ -112,7 +112,10 @@ def read_pages(path: Path) -> tuple[str, list[Page]]:
             version = struct.unpack(order + "H", mark[2:])[0] if order and len(mark) == 4 else 0
             if version not in (42, 43):
                 raise InputError(
-                    "this is not a TIFF file", where=str(path), got="an empty file" if num_file_bytes == 0 else None
+                    "this is not a TIFF file",
+                    where=str(path),
+                    got="an empty file" if num_file_bytes == 0 else None,
+                    expected="II or MM and 42 or 43, by which TIFF and BigTIFF begin",
                 )
             directories = _Directories(path, file, order, version == 43, num_file_bytes)
             offset, seen = directories.first(), set[int]()
