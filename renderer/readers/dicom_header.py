@@ -30,8 +30,8 @@ _MONOCHROME_1 = re.compile(
 
 
 def is_dicom(reader: Any) -> bool:
-    """Whether a SimpleITK reader, which has read a header, has read one of DICOM."""
-    return bool(reader.HasMetaDataKey(_PHOTOMETRIC))
+    """Whether a SimpleITK reader reads DICOM: other formats may have copies of its fields."""
+    return bool(reader.GetImageIO() == "GDCMImageIO")
 
 
 def dicom_spacing(reader: Any, path: Path, *, any_lengths: bool) -> tuple[float, ...]:
@@ -95,7 +95,8 @@ def as_stored(reader: Any, path: Path) -> Iterator[None]:
     make of the stored ones. It reads a copy, which says MONOCHROME2. Raises InputError where the file does not have
     the word where it is looked for.
     """
-    if not (is_dicom(reader) and reader.GetMetaData(_PHOTOMETRIC).strip() == _LIGHT_IS_LOW):
+    is_named = is_dicom(reader) and reader.HasMetaDataKey(_PHOTOMETRIC)
+    if not (is_named and reader.GetMetaData(_PHOTOMETRIC).strip() == _LIGHT_IS_LOW):
         yield
         return
     data, count = _MONOCHROME_1.subn(rb"\1MONOCHROME2", path.read_bytes(), count=1)

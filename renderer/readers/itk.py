@@ -136,7 +136,7 @@ def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths
 
 def _one_of_a_series(sitk: Any, reader: Any, path: Path) -> str | None:
     """What to say of a file with one slice of a DICOM series of which its folder has more."""
-    if not reader.HasMetaDataKey(_SERIES):
+    if not (is_dicom(reader) and reader.HasMetaDataKey(_SERIES)):
         return None
     try:
         uid = reader.GetMetaData(_SERIES).strip()
@@ -145,7 +145,7 @@ def _one_of_a_series(sitk: Any, reader: Any, path: Path) -> str | None:
         return None
     if len(files) < 2:
         return None
-    return f"one of {len(files)} slices of a DICOM series; {path.parent} is all of them, if its name is given instead"
+    return f"one of {len(files)} slices of a DICOM series; its folder, {path.parent}, stands for all of them"
 
 
 def _check_whole(voxels: StoredVoxels, num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any]) -> None:
@@ -218,6 +218,7 @@ def open_itk(sitk: Any, path: Path) -> Any:
         raise UnknownFormatError(path, is_empty=path.stat().st_size == 0)
     reader = sitk.ImageFileReader()
     reader.SetFileName(name)
+    reader.SetImageIO(format_name)
     try:
         with _silent():
             reader.ReadImageInformation()
@@ -228,7 +229,7 @@ def open_itk(sitk: Any, path: Path) -> Any:
             got=distill(str(error)),
             hint="the file is damaged, or of a kind that cannot be read",
         ) from error
-    if format_name == "GDCMImageIO" and reader.HasMetaDataKey(_BITS_ALLOCATED):
+    if is_dicom(reader) and reader.HasMetaDataKey(_BITS_ALLOCATED):
         bits = math.prod(reader.GetSize()) * reader.GetNumberOfComponents() * int(reader.GetMetaData(_BITS_ALLOCATED))
         check_dicom_pixels(path, bits // 8)
     return reader

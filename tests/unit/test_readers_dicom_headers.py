@@ -148,7 +148,7 @@ def test_files_that_were_slices(tmp_path: Path, data: bytes, got: str) -> None:
 
 def test_one_slice_of_a_series(tmp_path: Path) -> None:
     write(tmp_path)
-    note = f"one of 3 slices of a DICOM series; {tmp_path} is all of them, if its name is given instead"
+    note = f"one of 3 slices of a DICOM series; its folder, {tmp_path}, stands for all of them"
     assert read(tmp_path / "1.dcm").note == note
     assert read(tmp_path).note is None
     told = CliRunner().invoke(info, [str(tmp_path / "1.dcm")])
@@ -158,3 +158,16 @@ def test_one_slice_of_a_series(tmp_path: Path) -> None:
     (tmp_path / "2.dcm").unlink()
     assert read(tmp_path / "1.dcm").note is None
     assert read(tmp_path).note is None
+
+
+def test_fields_of_dicom_in_another_format(tmp_path: Path) -> None:
+    """SimpleITK copies them where it saves what it read as DICOM, and what was done in between is not in them."""
+    write(tmp_path)
+    image = sitk.GetImageFromArray(VALUES[:1].astype(np.int16))
+    image.SetSpacing((3.0, 4.0, 5.0))
+    for key, text in {"0028|0004": "MONOCHROME1", "0028|0030": "0\\0", "0020|000e": "1.2.3.4"}.items():
+        image.SetMetaData(key, text)
+    sitk.WriteImage(image, str(tmp_path / "a.nrrd"))
+    volume = read(tmp_path / "a.nrrd")
+    np.testing.assert_array_equal(volume.values, VALUES[:1])
+    assert (volume.spacing.tolist(), volume.note) == ([3, 4, 5], None)
