@@ -88,7 +88,7 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
     except RuntimeError as error:
         for path in sorted(folder.iterdir()):
             if path.is_file() and has_dicom_mark(path):
-                open_itk(sitk, path)  # which tells of the file that is damaged
+                _require_header(sitk, path)
         raise InputError(
             "the DICOM files in this folder cannot be read",
             where=str(folder),
@@ -139,6 +139,18 @@ def _check_none_left_out(folder: Path, names: set[str]) -> None:
 def _shape(name: str) -> str:
     """A name with each number in it by one sign."""
     return re.sub("[0-9]+", "#", name)
+
+
+def _require_header(sitk: Any, path: Path) -> None:
+    try:
+        open_itk(sitk, path)
+    except InputError as error:
+        raise InputError(
+            "this DICOM slice cannot be read",
+            where=str(path),
+            got=error.got,
+            hint="a field of it is damaged: copy it again, or save it anew",
+        ) from error
 
 
 def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:

@@ -171,3 +171,25 @@ def test_fields_of_dicom_in_another_format(tmp_path: Path) -> None:
     volume = read(tmp_path / "a.nrrd")
     np.testing.assert_array_equal(volume.values, VALUES[:1])
     assert (volume.spacing.tolist(), volume.note) == ([3, 4, 5], None)
+
+
+def test_a_field_at_which_the_search_for_series_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path)
+    (tmp_path / "1.dcm").write_bytes((tmp_path / "1.dcm").read_bytes()[:140])
+
+    def fail(_folder: str) -> None:
+        raise RuntimeError("ITK ERROR: GDCMSeriesFileNames(0x1): GetVR().Compatible( de.GetVR() )")
+
+    monkeypatch.setattr(sitk.ImageSeriesReader, "GetGDCMSeriesIDs", fail)
+    with pytest.raises(InputError) as error:
+        read(tmp_path)
+    assert str(error.value) == (
+        f"{tmp_path / '1.dcm'}: this DICOM slice cannot be read\n"
+        "  hint: a field of it is damaged: copy it again, or save it anew"
+    )
+    write(tmp_path)
+    with pytest.raises(InputError) as error:
+        read(tmp_path)
+    assert str(error.value) == (
+        f"{tmp_path}: the DICOM files in this folder cannot be read\n  hint: one of them is damaged"
+    )
