@@ -141,7 +141,7 @@ def _one_of_a_series(sitk: Any, reader: Any, path: Path) -> str | None:
     try:
         uid = reader.GetMetaData(_SERIES).strip()
         files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(itk_name(path.parent), uid)
-    except RuntimeError:  # for another file of the folder, of which nothing was asked
+    except (RuntimeError, TypeError):  # for another file, of which nothing was asked; for a name that is no text
         return None
     if len(files) < 2:
         return None

@@ -175,7 +175,10 @@ def _open(path: Path) -> Any:
             got="an empty file" if path.stat().st_size == 0 else None,
             expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
         ) from error
-    except (OSError, EOFError, ValueError, zlib.error) as error:
+    except (EOFError, ValueError, zlib.error) as error:
+        told = unreadable(path, error)
+        raise InputError(told.what, where=told.where, got=told.got, hint="the file is truncated or damaged") from error
+    except OSError as error:
         raise unreadable(path, error) from error
     if not isinstance(image, nib.Nifti1Pair):
         raise InputError(

@@ -154,8 +154,12 @@ def test_one_slice_of_a_series(tmp_path: Path) -> None:
     told = CliRunner().invoke(info, [str(tmp_path / "1.dcm")])
     assert told.exit_code == 0, told.output
     assert told.stderr == f"{tmp_path / '1.dcm'}: {note}\n"
-    (tmp_path / "0.dcm").unlink()
-    (tmp_path / "2.dcm").unlink()
+    other = (tmp_path / "1.dcm").read_bytes().replace(b"1.2.3.4\0", b"1.2.\xff.4\0")
+    (tmp_path / "other.dcm").write_bytes(other)  # whose series has no name
+    assert b"\xff.4" in other
+    assert read(tmp_path / "other.dcm").note is None
+    for name in ("0.dcm", "2.dcm", "other.dcm"):
+        (tmp_path / name).unlink()
     assert read(tmp_path / "1.dcm").note is None
     assert read(tmp_path).note is None
 
