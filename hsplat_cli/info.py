@@ -57,6 +57,7 @@ def _facts(
     spacing = volume.spacing
     return {
         "name": volume.name,
+        "note": volume.note,
         "shape": list(volume.shape_xyz),
         "dtype": volume.values.dtype.name,
         "bytes": volume.values.nbytes,

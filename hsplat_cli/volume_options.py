@@ -139,11 +139,12 @@ def volume_spec(
 
 
 def read_as_told(volume: VolumeSpec) -> Volume:
-    """The volume that the options ask for. Raises InputError, with hints about these options, not a scene."""
+    """The volume that the options ask for; what there is to say of how it was read is said. Raises InputError, with
+    hints about these options, not a scene."""
     from hsplat_cli.shrinking import read_guarded  # noqa: PLC0415  (numpy, for which --help does not wait)
 
     try:
-        return read_guarded(volume)
+        read = read_guarded(volume)
     except UnknownFormatError as error:
         raise InputError(
             error.what,
@@ -160,6 +161,9 @@ def read_as_told(volume: VolumeSpec) -> Volume:
             expected=error.expected and _as_options(error.expected),
             hint=error.hint and _as_options(error.hint),
         ) from error
+    if read.note is not None:
+        click.echo(f"{read.name}: {read.note}", err=True)
+    return read
 
 
 def _as_options(text: str) -> str:

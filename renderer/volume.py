@@ -28,6 +28,7 @@ class Volume:
         them calls `require_unchanged` first, and again before anything comes of what was read.
     num_nonfinite: voxels that the file has as NaN or infinite, which have the value `stand_in` here.
     replaced_spacing: that of the file, where the scene gives another; else None.
+    note: what to say of how they were read, in words.
     """
 
     values: Array
@@ -38,6 +39,7 @@ class Volume:
     num_nonfinite: int = 0
     stand_in: float = 0.0
     replaced_spacing: tuple[float, float, float] | None = None
+    note: str | None = None
 
     def require_unchanged(self) -> None:
         """Raise InputError where the file that the values are mapped from is not what it was."""

@@ -42,6 +42,8 @@ def start_film(job: Job, folder: Path, made_by: str, *, force: bool, quiet: bool
     before_reading = time.perf_counter()
     volume = read_guarded(job.scene.volume)
     read_seconds = time.perf_counter() - before_reading
+    if volume.note is not None and not quiet:
+        click.echo(f"{volume.name}: {volume.note}", err=True)
     job, cause = _with_cause(job, volume, made_by)
     output = job.scene.output
     before = None if force else made_before(sidecar_path(job.scene, job.frames), output)

@@ -45,11 +45,11 @@ def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
         spacing, replaced = source.spacing if isinstance(source, FileSource) else None, None
         if spacing is not None:
             replaced = spacing_of(image.world_from_index)
-            image = Image(image.values, with_spacing(image.world_from_index, spacing))
+            image = replace(image, world_from_index=with_spacing(image.world_from_index, spacing))
         check_lengths(image.world_from_index, name)
         if spec.crop is not None:
             image = crop_image(image, spec.crop, name)
-        world_from_index = image.world_from_index
+        world_from_index, note = image.world_from_index, image.note
         first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
         mapped = file_behind(image.values) if stays_mapped(image.values.nbytes) else None
         if mapped is not None and on_mapped is not None:
@@ -63,7 +63,7 @@ def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
         file = file if values is settled else None
         check_resolved(values, file, name)
         made = make_volume(values, world_from_index, name, file, num_nonfinite, stand_in)
-        return replace(made, replaced_spacing=replaced)
+        return replace(made, replaced_spacing=replaced, note=note)
     except OSError as error:
         raise unreadable(Path(name), error) from error
     except MemoryError as error:
@@ -108,20 +108,31 @@ def _load_file(path: Path, time: int | None, component: int | None, any_lengths:
         return read_tiff(path, time, component, any_lengths=any_lengths)
     from renderer.readers.itk import read_itk  # noqa: PLC0415
 
-    return read_itk(path, time, component)
+    return read_itk(path, time, component, any_lengths=any_lengths)
 
 
 def _load_folder(folder: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
+    from renderer.readers.headers import has_dicom_mark  # noqa: PLC0415
     from renderer.readers.tiff import SUFFIXES, read_tiff_folder  # noqa: PLC0415
 
-    names = (entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     tiffs = [entry for entry in names if entry.suffix.lower() in SUFFIXES]
     if tiffs:
+        rest = (entry for entry in names if entry.suffix.lower() not in SUFFIXES and entry.is_file())
+        others = sorted(filter(has_dicom_mark, rest))
+        if others:
+            raise InputError(
+                "this folder holds both TIFF slices and DICOM files",
+                where=str(folder),
+                got=f"{min(tiffs).name} and {others[0].name}",
+                expected="the slices of one volume",
+                hint="put each volume into a folder of its own",
+            )
         choose("time", time, 1, str(folder))
         return read_tiff_folder(folder, tiffs, component, any_lengths=any_lengths)
     from renderer.readers.dicom import read_dicom  # noqa: PLC0415
 
-    return read_dicom(folder, time, component)
+    return read_dicom(folder, time, component, any_lengths=any_lengths)
 
 
 def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
@@ -140,7 +151,7 @@ def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
     (x0, x1), (y0, y1), (z0, z1) = ranges
     world_from_index = image.world_from_index.copy()
     world_from_index[:3, 3] += image.world_from_index[:3, :3] @ np.array([x0, y0, z0], np.float64)
-    return Image(image.values[z0:z1, y0:y1, x0:x1], world_from_index)
+    return Image(image.values[z0:z1, y0:y1, x0:x1], world_from_index, image.note)
 
 
 def _settled(values: Array) -> Array:

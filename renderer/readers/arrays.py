@@ -74,10 +74,17 @@ def _map_npy(path: Path) -> Array:
                 raise InputError("this version of .npy is not supported", where=where, got=f"{version[0]}.{version[1]}")
             shape, is_fortran, dtype = read_header[version](file)
             offset = file.tell()
-    except (ValueError, TypeError, SyntaxError, TokenError, EOFError, OSError) as error:  # of numpy's header parser
+    except OSError as error:
         raise unreadable(path, error) from error
-    except (MemoryError, RecursionError) as error:  # of Python's parser, where the header is nested too deeply
-        raise InputError("cannot read the header", where=where, got="too many nested expressions") from error
+    except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
+        # Of numpy's header parser, and of Python's, whose words are of a program's text.
+        raise InputError(
+            "cannot read the header",
+            where=where,
+            got="too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None,
+            expected="an array saved by numpy.save",
+            hint="the file is truncated or damaged",
+        ) from error
     if len(shape) > _MAX_AXES or any(n < 0 for n in shape):  # which numpy writes, and maps, in no file
         raise InputError(
             "the header has no shape of an array",

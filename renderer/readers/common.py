@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import os
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -39,10 +41,12 @@ class Image:
     values: [z, y, x] of one time step and one component, an integer or float dtype in any byte order and memory layout,
         possibly mapped from a file.
     world_from_index: float64 [4, 4], (x, y, z) voxel index to world.
+    note: what to say of how they were read.
     """
 
     values: Array
     world_from_index: Float64
+    note: str | None = None
 
 
 def describe_shape(shape_xyz: tuple[int, ...]) -> str:
@@ -189,6 +193,7 @@ class StoredVoxels:
     byte_order: "<" or ">" of voxels that lie there one behind the other, and as they are, or "|" where that is not
         said; None where it is for their reader to find them.
     is_text: whether they are written as text, a digit or more and what separates them.
+    num_compressed: the bytes that are compressed, where the header says; its reader looks at no more of them.
     """
 
     file: Path
@@ -196,6 +201,7 @@ class StoredVoxels:
     compressed: bool
     byte_order: str | None = None
     is_text: bool = False
+    num_compressed: int | None = None
 
 
 def check_text(stored: StoredVoxels, num_values: int, shape_xyz: tuple[int, ...]) -> None:
@@ -217,9 +223,16 @@ def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...
     A compressed stream is decompressed once for this and its checksum compared: SimpleITK and nibabel hand out the
     voxels of a damaged stream without a word.
     """
-    if not stored.compressed:
-        found_bytes = stored.file.stat().st_size - stored.offset
-    else:
+    found_bytes = stored.file.stat().st_size - stored.offset
+    if stored.num_compressed is not None and found_bytes < stored.num_compressed:
+        raise InputError(
+            "the file is shorter than its header says",
+            where=str(stored.file),
+            got=f"{max(found_bytes, 0)} bytes",
+            expected=f"{stored.num_compressed} bytes of compressed voxels",
+            hint="the file is truncated or its header is wrong",
+        )
+    if stored.compressed:
         try:
             found_bytes = _inflated_size(stored, num_bytes)
         except (zlib.error, EOFError) as error:
@@ -233,7 +246,7 @@ def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...
         raise InputError(
             "the file is shorter than its header says",
             where=str(stored.file),
-            got=f"{found_bytes} bytes" + (" after decompression" if stored.compressed else ""),
+            got=f"{max(found_bytes, 0)} bytes" + (" after decompression" if stored.compressed else ""),
             expected=f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)",
             hint="the file is truncated or its header is wrong",
         )
@@ -267,7 +280,8 @@ def _inflated_size(stored: StoredVoxels, enough: int) -> int:
     total = 0
     with stored.file.open("rb") as file:
         file.seek(stored.offset)
-        data = file.read(_PIECE)
+        pieces = _pieces(file, stored.num_compressed)
+        data = next(pieces, b"")
         while data and total < enough:
             stream = zlib.decompressobj(zlib.MAX_WBITS | 32)  # recognises gzip and zlib
             while not stream.eof:
@@ -275,11 +289,19 @@ def _inflated_size(stored: StoredVoxels, enough: int) -> int:
                 total += num_out
                 data = stream.unconsumed_tail
                 if not data and not stream.eof and num_out < _PIECE:  # a full piece may leave more inside the stream
-                    data = file.read(_PIECE)
+                    data = next(pieces, b"")
                     if not data:
                         raise EOFError(f"the compressed data break off after {total} bytes of voxels")
-            data = stream.unused_data or file.read(_PIECE)
+            data = stream.unused_data or next(pieces, b"")
     return total
+
+
+def _pieces(file: BinaryIO, num_bytes: int | None) -> Iterator[bytes]:
+    """What follows in a file, `num_bytes` of it at most."""
+    left = math.inf if num_bytes is None else num_bytes
+    while data := file.read(int(min(_PIECE, left))):
+        left -= len(data)
+        yield data
 
 
 def choose(key: str, wanted: int | None, count: int, where: str) -> int:

@@ -7,6 +7,7 @@ drawn where it is.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, choose, describe_shape
-from renderer.readers.headers import PIXEL_DATA
+from renderer.readers.dicom_header import dicom_spacing
+from renderer.readers.headers import PIXEL_DATA, has_dicom_mark
 from renderer.readers.itk import (
     distill,
     executed,
@@ -49,18 +51,19 @@ class _Slice:
     direction: Float64
 
 
-def read_dicom(folder: Path, time: int | None, component: int | None) -> Image:
+def read_dicom(folder: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
     """The one series in `folder`, slices in ascending order along their normal.
 
-    Values are those after the rescale slope and intercept of each slice. Raises InputError when there is no series or
-    several, when slices differ in size or orientation, and when they are missing, doubled or unevenly spaced.
+    any_lengths: others take the place of what the files say of lengths, which so may be anything. Values are those
+    after the rescale slope and intercept of each slice. Raises InputError when there is no series or several, when
+    slices differ in size or orientation, and when they are missing, doubled or unevenly spaced.
     """
     with quiet_simpleitk() as sitk:
         files = _series_files(sitk, folder)
         if len(files) == 1:  # one slice, or all of them in one enhanced file
-            return read_itk(files[0], time, component)
+            return read_itk(files[0], time, component, any_lengths=any_lengths)
         choose("time", time, 1, str(folder))
-        slices = [_header(sitk, file) for file in files]
+        slices = [_header(sitk, file, any_lengths) for file in files]
         slices.sort(key=lambda part: float(part.position @ part.direction[:, 2]))
         _check_alike(slices, folder)
         step = _even_step(slices, folder)
@@ -83,6 +86,9 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
         series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(name)
         files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(name, uid) for uid in series}
     except RuntimeError as error:
+        for path in sorted(folder.iterdir()):
+            if path.is_file() and has_dicom_mark(path):
+                _require_header(sitk, path)
         raise InputError(
             "the DICOM files in this folder cannot be read",
             where=str(folder),
@@ -109,19 +115,42 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
 
 
 def _check_none_left_out(folder: Path, names: set[str]) -> None:
-    """Raise InputError for a DICOM image that the search for series passed over: it is damaged.
+    """Raise InputError for a file that the search for series passed over and that should be a slice: it is damaged.
 
-    At either end of the stack nothing else would tell. Reports and plans are DICOM files too, without pixels.
+    At either end of the stack nothing else would tell. Reports and plans are DICOM files too, without pixels; what is
+    no DICOM file, but is named as the slices are, was one.
     """
+    shapes = {_shape(name) for name in names}
     for path in sorted(folder.iterdir()):
-        if path.name in names or not path.is_file():
+        if path.name in names or path.name.startswith(".") or not path.is_file():
             continue
-        with path.open("rb") as file:
-            is_dicom = file.read(132)[128:] == b"DICM"  # after a preamble of 128 bytes
-            if is_dicom and PIXEL_DATA in file.read():
-                raise InputError(
-                    "this DICOM slice cannot be read", where=str(path), hint="the file is truncated or damaged"
-                )
+        is_dicom = has_dicom_mark(path)
+        is_slice = PIXEL_DATA in path.read_bytes() if is_dicom else _shape(path.name) in shapes
+        if is_slice:
+            is_empty = path.stat().st_size == 0
+            raise InputError(
+                "this DICOM slice cannot be read",
+                where=str(path),
+                got="an empty file" if is_empty else None if is_dicom else "a file that is not DICOM",
+                hint="the file is truncated or damaged: copy it again, or remove it if it is no slice",
+            )
+
+
+def _shape(name: str) -> str:
+    """A name with each number in it by one sign."""
+    return re.sub("[0-9]+", "#", name)
+
+
+def _require_header(sitk: Any, path: Path) -> None:
+    try:
+        open_itk(sitk, path)
+    except InputError as error:
+        raise InputError(
+            "this DICOM slice cannot be read",
+            where=str(path),
+            got=error.got,
+            hint="a field of it is damaged: copy it again, or save it anew",
+        ) from error
 
 
 def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:
@@ -132,7 +161,7 @@ def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:
     return f'"{description or uid}", {len(files)} file{"s" if len(files) > 1 else ""} from {first.name}'
 
 
-def _header(sitk: Any, file: Path) -> _Slice:
+def _header(sitk: Any, file: Path, any_lengths: bool) -> _Slice:
     reader = open_itk(sitk, file)
     size = reader.GetSize()
     if len(size) == 3 and size[2] > 1:
@@ -143,7 +172,7 @@ def _header(sitk: Any, file: Path) -> _Slice:
             expected="one slice per file, or all of them in one file",
         )
     width, height, *_ = size
-    across, down, *_ = reader.GetSpacing()
+    across, down, *_ = dicom_spacing(reader, file, any_lengths=any_lengths)
     return _Slice(
         file,
         reader,

@@ -34,6 +34,10 @@ _LIST = re.compile(
 # as it stands, so that no more than this is let through.
 _NUMBERED = re.compile(r"([^%\s]*%0?[0-9]{0,2}d[^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})")
 
+_META_LENGTHS = re.compile(rb"^[ \t]*(ElementSpacing|ElementSize)[ \t]*=", re.MULTILINE)
+# Of NRRD's axes; unknown ones, in the order of the axes, are taken for such.
+_KINDS_OF_SPACE = ("domain", "space", "???", "none")
+
 _DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _MOST_DIMENSIONS = 10  # of MetaImage
 _LONGEST_SHOWN = 200  # a matrix with all its digits
@@ -81,10 +85,36 @@ def nrrd_voxels(path: Path) -> Stored | None:
     return None if is_packed and lines_skipped != "0" else stored
 
 
-def metaimage_voxels(path: Path) -> Stored | None:
-    """The data of a MetaImage file; None when they begin elsewhere, which their reader checks.
+def unsaid_lengths(path: Path) -> str | None:
+    """What to say of a NRRD or MetaImage file that does not say how large its voxels are, which are taken for 1.
 
-    Raises InputError for a damaged header and for a data file that is not there.
+    Raises InputError for NRRD's NaN where an axis of space has its length: its reader takes 1 for this.
+    """
+    if path.suffix.lower() in (".nrrd", ".nhdr"):
+        fields = _fields(_without_list(_split(_head(path))[0])[0], ":")
+        lengths, kinds = fields.get("spacings", "").split(), fields.get("kinds", "").lower().split()
+        in_space = [k for k in range(len(lengths)) if k >= len(kinds) or kinds[k] in _KINDS_OF_SPACE][:3]
+        if any(lengths[k].lower().lstrip("+-") == "nan" for k in in_space):
+            raise InputError(
+                "this NRRD header does not have the length of an axis",
+                where=str(path),
+                got=f"spacings: {fields['spacings']}",
+                expected="a number for each axis of space",
+                hint="correct that line; without it, voxels are 1 long",
+            )
+        is_said = bool(lengths) or "space directions" in fields
+    elif path.suffix.lower() in (".mha", ".mhd"):
+        is_said = _META_LENGTHS.search(_head(path)) is not None
+    else:
+        return None
+    return None if is_said else "the file does not say how large its voxels are; they are taken for 1 x 1 x 1"
+
+
+def metaimage_voxels(path: Path) -> Stored:
+    """The data of a MetaImage file.
+
+    Raises InputError for a damaged header, for one that its reader would take for another, and for a data file that is
+    not there.
     """
     head = _head(path)
     start = head.find(b"\n", head.find(b"ElementDataFile")) + 1
@@ -100,20 +130,70 @@ def metaimage_voxels(path: Path) -> Stored | None:
             expected=" and ".join(f"a line `{key} = ...`" for key in missing),
         )
     _check_numbers(head[:start] if start else head, path)
+    _check_scale(fields, path)
     name = fields["elementdatafile"]
     compressed = fields.get("compresseddata", "False").lower() in ("true", "1")
     is_big = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "")).lower()
     is_text = fields.get("binarydata", "True").lower() not in ("true", "1")
+    skipped = int(float(fields.get("headersize", "0").split()[0]))
     order = None if compressed or is_text else {"false": "<", "true": ">", "0": "<", "1": ">"}.get(is_big, "|")
-    stored: Stored = StoredVoxels(path, start, compressed, order, is_text)
-    skipped = fields.get("headersize")
-    if name.upper() != "LOCAL":
-        offset = (
-            max(0, int(float(skipped.split()[0]))) if skipped else 0
-        )  # -1: all that is before the voxels, whatever it is
-        each = partial(StoredVoxels, offset=offset, compressed=compressed, byte_order=order, is_text=is_text)
-        stored = _detached(path, _plain_list(name, fields["ndims"]), listed, each, is_pattern="%" in name)
-    return stored if skipped is None or isinstance(stored, list) else None
+    if skipped:  # voxels that are a part of a file
+        order = None
+    num_compressed = int(float(fields.get("compresseddatasize", "0").split()[0])) if compressed else 0
+    is_local = name.upper() == "LOCAL"
+    _check_place(path, start if is_local else None, skipped, compressed and not num_compressed, compressed)
+    make = partial(StoredVoxels, compressed=compressed, byte_order=order, is_text=is_text)
+    make = partial(make, num_compressed=num_compressed or None)
+    if is_local:
+        return make(path, start)
+    each = partial(make, offset=max(0, skipped))  # -1: all that is before the voxels, whatever it is
+    return _detached(path, _plain_list(name, fields["ndims"]), listed, each, is_pattern="%" in name)
+
+
+def _check_place(path: Path, start: int | None, skipped: int, is_open: bool, compressed: bool) -> None:
+    """Raise InputError where the reader of MetaImage would look for voxels elsewhere than they are.
+
+    start: where they begin in the file of the header itself; None where they are in another. skipped: HeaderSize.
+    is_open: whether nothing says how long the compressed voxels are; they are then taken for a whole file.
+    """
+    if start is not None and skipped not in (0, start, -1):
+        raise InputError(
+            "this MetaImage header says that the voxels are elsewhere than behind it",
+            where=str(path),
+            got=f"HeaderSize = {skipped} with ElementDataFile = LOCAL",
+            expected=f"HeaderSize = {start}, the bytes of the header, or none",
+            hint="remove the line HeaderSize",
+        )
+    if compressed and skipped == -1:
+        raise InputError(
+            "this MetaImage header does not say where its compressed voxels begin",
+            where=str(path),
+            got="HeaderSize = -1",
+            expected="HeaderSize = 0 or more, or none",
+        )
+    if is_open and (start is not None or skipped):
+        num_bytes = path.stat().st_size - (start or 0)
+        raise InputError(
+            "this MetaImage header does not say how long its compressed voxels are",
+            where=str(path),
+            got="no CompressedDataSize",
+            expected="CompressedDataSize = n, in bytes, before ElementDataFile",
+            hint=f"n is {num_bytes} where nothing comes behind them" if start is not None else None,
+        )
+
+
+def _check_scale(fields: dict[str, str], path: Path) -> None:
+    """Raise InputError where a MetaImage header asks for other values than the file has: its reader leaves them."""
+    for key, neutral in (("ElementToIntensityFunctionSlope", 1), ("ElementToIntensityFunctionOffset", 0)):
+        text = fields.get(key.lower(), str(neutral))
+        if not _DECIMAL.fullmatch(text) or float(text) != neutral:
+            raise InputError(
+                "MetaImage voxels that are to be scaled cannot be read",
+                where=str(path),
+                got=f"{key} = {text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)}",
+                expected=f"{key} = {neutral}",
+                hint="correct that line to have the values as they are in the file, or save scaled ones",
+            )
 
 
 def _check_numbers(header: bytes, path: Path) -> None:
@@ -144,6 +224,7 @@ def _check_numbers(header: bytes, path: Path) -> None:
     require("NDims", 1, "2, 3 or 4", lambda found: found[0] in range(1, _MOST_DIMENSIONS + 1))
     n = int(float(values["ndims"][0]))
     require("HeaderSize", 1, "a whole number, or -1", lambda found: found[0] >= -1 and found[0].is_integer())
+    require("CompressedDataSize", 1, "a whole number", lambda found: found[0] >= 0 and found[0].is_integer())
     require("DimSize", n, f"{n} whole numbers", lambda found: all(x >= 0 and x.is_integer() for x in found))
     expected = f"{n} numbers, none of them 0"
     require("ElementSpacing ElementSize", n, expected, lambda found: is_finite(found) and all(found))
@@ -181,6 +262,12 @@ def vtk_voxels(path: Path) -> StoredVoxels:
     start = head.find(b"\n", head.find(b"LOOKUP_TABLE")) + 1 if b"LOOKUP_TABLE" in head else 0
     kind = [*head.split(b"\n", 3), b"", b"", b""][2]
     return StoredVoxels(path, start, False, None, kind.strip().upper() == b"ASCII")
+
+
+def has_dicom_mark(path: Path) -> bool:
+    """Whether a file begins as one of DICOM does, by a preamble of 128 bytes and a mark."""
+    with path.open("rb") as file:
+        return file.read(132)[128:] == b"DICM"
 
 
 def check_dicom_pixels(path: Path, num_bytes: int) -> None:

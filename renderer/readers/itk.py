@@ -31,12 +31,23 @@ from renderer.readers.common import (
     describe_shape,
     stays_mapped,
 )
-from renderer.readers.headers import Stored, check_dicom_pixels, metaimage_voxels, nrrd_voxels, vtk_voxels
+from renderer.readers.dicom_header import as_stored, dicom_spacing, is_dicom
+from renderer.readers.headers import (
+    Stored,
+    check_dicom_pixels,
+    metaimage_voxels,
+    nrrd_voxels,
+    unsaid_lengths,
+    vtk_voxels,
+)
 from renderer.schema import show
 from renderer.volume import Array
 from renderer.volume_files import UnknownFormatError
 
-_BITS_ALLOCATED = "0028|0100"
+# What no sentence has, but conditions of a program that were not met, and its own exceptions.
+_CODE = re.compile(r"::|\(\)|bad_alloc")
+
+_BITS_ALLOCATED, _SERIES = "0028|0100", "0020|000e"
 
 # Formats of which it is known where in the file the voxels are.
 _LOCATED: dict[str, Callable[[Path], Stored | None]] = {
@@ -62,12 +73,32 @@ def quiet_simpleitk() -> Iterator[Any]:
         sitk.ProcessObject.SetGlobalWarningDisplay(shown)
 
 
-def read_itk(path: Path, time: int | None, component: int | None) -> Image:
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what libraries of SimpleITK write to the terminal by themselves, as HDF5 and MetaIO do, off it."""
+    try:
+        shown = os.dup(2)
+    except OSError:  # there is none
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(shown, 2)
+        os.close(shown)
+        os.close(nowhere)
+
+
+def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
     """The volume in one file.
 
-    Raises InputError for unknown, truncated and broken files, and when `time` or `component` do not fit.
+    any_lengths: others take the place of what a DICOM file says of lengths, which so may be anything. Raises InputError
+    for unknown, truncated and broken files, and when `time` or `component` do not fit.
     """
     voxels = _LOCATED[path.suffix.lower()](path) if path.suffix.lower() in _LOCATED else None
+    unsaid = unsaid_lengths(path)
     with quiet_simpleitk() as sitk:
         reader = open_itk(sitk, path)
         size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
@@ -81,7 +112,8 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
                 check_used(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
-        world_from_index = _world_from_index(reader)
+        spacing = dicom_spacing(reader, path, any_lengths=any_lengths) if is_dicom(reader) else reader.GetSpacing()
+        world_from_index = _world_from_index(reader, spacing)
         check_axes(world_from_index, str(path))  # of which SimpleITK says no more than some numbers
         step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
         channel = choose("component", component, num_components, str(path))
@@ -97,7 +129,23 @@ def read_itk(path: Path, time: int | None, component: int | None) -> Image:
             values = view_of(sitk, executed(reader, path))
             if num_components > 1:
                 values = values[..., channel]
-    return Image(values if values.ndim == 3 else values[np.newaxis], world_from_index)
+        note = _one_of_a_series(sitk, reader, path) if values.ndim == 2 or len(values) == 1 else None
+        note = note if any_lengths else unsaid or note
+    return Image(values if values.ndim == 3 else values[np.newaxis], world_from_index, note)
+
+
+def _one_of_a_series(sitk: Any, reader: Any, path: Path) -> str | None:
+    """What to say of a file with one slice of a DICOM series of which its folder has more."""
+    if not (is_dicom(reader) and reader.HasMetaDataKey(_SERIES)):
+        return None
+    try:
+        uid = reader.GetMetaData(_SERIES).strip()
+        files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(itk_name(path.parent), uid)
+    except (RuntimeError, TypeError):  # for another file, of which nothing was asked; for a name that is no text
+        return None
+    if len(files) < 2:
+        return None
+    return f"one of {len(files)} slices of a DICOM series; its folder, {path.parent}, stands for all of them"
 
 
 def _check_whole(voxels: StoredVoxels, num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any]) -> None:
@@ -164,16 +212,24 @@ def _is_utf8(name: bytes) -> bool:
 def open_itk(sitk: Any, path: Path) -> Any:
     """A SimpleITK reader that has read the header of `path`; raises InputError when it is of no known format."""
     name = itk_name(path)
-    format_name = sitk.ImageFileReader.GetImageIOFromFileName(name)
+    with _silent():
+        format_name = sitk.ImageFileReader.GetImageIOFromFileName(name)
     if not format_name:
         raise UnknownFormatError(path, is_empty=path.stat().st_size == 0)
     reader = sitk.ImageFileReader()
     reader.SetFileName(name)
+    reader.SetImageIO(format_name)
     try:
-        reader.ReadImageInformation()
+        with _silent():
+            reader.ReadImageInformation()
     except RuntimeError as error:
-        raise InputError("cannot read the header", where=str(path), got=distill(str(error))) from error
-    if format_name == "GDCMImageIO" and reader.HasMetaDataKey(_BITS_ALLOCATED):
+        raise InputError(
+            "cannot read the header",
+            where=str(path),
+            got=distill(str(error)),
+            hint="the file is damaged, or of a kind that cannot be read",
+        ) from error
+    if is_dicom(reader) and reader.HasMetaDataKey(_BITS_ALLOCATED):
         bits = math.prod(reader.GetSize()) * reader.GetNumberOfComponents() * int(reader.GetMetaData(_BITS_ALLOCATED))
         check_dicom_pixels(path, bits // 8)
     return reader
@@ -182,8 +238,11 @@ def open_itk(sitk: Any, path: Path) -> Any:
 def executed(reader: Any, path: Path) -> Any:
     """The SimpleITK image; raises InputError when its voxels cannot be read."""
     try:
-        return reader.Execute()
+        with as_stored(reader, path), _silent():
+            return reader.Execute()
     except RuntimeError as error:
+        if "bad_alloc" in str(error):
+            raise MemoryError from error
         raise InputError(
             "cannot read the voxels", where=str(path), got=distill(str(error)), hint="the file is truncated or damaged"
         ) from error
@@ -213,23 +272,25 @@ def view_of(sitk: Any, image: Any) -> Array:
     return np.asarray(_Kept(sitk.GetArrayViewFromImage(image), image))
 
 
-def distill(message: str) -> str:
+def distill(message: str) -> str | None:
     """The last statement of one of SimpleITK's messages, which open with source files, addresses and call chains.
 
     The innermost cause is the last line, apart from the system's last error, which is often another's;
-    `[nrrd] function:` and `ITK ERROR: class(address):` in front of it say nothing to a user.
+    `[nrrd] function:` and `ITK ERROR: class(address):` in front of it say nothing to a user, and nor does a line of a
+    program's code, in place of which there is None.
     """
     lines = [line.strip() for line in message.splitlines() if line.strip() and not line.startswith("Reason:")]
     last = lines[-1] if lines else "no reason given"
-    return re.sub(r"^(\[\w+\] \w+: |(itk|ITK|sitk)(::| )ERROR: (\w+\(0x[0-9a-f]+\): )?)", "", last)
+    said = re.sub(r"^(\[\w+\] \w+: |(itk|ITK|sitk)(::| )ERROR: (\w+\(0x[0-9a-f]+\): )?)", "", last)
+    return None if _CODE.search(said) else said
 
 
-def _world_from_index(reader: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """[4, 4] from a header of 2 to 4 dimensions: a plane lies at z = 0, a time axis is left out."""
+def _world_from_index(reader: Any, lengths: tuple[float, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """[4, 4] from the spacing and a header of 2 to 4 dimensions: a plane lies at z = 0, a time axis is left out."""
     n = reader.GetDimension()
     spatial = min(n, 3)
     spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)
-    spacing[:spatial] = reader.GetSpacing()[:spatial]
+    spacing[:spatial] = lengths[:spatial]
     origin[:spatial] = reader.GetOrigin()[:spatial]
     direction[:spatial, :spatial] = np.reshape(reader.GetDirection(), (n, n))[:spatial, :spatial]
     return affine(spacing, origin, direction)

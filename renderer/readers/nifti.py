@@ -3,14 +3,16 @@
 SimpleITK is not asked: it refuses sheared affines, may prefer the qform to a sheared sform, and fills a truncated file
 with zeros without a word. nibabel gives the affine of the header as it is.
 
-The affine is the sform when it is set and invertible, else the qform, else the voxel sizes; RAS becomes LPS by negating
-x and y. Axes after z are time (the fourth) and component (the fifth), as the standard has them.
+The affine is the sform when it is set and invertible, else the qform, else the voxel sizes alone, the first voxel being
+at the origin; RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as the
+standard has them.
 """
 
 from __future__ import annotations
 
 import gzip
 import logging
+import math
 import struct
 import zlib
 from collections.abc import Iterator
@@ -114,18 +116,22 @@ def _quiet(logger: logging.Logger) -> Iterator[None]:
         logger.setLevel(level)
 
 
-def _check_extensions(path: Path) -> None:
-    """Raise InputError where a compressed file has very much between header and voxels: nibabel keeps it in memory."""
-    try:
-        with gzip.open(path) as file:
-            head = file.read(_NIFTI_2_BYTES)
-    except (OSError, EOFError, zlib.error):  # not compressed, or damaged, which nibabel sees as well
-        return
-    for order in "<>" if len(head) == _NIFTI_2_BYTES else "":
+def _check_offset(path: Path) -> None:
+    """Raise InputError where the voxels of a single file begin within its header, nowhere, or, in a compressed one,
+    very far behind the header: nibabel keeps what is between in memory. Pairs and other files are left to it."""
+    head, compressed = _head(path)
+    for order in "<>" if len(head) >= _NIFTI_1_BYTES else "":
         num_header_bytes = struct.unpack_from(order + "i", head)[0]
-        code, place = {_NIFTI_1_BYTES: ("f", 108), _NIFTI_2_BYTES: ("q", 168)}.get(num_header_bytes, ("b", 0))
+        code, place, mark = {_NIFTI_1_BYTES: ("f", 108, 344), _NIFTI_2_BYTES: ("q", 168, 4)}.get(
+            num_header_bytes, ("", 0, 0)
+        )
+        if not code:
+            continue
         offset = struct.unpack_from(order + code, head, place)[0]
-        if code != "b" and offset > _MAX_OFFSET:
+        least = num_header_bytes + 4
+        if not (math.isfinite(offset) and (offset >= least or head[mark : mark + 2] != b"n+")):
+            raise _misplaced(path, offset, least)
+        if compressed and offset > _MAX_OFFSET:
             raise InputError(
                 "there is too much between the header and the voxels",
                 where=str(path),
@@ -135,10 +141,30 @@ def _check_extensions(path: Path) -> None:
             )
 
 
+def _misplaced(path: Path, offset: float, least: int) -> InputError:
+    return InputError(
+        "the voxels of this NIfTI file cannot be where its header says",
+        where=str(path),
+        got=f"vox_offset = {offset:g}",
+        expected=f"{least} or more, behind the header",
+        hint="save it anew, or correct the header",
+    )
+
+
+def _head(path: Path) -> tuple[bytes, bool]:
+    """The first bytes of a file, as many as a header has at most, and whether it is compressed."""
+    try:
+        with gzip.open(path) as file:
+            return file.read(_NIFTI_2_BYTES), True
+    except (OSError, EOFError, zlib.error):  # not compressed, or damaged, which nibabel sees as well
+        with path.open("rb") as file:
+            return file.read(_NIFTI_2_BYTES), False
+
+
 def _open(path: Path) -> Any:
     import nibabel as nib  # noqa: PLC0415  (0.2 s that other formats do not need)
 
-    _check_extensions(path)
+    _check_offset(path)
     try:
         with _quiet(nib.imageglobals.logger):
             image = nib.load(path)
@@ -147,8 +173,12 @@ def _open(path: Path) -> Any:
             "this is not a NIfTI file, or it is damaged",
             where=str(path),
             got="an empty file" if path.stat().st_size == 0 else None,
+            expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
         ) from error
-    except (OSError, EOFError, ValueError, zlib.error) as error:
+    except (EOFError, ValueError, zlib.error) as error:
+        told = unreadable(path, error)
+        raise InputError(told.what, where=told.where, got=told.got, hint="the file is truncated or damaged") from error
+    except OSError as error:
         raise unreadable(path, error) from error
     if not isinstance(image, nib.Nifti1Pair):
         raise InputError(
@@ -157,6 +187,10 @@ def _open(path: Path) -> Any:
             got=type(image).__name__,
             expected="NIfTI-1 or NIfTI-2, which say where the voxels are",
         )
+    proxy: Any = image.dataobj
+    least = image.header.single_vox_offset
+    if "header" not in image.file_map and proxy.offset < least:  # whose first bytes were repaired
+        raise _misplaced(path, proxy.offset, least)
     return image
 
 
@@ -190,4 +224,8 @@ def _ras_from_index(header: Any) -> Float64:
         return np.array(header.get_sform(), np.float64)
     if header["qform_code"] > 0 and has_volume(header.get_qform()):
         return np.array(header.get_qform(), np.float64)
-    return np.array(header.get_base_affine(), np.float64)
+    # Method 1 of the standard: x = pixdim[1] i and so on. nibabel, for Analyze's sake, would mirror it.
+    sizes = np.ones(3)
+    num_axes = min(3, int(header["dim"][0]))
+    sizes[:num_axes] = header["pixdim"][1 : num_axes + 1]
+    return np.diag([*sizes, 1.0])

@@ -1,15 +1,15 @@
 """TIFF: one file with a slice per page, or a folder with a slice per file in natural order (`2.tif` before `10.tif`).
 
-Plain strips of one sample a pixel are read here, other pixels by SimpleITK. It is not asked about anything else: it
-reads a truncated file as a shorter stack and 16-bit floats as integers, and knows no spacing along z. The directories
-of the file say all of that (TIFF revision 6.0; BigTIFF), as do the descriptions that ImageJ and OME writers put into
-the first page. Spacing along z is taken from there, and is otherwise that along x: a resolution is often just that of
-a screen, and slices as thick as pixels keep the shape of things.
+Plain strips and tiles of one sample a pixel are read here, other pixels by SimpleITK. It is not asked about anything
+else: it reads a truncated file as a shorter stack and 16-bit floats as integers, and knows no spacing along z. The
+directories of the file say all of that (TIFF revision 6.0; BigTIFF), as do the descriptions that ImageJ and OME writers
+put into the first page. Spacing along z is taken from there, and is otherwise that along x: a resolution is often just
+that of a screen, and slices as thick as pixels keep the shape of things.
 """
 
 from __future__ import annotations
 
-import re
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,21 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_dtype, check_size, choose, existing
 from renderer.readers.itk import executed, open_itk, quiet_simpleitk, view_of
-from renderer.readers.tiff_description import hyperstack, imagej_step, is_imagej, is_ome, ome_spacing
-from renderer.readers.tiff_directory import BITS, COMPRESSION, RESOLUTION_UNIT, SAMPLES, Page, read_pages
+from renderer.readers.slice_names import in_order
+from renderer.readers.tiff_description import MM_PER_UNIT, hyperstack, imagej_spacing, is_imagej, is_ome, ome_spacing
+from renderer.readers.tiff_directory import (
+    BITS,
+    COMPRESSION,
+    RESOLUTION_UNIT,
+    SAMPLES,
+    TILE_HEIGHT,
+    TILE_WIDTH,
+    Page,
+    read_pages,
+)
 from renderer.volume import Array, Float64
 
 SUFFIXES = (".tif", ".tiff")
-
-_MM_PER_UNIT = {2: 25.4, 3: 10.0}
 
 # By their numbers in the field: those that libtiff has wherever it is built, and names of others.
 _COMMON_COMPRESSIONS = (1, 5, 7, 8, 32773, 32946)
@@ -79,11 +87,12 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, any_length
 
 
 def read_tiff_folder(folder: Path, files: list[Path], component: int | None, *, any_lengths: bool = False) -> Image:
-    """One slice from each of `files`, which are sorted naturally here; raises InputError when they differ.
+    """One slice from each of `files`, which are sorted by their names here; raises InputError when the slices differ,
+    and when the names do not tell of one whole stack.
 
     any_lengths: as of `read_tiff`.
     """
-    files = sorted(files, key=_natural)
+    files = in_order(folder, files)
     values, first = None, None
     for index, file in enumerate(files):
         order, pages = read_pages(existing(file))
@@ -117,21 +126,18 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None, *, 
     return Image(values, _world_from_index(first, str(files[0]), any_lengths))
 
 
-def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-    """A sort key in which runs of digits count as numbers; the name itself breaks ties such as `1.tif` and `01.tif`."""
-    parts = re.split(r"(\d+)", path.name.lower())
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
-
-
 def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
     """[page, y, x] or [page, y, x, sample]."""
     first = pages[0]
-    num_samples, is_plain = first.number(SAMPLES, 1), first.number(COMPRESSION, 1) == 1
+    num_samples, num_tiled = first.number(SAMPLES, 1), sum(page.has_tiles for page in pages)
+    if first.number(COMPRESSION, 1) == 1 and num_samples == 1 and first.number(BITS, 1) == 8 * first.dtype.itemsize:
+        if num_tiled == len(pages):
+            return _plain_tiles(path, order, pages)
+        if not num_tiled:
+            return _plain_strips(path, order, pages)
     # SimpleITK would turn tiles into 8-bit colours, float16 into integers, and refuses 64 bits.
-    if any(page.has_tiles for page in pages):
+    if num_tiled:
         raise _undecodable(where, first)
-    if is_plain and num_samples == 1 and first.number(BITS, 1) == 8 * first.dtype.itemsize:
-        return _plain_strips(path, order, pages)
     if first.dtype.itemsize == 8 or first.dtype == np.float16:
         raise _undecodable(where, first)
     try:
@@ -172,6 +178,40 @@ def _plain_strips(path: Path, order: str, pages: list[Page]) -> Array:
     return values
 
 
+def _plain_tiles(path: Path, order: str, pages: list[Page]) -> Array:
+    """[page, y, x], uncompressed, in native byte order; what tiles have beyond the edges is left out.
+
+    Raises InputError unless each page has the tiles that it needs, and the file has all of their bytes.
+    """
+    first = pages[0]
+    stored = np.dtype(order + first.dtype.str[1:])
+    width, height = first.number(TILE_WIDTH, 0), first.number(TILE_HEIGHT, 0)
+    ys, xs = range(0, first.size[1], height or 1), range(0, first.size[0], width or 1)
+    num_tiles, num_bytes, num_file_bytes = len(ys) * len(xs), width * height * stored.itemsize, path.stat().st_size
+    is_damaged = any(len(page.offsets) < num_tiles or page.lengths.min() < num_bytes for page in pages)
+    if not num_bytes or is_damaged or num_bytes * num_tiles * len(pages) > num_file_bytes:
+        raise InputError(
+            "the tiles of this TIFF file do not make up its pages",
+            where=str(path),
+            got=f"{len(first.offsets)} tiles, {int(first.lengths.min())} bytes the smallest; "
+            f"a file of {num_file_bytes} bytes",
+            expected=f"{num_tiles} tiles of {width} x {height} pixels, {num_bytes} bytes each, "
+            f"on each of {len(pages)} pages",
+            hint="the file is damaged",
+        )
+    values = np.empty((len(pages), first.size[1], first.size[0]), first.dtype)
+    with path.open("rb") as file:
+        for page, target in zip(pages, values, strict=True):
+            for (y, x), offset in zip(product(ys, xs), page.offsets, strict=False):
+                file.seek(int(offset))
+                data = file.read(num_bytes)
+                if len(data) < num_bytes:
+                    raise InputError("the file has become shorter while it was read", where=str(path))
+                part = target[y : y + height, x : x + width]
+                part[...] = np.frombuffer(data, stored).reshape(height, width)[: part.shape[0], : part.shape[1]]
+    return values
+
+
 def _unknown_compression(where: str, page: Page, reason: str | None) -> InputError:
     """Of a compression that SimpleITK's libraries have or have not, as they were built."""
     number = page.number(COMPRESSION, 1)
@@ -191,7 +231,7 @@ def _undecodable(where: str, page: Page) -> InputError:
         where=where,
         got=f"{page.dtype.name}, {'tiles' if page.has_tiles else 'strips'}, "
         f"compression {page.number(COMPRESSION, 1)}, {page.number(SAMPLES, 1)} samples a pixel",
-        expected="strips of 8 to 32 bits, or uncompressed strips of one float16, float64 or 64-bit integer a pixel",
+        expected="strips of 8 to 32 bits, or uncompressed strips or tiles of one sample a pixel",
         hint="save it as NRRD or .npy",
     )
 
@@ -214,17 +254,16 @@ def _world_from_index(first: Page, where: str, any_lengths: bool) -> Float64:
 
 
 def _spacing(first: Page, where: str) -> list[float]:
-    """Along x, y, z: in mm where the resolution is per inch or cm, in the file's unit for ImageJ and OME, else 1."""
+    """Along x, y, z: in mm where the resolution is per inch or cm, in the description's unit where that has one, else
+    1."""
     description = _text(first)
+    sizes: list[float | None] = [below / above if above and below else None for above, below in first.resolution]
     spacing: list[float | None] = [None, None, None]
-    mm = _MM_PER_UNIT.get(first.number(RESOLUTION_UNIT, 2))
     if is_ome(description):
         spacing = ome_spacing(description, where)
-    elif mm is not None or is_imagej(description):
-        for axis, (numerator, denominator) in enumerate(first.resolution):
-            if numerator and denominator:
-                spacing[axis] = denominator / numerator * (mm or 1.0)
-        along_z = imagej_step(description, where) if is_imagej(description) else None
-        spacing[2] = abs(along_z) * (mm or 1.0) if along_z is not None else None
+    elif is_imagej(description):
+        spacing = imagej_spacing(description, sizes, first.numbers.get(RESOLUTION_UNIT), where)
+    elif (mm := MM_PER_UNIT.get(first.number(RESOLUTION_UNIT, 2))) is not None:
+        spacing = [size and size * mm for size in sizes] + [None]
     x = spacing[0] or 1.0
     return [x, spacing[1] or x, spacing[2] or x]

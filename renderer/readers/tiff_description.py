@@ -41,6 +41,15 @@ _OTHERS = {
 _METRES = {f"{prefix}m": Fraction(10) ** power for prefix, power in _PREFIXES.items()} | _OTHERS
 _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METRES.items()}
 
+# The unit of the resolution by its number in the field, and how many mm it has.
+_UNITS_OF_TAG = {2: "inch", 3: "cm"}
+MM_PER_UNIT = {2: 25.4, 3: 10.0}
+# How ImageJ's users spell units; pixels are none.
+_MICRON = unicodedata.normalize("NFKC", "µm")
+_NAMES_OF_UNITS = dict.fromkeys(("um", _MICRON, "micron", "microns", "micrometer", "micrometers"), _MICRON)
+_NAMES_OF_UNITS |= dict.fromkeys(("in", "inch", "inches"), "inch") | dict.fromkeys(("pixel", "pixels"), "")
+_NAMES_OF_UNITS |= dict.fromkeys(("cm", "centimeter", "centimeters"), "cm")
+
 
 def is_imagej(description: str) -> bool:
     """Whether ImageJ wrote it."""
@@ -81,7 +90,47 @@ def hyperstack(description: str, num_pages: int, where: str) -> tuple[str, list[
     return axes, counts
 
 
-def imagej_step(description: str, where: str) -> float | None:
+def imagej_spacing(description: str, sizes: list[float | None], tag: int | None, where: str) -> list[float | None]:
+    """Along x, y and z, in the unit that ImageJ's description names, or in mm where the resolution is per inch or cm;
+    None where it is not said.
+
+    sizes: of x and y, by the resolution. tag: the number of its unit, None where that field is not there. Sizes per cm
+    beside a unit of µm are converted, as ImageJ does. Raises InputError for other units beside inch and cm, which
+    ImageJ takes for the unit of x and y and others do not, and when a spacing is no number.
+    """
+    step = _imagej_step(description, where)
+    units = {axis: _imagej_unit(description, key) for axis, key in zip("xyz", ("unit", "yunit", "zunit"), strict=True)}
+    unit = units["x"]
+    others = [name for name in (units["y"], units["z"]) if name not in ("", unit)]
+    if tag is None and not unit:
+        tag = 2  # as TIFF has it
+    per = _UNITS_OF_TAG.get(tag or 0, "")
+    x, y = sizes
+    z = step and abs(step)  # of which 0 is none
+    if not others and per == "cm" and unit == _MICRON:
+        return [x and x * 1e4, y and y * 1e4, z]
+    if others or (per and unit not in ("", per)):
+        raise InputError(
+            "the voxel sizes in this TIFF file are in units that cannot be compared",
+            where=where,
+            got=f"pixels per {per}; " * bool(per)
+            + ", ".join(f"{axis} in {_shown(units[axis]) or unit}" for axis in units),
+            expected="one unit for all, or pixels per cm and unit=um",
+            hint="`spacing: [x, y, z]` takes the place of what the file says",
+        )
+    factor = MM_PER_UNIT[tag] if tag and per else 1.0
+    return [size and size * factor for size in (x, y, z)]
+
+
+def _imagej_unit(description: str, key: str) -> str:
+    """The unit of a line of ImageJ's, by one of its names; empty where it is none, or pixels."""
+    found = re.search(rf"^{key}=(.*)$", description, re.M)
+    text = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), found[1]) if found else ""
+    name = unicodedata.normalize("NFKC", text.replace("\ufffdm", "µm").strip())
+    return _NAMES_OF_UNITS.get(name.lower(), name)
+
+
+def _imagej_step(description: str, where: str) -> float | None:
     """The spacing along z that ImageJ wrote, of either sign, or None; raises InputError when it is no number.
 
     Words such as NaN say that it is not known.

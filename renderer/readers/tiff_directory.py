@@ -20,6 +20,7 @@ from renderer.readers.common import describe_shape, unreadable
 # The fields that are read, by tag. Of the first ones one number is needed, ...
 SAMPLES, COMPRESSION, RESOLUTION_UNIT, BITS = 277, 259, 296, 258
 _SUBFILE, _WIDTH, _HEIGHT, _PHOTOMETRIC, _ORIENTATION = 254, 256, 257, 262, 274
+TILE_WIDTH, TILE_HEIGHT = 322, 323
 _ROWS_PER_STRIP, _PLANAR, _PREDICTOR, _SAMPLE_FORMAT = 278, 284, 317, 339
 # ... of these all numbers, ...
 _STRIPS, _STRIP_BYTES, _TILES, _TILE_BYTES = 273, 279, 324, 325
@@ -27,7 +28,8 @@ _STRIPS, _STRIP_BYTES, _TILES, _TILE_BYTES = 273, 279, 324, 325
 _X_RESOLUTION, _Y_RESOLUTION, _DESCRIPTION = 282, 283, 270
 
 # What all pages must share. SimpleITK relies on it: it writes beyond its memory when some are marked as previews.
-_SHARED = (_SUBFILE, BITS, COMPRESSION, _PHOTOMETRIC, _ORIENTATION, SAMPLES, _ROWS_PER_STRIP, _PLANAR, _PREDICTOR)
+_FORM = (_ROWS_PER_STRIP, TILE_WIDTH, TILE_HEIGHT, _PLANAR, _PREDICTOR)
+_SHARED = (_SUBFILE, BITS, COMPRESSION, _PHOTOMETRIC, _ORIENTATION, SAMPLES, *_FORM)
 
 _SINGLE = frozenset((*_SHARED, _WIDTH, _HEIGHT, _SAMPLE_FORMAT, RESOLUTION_UNIT))
 _LISTS = frozenset((_STRIPS, _STRIP_BYTES, _TILES, _TILE_BYTES))
@@ -110,7 +112,10 @@ def read_pages(path: Path) -> tuple[str, list[Page]]:
             version = struct.unpack(order + "H", mark[2:])[0] if order and len(mark) == 4 else 0
             if version not in (42, 43):
                 raise InputError(
-                    "this is not a TIFF file", where=str(path), got="an empty file" if num_file_bytes == 0 else None
+                    "this is not a TIFF file",
+                    where=str(path),
+                    got="an empty file" if num_file_bytes == 0 else None,
+                    expected="II or MM and 42 or 43, by which TIFF and BigTIFF begin",
                 )
             directories = _Directories(path, file, order, version == 43, num_file_bytes)
             offset, seen = directories.first(), set[int]()

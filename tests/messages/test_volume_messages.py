@@ -83,8 +83,10 @@ def test_unknown_format(folder):
 
 def test_empty_files(folder):
     for name, what in {
-        "a.nii": "this is not a NIfTI file, or it is damaged\n  got: an empty file",
-        "a.tif": "this is not a TIFF file\n  got: an empty file",
+        "a.nii": "this is not a NIfTI file, or it is damaged\n  got: an empty file\n"
+        "  expected: a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
+        "a.tif": "this is not a TIFF file\n  got: an empty file\n"
+        "  expected: II or MM and 42 or 43, by which TIFF and BigTIFF begin",
         "a.npy": "this is not a .npy file\n  got: an empty file\n  expected: an array saved by numpy.save",
         "a.mha": "this is not a MetaImage header, or it is damaged\n  got: an empty file\n  expected: a line "
         "`NDims = ...` and a line `DimSize = ...` and a line `ElementType = ...` and a line `ElementDataFile = ...`",
@@ -171,7 +173,10 @@ def test_damaged_compression(folder):
 
 def test_unreadable_header(folder):
     Path("a.nrrd").write_bytes(b"NRRD0004\ntype: half\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n\n")
-    assert message("a.nrrd") == 'a.nrrd: cannot read the header\n  got: couldn\'t parse type "half"'
+    assert message("a.nrrd") == (
+        'a.nrrd: cannot read the header\n  got: couldn\'t parse type "half"\n'
+        "  hint: the file is damaged, or of a kind that cannot be read"
+    )
 
 
 def test_bzip2(folder):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
+import struct
+
 import nibabel as nib
 import numpy as np
 import pytest
 
+from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 
@@ -52,6 +56,43 @@ def test_qform_is_used_without_sform(tmp_path):
     image.to_filename(tmp_path / "a.nii")
     # The header holds the rotation as a float32 quaternion.
     np.testing.assert_allclose(read(tmp_path / "a.nii").world_from_index, LPS @ turned, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [nib.Nifti1Image, nib.Nifti2Image])
+def test_sizes_alone_mirror_nothing(tmp_path, kind):
+    """Method 1 of the standard, where both codes are 0: x, y and z are the indices by their sizes."""
+    image = kind(ramp("uint8"), None)
+    image.header.set_zooms((2.0, 3.0, 4.0))
+    image.set_sform(None, 0)
+    image.set_qform(None, 0)
+    image.to_filename(tmp_path / "a.nii")
+    np.testing.assert_array_equal(read(tmp_path / "a.nii").world_from_index, LPS @ np.diag([2.0, 3.0, 4.0, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "code", "least"), [(nib.Nifti1Image, 108, "f", 352), (nib.Nifti2Image, 168, "q", 544)]
+)
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_voxels_within_the_header(tmp_path, kind, place, code, least, name, order):
+    path = tmp_path / name
+    image = kind(ramp("int16"), AFFINE, kind.header_class(endianness=order), dtype="int16")
+    data = bytearray(image.to_bytes())
+    for offset in (0, 100, least - 4, -8, *([float("nan"), float("inf")] if code == "f" else [])):
+        struct.pack_into(order + code, data, place, offset)
+        path.write_bytes(gzip.compress(data) if name == "a.nii.gz" else data)
+        with pytest.raises(InputError) as error:
+            read(path)
+        assert str(error.value) == (
+            f"{path}: the voxels of this NIfTI file cannot be where its header says\n"
+            f"  got: vox_offset = {offset:g}\n"
+            f"  expected: {least} or more, behind the header\n"
+            "  hint: save it anew, or correct the header"
+        )
+    struct.pack_into(order + code, data, place, least + 16)
+    longer = data[:least] + bytes(16) + data[least:]
+    path.write_bytes(gzip.compress(longer) if name == "a.nii.gz" else longer)
+    np.testing.assert_array_equal(read(path).values, ramp("int16").T)
 
 
 def test_singular_sform_gives_way_to_the_qform(tmp_path):

@@ -130,7 +130,8 @@ def test_another_number_of_slices(named: str, got: int, few: str) -> None:
         "  expected: 4, one for each slice of 8 x 7 x 4 voxels"
     )
     assert refusal("v.nhdr", named) == (
-        f"v.nhdr: cannot read the header\n  got: expected 4 filenames (of 2-D pieces) but got {got}"
+        f"v.nhdr: cannot read the header\n  got: expected 4 filenames (of 2-D pieces) but got {got}\n"
+        "  hint: the file is damaged, or of a kind that cannot be read"
     )
 
 

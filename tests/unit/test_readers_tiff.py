@@ -101,11 +101,11 @@ def test_compressed_by_simpleitk(tmp_path):
 
 
 def test_folder_in_natural_order(tmp_path):
-    for k in (0, 1, 2, 9, 10, 11, 100):
+    for k in range(97, 104):
         (tmp_path / f"slice {k}.tif").write_bytes(tiff_bytes(np.full((1, 4, 5), k, np.uint16)))
     (tmp_path / "notes.txt").write_text("not a slice")
     volume = read(tmp_path)
-    assert volume.values[:, 0, 0].tolist() == [0, 1, 2, 9, 10, 11, 100]
+    assert volume.values[:, 0, 0].tolist() == [97, 98, 99, 100, 101, 102, 103]
     assert volume.shape_xyz == (5, 4, 7)
 
 
@@ -139,6 +139,62 @@ def test_spacing(tmp_path, unit, description, expected):
     data = tiff_bytes(ramp("uint16"), description=description, resolution=(unit, (10, 1), (5, 1)))
     (tmp_path / "a.tif").write_bytes(data)
     np.testing.assert_allclose(read(tmp_path / "a.tif").spacing, expected, rtol=1e-15)
+
+
+IMAGEJ = "ImageJ=1.53\nimages=3\nslices=3\nspacing=2.0\n"
+
+
+@pytest.mark.parametrize(
+    ("tag", "per_unit", "lines", "expected"),
+    [
+        (1, 10, "unit=micron\n", (0.1, 0.1, 2)),  # of Fiji, and of tifffile where it is told no unit of the resolution
+        (1, 10, "unit=\\u00B5m\n", (0.1, 0.1, 2)),  # of Fiji
+        (1, 10, "", (0.1, 0.1, 2)),
+        (3, 100_000, "unit=um\n", (0.1, 0.1, 2)),  # of tifffile, told CENTIMETER
+        (3, 100_000, "unit=\u03bcm\n", (0.1, 0.1, 2)),
+        (3, 100_000, "unit=\\u00B5m\n", (0.1, 0.1, 2)),
+        (3, 10, "unit=cm\n", (1, 1, 20)),  # of Fiji, which writes the tag as well for these two units
+        (2, 10, "unit=inch\n", (2.54, 2.54, 50.8)),
+        (3, 10, "", (1, 1, 20)),
+        (3, 10, "unit=pixel\n", (1, 1, 20)),
+        (None, 10, "unit=um\n", (0.1, 0.1, 2)),
+        (None, 10, "", (2.54, 2.54, 50.8)),  # TIFF's own unit
+        (1, 10, "unit=um\nyunit=micron\nzunit=\\u00B5m\n", (0.1, 0.1, 2)),
+    ],
+)
+def test_units_of_imagej(tmp_path, tag, per_unit, lines, expected):
+    """Resolutions are per unit of the tag, and the step along z is in the unit that the description names."""
+    data = tiff_bytes(ramp("uint16"), description=IMAGEJ + lines, resolution=(tag or 1, (per_unit, 1), (per_unit, 1)))
+    if tag is None:
+        entry = struct.pack("<HHI", 296, SHORT, 1)
+        assert data.count(entry) == 3
+        data = data.replace(entry, struct.pack("<HHI", 297, SHORT, 1))  # a field of which nothing is known
+    (tmp_path / "a.tif").write_bytes(data)
+    np.testing.assert_allclose(read(tmp_path / "a.tif").spacing, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("tag", "lines", "got"),
+    [
+        (2, "unit=um\n", "pixels per inch; x in \u03bcm, y in \u03bcm, z in \u03bcm"),
+        (3, "unit=mm\n", "pixels per cm; x in mm, y in mm, z in mm"),
+        (1, "unit=um\nzunit=nm\n", "x in \u03bcm, y in \u03bcm, z in nm"),
+        (1, "unit=um\nyunit=sec\n", "x in \u03bcm, y in sec, z in \u03bcm"),
+    ],
+)
+def test_units_of_imagej_that_disagree(tmp_path, tag, lines, got):
+    data = tiff_bytes(ramp("uint16"), description=IMAGEJ + lines, resolution=(tag, (10, 1), (10, 1)))
+    (tmp_path / "a.tif").write_bytes(data)
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "a.tif")
+    assert str(error.value) == (
+        f"{tmp_path / 'a.tif'}: the voxel sizes in this TIFF file are in units that cannot be compared\n"
+        f"  got: {got}\n"
+        "  expected: one unit for all, or pixels per cm and unit=um\n"
+        "  hint: `spacing: [x, y, z]` takes the place of what the file says"
+    )
+    told = read_volume(VolumeSpec(FileSource(tmp_path / "a.tif", (1.0, 2.0, 3.0))))
+    np.testing.assert_array_equal(told.spacing, [1, 2, 3])
 
 
 def ome_sizes(**attributes: str) -> str:

@@ -1,0 +1,76 @@
+"""The order of slices that have a file each, by the numbers in their names, and whether that is one whole stack."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from renderer.errors import InputError
+
+
+def in_order(folder: Path, files: list[Path]) -> list[Path]:
+    """The files in natural order, `2.tif` before `10.tif`.
+
+    Raises InputError unless their names are the same but for numbers of which one goes on from file to file in even
+    steps: else slices are missing, or there are several stacks.
+    """
+    files = sorted(files, key=_natural)
+    shapes = [re.sub("[0-9]+", "#", file.name.lower()) for file in files]
+    for file, shape in zip(files, shapes, strict=True):
+        if shape != shapes[0]:
+            raise InputError(
+                "the slices of this folder are named in several ways",
+                where=str(folder),
+                got=f"{files[0].name} and {file.name}",
+                expected="names that differ in one number, such as slice001.tif and slice002.tif",
+                hint="put each stack into a folder of its own, or rename its files",
+            )
+    numbers = [[int(run) for run in re.findall("[0-9]+", file.name)] for file in files]
+    running = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
+    if len(files) > 1 and not any(_is_even(column) for column in running):
+        raise _uneven(folder, files, running)
+    return files
+
+
+def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
+    """A sort key in which runs of digits count as numbers; the name itself breaks ties such as `1.tif` and `01.tif`."""
+    parts = re.split("([0-9]+)", path.name.lower())
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
+
+
+def _is_even(column: tuple[int, ...]) -> bool:
+    steps = {after - before for before, after in pairwise(column)}
+    return len(steps) == 1 and min(steps) > 0
+
+
+def _uneven(folder: Path, files: list[Path], running: list[tuple[int, ...]]) -> InputError:
+    where = str(folder)
+    if len(running) > 1:
+        return InputError(
+            "the names of these slices have several numbers that go on",
+            where=where,
+            got=f"{files[0].name}, ..., {files[-1].name}",
+            expected="one number, in even steps, such as slice001.tif and slice002.tif",
+            hint="channels or time steps? put each stack into a folder of its own",
+        )
+    gaps = [after - before for before, after in pairwise(running[0])] if running else [0]
+    if min(gaps) == 0:
+        k = gaps.index(0)
+        return InputError(
+            "two slices of this folder have the same number",
+            where=where,
+            got=f"{files[k].name} and {files[k + 1].name}",
+            expected="one file for each number",
+        )
+    usual = int(np.median(gaps))
+    k = next(index for index, gap in enumerate(gaps) if gap != usual)
+    return InputError(
+        "slices of this folder are missing",
+        where=where,
+        got=f"{files[k + 1].name} after {files[k].name}",
+        expected=f"numbers in steps of {usual}",
+        hint="put the missing files back, or number those that are there anew",
+    )
