@@ -7,6 +7,7 @@ are mapped from the file.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
@@ -76,19 +77,15 @@ def quiet_simpleitk() -> Iterator[Any]:
 @contextmanager
 def _silent() -> Iterator[None]:
     """Keep what libraries of SimpleITK write to the terminal by themselves, as HDF5 and MetaIO do, off it."""
-    try:
-        shown = os.dup(2)
-    except OSError:  # there is none
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # there is none, or there are too many open files
+            shown = os.dup(2)
+            stack.callback(os.close, shown)
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            stack.callback(os.close, nowhere)
+            os.dup2(nowhere, 2)
+            stack.callback(os.dup2, shown, 2)
         yield
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    try:
-        yield
-    finally:
-        os.dup2(shown, 2)
-        os.close(shown)
-        os.close(nowhere)
 
 
 def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
