@@ -29,6 +29,8 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
     film = film_of(**{name: options.pop(name) for name in FILM_NAMES})
+    if output is not None:
+        _require_scene_name(output)
     if output is not None and output.exists() and not force:
         raise InputError(
             "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
@@ -52,6 +54,17 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     else:
         write_staged(output, scene.text.encode())
         click.echo(f"{output}: written; `hsplat render {output}` makes the film", err=True)
+
+
+def _require_scene_name(output: Path) -> None:
+    """Raise InputError for a name such as film.mp4, by which the scene would not be found."""
+    if output.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(
+            "the output of init is a scene",
+            where=str(output),
+            expected="the name of a .yaml or .yml file",
+            hint=f"--output {output.with_suffix('.yaml')}; the film gets its name in it",
+        )
 
 
 def _require_folder(output: Path) -> None:

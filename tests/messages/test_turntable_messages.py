@@ -194,10 +194,21 @@ def test_voxels_without_a_header(command: str, capsys: pytest.CaptureFixture[str
 
 
 def test_init_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["init", "scan.npy", "--output", "notes.txt"]) == 2
+    Path("old.yaml").touch()
+    assert main.run(["init", "scan.npy", "--output", "old.yaml"]) == 2
     assert capsys.readouterr().err == (
-        "notes.txt: there is a file of this name\n  hint: --force writes over it; --output names another one\n"
+        "old.yaml: there is a file of this name\n  hint: --force writes over it; --output names another one\n"
     )
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "scene", "scene.json"])
+def test_init_writes_scenes_only(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["init", "scan.npy", "--output", name]) == 2
+    assert capsys.readouterr().err == (
+        f"{name}: the output of init is a scene\n  expected: the name of a .yaml or .yml file\n"
+        f"  hint: --output {Path(name).stem}.yaml; the film gets its name in it\n"
+    )
+    assert not Path(name).exists()
 
 
 @pytest.mark.parametrize("volume", ["scan.npy", "no/where.npy"])
