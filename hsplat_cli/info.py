@@ -50,7 +50,7 @@ def _facts(
     volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...], suggestion: Suggestion
 ) -> dict[str, Any]:
     """Everything that is printed, as plain data."""
-    from renderer.statistics import PERCENTILES, rebin  # noqa: PLC0415
+    from renderer.statistics import rebin  # noqa: PLC0415
 
     counts, edges = rebin(statistics, _COLUMNS)
     axes = volume.world_from_index[:3, :3]
@@ -70,7 +70,7 @@ def _facts(
         "minimum": statistics.minimum,
         "maximum": statistics.maximum,
         "mean": statistics.mean,
-        "percentiles": {f"{percent:g}": statistics.percentile(percent) for percent in PERCENTILES},
+        "percentiles": {f"{percent:g}": value for percent, value in statistics.percentiles.items()},
         "fingerprint": volume.fingerprint,
         "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
         "ranges": [

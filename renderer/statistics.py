@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.mapped_file import MappedFile
+from renderer.ranks import ranking, values_at
 from renderer.volume import Array, Float64
 
 # Every value of 16-bit data has a bin of its own, and wider types are resolved as finely.
@@ -39,6 +41,7 @@ class Statistics:
     counts: int64 [n], voxels by bin.
     bins: float64 [n], the middle of each bin; integers whose range fits 16 bits have a bin for every value.
     bin_width: in data units.
+    percentiles: of PERCENTILES, exact: the least value that at least so many of the voxels do not exceed.
     """
 
     minimum: int | float
@@ -47,11 +50,7 @@ class Statistics:
     counts: npt.NDArray[np.int64]
     bins: Float64
     bin_width: float
-
-    def percentile(self, percent: float) -> float:
-        """The least value that at least `percent` of the voxels do not exceed, exact to half a bin."""
-        needed = percent / 100 * float(self.counts.sum())
-        return float(self.bins[np.searchsorted(np.cumsum(self.counts), needed)])
+    percentiles: Mapping[float, int | float]
 
 
 @dataclass(frozen=True)
@@ -84,6 +83,8 @@ def measure(values: Array, source: MappedFile | None = None) -> Statistics:
     else:
         width, bins = extent / MAX_BINS / scale, (low + extent * ((np.arange(MAX_BINS) + 0.5) / MAX_BINS)) / scale
     counts = np.zeros(len(bins), np.int64)
+    ranks_of = ranking(values.dtype, minimum, maximum)
+    counts_of_ranks = np.zeros(ranks_of.num, np.int64)
     for chunk in _chunks(values, source):
         if is_counted:  # wraps around to the right unsigned number, whatever the type
             index = (chunk - values.dtype.type(minimum)).view(f"u{values.dtype.itemsize}").astype(np.int64)
@@ -92,7 +93,11 @@ def measure(values: Array, source: MappedFile | None = None) -> Statistics:
         else:
             index = ((chunk * scale - low) / (extent / MAX_BINS)).astype(np.int64)
         counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
-    return Statistics(minimum, maximum, mean, counts, bins, width)
+        counts_of_ranks += ranks_of.count(chunk)
+    ranks = {percent: max(math.ceil(percent * values.size / 100), 1) - 1 for percent in PERCENTILES}
+    found = values_at(ranks.values(), counts_of_ranks, ranks_of, partial(_chunks, values, source))
+    percentiles = {percent: found[rank] for percent, rank in ranks.items()}
+    return Statistics(minimum, maximum, mean, counts, bins, width, percentiles)
 
 
 def _chunks(values: Array, source: MappedFile | None) -> Iterator[Array]:
