@@ -77,6 +77,10 @@ def _facts(
             {"name": part.name, "low": part.low, "high": part.high, "typical": part.typical, "share": part.share}
             for part in ranges
         ],
+        "far_values": [
+            {"value": far.value, "voxels": far.num, "is_fill": far.is_fill}
+            for far in statistics.far[: len(suggestion.far)]
+        ],
         "kind": suggestion.kind,
         "reason": suggestion.reason,
         "transfer_function": transfer_dict(suggestion.transfer),
@@ -161,6 +165,7 @@ def _report(facts: dict[str, Any], marks: str) -> str:
 def _suggested(suggestion: Suggestion) -> Iterator[str]:
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
+    yield from (f"               {far}" for far in suggestion.far)
     yield ""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
 

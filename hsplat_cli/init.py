@@ -45,9 +45,8 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
         scene=output or Path("scene.yaml"),
         output=Path(f"{base_name(volume)}.mp4"),
     )
-    click.echo(f"{volume}: {scene.kind}; {scene.reason}", err=True)
-    if scene.nonfinite is not None:
-        click.echo(f"{volume}: {scene.nonfinite}", err=True)
+    for line in scene.told():
+        click.echo(f"{volume}: {line}", err=True)
     if output is None:
         # As bytes: a terminal's encoding does not concern the file that this may become.
         click.echo(scene.text.encode(), nl=False)

@@ -87,9 +87,8 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         hides_nonfinite=order.hides_nonfinite,
     )
     if not quiet:
-        click.echo(f"{volume_file(order.volume)}: {suggested.kind}; {suggested.reason}", err=True)
-        if suggested.nonfinite is not None:
-            click.echo(f"{volume_file(order.volume)}: {suggested.nonfinite}", err=True)
+        for line in suggested.told():
+            click.echo(f"{volume_file(order.volume)}: {line}", err=True)
     job = _job(order, suggested)
     # Held from before the scene is written until the film is there: they belong together.
     sidecar = sidecar_path(job.scene, job.frames)

@@ -280,6 +280,26 @@ def test_turntable_tells_of_nan(capsys: pytest.CaptureFixture[str]) -> None:
     assert "\n  nonfinite: 0 " in Path("films/holes.yaml").read_text(encoding="utf-8")
 
 
+def test_a_fill_value_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 24)] * 3, indexing="ij")
+    values = np.exp(-4 * (x**2 + y**2 + z**2)).astype(np.float32)
+    values[:6] = 1e20
+    values[12, 3, 4] = -50
+    np.save("filled.npy", values)
+    told = [
+        "1 of 13824 voxels is -50, far from all others: taken for an outlier, and transparent",
+        "3456 of 13824 voxels are 1e+20, far from all others: taken for a fill value, and transparent",
+    ]
+    assert main.run(["init", "filled.npy"]) == 0
+    said = capsys.readouterr()
+    assert said.err.splitlines()[1:] == [f"filled.npy: {line}" for line in told]
+    assert "".join(f"# {line}.\n" for line in told) in said.out
+    assert main.run(["info", "filled.npy"]) == 0
+    assert "".join(f"               {line}\n" for line in told) in capsys.readouterr().out
+    assert main.run(["turntable", "filled.npy", "-o", "films", "--frames", "1", "--size", "16"]) == 0
+    assert f"filled.npy: {told[1]}\n" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("given", ["nan", "lowst", "1e999"])
 def test_nan_cannot_become_anything(given: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["init", "scan.npy", "--nonfinite", given]) == 2
