@@ -92,9 +92,15 @@ def turntable(
 def _make_one(order: Order, *, quiet: bool) -> None:
     """The only film of a command, which fails as the film does."""
     folder = order.scene.parent
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
     try:
         result = make_film(order, quiet=quiet)
     except (HsplatError, KeyboardInterrupt) as error:
+        for each in missing:  # what was made for nothing
+            with suppress(OSError):  # there is something in it
+                each.rmdir()
+        if not folder.is_dir():
+            raise
         with suppress(HsplatError):  # what went wrong first is what is said
             if isinstance(error, HsplatError):
                 write_report(folder, [order.failed(error)], BRIEFLY_S)

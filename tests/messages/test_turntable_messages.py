@@ -166,6 +166,17 @@ def test_refused(case: str, scans: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert Path("out/scan.yaml").read_bytes() == b""
 
 
+@pytest.mark.parametrize("volume", ["no/where.npy", "*.dcm", "notes.txt", "nan*"])
+def test_nothing_is_made_where_nothing_is_done(volume: str) -> None:
+    assert main.run(["turntable", volume, "-o", "new/films", "--nonfinite", "error"]) == 2
+    assert not Path("new").exists()
+
+
+def test_no_folder_of_frames_is_made_beside_a_scene_that_was_changed() -> None:
+    assert main.run(["turntable", "other/scan.npy", "-o", "out", "--format", "png", "--quiet"]) == 2
+    assert {path.name for path in Path("out").iterdir()} == {"scan.yaml", "turntable.json"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
