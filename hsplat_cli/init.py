@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     film = film_of(**{name: options.pop(name) for name in FILM_NAMES})
     if output is not None:
         _require_scene_name(output)
-    if output is not None and output.exists() and not force:
+    if output is not None and os.path.exists(output) and not force:  # no error for names that cannot be
         raise InputError(
             "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
@@ -92,14 +93,14 @@ def turntable(
 def _make_one(order: Order, *, quiet: bool) -> None:
     """The only film of a command, which fails as the film does."""
     folder = order.scene.parent
-    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
     try:
         result = make_film(order, quiet=quiet)
     except (HsplatError, KeyboardInterrupt) as error:
         for each in missing:  # what was made for nothing
             with suppress(OSError):  # there is something in it
                 each.rmdir()
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             raise
         with suppress(HsplatError):  # what went wrong first is what is said
             if isinstance(error, HsplatError):

@@ -232,6 +232,13 @@ def test_init_into_a_folder_that_is_not_there(volume: str, capsys: pytest.Captur
     assert not Path("no").exists()
 
 
+@pytest.mark.parametrize("arguments", [["init", "--output"], ["turntable", "-o"]])
+def test_a_name_that_is_too_long(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    command, option = arguments
+    assert main.run([command, "scan.npy", option, "x" * 300 + ".yaml"]) == 1
+    assert capsys.readouterr().err.endswith(": the output cannot be written\n  got: File name too long\n")
+
+
 def test_init_into_a_folder_that_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["init", "no/where.npy", "--output", "notes.txt/scene.yaml"]) == 2
     assert capsys.readouterr().err == "notes.txt/scene.yaml: the folder of the output is a file\n  got: notes.txt\n"
