@@ -62,6 +62,13 @@ def turntable(
     require_colormap(colormap)
     crew = CrewSpec(workers, scheduler)
     require_crew(crew)
+    if options["background"] == "transparent" and kind != "png":
+        raise InputError(
+            f"a transparent background in .{kind}",
+            where="--background",
+            expected="a color",
+            hint="only PNG frames can be transparent: --format png",
+        )
     film = film_of(**{key: options[key] for key in FILM_NAMES})
     reading = {key: value for key, value in options.items() if key not in FILM_NAMES}
     orders = [

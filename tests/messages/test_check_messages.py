@@ -176,6 +176,12 @@ def test_what_is_right_leaves_nothing_behind(scene_folder: Path, capsys: pytest.
     assert sorted(scene_folder.rglob("*")) == before
 
 
+@pytest.mark.parametrize("key", ["error.tolerance", "camera.path.frames", "output.size", "splat.footprint"])
+def test_a_key_without_its_section(key: str, scene_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["check", "scene.yaml", "--set", f"{key.rpartition('.')[2]}=1"]) == 2
+    assert f"\n  hint: did you mean {key}?\n" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("schedule", "told"),
     [

@@ -61,8 +61,8 @@ REFUSED = {
     "a transparent film": (
         ["scan.npy", "--background", "transparent"],
         2,
-        "--background: output.background: a transparent background in .mp4\n  expected: a color\n"
-        "  hint: only PNG frames can be transparent: file: frames/{frame:04}.png\n",
+        "--background: a transparent background in .mp4\n  expected: a color\n"
+        "  hint: only PNG frames can be transparent: --format png\n",
     ),
     "an odd size": (
         ["scan.npy", "--size", "33"],
