@@ -24,6 +24,9 @@ from renderer.scene import (
 from renderer.staging import require_possible
 from renderer.volume_files import require_volume_file
 
+# Of a schedule, values that are listed.
+_MOST_TURNS = 4
+
 
 @click.command()
 @click.argument("scene", type=click.Path(path_type=Path))
@@ -104,5 +107,14 @@ def _schedule(scene: Scene) -> str:
 
 
 def _first_to_last(by_frame: ByFrame) -> str:
-    first, last = (str(value) if isinstance(value, int) else f"{value:g}" for _, value in (by_frame[0], by_frame[-1]))
-    return first if first == last else f"{first} to {last}"
+    """`2 to 0.02 to 2`: the first value, those where a schedule turns back, and the last one; of many turns the range
+    alone."""
+    turns: list[float] = []
+    for _, value in by_frame:
+        if len(turns) > 1 and min(turns[-2], value) <= turns[-1] <= max(turns[-2], value):
+            turns[-1] = value
+        elif not turns or value != turns[-1]:
+            turns.append(value)
+    if len(turns) > _MOST_TURNS:
+        turns = [min(turns), max(turns)]
+    return " to ".join(str(value) if isinstance(value, int) else f"{value:g}" for value in turns)

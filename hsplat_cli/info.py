@@ -50,7 +50,7 @@ def _facts(
     volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...], suggestion: Suggestion
 ) -> dict[str, Any]:
     """Everything that is printed, as plain data."""
-    from renderer.statistics import PERCENTILES, rebin  # noqa: PLC0415
+    from renderer.statistics import rebin  # noqa: PLC0415
 
     counts, edges = rebin(statistics, _COLUMNS)
     axes = volume.world_from_index[:3, :3]
@@ -71,12 +71,16 @@ def _facts(
         "minimum": statistics.minimum,
         "maximum": statistics.maximum,
         "mean": statistics.mean,
-        "percentiles": {f"{percent:g}": statistics.percentile(percent) for percent in PERCENTILES},
+        "percentiles": {f"{percent:g}": value for percent, value in statistics.percentiles.items()},
         "fingerprint": volume.fingerprint,
         "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
         "ranges": [
             {"name": part.name, "low": part.low, "high": part.high, "typical": part.typical, "share": part.share}
             for part in ranges
+        ],
+        "far_values": [
+            {"value": far.value, "voxels": far.num, "is_fill": far.is_fill}
+            for far in statistics.far[: len(suggestion.far)]
         ],
         "kind": suggestion.kind,
         "reason": suggestion.reason,
@@ -162,6 +166,7 @@ def _report(facts: dict[str, Any], marks: str) -> str:
 def _suggested(suggestion: Suggestion) -> Iterator[str]:
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
+    yield from (f"               {far}" for far in suggestion.far)
     yield ""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
 

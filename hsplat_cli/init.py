@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,9 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
     film = film_of(**{name: options.pop(name) for name in FILM_NAMES})
-    if output is not None and output.exists() and not force:
+    if output is not None:
+        _require_scene_name(output)
+    if output is not None and os.path.exists(output) and not force:  # no error for names that cannot be
         raise InputError(
             "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
         )
@@ -43,15 +46,25 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
         scene=output or Path("scene.yaml"),
         output=Path(f"{base_name(volume)}.mp4"),
     )
-    click.echo(f"{volume}: {scene.kind}; {scene.reason}", err=True)
-    if scene.nonfinite is not None:
-        click.echo(f"{volume}: {scene.nonfinite}", err=True)
+    for line in scene.told():
+        click.echo(f"{volume}: {line}", err=True)
     if output is None:
         # As bytes: a terminal's encoding does not concern the file that this may become.
         click.echo(scene.text.encode(), nl=False)
     else:
         write_staged(output, scene.text.encode())
         click.echo(f"{output}: written; `hsplat render {output}` makes the film", err=True)
+
+
+def _require_scene_name(output: Path) -> None:
+    """Raise InputError for a name such as film.mp4, by which the scene would not be found."""
+    if output.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(
+            "the output of init is a scene",
+            where=str(output),
+            expected="the name of a .yaml or .yml file",
+            hint=f"--output {output.with_suffix('.yaml')}; the film gets its name in it",
+        )
 
 
 def _require_folder(output: Path) -> None:

@@ -12,7 +12,9 @@ MAX_SCENE_BYTES = 2**20
 # The longest film that a scene can ask for has a million frames, and a sidecar some 500 bytes for each.
 MAX_SIDECAR_BYTES = 2**29
 
-_AS_VOLUME = "a volume is rendered with `hsplat render SCENE --volume FILE`"
+_AS_VOLUME = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
+_IN_UTF8 = "save it in UTF-8"
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
 # How the headers of NRRD and VTK begin, and a line without which MetaImage has none.
 _VOLUME_HEADER = re.compile(rb"NRRD000|# vtk DataFile|(?:.*\n)*?ElementDataFile[ \t]*=", re.IGNORECASE)
 
@@ -51,7 +53,7 @@ def decode(content: bytes, path: Path) -> str:
             "not a text file in UTF-8",
             where=f"{path}:{line}",
             got=f"the byte 0x{content[error.start]:02x}",
-            hint=_AS_VOLUME if b"\0" in content else None,
+            hint=_AS_VOLUME if b"\0" in content and not content.startswith(_UTF16) else _IN_UTF8,
         ) from error
 
 

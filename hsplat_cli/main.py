@@ -11,6 +11,7 @@ import errno
 import importlib
 import io
 import os
+import resource
 import select
 import sys
 import traceback
@@ -18,7 +19,7 @@ from collections.abc import Sequence
 
 import click
 
-from renderer.errors import HsplatError, InputError, nearest
+from renderer.errors import HsplatError, InputError, describe, nearest
 
 # Module and summary of each command; a command is the function of its own name in its module, which is imported only
 # when the command is called. Help would be slow if it had to ask the modules.
@@ -34,6 +35,10 @@ COMMANDS = {
     "compare": ("hsplat_cli.compare.command", "Compare frames with golden ones; exit with 1 where they differ."),
     "info": ("hsplat_cli.info", "Describe a volume: shape, place, values and histogram."),
 }
+
+
+# Of the loader of libraries and of Python's threads.
+_NO_ROOM = ("failed to map segment", "annot allocate memory", "can't start new thread")
 
 
 class LazyGroup(click.Group):
@@ -105,11 +110,10 @@ def run(arguments: Sequence[str]) -> int:
     except (KeyboardInterrupt, click.Abort):
         _complain("hsplat: interrupted")
         return 130
-    except MemoryError:
-        _complain("hsplat: out of memory")
-        return failed
     except Exception as error:  # the last resort: whatever it was, no traceback reaches a user
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
+        if _is_want_of_memory(error):
+            _complain(describe("hsplat: out of memory", hint=_address_space()))
+        elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
             _complain(f"hsplat: what is printed cannot be written: {error.strerror}")
         elif not (isinstance(error, BrokenPipeError) and _reader_is_gone()):
             what = " ".join(f"{type(error).__name__}: {error}".split())
@@ -144,6 +148,29 @@ def _complain(text: str) -> None:
         print(text, file=sys.stderr)
         if os.environ.get("HSPLAT_DEBUG") == "1":
             traceback.print_exc()
+
+
+def _is_want_of_memory(error: BaseException) -> bool:
+    """Whether memory was missing, or room for it: libraries and threads that find none are errors of other kinds."""
+    chain: list[BaseException] = []
+    each: BaseException | None = error
+    while each is not None and each not in chain:
+        chain.append(each)
+        each = each.__cause__ or each.__context__
+    return any(
+        isinstance(one, MemoryError)
+        or (isinstance(one, OSError) and one.errno == errno.ENOMEM)
+        or (isinstance(one, (OSError, ImportError, RuntimeError)) and any(text in str(one) for text in _NO_ROOM))
+        for one in chain
+    )
+
+
+def _address_space() -> str | None:
+    """A hint, where there is a limit that may be the cause."""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return None
+    return f"address space is limited to {limit / 2**30:.2g} GiB here (ulimit -v); a run takes about 2 GiB"
 
 
 def _reader_is_gone() -> bool:

@@ -101,23 +101,29 @@ class Lines:
         self._total_work = sum(self._work)
         self._done, self._done_work, self._work_at_line = 0, 0.0, 0.0
         self._start = self._time_of_line = clock()
+        self._first = (self._start, 0.0)  # when the first step was done, and its work
 
     def advance(self, note: str = "") -> None:
         """One step more is done: a line, if one is due."""
         self._done_work += self._work[self._done]
         self._done += 1
         now = self._clock()
+        if self._done == 1:
+            self._first = (now, self._done_work)
         if not self._is_due(now):
             return
         self._work_at_line, self._time_of_line = self._done_work, now
-        print(f"{self._label}: {', '.join(self._parts(now - self._start, note))}", file=self._stream, flush=True)
+        print(f"{self._label}: {', '.join(self._parts(now, note))}", file=self._stream, flush=True)
 
-    def _parts(self, elapsed: float, note: str) -> Iterator[str]:
+    def _parts(self, now: float, note: str) -> Iterator[str]:
         yield f"{self._done}/{len(self._work)} {self._unit}"
         if self._has_rate:
-            yield f"{self._done / max(elapsed, 1e-9):.2f} {self._unit}/s"
-        if self._done < len(self._work) and self._done_work > 0:
-            yield f"{duration(elapsed * (self._total_work - self._done_work) / self._done_work)} left"
+            yield f"{self._done / max(now - self._start, 1e-9):.2f} {self._unit}/s"
+        # The first step takes what the start does, too: by the later ones, as soon as there are some.
+        since, before = self._first if self._done_work > self._first[1] else (self._start, 0.0)
+        if self._done < len(self._work) and self._done_work > before:
+            left = (now - since) * (self._total_work - self._done_work) / (self._done_work - before)
+            yield f"{duration(left)} left"
         if note:
             yield note
 

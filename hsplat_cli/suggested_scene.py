@@ -35,12 +35,17 @@ _OPTIONS = {
 @dataclass(frozen=True)
 class SuggestedScene:
     """text: the YAML. kind, reason: what the volume is taken for, and why. nonfinite: how many voxels are no numbers,
-    and what becomes of them; None where all are."""
+    and what becomes of them; None where all are. far: as in `renderer.suggestion.Suggestion`."""
 
     text: str
     kind: str
     reason: str
     nonfinite: str | None = None
+    far: tuple[str, ...] = ()
+
+    def told(self) -> list[str]:
+        """What is said about the volume, a line each."""
+        return [f"{self.kind}; {self.reason}", *self.far, *([] if self.nonfinite is None else [self.nonfinite])]
 
 
 def require_colormap(name: str | None) -> None:
@@ -90,7 +95,8 @@ def suggest_scene(
         nonfinite=tried.nonfinite,
     )
     _check(text, scene)
-    return SuggestedScene(text, tried.suggestion.kind, tried.suggestion.reason, tried.nonfinite)
+    chosen = tried.suggestion
+    return SuggestedScene(text, chosen.kind, chosen.reason, tried.nonfinite, chosen.far)
 
 
 @dataclass(frozen=True)

@@ -26,19 +26,19 @@ _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
 
 def _three(
-    kind: type[int] | type[float], least: float = 0.0, most: float = math.inf
+    kind: type[int] | type[float], example: str, least: float = 0.0, most: float = math.inf
 ) -> Callable[[click.Context, click.Parameter, str | None], Any]:
-    """A callback that makes three positive numbers, in a range, of `128,96,114`."""
+    """A callback that makes three positive numbers, in a range, of `128,96,114`, or `128x96x114` as sizes have it."""
 
     def convert(_context: click.Context, _parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
         if text is None:
             return None
         try:
-            numbers = tuple(kind(part) for part in text.split(","))
+            numbers = tuple(kind(part) for part in re.split("[,xX]", text))
         except ValueError:
             numbers = ()
         if len(numbers) != 3 or not all(0 < number < float("inf") for number in numbers):
-            raise click.BadParameter(f"{text!r} is not three positive numbers with commas between, such as 128,96,114.")
+            raise click.BadParameter(f"{text!r} is not three positive numbers with commas between, such as {example}.")
         if not all(least <= number <= most for number in numbers):
             raise click.BadParameter(f"{text!r} has a number that is not from {least:g} to {most:g}.")
         return numbers
@@ -78,13 +78,13 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[_Command], _
         click.option(
             "--spacing",
             metavar="X,Y,Z",
-            callback=_three(float, SHORTEST, LONGEST),
+            callback=_three(float, "0.1,0.1,0.5", SHORTEST, LONGEST),
             help="Lengths of a voxel, in place of what the file says.",
         ),
         click.option(
             "--shape",
             metavar="X,Y,Z",
-            callback=_three(int),
+            callback=_three(int, "128,96,114"),
             help="Read a headerless file of this shape; needs --dtype.",
         ),
         click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),

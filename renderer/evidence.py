@@ -36,6 +36,8 @@ _LEAST_BORDER = 0.5
 _LEAST_KNOWN = 0.1
 # More than so many times the voxels that were NaN, and it is others that have their value.
 _NOT_ALONE = 1.5
+# Sides of a background: one that has less than this part of the other one's voxels does not count.
+ONE_SIDED = 0.15
 # The values outside of these percentiles are outliers when contrast is judged.
 _OUTLIERS = (0.01, 99.99)
 
@@ -45,7 +47,8 @@ class Sample:
     """Voxels on a coarser grid, as shares of the volume's range.
 
     shares: float64 [z, y, x] in [0, 1].
-    known: bool [z, y, x], where they are of the data: not where NaN were, as far as these can be told from others.
+    known: bool [z, y, x], where they are of the data: not where NaN were, as far as these can be told from others, nor
+        where a value was filled in.
     steps: voxels from one to the next along z, y, x.
     beside_x, beside_y: float64, the two direct neighbours of each along x and y, [2, z, y, x]; the voxel itself at a
         border.
@@ -109,8 +112,11 @@ class Sample:
         )
 
 
-def take_sample(volume: Volume, statistics: Statistics) -> Sample:
-    """The sample of a volume that is not constant. Raises InputError where its file was changed."""
+def take_sample(volume: Volume, statistics: Statistics, hidden: float = 0.0) -> Sample:
+    """The sample of a volume that is not constant. Raises InputError where its file was changed.
+
+    hidden: the share of those that are not in the range of the statistics, which are of the others.
+    """
     volume.require_unchanged()
     values = volume.values
     low, high = float(statistics.minimum), float(statistics.maximum)
@@ -118,7 +124,11 @@ def take_sample(volume: Volume, statistics: Statistics) -> Sample:
     extent = high * scale - low * scale
 
     def shares(part: Array) -> Float64:
-        return np.clip((part.astype(np.float64) * scale - low * scale) / extent, 0.0, 1.0)
+        shown = np.clip((part.astype(np.float64) * scale - low * scale) / extent, 0.0, 1.0)
+        return np.where(are_within(part), shown, hidden)
+
+    def are_within(part: Array) -> Mask:
+        return np.asarray((part >= statistics.minimum) & (part <= statistics.maximum))
 
     nz, ny, nx = values.shape
     sz, sy, sx = (-(-n // _MOST_SAMPLES) for n in values.shape)
@@ -133,10 +143,11 @@ def take_sample(volume: Volume, statistics: Statistics) -> Sample:
         return np.stack(both)
 
     dx, dy, dz = volume.spacing.tolist()
-    own = shares(values[np.ix_(z, y, x)])
+    sampled = values[np.ix_(z, y, x)]
+    own = shares(sampled)
     sample = Sample(
         shares=own,
-        known=_known(volume, own, own != shares(np.array(volume.stand_in, values.dtype))),
+        known=_known(volume, own, own != shares(np.array(volume.stand_in, values.dtype))) & are_within(sampled),
         steps=(sz, sy, sx),
         beside_x=neighbours(2),
         beside_y=neighbours(1),
@@ -207,6 +218,17 @@ def find_background(sample: Sample) -> Background:
         below=float(np.mean(shares < bottom)),
         above=float(np.mean(shares > top)),
     )
+
+
+def has_much_below(background: Background) -> bool:
+    """Whether what is below a background counts beside what is above it."""
+    return background.below > ONE_SIDED * background.above
+
+
+def is_about_zero(sample: Sample) -> bool:
+    """Whether the middle of what is known is near the data value 0, by how far it spreads."""
+    shares = sample.shares[sample.known]
+    return abs(float(np.median(shares)) - sample.share(0.0)) < float(np.std(shares)) / 2
 
 
 def roughness(sample: Sample, above: float) -> float:

@@ -72,14 +72,16 @@ def _in_pieces(sample: Sample) -> bool:
 
 
 def _all_values(volume: Volume, statistics: Statistics) -> list[float] | None:
-    """Every value that there is, ascending; None if there are too many."""
+    """Every value that there is in the range of the statistics, ascending; None if there are too many."""
     if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
         found = set(statistics.bins[statistics.counts > 0].tolist())
         return sorted(found) if len(found) <= _MOST_LABELS else None
     found = set()
     for slab in slabs(volume.values, volume.source):
         for plane in slab:
-            found.update(float(value) for value in np.unique(plane))
+            values = np.unique(plane)
+            is_within = (values >= statistics.minimum) & (values <= statistics.maximum)
+            found.update(float(value) for value in values[is_within])
             if len(found) > _MOST_LABELS:
                 return None
     return sorted(found)

@@ -73,6 +73,19 @@ def parse_scene(tree: object, *, base: Path, still: bool = False) -> Scene:
     return scene
 
 
+# Keys that are looked for at the top, and where they are.
+_IN_A_SECTION = {
+    key: f"did you mean {place}.{key}?"
+    for place, keys in {
+        "error": ("tolerance", "psnr", "rmse", "seconds"),
+        "camera.path": ("frames", "elevation"),
+        "output": ("size", "background", "frames_per_second"),
+        "splat": ("footprint",),
+    }.items()
+    for key in keys
+}
+
+
 def _scene_kind(base: Path, still: bool) -> Kind[Scene]:
     table: Table = {
         "version": _VERSION,
@@ -87,7 +100,9 @@ def _scene_kind(base: Path, still: bool) -> Kind[Scene]:
         "output": OUTPUT,
     }
     required = ("volume", "transfer_function", "camera", "output")
-    return section(table, lambda node, given: _build_scene(node, given, still), required=required)
+    return section(
+        table, lambda node, given: _build_scene(node, given, still), required=required, elsewhere=_IN_A_SECTION
+    )
 
 
 def _parse_version(node: Node) -> int:

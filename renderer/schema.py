@@ -310,9 +310,17 @@ def section(
     build: Callable[[Node, dict[str, Any]], T],
     *,
     required: Collection[str] = (),
+    elsewhere: Mapping[str, str] | None = None,
 ) -> Kind[T]:
-    """A mapping with the keys of `table`; `build` makes the value from those that are given, checking them together."""
-    return Kind(_mapping_with(table, required), lambda node: build(node, fields(node, table, required=required)))
+    """A mapping with the keys of `table`; `build` makes the value from those that are given, checking them together.
+
+    elsewhere: as `fields` takes it.
+    """
+
+    def read(node: Node) -> T:
+        return build(node, fields(node, table, required=required, elsewhere=elsewhere))
+
+    return Kind(_mapping_with(table, required), read)
 
 
 def _mapping_with(table: Table, required: Collection[str]) -> str:

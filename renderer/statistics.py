@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.far_values import Apart, FarValue, Group, end_ranks, set_apart
 from renderer.mapped_file import MappedFile
+from renderer.ranks import Chunks, Counts, Ranking, ranking, values_at
 from renderer.volume import Array, Float64
 
 # Every value of 16-bit data has a bin of its own, and wider types are resolved as finely.
@@ -20,6 +24,9 @@ PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
 # Materials are looked for at the resolution of 8-bit data: finer bins hold too few voxels to show valleys.
 _NUM_COARSE = 256
+
+# Where the others are fewer values than that, no value is far from them: these are steps, or labels.
+_FEWEST_OTHERS = 16
 
 # Values are looked at in runs of this many, so that no float64 copy of the volume is ever made.
 _CHUNK = 2**20
@@ -39,6 +46,9 @@ class Statistics:
     counts: int64 [n], voxels by bin.
     bins: float64 [n], the middle of each bin; integers whose range fits 16 bits have a bin for every value.
     bin_width: in data units.
+    percentiles: of PERCENTILES, exact: the least value that at least so many of the voxels do not exceed.
+    far: values that are far from all others, of which alone `others` are the statistics; empty and None where there
+        are none.
     """
 
     minimum: int | float
@@ -47,11 +57,9 @@ class Statistics:
     counts: npt.NDArray[np.int64]
     bins: Float64
     bin_width: float
-
-    def percentile(self, percent: float) -> float:
-        """The least value that at least `percent` of the voxels do not exceed, exact to half a bin."""
-        needed = percent / 100 * float(self.counts.sum())
-        return float(self.bins[np.searchsorted(np.cumsum(self.counts), needed)])
+    percentiles: Mapping[float, int | float]
+    far: tuple[FarValue, ...] = ()
+    others: Statistics | None = None
 
 
 @dataclass(frozen=True)
@@ -70,13 +78,26 @@ def measure(values: Array, source: MappedFile | None = None) -> Statistics:
 
     source: the file that they are mapped from, if any; raises InputError where it is not what it was.
     """
-    ends = [(chunk.min().item(), chunk.max().item()) for chunk in _chunks(values, source)]
-    minimum, maximum = min(low for low, _ in ends), max(high for _, high in ends)
+    chunks = partial(_chunks, values, source)
+    whole, apart = _measure(values.dtype, chunks)
+    if apart is None:
+        return whole
+    others, _ = _measure(values.dtype, partial(_within, chunks, apart.low, apart.high))
+    if np.count_nonzero(others.counts) < _FEWEST_OTHERS:
+        return whole
+    return replace(whole, far=apart.far, others=others)
+
+
+def _measure(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, Apart | None]:
+    """Statistics of all values, and which of them are far from the others, if any."""
+    ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
+    minimum, maximum = min(low for low, _, _ in ends), max(high for _, high, _ in ends)
+    size = sum(num for _, _, num in ends)
     # Times a power of two that brings the values into [-1/2, 1/2]: neither their sum nor their range overflows.
     scale = np.float64(math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000)))
-    mean = sum(float(np.sum(chunk * scale)) for chunk in _chunks(values, source)) / values.size / scale
+    mean = sum(float(np.sum(chunk * scale)) for chunk in chunks()) / size / scale
     low, extent = minimum * scale, maximum * scale - minimum * scale
-    is_counted = values.dtype.kind in "iu" and maximum - minimum < MAX_BINS
+    is_counted = dtype.kind in "iu" and maximum - minimum < MAX_BINS
     if is_counted:
         width, bins = 1.0, np.arange(maximum - minimum + 1) + float(minimum)
     elif extent == 0.0:
@@ -84,15 +105,39 @@ def measure(values: Array, source: MappedFile | None = None) -> Statistics:
     else:
         width, bins = extent / MAX_BINS / scale, (low + extent * ((np.arange(MAX_BINS) + 0.5) / MAX_BINS)) / scale
     counts = np.zeros(len(bins), np.int64)
-    for chunk in _chunks(values, source):
+    ranks_of = ranking(dtype, minimum, maximum)
+    counts_of_ranks = np.zeros(ranks_of.num, np.int64)
+    for chunk in chunks():
         if is_counted:  # wraps around to the right unsigned number, whatever the type
-            index = (chunk - values.dtype.type(minimum)).view(f"u{values.dtype.itemsize}").astype(np.int64)
+            index = (chunk - dtype.type(minimum)).view(f"u{dtype.itemsize}").astype(np.int64)
         elif extent == 0.0:
             index = np.zeros(chunk.shape, np.int64)
         else:
             index = ((chunk * scale - low) / (extent / MAX_BINS)).astype(np.int64)
         counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
-    return Statistics(minimum, maximum, mean, counts, bins, width)
+        counts_of_ranks += ranks_of.count(chunk)
+    percentiles, apart = _by_rank(counts_of_ranks, ranks_of, chunks)
+    return Statistics(minimum, maximum, mean, counts, bins, width, percentiles), apart
+
+
+def _by_rank(counts: Counts, ranks_of: Ranking, chunks: Chunks) -> tuple[dict[float, int | float], Apart | None]:
+    """The percentiles, and the values that are far from the others. counts: as `Ranking.count` gives them."""
+    size = int(counts.sum())
+    ranks = {percent: max(math.ceil(percent * size / 100), 1) - 1 for percent in PERCENTILES}
+    ends = end_ranks(counts)
+    at_ends = [rank for end in ends for pair in end for rank in pair]
+    found = values_at([*ranks.values(), *at_ends], counts, ranks_of, chunks)
+    lowest, highest = ([Group(found[a], found[b], b - a + 1) for a, b in end] for end in ends)
+    apart = set_apart(lowest, highest, int(np.count_nonzero(counts)), size)
+    return {percent: found[rank] for percent, rank in ranks.items()}, apart
+
+
+def _within(chunks: Chunks, low: float, high: float) -> Iterator[Array]:
+    """The values from `low` to `high`, both included."""
+    for chunk in chunks():
+        inside = chunk[(chunk >= low) & (chunk <= high)]
+        if inside.size:
+            yield inside
 
 
 def _chunks(values: Array, source: MappedFile | None) -> Iterator[Array]:

@@ -9,18 +9,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from renderer import looks
-from renderer.evidence import Background, Sample, find_background, roughness, split, take_sample
+from renderer.evidence import (
+    ONE_SIDED,
+    Background,
+    Sample,
+    find_background,
+    has_much_below,
+    is_about_zero,
+    roughness,
+    split,
+    take_sample,
+)
 from renderer.exposure import expose, opacity_of, unit_for, whole
 from renderer.labels import label_mapping, label_outside, label_reason, label_values
 from renderer.level_sets import lies_inside
 from renderer.looks import Look
 from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
 from renderer.statistics import Statistics
+from renderer.unseen import unseen_value
 from renderer.volume import Float64, Volume
 
 
@@ -29,7 +40,8 @@ class Suggestion:
     """kind: what the data are taken for. reason: by which signs, a clause without a full stop.
     transfer: the transfer function, with its unit. notes: a word about each of its points, mostly empty.
     shading: or None where there are no surfaces.
-    are_names: the values are names, and none is between two of them. splat: how to draw; None as ever."""
+    are_names: the values are names, and none is between two of them. splat: how to draw; None as ever.
+    far: of each value that is far from all others and is not shown, what it was taken for, a clause."""
 
     kind: str
     reason: str
@@ -38,6 +50,7 @@ class Suggestion:
     shading: ShadingSpec | None
     are_names: bool = False
     splat: SplatSpec | None = None
+    far: tuple[str, ...] = ()
 
 
 def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
@@ -47,8 +60,21 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
     """
     if statistics.minimum == statistics.maximum:
         return _constant(volume, float(statistics.minimum), colormap)
-    sample = take_sample(volume, statistics)
-    background = find_background(sample)
+    if all(0 <= far.value < _NO_NAME for far in statistics.far):
+        sample = take_sample(volume, statistics)
+        if statistics.others is None or label_values(volume, statistics, sample) is not None:
+            return _suggest_from(volume, statistics, sample, colormap)
+    others = statistics.others
+    assert others is not None, statistics.far
+    sample = take_sample(volume, others)
+    unseen = unseen_value(volume, others)
+    if unseen is not None:
+        sample = take_sample(volume, others, sample.share(unseen))
+    return without_far(_suggest_from(volume, others, sample, colormap), statistics, sample)
+
+
+def _suggest_from(volume: Volume, statistics: Statistics, sample: Sample, colormap: str | None) -> Suggestion:
+    """statistics: of what is to be seen. sample: with that in its range."""
     values = label_values(volume, statistics, sample)
     if values is not None:
         outside = label_outside(sample, values)
@@ -69,17 +95,17 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
         reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{where}"
         look = looks.tomography(sample, zero)
         return _finished("CT in Hounsfield units", reason, sample, look, colormap)
-    kind, reason, look = _recognised(volume, statistics, sample, background)
+    kind, reason, look = _recognised(volume, statistics, sample, find_background(sample))
     return _finished(kind, reason, sample, look, colormap)
 
 
 # Signs of the other kinds
 
+# Labels are smaller than this, and not negative, where they are far from all others.
+_NO_NAME = 2**16
 # Of volumes in files; splats of larger ones would take several times as much.
 _MOST_BYTES_OF_SPLATS = 1 << 30
 
-# Sides of a background: one that has less than this part of the other one's voxels does not count.
-_ONE_SIDED = 0.15
 # Fields are smoother than this; real numbers are more often computed than measured.
 _SMOOTH, _SMOOTH_FLOAT = 0.45, 0.8
 # Real numbers of such a tail spread over orders of magnitude.
@@ -96,7 +122,7 @@ def _recognised(
 ) -> tuple[str, str, Look]:
     if not background.is_there or background.above + background.below == 0:
         return _filled(statistics, sample)
-    if has_much_below(background) and background.above > _ONE_SIDED * background.below:
+    if has_much_below(background) and background.above > ONE_SIDED * background.below:
         middle = sample.rounded(sample.value(background.middle))
         away = max(background.high - background.middle, 0.04)
         reason = f"values lie on both sides of a background near {middle:.12g}"
@@ -106,17 +132,6 @@ def _recognised(
         kind, reason, look = _object(volume, turned, find_background(turned))
         return f"{kind}, dark in a bright background", reason, look.reflected()
     return _object(volume, sample, background)
-
-
-def has_much_below(background: Background) -> bool:
-    """Whether what is below a background counts beside what is above it."""
-    return background.below > _ONE_SIDED * background.above
-
-
-def is_about_zero(sample: Sample) -> bool:
-    """Whether the middle of what is known is near the data value 0, by how far it spreads."""
-    shares = sample.shares[sample.known]
-    return abs(float(np.median(shares)) - sample.share(0.0)) < float(np.std(shares)) / 2
 
 
 def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
@@ -194,6 +209,59 @@ def _is_narrow(statistics: Statistics, values: Float64) -> bool:
     counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
     widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
     return widest > 0.5 * sum(counts) > 0
+
+
+# Values that are far from all others
+
+# Of the range of the others, beyond which nothing is shown.
+_BEYOND = 0.02
+
+
+def without_far(suggestion: Suggestion, statistics: Statistics, sample: Sample) -> Suggestion:
+    """The suggestion for the others, of which `sample` is, with nothing shown where the far values are."""
+    ends = [sample.rounded(sample.value(share)) for share in (-_BEYOND, 1 + _BEYOND)]
+    values = [far.value for far in statistics.far]
+    below = ends[0] if min(values) < ends[0] else None
+    above = ends[1] if max(values) > ends[1] else None
+    num = int(statistics.counts.sum())
+    told = tuple(
+        f"{far.num} of {num} voxels {'is' if far.num == 1 else 'are'} {whole(far.value)}, far from all others: taken "
+        f"for {'a fill value' if far.is_fill else 'an outlier'}, and transparent"
+        for far in statistics.far
+    )
+    mapping = suggestion.transfer.mapping
+    if isinstance(mapping, ColormapSpec):
+        steps = _cut([ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity], below, above)
+        cut = replace(mapping, opacity=tuple((point.value, point.opacity) for point in steps))
+        return replace(suggestion, transfer=replace(suggestion.transfer, mapping=cut), far=told)
+    points = _cut(mapping, below, above)
+    named = dict(zip(mapping, suggestion.notes, strict=False))
+    notes = tuple(named.get(point, "") for point in points)
+    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points)), notes=notes, far=told)
+
+
+def _cut(points: Sequence[ControlPoint], below: float | None, above: float | None) -> list[ControlPoint]:
+    """The points with an opacity of 0 below and above these values."""
+    cut = list(points) if above is None else _cut_above(points, above)
+    if below is None:
+        return cut
+    return _mirrored(_cut_above(_mirrored(cut), -below))
+
+
+def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
+    return [replace(point, value=-point.value) for point in reversed(points)]
+
+
+def _cut_above(points: Sequence[ControlPoint], end: float) -> list[ControlPoint]:
+    kept = [point for point in points if point.value < end]
+    later = points[len(kept) :]
+    if not any(point.opacity for point in (*kept[-1:], *later)):
+        return kept or [replace(points[0], value=end)]
+    before, after = kept[-1] if kept else later[0], later[0] if later else kept[-1]
+    way = (end - before.value) / (after.value - before.value) if after.value > before.value else 0.0
+    r, g, b = (float(u + (v - u) * way) for u, v in zip(before.color, after.color, strict=True))
+    opacity = float(f"{before.opacity + (after.opacity - before.opacity) * way:.3g}")
+    return [*kept, ControlPoint(end, (r, g, b), opacity), ControlPoint(end, (r, g, b), 0.0)]
 
 
 # From a look to a transfer function

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.evidence import Sample, faces, find_background, take_sample
+from renderer.evidence import Sample, faces, find_background, has_much_below, is_about_zero, take_sample
 from renderer.labels import label_values
 from renderer.level_sets import lies_inside
 from renderer.statistics import Statistics
-from renderer.suggestion import has_much_below, is_about_zero
 from renderer.volume import Volume
 
 
 def unseen_value(volume: Volume, statistics: Statistics) -> float | None:
     """The value for NaN and infinities, found from the others; None where the lowest of these serves, which all have
     in a `volume` as it is read with `nonfinite: lowest`."""
+    statistics = statistics.others or statistics
     low, high = float(statistics.minimum), float(statistics.maximum)
     if low == high:  # a mask by NaN
         return 0.0 if low else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
@@ -61,6 +62,13 @@ def turntable(
     require_colormap(colormap)
     crew = CrewSpec(workers, scheduler)
     require_crew(crew)
+    if options["background"] == "transparent" and kind != "png":
+        raise InputError(
+            f"a transparent background in .{kind}",
+            where="--background",
+            expected="a color",
+            hint="only PNG frames can be transparent: --format png",
+        )
     film = film_of(**{key: options[key] for key in FILM_NAMES})
     reading = {key: value for key, value in options.items() if key not in FILM_NAMES}
     orders = [
@@ -92,9 +100,15 @@ def turntable(
 def _make_one(order: Order, *, quiet: bool) -> None:
     """The only film of a command, which fails as the film does."""
     folder = order.scene.parent
+    missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
     try:
         result = make_film(order, quiet=quiet)
     except (HsplatError, KeyboardInterrupt) as error:
+        for each in missing:  # what was made for nothing
+            with suppress(OSError):  # there is something in it
+                each.rmdir()
+        if not os.path.isdir(folder):
+            raise
         with suppress(HsplatError):  # what went wrong first is what is said
             if isinstance(error, HsplatError):
                 write_report(folder, [order.failed(error)], BRIEFLY_S)

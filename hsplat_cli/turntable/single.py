@@ -87,9 +87,9 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         hides_nonfinite=order.hides_nonfinite,
     )
     if not quiet:
-        click.echo(f"{volume_file(order.volume)}: {suggested.kind}; {suggested.reason}", err=True)
-        if suggested.nonfinite is not None:
-            click.echo(f"{volume_file(order.volume)}: {suggested.nonfinite}", err=True)
+        for line in suggested.told():
+            click.echo(f"{volume_file(order.volume)}: {line}", err=True)
+    require_own_scene(order, suggested)
     job = _job(order, suggested)
     # Held from before the scene is written until the film is there: they belong together.
     sidecar = sidecar_path(job.scene, job.frames)
@@ -122,8 +122,7 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
 
     content = suggested.text.encode()
     with held_report(order.scene.parent) as report:
-        with explained(order.scene):
-            there = order.scene.read_bytes() if order.scene.exists() else None
+        there = _there(order.scene)
         digests = [digest(content)]
         if there is not None and there != content:
             if not order.force:
@@ -136,6 +135,20 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
         report.put(record | Written(order.of, digests).as_record())
         if there != content:
             write_staged(order.scene, content)
+
+
+def require_own_scene(order: Order, suggested: SuggestedScene) -> None:
+    """Raise what `write_scene` would about a scene that is there, before anything is made for the film."""
+    from renderer.kept_frames import digest  # noqa: PLC0415  (numpy, for which --help does not wait)
+
+    there = _there(order.scene)
+    if there is not None and there != suggested.text.encode() and not order.force:
+        _require_own(order.scene, digest(there), order.of, Report(order.scene.parent))
+
+
+def _there(scene: Path) -> bytes | None:
+    with explained(scene):
+        return scene.read_bytes() if scene.exists() else None
 
 
 def _require_own(scene: Path, digest: str, of: str, report: Report) -> None:

@@ -176,6 +176,29 @@ def test_what_is_right_leaves_nothing_behind(scene_folder: Path, capsys: pytest.
     assert sorted(scene_folder.rglob("*")) == before
 
 
+@pytest.mark.parametrize("key", ["error.tolerance", "camera.path.frames", "output.size", "splat.footprint"])
+def test_a_key_without_its_section(key: str, scene_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["check", "scene.yaml", "--set", f"{key.rpartition('.')[2]}=1"]) == 2
+    assert f"\n  hint: did you mean {key}?\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("schedule", "told"),
+    [
+        ("{tolerance: {0: 2, 12: 0.02, 23: 2}}", "tolerance 2 to 0.02 to 2"),
+        ("{tolerance: {0: 2, 5: 1, 12: 0.02, 23: 0.02}}", "tolerance 2 to 0.02"),
+        ("{tolerance: {0: 2, 12: 2}}", "tolerance 2"),
+        ("{tolerance: {0: 2, 5: 1, 12: 3, 13: 1, 23: 2}}", "tolerance 1 to 3"),
+        ("{splats: {0: 9, 5: 1, 12: 9}}", "at most 9 to 1 to 9 splats"),
+    ],
+)
+def test_a_schedule_is_told_with_its_turns(
+    schedule: str, told: str, scene_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.run(["check", "scene.yaml", "--set", f"error={schedule}"]) == 0
+    assert f", {told}\n" in capsys.readouterr().out
+
+
 @pytest.mark.usefixtures("scene_folder")
 def test_what_takes_the_place_of_a_file_s_spacing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     np.save("scan.npy", np.zeros((2, 2, 2), np.uint8))

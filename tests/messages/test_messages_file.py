@@ -224,6 +224,15 @@ scene.yaml: not a scene
         """\
 scene.yaml:2: not a text file in UTF-8
   got: the byte 0xe9
+  hint: save it in UTF-8
+""",
+    ),
+    "utf_16": (
+        "version: 1\n".encode("utf-16-le").join([b"\xff\xfe", b""]),
+        """\
+scene.yaml:1: not a text file in UTF-8
+  got: the byte 0xff
+  hint: save it in UTF-8
 """,
     ),
     "volume": (
@@ -231,7 +240,7 @@ scene.yaml:2: not a text file in UTF-8
         """\
 scene.yaml:1: not a text file in UTF-8
   got: the byte 0xff
-  hint: a volume is rendered with `hsplat render SCENE --volume FILE`
+  hint: a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`
 """,
     ),
     "nrrd": (
@@ -239,7 +248,7 @@ scene.yaml:1: not a text file in UTF-8
         """\
 scene.yaml: a volume, not a scene
   expected: a scene file
-  hint: a volume is rendered with `hsplat render SCENE --volume FILE`
+  hint: a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`
 """,
     ),
     "metaimage": (
@@ -247,7 +256,7 @@ scene.yaml: a volume, not a scene
         """\
 scene.yaml: a volume, not a scene
   expected: a scene file
-  hint: a volume is rendered with `hsplat render SCENE --volume FILE`
+  hint: a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`
 """,
     ),
     "control_character": (

@@ -260,7 +260,7 @@ film.mp4.json: n: not a finite number
     ),
     "other bytes": (
         b'{"scene": {\n"output": "\xff"}}',
-        "film.mp4.json:2: not a text file in UTF-8\n  got: the byte 0xff\n",
+        "film.mp4.json:2: not a text file in UTF-8\n  got: the byte 0xff\n  hint: save it in UTF-8\n",
     ),
 }  # fmt: skip
 

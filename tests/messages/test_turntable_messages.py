@@ -61,8 +61,8 @@ REFUSED = {
     "a transparent film": (
         ["scan.npy", "--background", "transparent"],
         2,
-        "--background: output.background: a transparent background in .mp4\n  expected: a color\n"
-        "  hint: only PNG frames can be transparent: file: frames/{frame:04}.png\n",
+        "--background: a transparent background in .mp4\n  expected: a color\n"
+        "  hint: only PNG frames can be transparent: --format png\n",
     ),
     "an odd size": (
         ["scan.npy", "--size", "33"],
@@ -166,6 +166,17 @@ def test_refused(case: str, scans: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert Path("out/scan.yaml").read_bytes() == b""
 
 
+@pytest.mark.parametrize("volume", ["no/where.npy", "*.dcm", "notes.txt", "nan*"])
+def test_nothing_is_made_where_nothing_is_done(volume: str) -> None:
+    assert main.run(["turntable", volume, "-o", "new/films", "--nonfinite", "error"]) == 2
+    assert not Path("new").exists()
+
+
+def test_no_folder_of_frames_is_made_beside_a_scene_that_was_changed() -> None:
+    assert main.run(["turntable", "other/scan.npy", "-o", "out", "--format", "png", "--quiet"]) == 2
+    assert {path.name for path in Path("out").iterdir()} == {"scan.yaml", "turntable.json"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -194,10 +205,21 @@ def test_voxels_without_a_header(command: str, capsys: pytest.CaptureFixture[str
 
 
 def test_init_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["init", "scan.npy", "--output", "notes.txt"]) == 2
+    Path("old.yaml").touch()
+    assert main.run(["init", "scan.npy", "--output", "old.yaml"]) == 2
     assert capsys.readouterr().err == (
-        "notes.txt: there is a file of this name\n  hint: --force writes over it; --output names another one\n"
+        "old.yaml: there is a file of this name\n  hint: --force writes over it; --output names another one\n"
     )
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "scene", "scene.json"])
+def test_init_writes_scenes_only(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["init", "scan.npy", "--output", name]) == 2
+    assert capsys.readouterr().err == (
+        f"{name}: the output of init is a scene\n  expected: the name of a .yaml or .yml file\n"
+        f"  hint: --output {Path(name).stem}.yaml; the film gets its name in it\n"
+    )
+    assert not Path(name).exists()
 
 
 @pytest.mark.parametrize("volume", ["scan.npy", "no/where.npy"])
@@ -208,6 +230,13 @@ def test_init_into_a_folder_that_is_not_there(volume: str, capsys: pytest.Captur
         "no/such/scene.yaml: the folder of the output is not there\n  got: no/such\n  hint: make it first\n"
     )
     assert not Path("no").exists()
+
+
+@pytest.mark.parametrize("arguments", [["init", "--output"], ["turntable", "-o"]])
+def test_a_name_that_is_too_long(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    command, option = arguments
+    assert main.run([command, "scan.npy", option, "x" * 300 + ".yaml"]) == 1
+    assert capsys.readouterr().err.endswith(": the output cannot be written\n  got: File name too long\n")
 
 
 def test_init_into_a_folder_that_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
@@ -267,6 +296,26 @@ def test_turntable_tells_of_nan(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["turntable", "holes.npy", "-o", "films", "--frames", "1", "--size", "16"]) == 0
     assert "holes.npy: 3457 of 13824 voxels are NaN or infinite; they are drawn as 0, " in capsys.readouterr().err
     assert "\n  nonfinite: 0 " in Path("films/holes.yaml").read_text(encoding="utf-8")
+
+
+def test_a_fill_value_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 24)] * 3, indexing="ij")
+    values = np.exp(-4 * (x**2 + y**2 + z**2)).astype(np.float32)
+    values[:6] = 1e20
+    values[12, 3, 4] = -50
+    np.save("filled.npy", values)
+    told = [
+        "1 of 13824 voxels is -50, far from all others: taken for an outlier, and transparent",
+        "3456 of 13824 voxels are 1e+20, far from all others: taken for a fill value, and transparent",
+    ]
+    assert main.run(["init", "filled.npy"]) == 0
+    said = capsys.readouterr()
+    assert said.err.splitlines()[1:] == [f"filled.npy: {line}" for line in told]
+    assert "".join(f"# {line}.\n" for line in told) in said.out
+    assert main.run(["info", "filled.npy"]) == 0
+    assert "".join(f"               {line}\n" for line in told) in capsys.readouterr().out
+    assert main.run(["turntable", "filled.npy", "-o", "films", "--frames", "1", "--size", "16"]) == 0
+    assert f"filled.npy: {told[1]}\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("given", ["nan", "lowst", "1e999"])

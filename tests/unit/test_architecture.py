@@ -23,7 +23,7 @@ ROOMS: dict[str, tuple[str, str]] = {
         "scene_schema colormaps",
         "words",
     ),
-    "volumes": ("readers procedural statistics", "words checks"),
+    "volumes": ("readers procedural far_values ranks statistics", "words checks"),
     "suggestions": ("evidence exposure looks labels level_sets suggestion unseen", "words checks volumes"),
     "classification": ("transfer classify", "words checks"),
     "pyramid": ("pyramid pyramid_blocks pyramid_kernels pyramid_memory emptiness", "words classification"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import subprocess
@@ -164,6 +165,9 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
         (RenderError("the disk is full", hint="make room"), 1, "the disk is full\n  hint: make room\n"),
         (KeyboardInterrupt(), 130, "hsplat: interrupted\n"),
         (MemoryError(), 1, "hsplat: out of memory\n"),
+        (RuntimeError("can't start new thread"), 1, "hsplat: out of memory\n"),
+        (ImportError("libX.so: failed to map segment from shared object"), 1, "hsplat: out of memory\n"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory", "a.npy"), 1, "hsplat: out of memory\n"),
         (click.exceptions.Exit(1), 1, ""),
         (
             KeyError("a\nb"),
@@ -189,6 +193,18 @@ def test_every_error_is_a_message_and_a_code(
 ) -> None:
     assert fail(error) == code
     assert capsys.readouterr() == ("", message)
+
+
+def test_want_of_memory_is_found_behind_what_a_library_makes_of_it(
+    fail: Fail, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    error = OSError("Could not find the library")
+    error.__context__ = OSError("lib.so: failed to map segment from shared object")
+    monkeypatch.setattr(main.resource, "getrlimit", lambda _: (1_500_000 * 1024, -1))
+    assert fail(error) == 1
+    assert capsys.readouterr().err == (
+        "hsplat: out of memory\n  hint: address space is limited to 1.4 GiB here (ulimit -v); a run takes about 2 GiB\n"
+    )
 
 
 @pytest.mark.parametrize("error", [RenderError("the disk is full"), MemoryError(), KeyError("a")])

@@ -152,6 +152,17 @@ def test_a_spacing_beyond_all_lengths_is_a_usage_error(text):
     assert f"'{text}' has a number that is not from 1e-30 to 1e+30." in " ".join(result.output.split())
 
 
+def test_a_shape_as_sizes_are_written(tmp_path):
+    RAMP.astype(np.uint8).tofile(tmp_path / "a.raw")
+    facts = json.loads(run(str(tmp_path / "a.raw"), "--shape", "5x4x3", "--dtype", "uint8", "--json"))
+    assert facts["shape"] == [5, 4, 3]
+
+
+def test_the_example_of_a_spacing_is_one():
+    result = CliRunner().invoke(info, ["a.npy", "--spacing", "0.5"])
+    assert "such as 0.1,0.1,0.5." in " ".join(result.output.split())
+
+
 @pytest.mark.parametrize("text", ["5,4", "5,4,x", "5,4,0", "5,4,-1"])
 def test_wrong_shape_is_a_usage_error(text):
     result = CliRunner().invoke(info, ["a.raw", "--dtype", "uint8", "--shape", text])

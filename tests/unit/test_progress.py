@@ -35,6 +35,15 @@ def test_a_line_for_each_tenth() -> None:
     assert lines[-1] == "engine.mp4: 120/120 frames, 4.00 frames/s"
 
 
+def test_the_start_is_not_counted_as_if_each_frame_had_one() -> None:
+    clock, stream = Clock(), io.StringIO()
+    lines = Lines(20, "engine.mp4", stream, clock)
+    for seconds in (10, 2):
+        clock.now += seconds
+        lines.advance()
+    assert stream.getvalue().splitlines() == ["engine.mp4: 2/20 frames, 0.17 frames/s, 0:36 left"]
+
+
 def test_never_more_than_one_in_two_seconds() -> None:
     assert len(lines_of(total=120, seconds_a_frame=0.05)) == 3
     assert len(lines_of(total=120, seconds_a_frame=0.0001)) == 1

@@ -288,15 +288,15 @@ def test_points_are_told_apart_on_a_large_offset(extent: int, offset: int) -> No
         assert one.opacity == pytest.approx(other.opacity, abs=5e-3)
 
 
-def test_points_are_told_apart_beside_a_hot_voxel() -> None:
+def test_points_are_told_apart_beside_hot_voxels() -> None:
     """Which makes them much nearer to each other than a thousandth of the range."""
     values = two_materials("uint8") / 255
     hot = values.copy()
-    hot[5, 6, 7] = 3e4
+    hot[5, 6, 7:12] = np.arange(1, 6) * 6e3
     mapping = suggested(hot).transfer.mapping
     assert not isinstance(mapping, ColormapSpec)
     within = [point.value for point in mapping if 0.05 < point.value < 0.9]
-    assert len(within) == len(mapping) - 1 >= 3
+    assert len(within) >= len(mapping) - 1 >= 3
 
 
 def test_thousands_of_labels() -> None:

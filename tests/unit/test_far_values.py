@@ -1,0 +1,110 @@
+"""Values far from all others: that they are found, that the others are taken for what they are, and what is no such."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from kinds_of_data import KINDS, axes, head_in_hounsfield_units, two_materials
+
+from renderer.far_values import FarValue
+from renderer.scene import ColormapSpec
+from renderer.statistics import measure
+from renderer.suggestion import Suggestion, suggest
+from renderer.transfer import make_transfer
+from renderer.volume import make_volume
+
+Array = npt.NDArray[Any]
+
+Z, Y, X = axes()
+SLAB = Z < -0.4
+TUBE = X**2 + Y**2 > 1
+FLOAT_MAX = float(np.finfo(np.float32).max)
+# Not the head in magnetic resonance, of which the slab is an edge less: NaN there make it smooth data, too.
+NAMES = ("head as float32", "microscopy", "signed", "filled, signed", "density", "distance")
+
+
+def suggested(values: Array, colormap: str | None = None) -> Suggestion:
+    volume = make_volume(np.ascontiguousarray(values), np.eye(4), "made up")
+    return suggest(volume, measure(volume.values), colormap)
+
+
+def extinction(suggestion: Suggestion, *values: float) -> list[float]:
+    return list(make_transfer(suggestion.transfer, 1.0).classify(np.array(values))[1])
+
+
+@pytest.mark.parametrize("fill", [1e20, 9.96921e36, FLOAT_MAX, -FLOAT_MAX, -1e5])
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("where", [SLAB, TUBE], ids=["slab", "tube"])
+def test_the_kind_is_that_of_the_others(name: str, where: Array, fill: float) -> None:
+    values = KINDS[name][0].astype(np.float32)
+    values[where] = fill
+    found = suggested(values)
+    assert found.kind == KINDS[name][1]
+    assert len(found.far) == 1 and "taken for a fill value" in found.far[0]
+    np.testing.assert_array_equal(extinction(found, float(np.float32(fill))), 0)
+    assert max(extinction(found, *np.unique(values[~where]).tolist())) > 0
+
+
+@pytest.mark.parametrize("colormap", [None, "viridis"])
+def test_only_the_far_side_of_the_others_becomes_transparent(colormap: str | None) -> None:
+    plain = KINDS["microscopy"][0].astype(np.float32)
+    values = plain.copy()
+    values[0] = 1e20
+    found, before = suggested(values, colormap), suggested(plain, colormap)
+    assert isinstance(found.transfer.mapping, ColormapSpec) == (colormap is not None)
+    top = float(plain.max())
+    assert extinction(found, 1e20) == [0]
+    assert extinction(found, top) == pytest.approx(extinction(before, top), rel=0.1)
+
+
+@pytest.mark.parametrize("outliers", [(1e30,), (1e6,), (-1e30, 1e30), (-32768.0, 32767.0)])
+def test_single_voxels_do_not_hide_what_a_scan_is(outliers: tuple[float, ...]) -> None:
+    values = head_in_hounsfield_units().astype(np.int16 if 32767.0 in outliers else np.float32)
+    values[3, 4, 5 : 5 + len(outliers)] = outliers
+    found = suggested(values)
+    assert found.kind == "CT in Hounsfield units"
+    assert len(found.far) == len(outliers)
+
+
+def test_a_fill_value_and_outliers_on_its_side_and_on_the_other() -> None:
+    values = KINDS["microscopy"][0].astype(np.float64)
+    values[SLAB] = -9999
+    values[30, 30, 30:32] = -1e12, 1e30
+    num = np.count_nonzero(values == -9999)
+    assert measure(values).far == (FarValue(-1e12, 1, False), FarValue(-9999.0, num, True), FarValue(1e30, 1, False))
+
+
+def mixed(num: int, far: float) -> Array:
+    """Two materials, of 0 to 255, and in some voxels a value away from them."""
+    values = two_materials("uint8").astype(np.float32)
+    values.ravel()[:num] = far
+    return values
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        mixed(1, 900.0),  # not far enough: 255 + 3 * 255 is 1020
+        mixed(40, 5000.0),  # neither one voxel nor many, and no value that is known
+        two_materials("uint8"),
+        KINDS["labels"][0] * np.uint8(50),
+        KINDS["mask"][0],
+        np.where(SLAB, 255, np.arange(Z.size).reshape(Z.shape) % 9).astype(np.uint8),  # nine values are too few
+        np.arange(27.0).reshape(3, 3, 3) ** 9,
+    ],
+    ids=["near", "some", "uint8", "labels", "mask", "steps", "powers"],
+)
+def test_what_is_not_far_from_all_others(values: Array) -> None:
+    assert measure(values).far == ()
+    assert suggested(values).far == ()
+
+
+def test_values_near_the_limits_of_their_type_do_not_overflow() -> None:
+    values = (np.linspace(-1, 1, 1000) * 1.7e308).reshape(10, 10, 10)
+    assert measure(values).far == ()
+    whole = np.arange(1000, dtype=np.int64).reshape(10, 10, 10)
+    whole[0, 0] = np.iinfo(np.int64).min
+    assert measure(whole).far == (FarValue(-(2**63), 10, True),)
