@@ -32,7 +32,7 @@ from renderer.threads import Threads
 # of 64 share their rays with no cache.
 SIDE_OF_ALL, SIDE_OF_FEW = 32, 16
 # Tasks of a thread, each of tiles side by side, which have bricks in common.
-_TASKS_EACH = 8
+_TASKS_EACH = 4
 # Of a rectangle's edges; the shaders have the same.
 _ROUNDING_PX = 2e-3
 
