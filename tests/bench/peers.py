@@ -60,11 +60,13 @@ def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
 
 WHAT_LIMITS_IT = (
     "Bricks are drawn by compiled loops (OpenGL is llvmpipe here, which took 1.3 to 2.4 times as long). Where a goal "
-    "is missed, by parts of these loops left out in turns (two cores, engine_close and bonsai_close): of the 7 to 10 "
+    "is missed, by parts of these loops left out in turns (two cores, engine_close and bonsai_close): of the 8 to 11 "
     "ms of a frame at 30 and 35 dB 2 to 3 are cut, order, lattices, 8 bits and the Python between them, while VTK's "
-    "fixed-point caster takes 9 to 16 ms for the whole frame. Of the rest half is waiting for memory: few rays meet "
-    "each brick there, whose texels have left the caches since the last frame (27 MB of the bonsai); with all bricks "
-    "in one place boxes take half the time, at 0.1 they take 0.85 to 0.9 of it. At 0.1 5 to 12 % are rays, and boxes "
+    "fixed-point caster takes 10 to 17 ms for the whole frame. Of the rest two fifths are waiting for memory, although "
+    "the next brick is asked for while one is drawn, which took a fifth off: few rays meet each brick there, whose "
+    "texels, 23 or 93 KB, have left the caches since the last frame; drawn twice in a row, a tile's bricks take half "
+    "the time at the second. The loops themselves are 4 to 5 ms of one core at 30 dB, which two cores bring to 3 to 4, "
+    "for a task of theirs is shorter than what it takes to hand it on. At 0.1 5 to 12 % are rays, and boxes "
     "that they pass by; 26 samples lie on a ray, of which 37 % (engine) to two thirds (bonsai) find nothing that is "
     "visible, and each takes 8 to 12 ns of a core: a hundred instructions, a tenth of them for the exponential, none "
     "of them on more than one sample at a time. A bit for each of 64 parts of a brick, for passing over what shows "
