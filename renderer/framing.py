@@ -26,8 +26,6 @@ Int64 = npt.NDArray[np.int64]
 
 # Left free along every side, as a share of half the frame's smaller side: a footprint reaches beyond its cell's centre.
 MARGIN = 0.03
-# Voxels: what is interpolated between voxels shows as far as the next one's centre.
-REACH_BETWEEN_VOXELS = 0.5
 # A cell narrower than this on the image is finer than the narrowest footprint that is drawn.
 SMALLEST_CELL_PX = 0.5
 # Products formed at once: 16 MB of float64 whatever the number of points and frames; frames looked at together, of a
@@ -109,12 +107,11 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
     return least
 
 
-def visible_points(pyramid: Pyramid, reach: float = 0.0) -> Float64:
+def visible_points(pyramid: Pyramid) -> Float64:
     """float64 [n, 3]: world positions of corners of visible cells, with the same extremes in every direction as all of
     them; the corners of the whole volume where nothing is visible.
 
-    The cells are 1/128 of the volume or smaller, down to two voxels (`Pyramid.occupied`). reach: how many voxels along
-    each axis what is in a cell shows beyond it, as far as the volume reaches; then there are four times as many points.
+    The cells are 1/128 of the volume or smaller, down to two voxels (`Pyramid.occupied`).
     """
     volume, level = pyramid.volume, pyramid.occupied_level
     shape = np.array(volume.shape_xyz)
@@ -129,12 +126,7 @@ def visible_points(pyramid: Pyramid, reach: float = 0.0) -> Float64:
     first, last = _of_rows_around(np.minimum, row_first, num), _of_rows_around(np.maximum, row_last, 0)
     z, y = np.nonzero(last)
     corners = np.concatenate([np.column_stack([x[z, y], y, z]) for x in (first, last)])
-    index = np.minimum(corners.astype(np.int64) << level, shape) - 0.5
-    if reach:
-        index[:, 0] += np.repeat([-reach, reach], len(z))
-        steps = np.array([[0.0, y, z] for y in (-reach, reach) for z in (-reach, reach)])
-        index = np.clip((index + steps[:, None]).reshape(-1, 3), -0.5, shape - 0.5)
-    return _to_world(volume, index)
+    return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
 
 
 def _of_rows_around(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:

@@ -14,14 +14,7 @@ from renderer.depth_directions import make_turning
 from renderer.drawing import Clock, Frame, Rasterizer, Stage, Stopwatch, draw
 from renderer.errors import InputError
 from renderer.extents import camera_problems, extent_of, require_proportion, volume_problems
-from renderer.framing import (
-    REACH_BETWEEN_VOXELS,
-    finest_useful_level,
-    fit_distance,
-    smallest_voxel_px,
-    visible_centre,
-    visible_points,
-)
+from renderer.framing import finest_useful_level, fit_distance, smallest_voxel_px, visible_centre, visible_points
 from renderer.pacing import Guide, Scheduled
 from renderer.pyramid import build_pyramid
 from renderer.readers import read_volume
@@ -80,7 +73,7 @@ def prepare(
             finest_level=0 if any_tolerance else scene.error.finest_level,
         )
     watch.lap("pyramid")
-    points = visible_points(pyramid, REACH_BETWEEN_VOXELS if bricks else 0.0)
+    points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)
     require_proportion(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)

@@ -138,18 +138,6 @@ def test_the_ends_of_each_line_of_corners_stand_for_all_corners(shape: tuple[int
         assert ends == pytest.approx(every, rel=1e-15)
 
 
-def test_what_shows_beyond_cells_is_in_frame() -> None:
-    """As far as the volume reaches, and no further: with the extremes of boxes that are larger on all sides."""
-    values = np.zeros((9, 12, 16), np.uint8)
-    values[2:5, 0:3, 13:16] = 1
-    transfer = TransferFunction(np.array([0.0, 1.0]), np.ones((2, 3)), np.array([0.0, 1.0]), 1.0)
-    volume = make_volume(values, np.eye(4), "corner")
-    pyramid = build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec())
-    plain, further = visible_points(pyramid), visible_points(pyramid, 0.5)
-    np.testing.assert_array_equal((plain.min(axis=0), plain.max(axis=0)), ((11.5, -0.5, 1.5), (15.5, 3.5, 5.5)))
-    np.testing.assert_array_equal((further.min(axis=0), further.max(axis=0)), ((11.0, -0.5, 1.0), (15.5, 4.0, 6.0)))
-
-
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 @pytest.mark.parametrize("path", [*PATHS, KeyframePath(1, (Keyframe(0, 0.0, 0.0, 2.0),))], ids=range(4))
 def test_how_wide_a_voxel_is(projection: str, path: CameraPath) -> None:
