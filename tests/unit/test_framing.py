@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from renderer.camera_paths import CameraPath, camera_poses, make_view
 from renderer.framing import MARGIN, fit_distance, smallest_voxel_px, visible_centre, visible_points
+from renderer.pipeline import prepare
 from renderer.pyramid import build_pyramid
 from renderer.scene import (
     CameraSpec,
+    ControlPoint,
     ErrorSpec,
     Keyframe,
     KeyframePath,
+    OutputSpec,
+    ProceduralSource,
     PyramidSpec,
     RockerPath,
+    Scene,
+    SplatSpec,
+    TransferSpec,
     TurntablePath,
     Vector,
+    VolumeSpec,
 )
 from renderer.transfer import TransferFunction
 from renderer.volume import Float64, make_volume
@@ -162,3 +172,20 @@ def test_a_voxel_is_no_wider_than_one_half_a_diagonal_from_the_eye() -> None:
     for target_z in (z - 10, z - 50):
         width_px = smallest_voxel_px(volume, from_above, (x, y, target_z), 10.0, (64, 48))
         assert width_px == pytest.approx(24 / math.tan(math.radians(15)) / half_diagonal)
+
+
+def test_footprints_are_framed_alike() -> None:
+    """Studies compare them by one truth, which is of one camera."""
+    scene = Scene(
+        volume=VolumeSpec(ProceduralSource("engine_block", (24, 24, 12))),
+        transfer_function=TransferSpec(
+            (ControlPoint(90, (0.4, 0.5, 0.9), 0.0), ControlPoint(255, (1.0, 1.0, 1.0), 0.7))
+        ),
+        camera=CameraSpec(TurntablePath(4), target="visible"),
+        output=OutputSpec(Path("{frame}.png"), (32, 32)),
+    )
+    stages = [
+        prepare(replace(scene, splat=SplatSpec(footprint)), clock=lambda: 0.0, num_threads=1)
+        for footprint in ("integrated", "gaussian", "gouraud")
+    ]
+    assert len({(stage.target, stage.distance) for stage in stages}) == 1
