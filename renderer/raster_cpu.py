@@ -50,5 +50,5 @@ class CPURasterizer:
         return self._bricks.draw(batch, order, view)
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
-        """What such scenes do not have."""
-        raise NotImplementedError
+        """What such scenes do not have; never called."""
+        raise AssertionError("lines need OpenGL")
