@@ -17,13 +17,14 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import caching, cgutils, types
 from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 _config: Any = numba.config  # its attributes are made at run time
 _cgutils: Any = cgutils  # has no types
+_IndexDataCacheFile: Any = caching.IndexDataCacheFile
 
 # A folder of the cache; where none of its version has run for 30 days, it goes when another one is made.
 _PREFIX, _LONGEST_UNUSED_S = "kernels-", 30 * 86400.0
@@ -70,13 +71,33 @@ def has_compiled_before() -> bool:
     return _FOLDER is not None and any(_FOLDER.rglob("*.nbi"))
 
 
+class _KernelFiles(_IndexDataCacheFile):  # type: ignore[misc]  # numba has no types
+    """Name the file of a compiled loop after its signature.
+
+    Numba gives files the next free number. Two processes that compile the same loop for different types at the same
+    time choose the same number, and the machine code for one type is then loaded for the other.
+    """
+
+    def save(self, key: object, data: object) -> None:
+        """Write an entry. Another process may still overwrite the index without it; the loop is then compiled again."""
+        digest = hashlib.blake2b(repr(key).encode(), digest_size=8).digest()
+        name = self._data_name(int.from_bytes(digest, "big"))
+        self._save_data(name, data)
+        self._save_index({**self._load_index(), key: name})
+
+
 def jit(function: Function) -> Function:
     """Compile with numba; the type of the function is kept, which numba's own decorator does not do for mypy.
 
     Where no folder for the cache can be written, as in a container with a read-only file system, every process compiles
     for itself.
     """
-    return cast(Function, numba.njit(cache=_FOLDER is not None, nogil=True, error_model="numpy")(function))
+    compiled: Any = numba.njit(cache=_FOLDER is not None, nogil=True, error_model="numpy")(function)
+    if _FOLDER is not None:
+        cache = compiled._cache
+        stamp = cache._impl.locator.get_source_stamp()
+        cache._cache_file = _KernelFiles(cache.cache_path, cache._impl.filename_base, stamp)
+    return cast(Function, compiled)
 
 
 @intrinsic

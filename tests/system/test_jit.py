@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
@@ -77,6 +78,36 @@ def test_caches_that_nobody_has_used_for_long_go(tmp_path: Path) -> None:
     left = {path.name for path in caches.iterdir() if path.is_dir()}
     assert {"kernels-young", "else"} < left
     assert "kernels-old" not in left
+
+
+def test_processes_that_compile_at_once_do_not_load_the_code_of_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second one writes its entry while the first, which has read the index, has not written its own."""
+    first, second = (renderer.jit._KernelFiles(str(tmp_path), "loop", 1) for _ in range(2))
+    load = first._load_index
+
+    def interrupted() -> dict[object, str]:
+        overloads: dict[object, str] = load()
+        second.save("uint8", "code for uint8")
+        return overloads
+
+    monkeypatch.setattr(first, "_load_index", interrupted)
+    first.save("float32", "code for float32")
+    monkeypatch.undo()
+    assert first.load("float32") == "code for float32"
+    assert second.load("uint8") in ("code for uint8", None)  # None: it is compiled again
+    second.save("uint8", "code for uint8")
+    assert (first.load("float32"), first.load("uint8")) == ("code for float32", "code for uint8")
+
+
+def test_loops_are_cached_in_files_named_by_signature() -> None:
+    """Numba's cache is replaced by one attribute of its own; a version that renames it must fail here."""
+    assert isinstance(cast(Any, renderer.jit.jit(_doubled))._cache._cache_file, renderer.jit._KernelFiles)
+
+
+def _doubled(number: int) -> int:
+    return 2 * number
 
 
 def test_without_a_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
