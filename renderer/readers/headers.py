@@ -30,6 +30,7 @@ _MAX_HEADER_BYTES = 2**22
 _LIST = re.compile(
     rb"^(data ?file:|ElementDataFile[ \t]*=)[ \t]*LIST([ \t]+[0-9]{1,2})?[ \t]*\r?\n", re.IGNORECASE | re.MULTILINE
 )
+_LIST_BEGINS = re.compile(r"data ?file:\s*LIST", re.IGNORECASE)
 # Data files with numbers: `slice%03d.raw 1 60 1`, from the first to the last in steps. The libraries hand it to printf
 # as it stands, so that no more than this is let through.
 _NUMBERED = re.compile(r"([^%\s]*%0?[0-9]{0,2}d[^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})")
@@ -39,7 +40,11 @@ _META_LENGTHS = re.compile(rb"^[ \t]*(ElementSpacing|ElementSize)[ \t]*=", re.MU
 _KINDS_OF_SPACE = ("domain", "space", "???", "none")
 
 _DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_MOST_DIMENSIONS = 10  # of MetaImage
+_MOST_DIMENSIONS = 10  # of MetaImage, and of what SimpleITK reads of NRRD
+# Bytes in a line of a NRRD header, and in the path of the file. Teem, the reader in SimpleITK, copies both into error
+# messages of a fixed size: with SimpleITK 2.5.7 lines from 994 bytes on and paths from 1036 bytes on ended the process.
+_LONGEST_NRRD = 900
+_NRRD_DIMENSION = re.compile(r"dimension: (.*)", re.IGNORECASE)
 _LONGEST_SHOWN = 200  # a matrix with all its digits
 _FLATTEST = 1e-6  # the volume of what axes of length 1 span
 
@@ -53,11 +58,59 @@ _SEQUENCE_END = b"\xfe\xff\xdd\xe0"
 Stored = StoredVoxels | list[StoredVoxels]  # of all, or of each slice where each has a file of its own
 
 
+def check_nrrd_header(path: Path) -> None:
+    """Raise InputError for a NRRD file, whatever its suffix, whose header or path may end the process that reads it.
+
+    These are long lines, also of comments and of lists of data files, long paths, and more dimensions than 10. Other
+    formats are left to their readers.
+    """
+    with path.open(encoding="latin-1") as file:  # a character for each byte; lines end as teem has it, also at \r
+        if file.read(4) != "NRRD":
+            return
+        num_bytes = len(os.fsencode(path))
+        if num_bytes > _LONGEST_NRRD:
+            raise InputError(
+                "the path of this NRRD file is too long",
+                where=str(path),
+                got=f"{num_bytes} bytes",
+                expected=f"at most {_LONGEST_NRRD} bytes",
+                hint="move the file, or name it from a folder near it",
+            )
+        is_list = False
+        for number, line in enumerate(iter(partial(file.readline, _LONGEST_NRRD + 1), ""), 1):
+            if line == "\n" and not is_list:  # names are listed up to the end of the file
+                return
+            _check_nrrd_line(line.removesuffix("\n"), f"{path}:{number}")
+            is_list = is_list or _LIST_BEGINS.match(line) is not None
+
+
+def _check_nrrd_line(line: str, where: str) -> None:
+    if len(line) > _LONGEST_NRRD:
+        raise InputError(
+            "a line of this NRRD header is too long",
+            where=where,
+            got=show(line),
+            expected=f"at most {_LONGEST_NRRD} bytes",
+            hint="shorten or remove that line",
+        )
+    match = _NRRD_DIMENSION.match(line)
+    dimension = match[1].strip() if match is not None else "1"
+    if not (dimension.isdecimal() and 1 <= int(dimension) <= _MOST_DIMENSIONS):
+        raise InputError(
+            "this NRRD header has a dimension that cannot be read",
+            where=where,
+            got=_shown(dimension),
+            expected=f"a whole number from 1 to {_MOST_DIMENSIONS}",
+            hint="correct that line, or save the file anew",
+        )
+
+
 def nrrd_voxels(path: Path) -> Stored | None:
     """The data of a NRRD file; None when they are compressed behind lines of text, which their reader checks.
 
-    Raises InputError for a data file that is not there, and for bzip2.
+    Raises InputError for a data file that is not there, for bzip2, and as `check_nrrd_header`.
     """
+    check_nrrd_header(path)
     header, offset = _split(_head(path))
     header, listed = _without_list(header)
     fields = _fields(header, ":")
@@ -190,7 +243,7 @@ def _check_scale(fields: dict[str, str], path: Path) -> None:
             raise InputError(
                 "MetaImage voxels that are to be scaled cannot be read",
                 where=str(path),
-                got=f"{key} = {text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)}",
+                got=f"{key} = {_shown(text)}",
                 expected=f"{key} = {neutral}",
                 hint="correct that line to have the values as they are in the file, or save scaled ones",
             )
@@ -213,7 +266,7 @@ def _check_numbers(header: bytes, path: Path) -> None:
             raise InputError(
                 "a line of this MetaImage header does not have the numbers that belong there",
                 where=str(path),
-                got=f"{key} = {text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)}",
+                got=f"{key} = {_shown(text)}",
                 expected=f"{key} = {expected}",
                 hint="correct that line, or save the file anew",
             )
@@ -232,6 +285,10 @@ def _check_numbers(header: bytes, path: Path) -> None:
     require("CenterOfRotation", n, f"{n} numbers", is_finite)
     expected = f"{n * n} numbers, {n} rows of which none follows from the others"
     require("TransformMatrix Rotation Orientation", n * n, expected, _are_independent)
+
+
+def _shown(text: str) -> str:
+    return text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)
 
 
 def _words(header: bytes) -> dict[str, list[str]]:

@@ -36,6 +36,7 @@ from renderer.readers.dicom_header import as_stored, dicom_spacing, is_dicom
 from renderer.readers.headers import (
     Stored,
     check_dicom_pixels,
+    check_nrrd_header,
     metaimage_voxels,
     nrrd_voxels,
     unsaid_lengths,
@@ -209,6 +210,7 @@ def _is_utf8(name: bytes) -> bool:
 def open_itk(sitk: Any, path: Path) -> Any:
     """A SimpleITK reader that has read the header of `path`; raises InputError when it is of no known format."""
     name = itk_name(path)
+    check_nrrd_header(path)
     with _silent():
         format_name = sitk.ImageFileReader.GetImageIOFromFileName(name)
     if not format_name:
