@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from hsplat_cli.film_options import FILM_NAMES, film_of, film_options
+from hsplat_cli.inputs import files_of, require_no_input
 from hsplat_cli.output_path import OutputPath
 from hsplat_cli.suggested_scene import suggest_scene
 from hsplat_cli.volume_names import base_name
@@ -36,10 +37,12 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
         raise InputError(
             "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
         )
+    spec = volume_spec(volume, **options)
     if output is not None:  # before the volume is read, as that may take long
         _require_folder(output)
+        require_no_input([output], files_of(spec))
     scene = suggest_scene(
-        volume_spec(volume, **options),
+        spec,
         film,
         colormap=colormap,
         hides_nonfinite=options["nonfinite"] is None,

@@ -5,17 +5,19 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
 from hsplat_cli.frame_range import is_one_frame, parse_frames
-from hsplat_cli.input_file import read_content
+from hsplat_cli.input_file import is_same_file, read_content
+from hsplat_cli.inputs import files_of, require_no_input
 from hsplat_cli.scene_editor import Editor
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.sidecar_file import Original, Sidecar, sidecar_in
 from hsplat_cli.yaml_tree import Tree
 from renderer.errors import InputError, Problem, SceneError
-from renderer.output_files import film_beside
+from renderer.output_files import film_beside, picture_files, sidecar_path
 from renderer.scene import Scene
 from renderer.scene_schema import schedule_to_dict, splats_as_asked
 from renderer.schedule import is_met_as_a_whole, tolerance_at
@@ -59,7 +61,10 @@ def load_job(
     sidecar = sidecar_in(content, path)
     if sidecar is None:
         scene = scene_in(content, path, overrides=overrides, volume=volume, output=output, still=still)
-        return Job(scene, parse_frames(frames, scene.camera.path.frames), schedule_to_dict(scene.error))
+        picked = parse_frames(frames, scene.camera.path.frames)
+        if draws != "nothing":
+            _require_no_input(path, scene, picked, sidecar_path(scene, picked))
+        return Job(scene, picked, schedule_to_dict(scene.error))
     editor = _editor(sidecar)
     editor.apply(overrides, volume, output)
     scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
@@ -67,7 +72,8 @@ def load_job(
     recorded = None if frames is not None and _has_whole_schedule(sidecar, editor) else sidecar.frames
     picked = parse_frames(frames, scene.camera.path.frames, recorded)
     is_changed = any(key not in ("output.file", *_MOVED) for key in editor.changed)
-    is_elsewhere = "output.file" in editor.changed or "output" in editor.changed
+    is_beside = is_same_file(path, sidecar_path(scene, picked))
+    is_elsewhere = ("output.file" in editor.changed or "output" in editor.changed) and not is_beside
     is_whole = [*picked] == [*sidecar.frames]
     if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
         raise InputError(
@@ -75,12 +81,19 @@ def load_job(
             where=str(path),
             hint="--output names another file",
         )
+    if draws != "nothing":
+        _require_no_input(path, scene, picked, *([] if is_beside else [sidecar_path(scene, picked)]))
     original, asked = sidecar.original, sidecar.original.asked or scene.error
     if is_changed or not _is_as_drawn(sidecar, scene):
         return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}, made_with={}))
     if not is_whole and is_met_as_a_whole(asked):
         return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}))
     return Job(scene, picked, schedule_to_dict(asked), original)
+
+
+def _require_no_input(path: Path, scene: Scene, frames: Sequence[int], *sidecar: Path) -> None:
+    """Raise InputError where an output is the scene's file, or one of the volume's."""
+    require_no_input(chain(picture_files(scene.output, frames), sidecar), chain([path], files_of(scene.volume)))
 
 
 def _is_as_drawn(sidecar: Sidecar, scene: Scene) -> bool:

@@ -13,7 +13,7 @@ from renderer.errors import InputError
 
 # Endings of volumes; of a name such as scan.v2.nii.gz the last one only is taken away.
 _ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|mha|mhd|raw|tiff?|npy|dcm|vtk|mrc)(\.gz|\.bz2)?$", re.IGNORECASE)
-_DETACHED = (".nhdr", ".mhd")
+_NRRD, _METAIMAGE = (".nrrd", ".nhdr"), (".mha", ".mhd")
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def expand(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
         for path in paths:
             found.setdefault(path.resolve(), path)
     _refuse_slices(list(found.values()))
-    data = {file: header for header in found.values() for file in _data_files(header)}
+    data = {file: head for key, head in found.items() for file in data_files(head) if file != key}
     notes = [f"{path} is the data of {data[key]}" for key, path in found.items() if key in data]
     return [path for key, path in found.items() if key not in data], notes
 
@@ -73,17 +73,17 @@ def _refuse_slices(volumes: Sequence[Path]) -> None:
             )
 
 
-def _data_files(header: Path) -> list[Path]:
-    """The files, resolved, that hold the voxels of a header; none where that cannot be told."""
+def data_files(header: Path) -> list[Path]:
+    """The files, resolved, that hold the voxels of a header, perhaps behind it; none where that cannot be told."""
     suffix = header.suffix.lower()
     if suffix == ".hdr":  # of a pair in the NIfTI or Analyze format
         return [header.with_suffix(ending).resolve() for ending in (".img", ".IMG")]
-    if suffix not in _DETACHED or not header.is_file():
+    if suffix not in _NRRD + _METAIMAGE or not header.is_file():
         return []
     from renderer.readers.headers import metaimage_voxels, nrrd_voxels  # noqa: PLC0415  (numpy)
 
     try:
-        stored = nrrd_voxels(header) if suffix == ".nhdr" else metaimage_voxels(header)
+        stored = nrrd_voxels(header) if suffix in _NRRD else metaimage_voxels(header)
     except (InputError, OSError):  # said by its reader, when its turn comes
         return []
     files = stored if isinstance(stored, list) else [stored] if stored else []

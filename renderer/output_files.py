@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.scene import FRAME_FIELD, OutputSpec, Scene
@@ -92,6 +92,11 @@ def film_beside(sidecar: Path, recorded: Path) -> Path:
         return sidecar.with_name(recorded.name) if recorded.name else recorded
     film = sidecar.with_suffix("")
     return film if film.suffix.lower() == recorded.suffix.lower() else film.with_name(f"{film.name}{recorded.suffix}")
+
+
+def picture_files(output: OutputSpec, frames: Sequence[int]) -> Iterator[Path]:
+    """The film, or the picture of each of these frames."""
+    return (frame_path(output.file, frame) for frame in (frames if is_numbered(output) else frames[:1]))
 
 
 def first_files(scene: Scene, frames: Sequence[int]) -> tuple[Path, Path]:

@@ -36,7 +36,7 @@ def load_steady_job(scene: Path, *, overrides: Sequence[str] = (), volume: Path 
     Raises InputError where a frame is not the same each time and whatever other frames are drawn, or too large to be
     read again.
     """
-    job = load_job(scene, overrides=overrides, volume=volume, output=_TEMPLATE)
+    job = load_job(scene, overrides=overrides, volume=volume, output=_TEMPLATE, draws="nothing")
     _require_steady(job.scene, scene)
     width, height = job.scene.output.size
     if width * height > MAX_PIXELS:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.inputs import files_of, require_no_input
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.job import load_job
 from hsplat_cli.measure.options import parse_sweep, parse_want
@@ -81,8 +82,10 @@ def measure(
             find_wanted(job, parse_want(want), numbers, truth_tolerance, quiet=quiet)
             return
         from hsplat_cli.measure.study import Request, run_study  # noqa: PLC0415
+        from hsplat_cli.report.files import FILES  # noqa: PLC0415
 
         folder = output or Path(f"{scene.stem}.measured")
+        require_no_input([folder / name for name in FILES], [scene, *files_of(job.volume)])
         picked = list(numbers) if frames else None
         run_study(Request(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder, quiet))
 

@@ -13,6 +13,7 @@ import click
 
 from hsplat_cli.cores import num_cores
 from hsplat_cli.first_run import tell_first_run
+from hsplat_cli.inputs import files_of, require_no_input
 from hsplat_cli.interrupts import terminated_as_interrupted
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.output_path import OutputPath
@@ -97,6 +98,7 @@ def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, .
     jobs = _jobs(folder, numbers, volume)
     check_writable(output, [PAGE])
     path = output / PAGE
+    require_no_input([path], [file for job in jobs for file in (job.path, *files_of(job.scene.volume))])
     with terminated_as_interrupted():
         figures, text = _page(jobs, quiet=quiet)
         write_staged(path, text.encode())

@@ -13,6 +13,7 @@ import click
 
 from hsplat_cli.crew_options import CrewSpec
 from hsplat_cli.first_run import tell_first_run
+from hsplat_cli.inputs import files_of, require_no_input
 from hsplat_cli.job import Job
 from hsplat_cli.patterns import matches
 from hsplat_cli.place import taken
@@ -22,7 +23,7 @@ from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
 from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, OF, Record, Report, Written, held_report, write_report
 from renderer.errors import HsplatError, InputError, TakenError
 from renderer.frame_record import is_record
-from renderer.output_files import sidecar_path
+from renderer.output_files import picture_files, sidecar_path
 from renderer.scene import VolumeSpec
 from renderer.scene_schema import schedule_to_dict
 from renderer.staging import explained, require_writable, write_staged
@@ -93,6 +94,7 @@ def make_film(order: Order, *, quiet: bool) -> Record:
     job = _job(order, suggested)
     # Held from before the scene is written until the film is there: they belong together.
     sidecar = sidecar_path(job.scene, job.frames)
+    require_no_input([order.scene, *picture_files(job.scene.output, job.frames), sidecar], files_of(order.volume))
     with taken(job.scene.output, job.frames, sidecar) as place:
         write_scene(order, suggested)
         tell_first_run(quiet=quiet)

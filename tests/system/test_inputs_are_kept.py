@@ -1,0 +1,138 @@
+"""No command writes over what it reads: neither films, frames and sidecars nor scenes and reports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scene import small_scene
+from volume_files import write_volume
+
+from hsplat_cli import main
+
+PAPER = str(Path(__file__).resolve().parents[2] / "configs/paper")
+PROCEDURAL = "procedural: {name: engine_block, shape: [24, 24, 12]}"
+VALUES = (np.indices((6, 6, 6)).sum(axis=0) * 16).astype(np.uint8)
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def scene_of(volume: str) -> None:
+    text = small_scene(frames=3, error="tolerance: 0.1").replace(PROCEDURAL, volume)
+    Path("scene.yaml").write_text(text, encoding="utf-8")
+
+
+def raw(name: str) -> str:
+    Path(name).parent.mkdir(exist_ok=True)
+    Path(name).write_bytes(VALUES.tobytes())
+    return f"raw: {{file: {name}, shape: [6, 6, 6], dtype: uint8}}"
+
+
+def header(name: str) -> str:
+    raw(name)
+    text = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 6 6 6\nencoding: raw\ndata file: {name}\n"
+    Path("scan.nhdr").write_text(text, encoding="ascii")
+    return "file: scan.nhdr"
+
+
+def slices(link: str) -> str:
+    Path("slices").mkdir()
+    for z in range(3):
+        write_volume(Path(f"slices/{z}.tif"), VALUES[z : z + 1], "<")
+    Path(link).parent.mkdir(exist_ok=True)
+    Path(link).hardlink_to("slices/1.tif")
+    return "file: slices"
+
+
+def linked(link: str, name: str) -> str:
+    volume = raw(name)
+    Path(link).hardlink_to(name)
+    return volume
+
+
+def contents() -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+
+
+def refused(capsys: pytest.CaptureFixture[str], output: str, source: str, *arguments: str) -> None:
+    """The command ends with this message, and nothing has changed."""
+    before = contents()
+    assert main.run([*arguments]) == 2
+    assert capsys.readouterr().err == (
+        f"{output}: this output is an input, too, and would take its place\n"
+        f"  got: the input {source}\n"
+        "  expected: a file that is not read\n"
+        "  hint: give the output another name or folder\n"
+    )
+    assert contents() == before
+
+
+@pytest.mark.parametrize(
+    ("make", "option", "output", "source"),
+    [
+        (lambda: raw("scan.mp4"), "scan.mp4", "scan.mp4", "scan.mp4"),
+        (lambda: raw("film.mp4.json"), "film.mp4", "film.mp4.json", "film.mp4.json"),
+        (lambda: raw("frame-0001.png"), "frame-{frame:04}.png", "frame-0001.png", "frame-0001.png"),
+        (lambda: raw("frames/frames.json"), "frames/{frame}.png", "frames/frames.json", "frames/frames.json"),
+        (lambda: linked("film.gif", "scan.raw"), "film.gif", "film.gif", "scan.raw"),
+        (lambda: header("film.mp4"), "film.mp4", "film.mp4", "film.mp4"),
+        (lambda: slices("frames/2.png"), "frames/{frame}.png", "frames/2.png", "slices/1.tif"),
+    ],
+)
+@pytest.mark.parametrize("command", [["render", "--force"], ["render", "--progressive"], ["check"]])
+def test_the_volume(make, option, output, source, command, capsys) -> None:
+    scene_of(make())
+    refused(capsys, output, str(Path(source).resolve()), command[0], "scene.yaml", *command[1:], "--output", option)
+
+
+def test_the_scene(capsys) -> None:
+    scene_of(PROCEDURAL)
+    Path("film.mp4.json").hardlink_to("scene.yaml")
+    refused(capsys, "film.mp4.json", "scene.yaml", "render", "scene.yaml")
+
+
+def test_the_sidecar(capsys) -> None:
+    """It may be written again with its film, but by no other film, and by no frame."""
+    scene_of(PROCEDURAL)
+    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
+    assert main.run(["render", "film.mp4.json", "--force", "--quiet", "--output", "film.mp4"]) == 0
+    Path("other.mp4").hardlink_to("film.mp4.json")
+    refused(capsys, "other.mp4", "film.mp4.json", "render", "film.mp4.json", "--output", "other.mp4")
+    before = contents()
+    for change in (["--set", "error.tolerance=0.5"], ["--progressive"]):
+        assert main.run(["render", "film.mp4.json", "--output", "film.mp4", *change]) == 2
+        assert capsys.readouterr().err == (
+            "film.mp4.json: another film would take the place of the one that is recorded here\n"
+            "  hint: --output names another file\n"
+        )
+    assert contents() == before
+
+
+def test_a_film_beside_its_slices() -> None:
+    """It is no slice, and may be drawn again."""
+    scene_of(slices("other.tif"))
+    for _ in range(2):
+        assert main.run(["render", "scene.yaml", "--force", "--quiet", "--output", "slices/{frame}.png"]) == 0
+    assert Path("slices/frames.json").exists()
+
+
+def test_scenes_and_reports(capsys) -> None:
+    write_volume(Path("scan.nrrd"), VALUES, "<")
+    Path("films").mkdir()
+    Path("page").mkdir()
+    for name in ("scan.yaml", "measure.csv", "films/scan.mp4", "page/index.html"):
+        Path(name).hardlink_to("scan.nrrd")
+    refused(capsys, "scan.yaml", "scan.nrrd", "init", "scan.nrrd", "--output", "scan.yaml", "--force")
+    scene_of("file: scan.nrrd")
+    scan = str(Path("scan.nrrd").resolve())
+    refused(capsys, "measure.csv", scan, "measure", "scene.yaml", "--output", ".")
+    refused(capsys, "page/index.html", scan, "paper", PAPER, "--volume", "scan.nrrd", "--output", "page")
+    before = contents()
+    assert main.run(["turntable", "scan.nrrd", "-o", "films", "--quiet"]) == 2
+    assert "films/scan.mp4: this output is an input, too, and would take its place" in capsys.readouterr().err
+    assert before.items() <= contents().items()
+    assert not Path("films/scan.yaml").exists()

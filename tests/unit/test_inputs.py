@@ -1,0 +1,92 @@
+"""Which files a volume has, and that no output takes the place of one of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hsplat_cli.inputs import files_of, require_no_input
+from renderer.errors import InputError
+from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+
+NRRD = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n"
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def names_of(volume: str) -> list[str]:
+    found = {path.resolve() for path in files_of(VolumeSpec(FileSource(Path(volume))))}
+    return sorted(path.name for path in found)
+
+
+def test_an_output_that_is_no_input() -> None:
+    Path("a").touch()
+    Path("b").touch()
+    require_no_input([Path("a"), Path("c")], [Path("b"), Path("c"), Path("d" * 300)])
+
+
+def test_inputs_are_looked_at_where_an_output_is_there_only() -> None:
+    def fail(path: Path) -> Path:
+        raise AssertionError(path)
+
+    require_no_input([Path("film.mp4")], map(fail, [Path("a")]))
+
+
+@pytest.mark.parametrize("link", ["same", "hard", "symbolic", "folder"])
+def test_an_output_that_is_an_input(link: str) -> None:
+    Path("in").mkdir()
+    scan, output = Path("in/scan.raw"), Path("film.mp4")
+    scan.write_bytes(bytes(8))
+    if link == "same":
+        output = Path("in/../in/scan.raw")
+    elif link == "hard":
+        output.hardlink_to(scan)
+    elif link == "symbolic":
+        output.symlink_to(scan)
+    else:
+        Path("out").symlink_to("in")
+        output = Path("out/scan.raw")
+    with pytest.raises(InputError) as error:
+        require_no_input([Path("other.mp4"), output], files_of(VolumeSpec(RawSource(scan, (2, 2, 2), "uint8"))))
+    assert str(error.value) == (
+        f"{output}: this output is an input, too, and would take its place\n"
+        "  got: the input in/scan.raw\n"
+        "  expected: a file that is not read\n"
+        "  hint: give the output another name or folder"
+    )
+
+
+def test_files_of_volumes() -> None:
+    assert list(files_of(VolumeSpec(ProceduralSource("constant", (2, 2, 2))))) == []
+    for name in ("a.raw", "b.raw"):
+        Path(name).write_bytes(bytes(8))
+    for suffix in ("nrrd", "nhdr"):
+        Path(f"v.{suffix}").write_text(f"{NRRD}data file: a.raw\n", encoding="ascii")
+        assert names_of(f"v.{suffix}") == ["a.raw", f"v.{suffix}"]
+    Path("list.nhdr").write_text(f"{NRRD}data file: LIST\na.raw\nb.raw\n", encoding="ascii")
+    assert names_of("list.nhdr") == ["a.raw", "b.raw", "list.nhdr"]
+    Path("v.mhd").write_text(
+        "NDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = b.raw\n", encoding="ascii"
+    )
+    assert names_of("v.mhd") == ["b.raw", "v.mhd"]
+    Path("broken.nhdr").write_text(f"{NRRD}data file: c.raw\n", encoding="ascii")
+    assert names_of("broken.nhdr") == ["broken.nhdr"]
+    assert names_of("absent") == ["absent"]
+
+
+def test_slices_of_folders() -> None:
+    """An earlier film beside the slices is none of them."""
+    Path("slices").mkdir()
+    Path("slices/I0001").write_bytes(bytes(128) + b"DICM")
+    Path("slices/frame.png").write_bytes(b"\x89PNG" + bytes(124) + b"DICM")
+    Path("slices/old").write_bytes(b"\x08\0\x05\0")  # a slice without a mark
+    films = {"0.png": b"\x89PNG", "f.gif": b"GIF89a", "f.mp4": b"\0\0\0\x20ftyp", "f.mp4.json": b"{"}
+    for name, start in films.items():
+        Path("slices", name).write_bytes(start)
+    assert names_of("slices") == ["I0001", "frame.png", "old", "slices"]
+    Path("slices/a.TIF").touch()
+    assert names_of("slices") == ["a.TIF", "slices"]
