@@ -8,9 +8,11 @@ import click
 
 from hsplat_cli.counts import counted
 from hsplat_cli.job import load_job
-from renderer.output_files import first_files, unfinished_folder
-from renderer.output_lock import require_no_other
-from renderer.scene import (
+from renderer.film.atomic import require_possible
+from renderer.film.lock import require_no_other
+from renderer.film.names import first_files, unfinished_folder
+from renderer.readers.sniff import require_volume_file
+from renderer.scene.spec import (
     AccuracyGoal,
     ByFrame,
     FileSource,
@@ -21,8 +23,6 @@ from renderer.scene import (
     SplatBudget,
     TurntablePath,
 )
-from renderer.staging import require_possible
-from renderer.volume_files import require_volume_file
 
 # Of a schedule, values that are listed.
 _MOST_TURNS = 4

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import click
 
 from renderer.errors import InputError, require_package
-from renderer.scene import Scene, TimeBudget
-from renderer.schema import show
+from renderer.scene.schema import show
+from renderer.scene.spec import Scene, TimeBudget
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 

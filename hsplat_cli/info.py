@@ -15,9 +15,9 @@ from hsplat_cli.scene_text import transfer_dict, transfer_lines
 from hsplat_cli.volume_options import read_as_told, volume_options, volume_spec
 
 if TYPE_CHECKING:
-    from renderer.statistics import Statistics, ValueRange
-    from renderer.suggestion import Suggestion
-    from renderer.volume import Float64, Volume
+    from renderer.suggest.histogram import Statistics, ValueRange
+    from renderer.suggest.suggestion import Suggestion
+    from renderer.volume.volume import Float64, Volume
 
 _COLUMNS, _ROWS = 64, 8
 _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
@@ -33,8 +33,8 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     VOLUME is a file, or a folder of slices. The last part of the output suggests ranges of values, and a transfer
     function to paste into a scene file.
     """
-    from renderer.statistics import measure, suggest_ranges  # noqa: PLC0415  (numpy, for which --help does not wait)
-    from renderer.suggestion import suggest  # noqa: PLC0415
+    from renderer.suggest.histogram import measure, suggest_ranges  # noqa: PLC0415  (numpy, for which --help does not wait)
+    from renderer.suggest.suggestion import suggest  # noqa: PLC0415
 
     read = read_as_told(volume_spec(volume, **reading))
     statistics = measure(read.values, read.source)
@@ -50,7 +50,7 @@ def _facts(
     volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...], suggestion: Suggestion
 ) -> dict[str, Any]:
     """Everything that is printed, as plain data."""
-    from renderer.statistics import rebin  # noqa: PLC0415
+    from renderer.suggest.histogram import rebin  # noqa: PLC0415
 
     counts, edges = rebin(statistics, _COLUMNS)
     axes = volume.world_from_index[:3, :3]

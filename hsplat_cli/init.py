@@ -15,7 +15,7 @@ from hsplat_cli.suggested_scene import suggest_scene
 from hsplat_cli.volume_names import base_name
 from hsplat_cli.volume_options import volume_options, volume_spec
 from renderer.errors import InputError
-from renderer.staging import require_possible, write_staged
+from renderer.film.atomic import require_possible, write_staged
 
 
 @click.command()

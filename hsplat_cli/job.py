@@ -17,10 +17,10 @@ from hsplat_cli.scene_file import scene_in
 from hsplat_cli.sidecar_file import Original, Sidecar, sidecar_in
 from hsplat_cli.yaml_tree import Tree
 from renderer.errors import InputError, Problem, SceneError
-from renderer.output_files import film_beside, picture_files, sidecar_path
-from renderer.scene import Scene
-from renderer.scene_schema import schedule_to_dict, splats_as_asked
-from renderer.schedule import is_met_as_a_whole, tolerance_at
+from renderer.film.names import film_beside, picture_files, sidecar_path
+from renderer.scene.parse import schedule_to_dict, splats_as_asked
+from renderer.scene.schedule import is_met_as_a_whole, tolerance_at
+from renderer.scene.spec import Scene
 
 # What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
 _MOVED = {

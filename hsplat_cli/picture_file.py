@@ -18,8 +18,8 @@ import numpy as np
 
 from hsplat_cli.input_file import nearest_file
 from renderer.errors import InputError
-from renderer.picture import Pixels
-from renderer.png import png_chunks, png_of
+from renderer.film.picture import Pixels
+from renderer.film.png import png_chunks, png_of
 
 # A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 4096, which with alpha
 # take 2 GB to compare.

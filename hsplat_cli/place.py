@@ -6,10 +6,10 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.output_files import frame_path, is_numbered, unfinished_folder
-from renderer.output_lock import locked
-from renderer.scene import OutputSpec
-from renderer.staging import require_writable
+from renderer.film.atomic import require_writable
+from renderer.film.lock import locked
+from renderer.film.names import frame_path, is_numbered, unfinished_folder
+from renderer.scene.spec import OutputSpec
 
 
 @contextlib.contextmanager

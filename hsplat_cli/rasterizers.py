@@ -6,10 +6,10 @@ import os
 from functools import partial
 
 from hsplat_cli.cores import num_cores
+from renderer.draw.cpu.raster import CPURasterizer
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.recovery import LastingRasterizer
 from renderer.errors import RenderError
-from renderer.raster_cpu import CPURasterizer
-from renderer.raster_gl import GLRasterizer
-from renderer.raster_lasting import LastingRasterizer
 
 
 def open_rasterizer(*, needs_opengl: bool) -> GLRasterizer | CPURasterizer:

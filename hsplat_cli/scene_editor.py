@@ -10,9 +10,9 @@ from typing import Any
 
 from hsplat_cli.yaml_tree import Mark, NotYamlError, Tree, excerpt, place_in, read_tree
 from renderer.errors import Problem, SceneError
-from renderer.scene import Scene
-from renderer.scene_schema import parse_scene
-from renderer.schema import join, show
+from renderer.scene.parse import parse_scene
+from renderer.scene.schema import join, show
+from renderer.scene.spec import Scene
 
 _SOURCES = ("file", "raw", "procedural")
 

@@ -12,8 +12,8 @@ from hsplat_cli.input_file import MAX_SCENE_BYTES, read_content, refuse_volume
 from hsplat_cli.scene_editor import Editor
 from hsplat_cli.yaml_tree import tree_of_file
 from renderer.errors import InputError
-from renderer.scene import Scene
-from renderer.schema import show
+from renderer.scene.schema import show
+from renderer.scene.spec import Scene
 
 
 def load_scene(

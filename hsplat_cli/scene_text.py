@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.yaml_tree import NotYamlError, read_tree
-from renderer.scene import Color, ColormapSpec, FileSource, RawSource, ShadingSpec, TransferSpec, VolumeSpec
+from renderer.scene.spec import Color, ColormapSpec, FileSource, RawSource, ShadingSpec, TransferSpec, VolumeSpec
 
 if TYPE_CHECKING:
-    from renderer.suggestion import Suggestion
+    from renderer.suggest.suggestion import Suggestion
 
 # Where comments begin, if the line is not longer.
 _COMMENT_COLUMN = 30

@@ -9,12 +9,12 @@ import click
 
 from hsplat_cli.counts import counted
 from hsplat_cli.truths import find_truths
-from renderer.drawing import Rasterizer, Stage
 from renderer.errors import RenderError
-from renderer.scene import Scene
-from renderer.trials import Found, Trial, TruthOf, find_tolerance
-from renderer.truths import KeptTruths, Truth
-from renderer.want import Want
+from renderer.frame.frame import Rasterizer, Stage
+from renderer.scene.spec import Scene
+from renderer.scene.want import Want
+from renderer.study.trials import Found, Trial, TruthOf, find_tolerance
+from renderer.study.truths import KeptTruths, Truth
 
 
 def search_tolerance(

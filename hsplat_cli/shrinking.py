@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.mapped_file import MappedFile
-from renderer.readers import read_volume
-from renderer.scene import VolumeSpec
-from renderer.volume import Volume
+from renderer.readers.read import read_volume
+from renderer.scene.spec import VolumeSpec
+from renderer.volume.mapped_file import MappedFile
+from renderer.volume.volume import Volume
 
 Array = npt.NDArray[Any]
 

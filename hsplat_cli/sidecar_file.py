@@ -17,10 +17,10 @@ from typing import Any
 from hsplat_cli.input_file import MAX_SIDECAR_BYTES, decode, may_be_json
 from hsplat_cli.yaml_tree import Mark, excerpt
 from renderer.errors import InputError, Problem, SceneError
-from renderer.scene import ErrorSpec
-from renderer.schema import INVALID, MAPPING, TEXT, Kind, Node, Table, fields, join, show
-from renderer.schema_camera import FRAME_NUMBER, MAX_FRAMES
-from renderer.schema_error import ERROR
+from renderer.scene.parse_camera import FRAME_NUMBER, MAX_FRAMES
+from renderer.scene.parse_error import ERROR
+from renderer.scene.schema import INVALID, MAPPING, TEXT, Kind, Node, Table, fields, join, show
+from renderer.scene.spec import ErrorSpec
 
 # What the record of a film's schedule has of its own, whatever the film was made from.
 _OWN = ("asked", "tolerance", "cells", "made_from")

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from hsplat_cli.scene_file import scene_in
 from hsplat_cli.scene_text import FilmOptions, scene_text
 from hsplat_cli.volume_options import read_as_told
-from renderer.colormaps import is_colormap, nearest_colormap
 from renderer.errors import InputError, SceneError
-from renderer.extents import extent_of, require_proportion, volume_problems
-from renderer.scene import VolumeSpec
-from renderer.schema import show
+from renderer.scene.colormaps import is_colormap, nearest_colormap
+from renderer.scene.limits import extent_of, require_proportion, volume_problems
+from renderer.scene.schema import show
+from renderer.scene.spec import VolumeSpec
 
 if TYPE_CHECKING:
-    from renderer.suggestion import Suggestion
+    from renderer.suggest.suggestion import Suggestion
 
 # Where the values of a scene came from.
 _OPTIONS = {
@@ -35,7 +35,7 @@ _OPTIONS = {
 @dataclass(frozen=True)
 class SuggestedScene:
     """text: the YAML. kind, reason: what the volume is taken for, and why. nonfinite: how many voxels are no numbers,
-    and what becomes of them; None where all are. far: as in `renderer.suggestion.Suggestion`."""
+    and what becomes of them; None where all are. far: as in `renderer.suggest.suggestion.Suggestion`."""
 
     text: str
     kind: str
@@ -118,10 +118,10 @@ class _Tried:
 def _try(volume: VolumeSpec, colormap: str | None) -> _Tried:
     import numpy as np  # noqa: PLC0415  (for which --help does not wait)
 
-    from renderer.statistics import measure  # noqa: PLC0415
-    from renderer.suggestion import suggest  # noqa: PLC0415
-    from renderer.transfer import make_transfer  # noqa: PLC0415
-    from renderer.unseen import unseen_value  # noqa: PLC0415
+    from renderer.suggest.histogram import measure  # noqa: PLC0415
+    from renderer.suggest.suggestion import suggest  # noqa: PLC0415
+    from renderer.suggest.unseen import unseen_value  # noqa: PLC0415
+    from renderer.transfer.transfer_function import make_transfer  # noqa: PLC0415
 
     read = read_as_told(volume)
     require_proportion(volume_problems(extent_of(read), read.name))

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 
 from hsplat_cli.cores import num_cores
 from hsplat_cli.progress import progress
-from renderer.drawing import Stage
 from renderer.errors import InputError
-from renderer.study import TruthRecord
-from renderer.thumbnails import thumbnail
-from renderer.truths import Truth, find_truth
+from renderer.frame.frame import Stage
+from renderer.study.study import TruthRecord
+from renderer.study.thumbnails import thumbnail
+from renderer.study.truths import Truth, find_truth
 
 
 def find_truths(

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import click
 
 from renderer.errors import InputError
-from renderer.scene import LONGEST, SHORTEST, FileSource, RawSource, VolumeSpec
-from renderer.volume_files import UnknownFormatError
+from renderer.readers.sniff import UnknownFormatError
+from renderer.scene.spec import LONGEST, SHORTEST, FileSource, RawSource, VolumeSpec
 
 if TYPE_CHECKING:
-    from renderer.volume import Volume
+    from renderer.volume.volume import Volume
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 

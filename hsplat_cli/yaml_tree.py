@@ -16,7 +16,7 @@ import yaml
 
 from hsplat_cli.input_file import decode
 from renderer.errors import InputError, Problem
-from renderer.schema import join, show, underflows
+from renderer.scene.schema import join, show, underflows
 
 # A scene has a few hundred values in three or four levels; what is far beyond that is a mistake or an attack.
 MAX_NODES = 20_000

@@ -34,7 +34,7 @@ def _cache_folder() -> Path | None:
     """A writable folder for this version of the sources: beside them, or in the user's home; None if there is none."""
     here = Path(__file__).resolve().parent
     digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
-    for source in sorted(here.glob("*.py")):
+    for source in sorted(here.rglob("*.py")):
         digest.update(source.read_bytes())
     asked_for = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
     for base in (*asked_for, here / "__pycache__", Path("~/.cache/hsplat")):

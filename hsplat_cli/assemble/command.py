@@ -13,10 +13,10 @@ from hsplat_cli.assemble.parts import Part, find_parts
 from hsplat_cli.frame_range import parse_frames
 from hsplat_cli.interrupts import terminated_as_interrupted
 from renderer.errors import Problem, SceneError
-from renderer.output_files import has_frame_files
-from renderer.scene import FRAME_FIELD, OutputSpec
-from renderer.schema import Node, show
-from renderer.schema_output import OUTPUT
+from renderer.film.names import has_frame_files
+from renderer.scene.parse_output import OUTPUT
+from renderer.scene.schema import Node, show
+from renderer.scene.spec import FRAME_FIELD, OutputSpec
 
 
 @click.command()

@@ -17,12 +17,12 @@ from hsplat_cli.place import taken
 from hsplat_cli.progress import progress
 from hsplat_cli.render.cause import Cause, cause_record, made_before
 from renderer.errors import InputError, SceneError
-from renderer.film import open_film, require_encoder
-from renderer.output_files import frame_path, has_frame_files, picture_shape, sidecar_of
-from renderer.picture import Picture, Pixels
-from renderer.scene import OutputSpec
-from renderer.sidecar import write_sidecar
-from renderer.staging import explained, staged_together
+from renderer.film.atomic import explained, staged_together
+from renderer.film.names import frame_path, has_frame_files, picture_shape, sidecar_of
+from renderer.film.picture import Picture, Pixels
+from renderer.film.sidecar import write_sidecar
+from renderer.film.writer import open_film, require_encoder
+from renderer.scene.spec import OutputSpec
 
 
 def assemble_film(

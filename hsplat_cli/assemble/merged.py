@@ -12,12 +12,12 @@ from hsplat_cli.assemble.parts import Part
 from hsplat_cli.render.cause import Cause, told_cause
 from hsplat_cli.render.record import limits, visibility_notes
 from hsplat_cli.versions import package_versions, sources_digest
-from renderer.frame_record import Record
-from renderer.kept_frames import digest
-from renderer.output_files import has_frame_files
-from renderer.scene import ErrorSpec, OutputSpec
-from renderer.scene_schema import schedule_to_dict
-from renderer.schedule import is_met_as_a_whole, through
+from renderer.film.frame_record import Record
+from renderer.film.kept_frames import digest
+from renderer.film.names import has_frame_files
+from renderer.scene.parse import schedule_to_dict
+from renderer.scene.schedule import is_met_as_a_whole, through
+from renderer.scene.spec import ErrorSpec, OutputSpec
 
 
 def merged_record(picked: Sequence[Picked], output: OutputSpec, seconds: float) -> dict[str, Any]:

@@ -13,12 +13,12 @@ from hsplat_cli.input_file import read_content
 from hsplat_cli.patterns import matches
 from hsplat_cli.sidecar_file import Sidecar, sidecar_in
 from renderer.errors import InputError, Problem, SceneError
-from renderer.frame_record import Record, is_record
-from renderer.output_files import film_beside, frame_path
-from renderer.scene import ErrorSpec
-from renderer.schema import Node
-from renderer.schema_camera import MAX_FRAMES
-from renderer.schema_output import OUTPUT_FILE
+from renderer.film.frame_record import Record, is_record
+from renderer.film.names import film_beside, frame_path
+from renderer.scene.parse_camera import MAX_FRAMES
+from renderer.scene.parse_output import OUTPUT_FILE
+from renderer.scene.schema import Node
+from renderer.scene.spec import ErrorSpec
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 

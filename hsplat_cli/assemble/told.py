@@ -7,7 +7,7 @@ from typing import Any
 
 from hsplat_cli.sidecar_file import is_shallow
 from renderer.errors import Problem
-from renderer.schema import BOOLEAN, TEXT, Kind, Node, Table, show
+from renderer.scene.schema import BOOLEAN, TEXT, Kind, Node, Table, show
 
 # Nothing that is measured comes near it, and sums over all parts stay finite.
 _MOST = 1e100

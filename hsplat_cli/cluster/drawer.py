@@ -20,10 +20,10 @@ from hsplat_cli.cluster.roster import Roster
 from hsplat_cli.cluster.worker import Parcel, draw
 from hsplat_cli.drawn import Drawn
 from hsplat_cli.versions import package_versions
-from renderer.drawing import Stage
 from renderer.errors import ContextLostError, HsplatError, RenderError
-from renderer.parcel import packed
-from renderer.picture import Picture
+from renderer.film.picture import Picture
+from renderer.frame.frame import Stage
+from renderer.frame.transport import packed
 
 if TYPE_CHECKING:
     from distributed import Client, Future

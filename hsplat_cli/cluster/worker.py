@@ -20,7 +20,7 @@ from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.versions import package_versions, sources_digest
 from renderer.errors import ContextLostError
-from renderer.parcel import unpack
+from renderer.frame.transport import unpack
 
 
 class Studio:
@@ -56,7 +56,7 @@ class Studio:
 
 
 class Parcel:
-    """The bytes of a stage, as `renderer.parcel` packs them, and in a worker the studio that draws it.
+    """The bytes of a stage, as `renderer.frame.transport` packs them, and in a worker the studio that draws it.
 
     Dask keeps one of them in each worker's memory for as long as the client needs it. So that is how long the studio
     lives, whether the client lets it go or is killed. Copies that are sent to other workers are without it.

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.compare.outcome import Comparison, Outcome
 from hsplat_cli.compare.words import limits_text
-from renderer.frame_difference import FIGURES
-from renderer.strictness import severity
+from renderer.study.frame_difference import FIGURES
+from renderer.study.strictness import severity
 
 if TYPE_CHECKING:
     from markupsafe import Markup

@@ -13,8 +13,8 @@ from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.compare.words import limit_text, printable, share_text, signed_text, value_text
 from hsplat_cli.report.html import page_of, png_data_uri
 from hsplat_cli.report.numbers import ABSENT, bytes_text
-from renderer.frame_difference import FIGURES
-from renderer.strictness import LEVELS, severity
+from renderer.study.frame_difference import FIGURES
+from renderer.study.strictness import LEVELS, severity
 
 # What the pictures of a page may come to, as they are written into it. Where nothing can be compressed those of a frame
 # take 4 MB: seven frames always fit.

@@ -16,9 +16,9 @@ from hsplat_cli.counts import counted
 from hsplat_cli.input_file import is_same_file, nearest_file
 from hsplat_cli.picture_file import file_content, is_picture, picture_in, read_picture
 from renderer.errors import InputError
-from renderer.output_files import ANY_FRAME_FIELD, frame_path
-from renderer.scene import FRAME_FIELD
-from renderer.schema import listed
+from renderer.film.names import ANY_FRAME_FIELD, frame_path
+from renderer.scene.schema import listed
+from renderer.scene.spec import FRAME_FIELD
 
 FILM_SUFFIXES = (".mp4", ".gif")
 

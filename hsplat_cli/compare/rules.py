@@ -26,9 +26,9 @@ from hsplat_cli.input_file import MAX_SCENE_BYTES, read_content
 from hsplat_cli.picture_file import is_picture, require_file
 from hsplat_cli.yaml_tree import Tree, excerpt, place_in, tree_of_file
 from renderer.errors import InputError, Problem, SceneError
-from renderer.frame_difference import FIGURES, Figure
-from renderer.schema import Kind, Node, choice, did_you_mean, fields, join, known, number, section, show
-from renderer.strictness import LEVELS, Limits
+from renderer.scene.schema import Kind, Node, choice, did_you_mean, fields, join, known, number, section, show
+from renderer.study.frame_difference import FIGURES, Figure
+from renderer.study.strictness import LEVELS, Limits
 
 FILE = "compare.yaml"
 _MISTAKEN_FILE = "compare.yml"

@@ -17,7 +17,7 @@ from hsplat_cli.compare.rules import Rules
 from hsplat_cli.input_file import is_same_file
 from hsplat_cli.progress import progress
 from renderer.errors import InputError, require_package
-from renderer.staging import explained, require_writable, staged_together
+from renderer.film.atomic import explained, require_writable, staged_together
 
 # No report has the name of a frame, a scene or a volume: a slip of the pen costs none of them.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}

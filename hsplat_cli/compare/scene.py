@@ -20,7 +20,7 @@ from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes, is_g
 from hsplat_cli.job import Job
 from hsplat_cli.picture_file import is_picture, read_picture
 from renderer.errors import InputError
-from renderer.kept_frames import is_file
+from renderer.film.kept_frames import is_file
 
 _SHOWN_DIGITS = 8
 _MOST_NAMES = 3

@@ -15,8 +15,8 @@ from hsplat_cli.golden.provenance import origin_of
 from hsplat_cli.job import Job, load_job
 from hsplat_cli.picture_file import MAX_PIXELS
 from renderer.errors import InputError, RenderError
-from renderer.output_files import sidecar_path
-from renderer.scene import AccuracyGoal, Scene, TimeBudget
+from renderer.film.names import sidecar_path
+from renderer.scene.spec import AccuracyGoal, Scene, TimeBudget
 
 _TEMPLATE = Path("frame-{frame}.png")
 

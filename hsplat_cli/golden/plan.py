@@ -14,9 +14,9 @@ from hsplat_cli.golden.draw import Drawing
 from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes
 from hsplat_cli.picture_file import read_picture
 from renderer.errors import InputError
-from renderer.frame_difference import FIGURES, FrameDifference
-from renderer.kept_frames import file_digest
-from renderer.staging import explained
+from renderer.film.atomic import explained
+from renderer.film.kept_frames import file_digest
+from renderer.study.frame_difference import FIGURES, FrameDifference
 
 # Those that need no more than numpy; the worst is the one whose first figure is, then by the next.
 _FIGURES = ("largest", "densest", "p99", "bias")

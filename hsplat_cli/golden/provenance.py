@@ -17,8 +17,8 @@ from hsplat_cli.input_file import decode, may_be_json
 from hsplat_cli.render.cause import differences
 from hsplat_cli.sidecar_file import load_object
 from renderer.errors import InputError, Problem, SceneError
-from renderer.schema import INVALID, MAPPING, Kind, Node, Table, fields, integer, known, section, sequence, show
-from renderer.schema_camera import FRAME_NUMBER
+from renderer.scene.parse_camera import FRAME_NUMBER
+from renderer.scene.schema import INVALID, MAPPING, Kind, Node, Table, fields, integer, known, section, sequence, show
 
 NAME = "golden.json"
 FORMAT = "hsplat golden 1"
@@ -38,7 +38,7 @@ _DIGEST = re.compile("[0-9a-f]{32}")
 
 @dataclass(frozen=True)
 class Golden:
-    """A golden frame: its number, the name of its file, and the digest of that, as `renderer.kept_frames` has it.
+    """A golden frame: its number, the name of its file, and the digest of that, as `renderer.film.kept_frames` has it.
 
     date: of its picture, as whoever drew it gave it.
     """

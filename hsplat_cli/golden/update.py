@@ -24,8 +24,8 @@ from hsplat_cli.input_file import MAX_SCENE_BYTES
 from hsplat_cli.interrupts import deferrable_interrupts
 from hsplat_cli.job import Job
 from renderer.errors import InputError
-from renderer.output_lock import locked
-from renderer.staging import explained, staged_together
+from renderer.film.atomic import explained, staged_together
+from renderer.film.lock import locked
 
 _UNFINISHED = "golden.unfinished"
 _LIMITS = "compare.yaml"  # read by `hsplat compare`, which goldens do without

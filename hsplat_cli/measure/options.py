@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from renderer.errors import InputError
-from renderer.scene import ErrorSpec, Scene, SplatSpec
-from renderer.schema import did_you_mean, listed, show
-from renderer.want import Want
+from renderer.scene.schema import did_you_mean, listed, show
+from renderer.scene.spec import ErrorSpec, Scene, SplatSpec
+from renderer.scene.want import Want
 
 T = TypeVar("T")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 
 from hsplat_cli.cores import num_cores
-from renderer.drawing import Stage
-from renderer.pipeline import prepare
-from renderer.scene import Scene
-from renderer.volume import Volume
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare
+from renderer.scene.spec import Scene
+from renderer.volume.volume import Volume
 
 
 def prepared(scene: Scene, volume: Volume) -> Stage:

@@ -32,18 +32,18 @@ from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.tables import terminal_table
 from hsplat_cli.shrinking import read_guarded
 from hsplat_cli.truths import find_truths, nothing_to_measure
-from renderer.camera import View
-from renderer.drawing import Stage, view_of
 from renderer.errors import HsplatError
-from renderer.metrics import require_measuring_packages
-from renderer.scene import Scene
-from renderer.scene_schema import scene_to_dict
-from renderer.study import Study
-from renderer.sweep import Measurement, measure_setting, pyramid_seconds, splat_setting
-from renderer.sweep_plan import Planned, plan_sweep
-from renderer.transfer import make_transfer
-from renderer.truths import Truth, is_loop, spread_frames
-from renderer.volume import Volume
+from renderer.frame.frame import Stage, view_of
+from renderer.scene.parse import scene_to_dict
+from renderer.scene.spec import Scene
+from renderer.study.metrics import require_measuring_packages
+from renderer.study.study import Study
+from renderer.study.sweep import Measurement, measure_setting, pyramid_seconds, splat_setting
+from renderer.study.sweep_plan import Planned, plan_sweep
+from renderer.study.truths import Truth, is_loop, spread_frames
+from renderer.transfer.transfer_function import make_transfer
+from renderer.view.camera import View
+from renderer.volume.volume import Volume
 
 # Frames of the path that are measured when none are asked for.
 _NUM_FRAMES = 3

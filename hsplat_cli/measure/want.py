@@ -14,10 +14,10 @@ from hsplat_cli.search import beyond_full_resolution, search_tolerance
 from hsplat_cli.shrinking import read_guarded
 from hsplat_cli.truths import nothing_to_measure
 from renderer.errors import InputError
-from renderer.metrics import SSIM_WINDOW_PX, require_measuring_packages
-from renderer.scene import Scene
-from renderer.trials import Found
-from renderer.want import Want
+from renderer.scene.spec import Scene
+from renderer.scene.want import Want
+from renderer.study.metrics import SSIM_WINDOW_PX, require_measuring_packages
+from renderer.study.trials import Found
 
 
 def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:

@@ -20,8 +20,8 @@ from hsplat_cli.output_path import OutputPath
 from hsplat_cli.progress import progress
 from hsplat_cli.scene_file import load_scene
 from renderer.errors import InputError, SceneError
-from renderer.scene import Scene
-from renderer.staging import write_staged
+from renderer.film.atomic import write_staged
+from renderer.scene.spec import Scene
 
 if TYPE_CHECKING:
     from hsplat_cli.paper.figure import Figure

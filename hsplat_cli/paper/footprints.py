@@ -13,10 +13,10 @@ import numpy.typing as npt
 from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Pixels, Row, Table
 from hsplat_cli.paper.studio import Studio, transfer_of, with_splat
-from renderer.drawing import Stage, view_of
 from renderer.errors import InputError
-from renderer.scene import Scene
-from renderer.splats import GouraudFootprint, make_footprint
+from renderer.frame.frame import Stage, view_of
+from renderer.scene.spec import Scene
+from renderer.splats.splats import GouraudFootprint, make_footprint
 
 Float64 = npt.NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def judge(numbers: Footprints) -> tuple[Claim, ...]:
 def _smooth_profile(stage: Stage) -> tuple[Float64, Float64]:
     """Radius in standard deviations and alpha of the splat whose profile has no triangles, float64 [n] each.
 
-    Mass and second moment of the profile over the disc are those of the splat, as in `renderer.splats`.
+    Mass and second moment of the profile over the disc are those of the splat, as in `renderer.splats.splats`.
     """
     spec, volume = stage.scene.splat, stage.volume
     u = np.linspace(0, 1, 4001)

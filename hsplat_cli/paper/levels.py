@@ -10,11 +10,11 @@ import numpy.typing as npt
 from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, transfer_of, with_error, with_splat
-from renderer.drawing import Stage, view_of
 from renderer.errors import InputError
-from renderer.integrator import integrate
-from renderer.metrics import over_background
-from renderer.scene import Scene
+from renderer.frame.frame import Stage, view_of
+from renderer.scene.spec import Scene
+from renderer.study.metrics import over_background
+from renderer.truth.integrator import integrate
 
 # Pixels whose ray goes through at least this share of the longest way through the volume are its inside.
 INSIDE_SHARE = 0.5

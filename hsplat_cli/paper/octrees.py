@@ -13,13 +13,13 @@ from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, transfer_of, with_error
 from hsplat_cli.report.numbers import short_count_text
-from renderer.drawing import Stage, finest_level_at
 from renderer.errors import InputError
-from renderer.metrics import over_background, single
-from renderer.octree import Cut, cut_pyramid
-from renderer.scene import Scene
-from renderer.scene_schema import schedule_to_dict
-from renderer.schema import show
+from renderer.frame.frame import Stage, finest_level_at
+from renderer.pyramid.cut import Cut, cut_pyramid
+from renderer.scene.parse import schedule_to_dict
+from renderer.scene.schema import show
+from renderer.scene.spec import Scene
+from renderer.study.metrics import over_background, single
 
 Float64 = npt.NDArray[np.float64]
 

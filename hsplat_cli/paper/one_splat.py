@@ -11,10 +11,10 @@ import numpy as np
 from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import OPAQUE, Studio, transfer_of, with_error, with_splat
-from renderer.drawing import Frame
 from renderer.errors import InputError
-from renderer.scene import ProceduralSource, Scene
-from renderer.schema_error import MAX_LEVEL
+from renderer.frame.frame import Frame
+from renderer.scene.parse_error import MAX_LEVEL
+from renderer.scene.spec import ProceduralSource, Scene
 
 SIDES = (1, 2, 4, 8, 16, 32)
 # Of an optical depth: what float16 in the pyramid and float32 in the picture leave, ten times over.

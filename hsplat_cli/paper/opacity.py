@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from hsplat_cli.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import OPAQUE, Studio, with_error, with_splat
-from renderer.drawing import Stage, view_of
 from renderer.errors import InputError
-from renderer.scene import ProceduralSource, Scene
+from renderer.frame.frame import Stage, view_of
+from renderer.scene.spec import ProceduralSource, Scene
 
 Float64 = npt.NDArray[np.float64]
 

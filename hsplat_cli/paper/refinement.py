@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from hsplat_cli.counts import counted
 from hsplat_cli.paper.figure import Claim, Figure, Picture, Row, Table
 from hsplat_cli.paper.studio import Studio, with_error
-from renderer.drawing import Stage
-from renderer.metrics import over_background, single
-from renderer.scene import Scene
-from renderer.thumbnails import DIFFERENCE_GAIN, difference_picture
+from renderer.frame.frame import Stage
+from renderer.scene.spec import Scene
+from renderer.study.metrics import over_background, single
+from renderer.study.thumbnails import DIFFERENCE_GAIN, difference_picture
 
 FIVE_TIMES_A_SECOND, FIVE_SECONDS = 0.2, 5.0
 # What is looked for is a little faster than needed, because no two frames take the same time.

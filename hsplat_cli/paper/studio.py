@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from renderer.drawing import Frame, Rasterizer, Stage
-from renderer.metrics import Picture
-from renderer.pipeline import prepare, render_frames
-from renderer.scene import Scene, VolumeSpec
-from renderer.schedule import at_tolerance
-from renderer.sweep import FRAME_STAGES
-from renderer.transfer import TransferFunction, make_transfer
-from renderer.truths import TRUTH_TOLERANCE, find_truth
-from renderer.volume import Volume
+from renderer.frame.frame import Frame, Rasterizer, Stage
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.scene.schedule import at_tolerance
+from renderer.scene.spec import Scene, VolumeSpec
+from renderer.study.metrics import Picture
+from renderer.study.sweep import FRAME_STAGES
+from renderer.study.truths import TRUTH_TOLERANCE, find_truth
+from renderer.transfer.transfer_function import TransferFunction, make_transfer
+from renderer.volume.volume import Volume
 
 # An alpha from here on is too near to 1, in float32 and with ripple, for the optical depth to be found from it.
 OPAQUE = 0.9999

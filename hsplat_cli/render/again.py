@@ -8,8 +8,8 @@ from typing import Any
 from hsplat_cli.job import Job
 from hsplat_cli.sidecar_file import Original
 from hsplat_cli.versions import package_versions, sources_digest
-from renderer.scene_schema import schedule_to_dict
-from renderer.schema import show
+from renderer.scene.parse import schedule_to_dict
+from renderer.scene.schema import show
 
 _LONGEST_NAME = 200
 

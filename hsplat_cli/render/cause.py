@@ -13,14 +13,14 @@ from hsplat_cli.input_file import MAX_SIDECAR_BYTES
 from hsplat_cli.job import Job
 from hsplat_cli.sidecar_file import is_shallow
 from hsplat_cli.versions import package_versions, sources_digest
-from renderer.frame_record import Record, is_record
-from renderer.kept_frames import file_digest, is_file, is_frame, mark_of
-from renderer.output_files import frame_path, has_frame_files
-from renderer.scene import OutputSpec
-from renderer.scene_schema import scene_to_dict, schedule_to_dict
-from renderer.schedule import in_order
-from renderer.schema import join, show
-from renderer.staging import explained
+from renderer.film.atomic import explained
+from renderer.film.frame_record import Record, is_record
+from renderer.film.kept_frames import file_digest, is_file, is_frame, mark_of
+from renderer.film.names import frame_path, has_frame_files
+from renderer.scene.parse import scene_to_dict, schedule_to_dict
+from renderer.scene.schedule import in_order
+from renderer.scene.schema import join, show
+from renderer.scene.spec import OutputSpec
 
 # How the frames become a film; not what is in them.
 _OF_THE_FILM = ("file", "frames_per_second", "quality")

@@ -16,12 +16,12 @@ from hsplat_cli.drawn import Drawer, Drawn, LocalDrawer
 from hsplat_cli.rasterizers import open_lasting_rasterizer
 from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers.pool import Pool, open_pool
-from renderer.brick_memory import most_bytes
-from renderer.drawing import Stage
+from renderer.draw.brick_memory import most_bytes
+from renderer.draw.gl.raster import is_software
+from renderer.draw.recovery import LastingRasterizer
 from renderer.errors import RenderError
-from renderer.raster_gl import is_software
-from renderer.raster_lasting import LastingRasterizer
-from renderer.scene import AccuracyGoal, Scene
+from renderer.frame.frame import Stage
+from renderer.scene.spec import AccuracyGoal, Scene
 
 # A device is shared by the processes; what they do beside drawing is not.
 _MOST_ON_DEVICE = 4

@@ -15,9 +15,9 @@ from hsplat_cli.render.cause import Cause, cause_record, with_digests
 from hsplat_cli.render.goals import Plan, shortfall_of
 from hsplat_cli.render.record import driver_notes, film_record, schedule_record, summary, visibility_notes
 from renderer.errors import RenderError
-from renderer.frame_record import Record
-from renderer.output_files import sidecar_path
-from renderer.sidecar import write_sidecar
+from renderer.film.frame_record import Record
+from renderer.film.names import sidecar_path
+from renderer.film.sidecar import write_sidecar
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,13 @@ from hsplat_cli.render.goals import make_plan
 from hsplat_cli.render.kept import find_kept, tell_kept, tell_left
 from hsplat_cli.render.record import makers, with_seconds
 from hsplat_cli.render.start import start_film
-from renderer.costs import CostLog
 from renderer.errors import RenderError
-from renderer.film import FilmWriter, open_film, require_encoder
-from renderer.frame_record import Record
-from renderer.kept_frames import KeptFrames, forget_frames
-from renderer.output_files import has_frame_files, sidecar_path
-from renderer.pacing import Details
+from renderer.film.frame_record import Record
+from renderer.film.kept_frames import KeptFrames, forget_frames
+from renderer.film.names import has_frame_files, sidecar_path
+from renderer.film.writer import FilmWriter, open_film, require_encoder
+from renderer.frame.costs import CostLog
+from renderer.frame.pacing import Details
 
 
 def render_once(

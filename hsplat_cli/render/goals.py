@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.job import Job
 from hsplat_cli.render.record import IN_TIME, drawing_seconds, seconds_for, span
-from renderer.drawing import Rasterizer, Stage, Stopwatch, bring
 from renderer.errors import RenderError
-from renderer.frame_record import Record
-from renderer.pacing import Details, Guide, Pacer, try_drawings
-from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
-from renderer.schedule import at_tolerance, at_tolerances, value_at
-from renderer.schema import show
-from renderer.want import Want
+from renderer.film.frame_record import Record
+from renderer.frame.frame import Rasterizer, Stage, Stopwatch, bring
+from renderer.frame.pacing import Details, Guide, Pacer, try_drawings
+from renderer.scene.schedule import at_tolerance, at_tolerances, value_at
+from renderer.scene.schema import show
+from renderer.scene.spec import AccuracyGoal, SplatBudget, TimeBudget
+from renderer.scene.want import Want
 
 if TYPE_CHECKING:
-    from renderer.trials import Found
+    from renderer.study.trials import Found
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _ENOUGH = 0.3
@@ -91,7 +91,7 @@ def _plan_accuracy(
     """One tolerance for the whole film; 0 where none is good enough."""
     # Imported where they are used: other films need no ray integral, which takes a while to load.
     from hsplat_cli.search import beyond_full_resolution, search_tolerance  # noqa: PLC0415
-    from renderer.truths import TRUTH_TOLERANCE  # noqa: PLC0415
+    from renderer.study.truths import TRUTH_TOLERANCE  # noqa: PLC0415
 
     want = Want(goal.metric, goal.value)
     found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)

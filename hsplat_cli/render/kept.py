@@ -11,10 +11,10 @@ from hsplat_cli.counts import counted
 from hsplat_cli.job import Job
 from hsplat_cli.render.cause import Cause, Made, made_before, reason
 from hsplat_cli.render.goals import Plan
-from renderer.frame_record import Record
-from renderer.kept_frames import KeptFrames
-from renderer.output_files import has_frame_files, sidecar_path
-from renderer.schedule import tolerance_at
+from renderer.film.frame_record import Record
+from renderer.film.kept_frames import KeptFrames
+from renderer.film.names import has_frame_files, sidecar_path
+from renderer.scene.schedule import tolerance_at
 
 
 def find_kept(job: Job, plan: Plan, folder: Path, cause: Cause, before: Made | None, *, force: bool) -> KeptFrames:

@@ -33,17 +33,17 @@ from hsplat_cli.render.done import Done, record, tell
 from hsplat_cli.render.goals import Plan, make_plan
 from hsplat_cli.render.record import limits, span, with_seconds
 from hsplat_cli.render.start import start_film
-from renderer.costs import CostLog, Load, load_of
-from renderer.drawing import Rasterizer, Stopwatch
+from renderer.draw.recovery import LastingRasterizer
 from renderer.errors import RenderError
-from renderer.film import FilmWriter, open_film, require_encoder
-from renderer.frame_record import Record
-from renderer.kept_frames import forget_frames
-from renderer.output_files import sidecar_path
-from renderer.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
-from renderer.raster_lasting import LastingRasterizer
-from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget
-from renderer.schedule import at_tolerances, tolerance_at, value_at
+from renderer.film.frame_record import Record
+from renderer.film.kept_frames import forget_frames
+from renderer.film.names import sidecar_path
+from renderer.film.writer import FilmWriter, open_film, require_encoder
+from renderer.frame.costs import CostLog, Load, load_of
+from renderer.frame.frame import Rasterizer, Stopwatch
+from renderer.frame.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
+from renderer.scene.schedule import at_tolerances, tolerance_at, value_at
+from renderer.scene.spec import AccuracyGoal, SplatBudget, TimeBudget
 
 # Of the first frame that shows what it is, the first pass may take so many times as long. It has few cells, whose
 # pixels, not their number, are what it costs, so that there are far more cells in the first pass.

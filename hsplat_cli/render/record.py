@@ -11,16 +11,16 @@ from hsplat_cli.counts import counted, counted_span
 from hsplat_cli.job import Job
 from hsplat_cli.render.again import plain_name, recorded_schedule
 from hsplat_cli.versions import package_versions
-from renderer.drawing import Stage, finest_level_at
 from renderer.errors import RenderError
-from renderer.frame_record import Record
-from renderer.scene import TimeBudget
-from renderer.scene_schema import scene_to_dict
-from renderer.schedule import at_tolerances, value_at
+from renderer.film.frame_record import Record
+from renderer.frame.frame import Stage, finest_level_at
+from renderer.scene.parse import scene_to_dict
+from renderer.scene.schedule import at_tolerances, value_at
+from renderer.scene.spec import TimeBudget
 
 if TYPE_CHECKING:
     from hsplat_cli.render.goals import Plan
-    from renderer.trials import Found
+    from renderer.study.trials import Found
 
 # A frame is in time when it takes no longer and no shorter than its budget by more than this part.
 IN_TIME = 0.2

@@ -12,12 +12,12 @@ from hsplat_cli.cores import num_cores
 from hsplat_cli.job import Job
 from hsplat_cli.render.cause import Cause, Made, cause_of, made_before
 from hsplat_cli.shrinking import read_guarded
-from renderer.drawing import Stage
-from renderer.kept_frames import forget_frames
-from renderer.output_files import sidecar_path
-from renderer.pipeline import prepare
-from renderer.scene_schema import schedule_to_dict
-from renderer.volume import Volume
+from renderer.film.kept_frames import forget_frames
+from renderer.film.names import sidecar_path
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare
+from renderer.scene.parse import schedule_to_dict
+from renderer.volume.volume import Volume
 
 
 @dataclass(frozen=True)

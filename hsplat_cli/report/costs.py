@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from renderer.pareto import cost_at, pareto_front
-from renderer.sweep import Measurement, Setting
+from renderer.study.pareto import cost_at, pareto_front
+from renderer.study.sweep import Measurement, Setting
 
 OWN = "hsplat"
 PEER = "vtk"

@@ -10,8 +10,8 @@ from hsplat_cli.report.html import require_page_packages
 from hsplat_cli.report.page import study_page
 from hsplat_cli.report.tables import csv_text, json_text
 from renderer.errors import InputError
-from renderer.staging import require_writable, write_staged
-from renderer.study import Study
+from renderer.film.atomic import require_writable, write_staged
+from renderer.study.study import Study
 
 # The page comes last: where it is, the others are.
 FILES = ("measure.csv", "measure.json", "index.html")

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import require_package
-from renderer.png import encode_png
+from renderer.film.png import encode_png
 
 if TYPE_CHECKING:
     from markupsafe import Markup

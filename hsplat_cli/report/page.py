@@ -27,11 +27,11 @@ from hsplat_cli.report.html import facts_of, page_of, plot_style, png_data_uri, 
 from hsplat_cli.report.numbers import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.report.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, trade_figure
 from hsplat_cli.report.tables import plain
-from renderer.bricks import BRICK
-from renderer.metrics import METRICS, Metric
-from renderer.study import Study, TruthRecord
-from renderer.sweep import Measurement
-from renderer.thumbnails import DIFFERENCE_GAIN
+from renderer.bricks.bricks import BRICK
+from renderer.study.metrics import METRICS, Metric
+from renderer.study.study import Study, TruthRecord
+from renderer.study.sweep import Measurement
+from renderer.study.thumbnails import DIFFERENCE_GAIN
 
 if TYPE_CHECKING:
     from markupsafe import Markup

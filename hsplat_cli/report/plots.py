@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from hsplat_cli.report.costs import OWN, PEER, by_series, splats_front, time_front, tool_of
 from hsplat_cli.report.html import LIGHT
-from renderer.metrics import METRICS
-from renderer.sweep import Measurement
+from renderer.study.metrics import METRICS
+from renderer.study.sweep import Measurement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,7 +24,7 @@ from hsplat_cli.turntable.report import BRIEFLY_S, DONE, FILE, INTERRUPTED, NOT_
 from hsplat_cli.turntable.single import Order
 from hsplat_cli.workers.lifeline import Lifeline
 from renderer.errors import HsplatError, RenderError
-from renderer.staging import require_writable
+from renderer.film.atomic import require_writable
 
 # A process that was interrupted removes what is unfinished. One that does not end within this time is asked again, as
 # an interrupt can get lost in a library that is being loaded, so many times in all; then it is killed.

@@ -19,8 +19,8 @@ import click
 
 from hsplat_cli.sidecar_file import is_shallow
 from renderer.errors import RenderError
-from renderer.output_lock import alone
-from renderer.staging import explained, write_staged
+from renderer.film.atomic import explained, write_staged
+from renderer.film.lock import alone
 
 Record = dict[str, Any]
 

@@ -22,11 +22,11 @@ from hsplat_cli.scene_text import FilmOptions, volume_file
 from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
 from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, OF, Record, Report, Written, held_report, write_report
 from renderer.errors import HsplatError, InputError, TakenError
-from renderer.frame_record import is_record
-from renderer.output_files import picture_files, sidecar_path
-from renderer.scene import VolumeSpec
-from renderer.scene_schema import schedule_to_dict
-from renderer.staging import explained, require_writable, write_staged
+from renderer.film.atomic import explained, require_writable, write_staged
+from renderer.film.frame_record import is_record
+from renderer.film.names import picture_files, sidecar_path
+from renderer.scene.parse import schedule_to_dict
+from renderer.scene.spec import VolumeSpec
 
 _MOST = 2**53  # larger numbers of splats or seconds are none
 
@@ -120,7 +120,7 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
 
     Raises InputError where there is a scene already that this program did not write like that, or of another volume.
     """
-    from renderer.kept_frames import digest  # noqa: PLC0415  (numpy, for which --help does not wait)
+    from renderer.film.kept_frames import digest  # noqa: PLC0415  (numpy, for which --help does not wait)
 
     content = suggested.text.encode()
     with held_report(order.scene.parent) as report:
@@ -141,7 +141,7 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
 
 def require_own_scene(order: Order, suggested: SuggestedScene) -> None:
     """Raise what `write_scene` would about a scene that is there, before anything is made for the film."""
-    from renderer.kept_frames import digest  # noqa: PLC0415  (numpy, for which --help does not wait)
+    from renderer.film.kept_frames import digest  # noqa: PLC0415  (numpy, for which --help does not wait)
 
     there = _there(order.scene)
     if there is not None and there != suggested.text.encode() and not order.force:

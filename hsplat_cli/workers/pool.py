@@ -23,9 +23,9 @@ from hsplat_cli.workers.lifeline import Lifeline
 from hsplat_cli.workers.messages import Message, error_from_plain
 from hsplat_cli.workers.process import Patience, WorkerProcess, worker_environment
 from hsplat_cli.workers.shared import SharedStage
-from renderer.drawing import Stage
 from renderer.errors import HsplatError, RenderError
-from renderer.picture import Picture
+from renderer.film.picture import Picture
+from renderer.frame.frame import Stage
 
 PROGRAM = ("hsplat_cli.workers.worker",)
 

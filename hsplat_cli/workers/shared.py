@@ -7,9 +7,9 @@ import os
 import tempfile
 
 from hsplat_cli.shrinking import guard
-from renderer.drawing import Stage
 from renderer.errors import RenderError
-from renderer.parcel import pack, unpack
+from renderer.frame.frame import Stage
+from renderer.frame.transport import pack, unpack
 
 # What some systems write at most at once.
 _MOST_AT_ONCE = 1 << 30

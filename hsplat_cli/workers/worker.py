@@ -17,8 +17,8 @@ from hsplat_cli.drawn import Drawn, LocalDrawer
 from hsplat_cli.rasterizers import open_rasterizer
 from hsplat_cli.workers.messages import Message, error_to_plain, receive, send
 from hsplat_cli.workers.shared import map_stage
-from renderer.drawing import Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
 from renderer.errors import ContextLostError, HsplatError, RenderError
+from renderer.frame.frame import Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -42,9 +42,9 @@ from renderer.readers.headers import (
     unsaid_lengths,
     vtk_voxels,
 )
-from renderer.schema import show
-from renderer.volume import Array
-from renderer.volume_files import UnknownFormatError
+from renderer.readers.sniff import UnknownFormatError
+from renderer.scene.schema import show
+from renderer.volume.volume import Array
 
 # What no sentence has, but conditions of a program that were not met, and its own exceptions.
 _CODE = re.compile(r"::|\(\)|bad_alloc")

@@ -36,7 +36,7 @@ from renderer.readers.common import (
     stays_mapped,
     unreadable,
 )
-from renderer.volume import Array, Float64
+from renderer.volume.volume import Array, Float64
 
 # The lengths of the headers of NIfTI-1 and NIfTI-2, by which they begin.
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540

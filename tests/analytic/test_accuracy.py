@@ -8,15 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.camera import View
-from renderer.camera_paths import make_view
-from renderer.drawing import Stage
-from renderer.integrator import integrate
-from renderer.octree import cut_pyramid
-from renderer.pipeline import prepare
-from renderer.projection import visible_order
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import (
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare
+from renderer.pyramid.cut import cut_pyramid
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -29,8 +25,12 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats import make_splats
-from renderer.transfer import make_transfer
+from renderer.splats.splats import make_splats
+from renderer.transfer.transfer_function import make_transfer
+from renderer.truth.integrator import integrate
+from renderer.view.camera import View
+from renderer.view.paths import make_view
+from renderer.view.splat_projection import visible_order
 
 SOFT_AND_SOLID = TransferSpec(
     (

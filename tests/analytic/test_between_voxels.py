@@ -21,7 +21,9 @@ from dense_bricks import (
 )
 from number_types import TYPES, limits
 
-from renderer.between_voxels import (
+from renderer.bricks.bricks import BRICK, Bricks, cut_bricks
+from renderer.bricks.sampling import make_brick_batch
+from renderer.bricks.subvoxel import (
     NARROWEST,
     NEARLY_LINEAR,
     STEEPNESS,
@@ -32,15 +34,13 @@ from renderer.between_voxels import (
     squared_difference,
     squared_distance,
 )
-from renderer.brick_batch import make_brick_batch
-from renderer.brick_projection import visible_bricks
-from renderer.bricks import BRICK, Bricks, cut_bricks
-from renderer.camera import View
-from renderer.classify import make_classifier, voxel_codes
-from renderer.integrator import integrate
-from renderer.raster_bricks_reference import rasterize_bricks_reference
-from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
+from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
+from renderer.transfer.classify import make_classifier, voxel_codes
+from renderer.transfer.transfer_function import TransferFunction
+from renderer.truth.integrator import integrate
+from renderer.view.brick_projection import visible_bricks
+from renderer.view.camera import View
+from renderer.volume.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

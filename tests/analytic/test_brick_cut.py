@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_bricks, patches
 
-from renderer.bricks import (
+from renderer.bricks.bricks import (
     BRICK,
     BRICK_LEVELS,
     BrickCut,
@@ -21,12 +21,12 @@ from renderer.bricks import (
     make_bricks,
     num_bricks_at,
 )
-from renderer.camera import View
-from renderer.readers import read_volume
-from renderer.scene import ErrorSpec, FileSource, PyramidSpec, VolumeSpec
-from renderer.transfer import TransferFunction
-from renderer.visibility import box_order
-from renderer.volume import make_volume
+from renderer.readers.read import read_volume
+from renderer.scene.spec import ErrorSpec, FileSource, PyramidSpec, VolumeSpec
+from renderer.transfer.transfer_function import TransferFunction
+from renderer.view.camera import View
+from renderer.view.visibility import box_order
+from renderer.volume.volume import make_volume
 
 Float64 = npt.NDArray[np.float64]
 

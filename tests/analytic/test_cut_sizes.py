@@ -16,16 +16,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hsplat_cli.scene_file import load_scene
-from renderer.cut_sizes import CutSizes, cut_sizes
-from renderer.drawing import finest_level_at
-from renderer.octree import children, cut_pyramid, node_errors
-from renderer.pipeline import prepare
-from renderer.procedural import procedural_values
-from renderer.pyramid import Pyramid, build_pyramid
-from renderer.scene import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec
-from renderer.scene_schema import parse_scene
-from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
+from renderer.frame.frame import finest_level_at
+from renderer.frame.pipeline import prepare
+from renderer.pyramid.cut import children, cut_pyramid, node_errors
+from renderer.pyramid.cut_size import CutSizes, cut_sizes
+from renderer.pyramid.pyramid import Pyramid, build_pyramid
+from renderer.readers.procedural import procedural_values
+from renderer.scene.parse import parse_scene
+from renderer.scene.spec import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec
+from renderer.transfer.transfer_function import TransferFunction
+from renderer.volume.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

@@ -18,13 +18,13 @@ from ray_integrals import (
     volume,
 )
 
-from renderer.camera import Float64
-from renderer.integrator import converged_image, integrate
-from renderer.scene import (
+from renderer.scene.spec import (
     ShadingSpec,
     TurntablePath,
 )
-from renderer.volume import Volume
+from renderer.truth.integrator import converged_image, integrate
+from renderer.view.camera import Float64
+from renderer.volume.volume import Volume
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
@@ -264,7 +264,7 @@ def test_the_image_is_the_same_bytes_every_time(monkeypatch: pytest.MonkeyPatch)
     noise = volume(np.random.default_rng(9).uniform(-1, 2, (9, 9, 9)) ** 3)
     view = look(tuple(noise.centre), 30.0)
     image, _ = converged_image(noise, COLORFUL, view, tolerance=1e-6, num_threads=1)
-    monkeypatch.setattr("renderer.integrator._RAYS_PER_TASK", 7)
+    monkeypatch.setattr("renderer.truth.integrator._RAYS_PER_TASK", 7)
     for num_threads in (1, 2, 5, None):
         again, _ = converged_image(noise, COLORFUL, view, tolerance=1e-6, num_threads=num_threads)
         assert again.tobytes() == image.tobytes()

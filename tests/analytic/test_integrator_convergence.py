@@ -23,18 +23,18 @@ from ray_integrals import (
 )
 from scipy.ndimage import map_coordinates
 
-from renderer.camera import Float64, View
 from renderer.errors import RenderError
-from renderer.integrator import PiecewiseLinear, converged_image, integrate
-from renderer.procedural import procedural_values
-from renderer.readers import read_volume
-from renderer.scene import (
+from renderer.readers.procedural import procedural_values
+from renderer.readers.read import read_volume
+from renderer.scene.spec import (
     FileSource,
     ProceduralSource,
     ShadingSpec,
     VolumeSpec,
 )
-from renderer.volume import Volume
+from renderer.truth.integrator import PiecewiseLinear, converged_image, integrate
+from renderer.view.camera import Float64, View
+from renderer.volume.volume import Volume
 
 
 @pytest.mark.parametrize("distance", [9.0, 1.3])
@@ -130,7 +130,7 @@ def test_a_truth_that_does_not_settle_in_the_halvings_allowed(
 
 
 def test_progress_is_the_share_of_the_rays_known_to_be_needed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("renderer.integrator._RAYS_PER_TASK", 64)
+    monkeypatch.setattr("renderer.truth.integrator._RAYS_PER_TASK", 64)
     noise = volume(np.random.default_rng(3).uniform(-1, 2, (4, 5, 6)))
     view = look(tuple(noise.centre), 9.0, (16, 16))
     shares: list[float] = []
@@ -156,8 +156,8 @@ def test_an_interrupt_drops_what_has_not_begun(monkeypatch: pytest.MonkeyPatch) 
             signal.pthread_kill(main_thread, signal.SIGINT)
         time.sleep(0.005)
 
-    monkeypatch.setattr("renderer.integrator.integrate_rays", slow)
-    monkeypatch.setattr("renderer.integrator._RAYS_PER_TASK", 1)
+    monkeypatch.setattr("renderer.truth.integrator.integrate_rays", slow)
+    monkeypatch.setattr("renderer.truth.integrator._RAYS_PER_TASK", 1)
     empty = volume(np.zeros((2, 2, 2)))
     gc.disable()  # an interrupt that comes while garbage is collected is lost in a callback of hypothesis
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background may ignore it

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
-from renderer.metrics import (
+from renderer.study.metrics import (
     FLIP_PIXELS_PER_DEGREE,
     METRICS,
     Accuracy,

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.framing import visible_points
-from renderer.octree import cut_pyramid
-from renderer.pyramid import Pyramid, build_pyramid
-from renderer.scene import ErrorSpec, PyramidSpec
-from renderer.schedule import least_tolerance, tolerance_at
-from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
+from renderer.pyramid.cut import cut_pyramid
+from renderer.pyramid.pyramid import Pyramid, build_pyramid
+from renderer.scene.schedule import least_tolerance, tolerance_at
+from renderer.scene.spec import ErrorSpec, PyramidSpec
+from renderer.transfer.transfer_function import TransferFunction
+from renderer.view.framing import visible_points
+from renderer.volume.volume import Volume, make_volume
 
 MEASURES = {
     "optical": ErrorSpec(),

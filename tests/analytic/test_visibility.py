@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.camera import View
-from renderer.octree import Cut
-from renderer.visibility import box_order, depth_order
-from renderer.volume import Volume, make_volume
+from renderer.pyramid.cut import Cut
+from renderer.view.camera import View
+from renderer.view.visibility import box_order, depth_order
+from renderer.volume.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

@@ -19,11 +19,11 @@ from typing import Any
 
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.scene_file import load_scene
-from renderer.cut_sizes import cut_sizes
-from renderer.drawing import finest_level_at
-from renderer.octree import cut_pyramid
-from renderer.pipeline import prepare
-from renderer.raster_gl import GLRasterizer
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.frame import finest_level_at
+from renderer.frame.pipeline import prepare
+from renderer.pyramid.cut import cut_pyramid
+from renderer.pyramid.cut_size import cut_sizes
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "budgets.md"

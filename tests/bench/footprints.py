@@ -26,13 +26,13 @@ from hsplat_cli.machine import describe_machine
 from hsplat_cli.scene_file import load_scene, scene_in
 from hsplat_cli.scene_text import FilmOptions
 from hsplat_cli.suggested_scene import suggest_scene
-from renderer.drawing import Stage
-from renderer.metrics import over_background
-from renderer.pipeline import prepare, render_frames
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import FileSource, RawSource, Scene, ShadingSpec, SplatSpec, VolumeSpec
-from renderer.schedule import at_tolerance
-from renderer.truths import TRUTH_TOLERANCE, Truth, find_truth
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.scene.schedule import at_tolerance
+from renderer.scene.spec import FileSource, RawSource, Scene, ShadingSpec, SplatSpec, VolumeSpec
+from renderer.study.metrics import over_background
+from renderer.study.truths import TRUTH_TOLERANCE, Truth, find_truth
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, PICTURE = (ROOT / "docs" / name for name in ("footprints.md", "trade.png"))

@@ -20,14 +20,14 @@ import numpy.typing as npt
 
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.scene_file import load_scene
-from renderer.drawing import Stage
-from renderer.pipeline import prepare, render_frames
-from renderer.procedural import procedural_values
-from renderer.raster_gl import GLRasterizer
-from renderer.readers import read_volume
-from renderer.scene import ProceduralSource, Scene
-from renderer.schedule import at_tolerance
-from renderer.volume import make_volume
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.readers.procedural import procedural_values
+from renderer.readers.read import read_volume
+from renderer.scene.schedule import at_tolerance
+from renderer.scene.spec import ProceduralSource, Scene
+from renderer.volume.volume import make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "growth.md"

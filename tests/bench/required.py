@@ -20,17 +20,17 @@ import numpy as np
 
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.scene_file import load_scene
-from renderer.drawing import Stage, view_of
-from renderer.octree import cut_pyramid
-from renderer.pipeline import prepare, render_frames
-from renderer.projection import visible_order
-from renderer.pyramid import Pyramid, build_pyramid
-from renderer.raster_gl import GLRasterizer
-from renderer.readers import read_volume
-from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, Scene, TransferSpec
-from renderer.splats import make_splats
-from renderer.transfer import TransferFunction, make_transfer
-from renderer.volume import Volume, make_volume
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.frame import Stage, view_of
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.pyramid.cut import cut_pyramid
+from renderer.pyramid.pyramid import Pyramid, build_pyramid
+from renderer.readers.read import read_volume
+from renderer.scene.spec import ControlPoint, ErrorSpec, PyramidSpec, Scene, TransferSpec
+from renderer.splats.splats import make_splats
+from renderer.transfer.transfer_function import TransferFunction, make_transfer
+from renderer.view.splat_projection import visible_order
+from renderer.volume.volume import Volume, make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "required.md"
@@ -193,7 +193,7 @@ def start() -> list[Row]:
         line = [sys.executable, "-m", "hsplat_cli", *words]
         return lambda: subprocess.run(line, check=True, cwd=ROOT, capture_output=True)
 
-    loading = [sys.executable, "-c", "import renderer.pipeline, renderer.raster_gl"]
+    loading = [sys.executable, "-c", "import renderer.frame.pipeline, renderer.draw.gl.raster"]
     rows = []
     for name, words in (("`hsplat --help`", ["--help"]), ("`hsplat check`", ["check", "configs/demo.yaml"])):
         few, many = _timed(

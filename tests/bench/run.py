@@ -21,15 +21,13 @@ import numpy as np
 
 from hsplat_cli.scene_file import load_scene
 from hsplat_cli.versions import commit
-from renderer.camera_paths import make_view
-from renderer.cut_sizes import CutSizes, cut_sizes
-from renderer.drawing import finest_level_at
-from renderer.octree import cut_pyramid
-from renderer.pipeline import prepare, render_frames
-from renderer.projection import visible_order
-from renderer.pyramid import Pyramid, build_pyramid
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import (
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.frame import finest_level_at
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.pyramid.cut import cut_pyramid
+from renderer.pyramid.cut_size import CutSizes, cut_sizes
+from renderer.pyramid.pyramid import Pyramid, build_pyramid
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -42,9 +40,11 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats import make_splats
-from renderer.transfer import TransferFunction, make_transfer
-from renderer.volume import Volume, make_volume
+from renderer.splats.splats import make_splats
+from renderer.transfer.transfer_function import TransferFunction, make_transfer
+from renderer.view.paths import make_view
+from renderer.view.splat_projection import visible_order
+from renderer.volume.volume import Volume, make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -25,14 +25,14 @@ import numpy as np
 from hsplat_cli.machine import describe_machine
 from hsplat_cli.peers.vtk_peer import with_transparent_border
 from hsplat_cli.scene_file import load_scene
-from renderer.drawing import Stage, view_of
-from renderer.metrics import Picture
-from renderer.pipeline import prepare
-from renderer.raster_gl import GLRasterizer
-from renderer.readers import read_volume
-from renderer.transfer import TransferFunction, make_transfer
-from renderer.truths import find_truth
-from renderer.volume import Volume
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.frame import Stage, view_of
+from renderer.frame.pipeline import prepare
+from renderer.readers.read import read_volume
+from renderer.study.metrics import Picture
+from renderer.study.truths import find_truth
+from renderer.transfer.transfer_function import TransferFunction, make_transfer
+from renderer.volume.volume import Volume
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "turntables.md"

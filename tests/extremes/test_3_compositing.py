@@ -10,11 +10,11 @@ import numpy.typing as npt
 import pytest
 from extremes import Extreme, Section
 
-from renderer.camera import View
-from renderer.compositing import LEAST_CHUNK, MEAN_LAYERS
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import SplatSpec
-from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
+from renderer.draw.compositing import LEAST_CHUNK, MEAN_LAYERS
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.scene.spec import SplatSpec
+from renderer.splats.splats import GaussianFootprint, SplatBatch, make_footprint
+from renderer.view.camera import View
 
 Float64 = npt.NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def one_pixel_of_many(num: int, size: int) -> float:
 
 
 def bound(num: int) -> float:
-    """6 u B, see renderer.compositing."""
+    """6 u B, see renderer.draw.compositing."""
     return 6 * U * min(num, LEAST_CHUNK)
 
 

@@ -14,17 +14,15 @@ import pytest
 from extremes import Extreme, Section
 from splatting import Float64, volume_of
 
-from renderer.camera import View
-from renderer.camera_paths import make_view
-from renderer.drawing import Stage
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.raster_reference import rasterize_reference
 from renderer.errors import SceneError
-from renderer.integrator import integrate
-from renderer.octree import cut_pyramid
-from renderer.pipeline import prepare, render_frames
-from renderer.projection import visible_order
-from renderer.raster_gl import GLRasterizer
-from renderer.raster_reference import rasterize_reference
-from renderer.scene import (
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.pyramid.cut import cut_pyramid
+from renderer.scene.parse import parse_scene
+from renderer.scene.parse_camera import MAX_ZOOM, NARROWEST_VIEW
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -40,11 +38,13 @@ from renderer.scene import (
     Vector,
     VolumeSpec,
 )
-from renderer.scene_schema import parse_scene
-from renderer.schema_camera import MAX_ZOOM, NARROWEST_VIEW
-from renderer.splats import make_splats
-from renderer.transfer import make_transfer
-from renderer.volume import Volume
+from renderer.splats.splats import make_splats
+from renderer.transfer.transfer_function import make_transfer
+from renderer.truth.integrator import integrate
+from renderer.view.camera import View
+from renderer.view.paths import make_view
+from renderer.view.splat_projection import visible_order
+from renderer.volume.volume import Volume
 
 SIZE = (32, 32)
 SHAPE = (4, 3, 5)  # z, y, x

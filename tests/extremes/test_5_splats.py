@@ -15,15 +15,11 @@ import pytest
 from extremes import Extreme, Section
 from splatting import look, optical_depth, place_splats, point_at, volume_of
 
-from renderer.camera import View
-from renderer.camera_paths import axes_in_runs, make_view
-from renderer.depth_directions import Turning, make_turning
-from renderer.octree import Cut, cut_pyramid
-from renderer.projection import visible_orders
-from renderer.pyramid import build_pyramid
-from renderer.raster_gl import GLRasterizer
-from renderer.raster_reference import rasterize_reference
-from renderer.scene import (
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.raster_reference import rasterize_reference
+from renderer.pyramid.cut import Cut, cut_pyramid
+from renderer.pyramid.pyramid import build_pyramid
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -35,8 +31,12 @@ from renderer.scene import (
     TurntablePath,
     Vector,
 )
-from renderer.splats import SplatBatch, make_splats
-from renderer.transfer import make_transfer
+from renderer.splats.splats import SplatBatch, make_splats
+from renderer.transfer.transfer_function import make_transfer
+from renderer.view.camera import View
+from renderer.view.depth_order import Turning, make_turning
+from renderer.view.paths import axes_in_runs, make_view
+from renderer.view.splat_projection import visible_orders
 
 Float64 = npt.NDArray[np.float64]
 

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from compare import WrongError
 
-from renderer.brick_batch import BrickBatch
-from renderer.brick_family import BrickFamily
-from renderer.camera import View
-from renderer.drawing import Frame, Stage, family_of
-from renderer.pipeline import render_frames
-from renderer.quantize import quantize
-from renderer.raster_bricks_reference import rasterize_bricks_reference
-from renderer.raster_gl import GLRasterizer
+from renderer.bricks.sampling import BrickBatch
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
+from renderer.film.quantization import quantize
+from renderer.frame.brick_family import BrickFamily
+from renderer.frame.frame import Frame, Stage, family_of
+from renderer.frame.pipeline import render_frames
+from renderer.view.camera import View
 
 Float64 = npt.NDArray[np.float64]
 

@@ -25,16 +25,16 @@ from spoil import spoil
 from hsplat_cli.main import run
 from hsplat_cli.render.goals import make_plan
 from hsplat_cli.scene_file import load_scene
-from renderer.costs import CostLog
-from renderer.drawing import Frame, Stage, finest_level_at, view_of
+from renderer.draw.gl.raster import GLRasterizer
 from renderer.errors import InputError
-from renderer.octree import cut_pyramid
-from renderer.pacing import Details
-from renderer.pipeline import prepare, render_frames
-from renderer.png import encode_png
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import Scene, SplatBudget
-from renderer.schedule import value_at
+from renderer.film.png import encode_png
+from renderer.frame.costs import CostLog
+from renderer.frame.frame import Frame, Stage, finest_level_at, view_of
+from renderer.frame.pacing import Details
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.pyramid.cut import cut_pyramid
+from renderer.scene.schedule import value_at
+from renderer.scene.spec import Scene, SplatBudget
 
 # Of a scene of this size, in any state.
 PATIENCE_S = 60

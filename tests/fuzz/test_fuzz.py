@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from judge import judge, make_case, write_case
 
-from renderer import raster_gl, splat_family
-from renderer.raster_gl import GLRasterizer
-from renderer.splats import SplatBatch, make_splats
+from renderer.draw.gl import raster as raster_gl
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame import splat_family
+from renderer.splats.splats import SplatBatch, make_splats
 
 SEED = 2
 # Kernels are compiled for every type of voxel, which takes longer than all scenes here; the whole run has them all.

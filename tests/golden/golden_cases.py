@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from hsplat_cli import main
-from renderer.procedural import procedural_values
-from renderer.scene import ProceduralSource
+from renderer.readers.procedural import procedural_values
+from renderer.scene.spec import ProceduralSource
 
 FOLDER = Path(__file__).parent
 SCENE = FOLDER / "scene.yaml"

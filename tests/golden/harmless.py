@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from subjects import SUBJECTS, Pixels, Shot
 
-from renderer.camera import View
-from renderer.raster_gl import GLRasterizer
-from renderer.raster_reference import rasterize_reference
-from renderer.splats import SplatBatch
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.raster_reference import rasterize_reference
+from renderer.splats.splats import SplatBatch
+from renderer.view.camera import View
 from tests.support.machines import NothingLasting
 
 # The reference draws one splat after the other: some ten thousand take half a minute.
@@ -58,7 +58,7 @@ def _rounded_otherwise(share: float) -> Callable[[Shot], Pixels]:
 
 
 class _Reference(NothingLasting):
-    """Draws as `renderer.raster_reference`."""
+    """Draws as `renderer.draw.raster_reference`."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
         return rasterize_reference(batch, order, view).astype(np.float32)

@@ -11,8 +11,8 @@ from harmless import HARMLESS, Machine, drawn_by
 from subjects import Pixels, Shot
 from windows import WINDOWS
 
-from renderer.frame_difference import FIGURES, FrameDifference
-from renderer.strictness import LEVELS, exceeded
+from renderer.study.frame_difference import FIGURES, FrameDifference
+from renderer.study.strictness import LEVELS, exceeded
 
 
 @dataclass(frozen=True)

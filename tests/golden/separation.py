@@ -1,5 +1,6 @@
 """How far what a comparison must let pass is from what it must not: `python tests/golden/separation.py [FILE]` measures
-every figure on both, for several scenes, and writes docs/goldens.md. The limits of renderer/strictness.py come from it.
+every figure on both, for several scenes, and writes docs/goldens.md. The limits of renderer/study/strictness.py come
+from it.
 
 Drivers that a machine has beside its own are named with what makes a program load them:
 
@@ -27,9 +28,9 @@ from subjects import SUBJECTS, Shot  # noqa: E402
 from windows import WINDOWS  # noqa: E402
 
 from hsplat_cli.versions import commit  # noqa: E402
-from renderer.frame_difference import FIGURES  # noqa: E402
-from renderer.raster_gl import GLRasterizer  # noqa: E402
-from renderer.strictness import LEVELS  # noqa: E402
+from renderer.draw.gl.raster import GLRasterizer  # noqa: E402
+from renderer.study.frame_difference import FIGURES  # noqa: E402
+from renderer.study.strictness import LEVELS  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"
 
@@ -120,10 +121,10 @@ def level_lines() -> list[list[str]]:
 
 
 METHOD = """Here every figure is measured on what must pass and on what must not, in frames of several kinds; the limits
-in `renderer/strictness.py` are chosen from these tables. Defects are injected where they would arise: into the scene,
-the cut, the splats, their order or the view, and into the pixels where the picture is what is wrong. Of defects that
-have a place, such as one splat missing, the first of a random sequence is taken that can be seen: that moves some pixel
-by 2 levels. What moves none by that much is faint and counted apart, for here and there rounding does as much.
+in `renderer/study/strictness.py` are chosen from these tables. Defects are injected where they would arise: into the
+scene, the cut, the splats, their order or the view, and into the pixels where the picture is what is wrong. Of defects
+that have a place, such as one splat missing, the first of a random sequence is taken that can be seen: that moves some
+pixel by 2 levels. What moves none by that much is faint and counted apart, for here and there rounding does as much.
 """
 
 

@@ -12,15 +12,25 @@ import numpy.typing as npt
 from golden_cases import SCENE
 
 from hsplat_cli.scene_file import load_scene
-from renderer.camera import View
-from renderer.drawing import Frame, Pose, Rasterizer, Stage, Stopwatch, draw, finest_level_at, make_detail, make_pose
-from renderer.families import Detail
-from renderer.octree import Cut, cut_pyramid
-from renderer.pipeline import prepare
-from renderer.scene import Scene
-from renderer.schedule import tolerance_at
-from renderer.splat_family import SplatDetail
-from renderer.splats import SplatBatch
+from renderer.frame.frame import (
+    Frame,
+    Pose,
+    Rasterizer,
+    Stage,
+    Stopwatch,
+    draw,
+    finest_level_at,
+    make_detail,
+    make_pose,
+)
+from renderer.frame.pipeline import prepare
+from renderer.frame.primitives import Detail
+from renderer.frame.splat_family import SplatDetail
+from renderer.pyramid.cut import Cut, cut_pyramid
+from renderer.scene.schedule import tolerance_at
+from renderer.scene.spec import Scene
+from renderer.splats.splats import SplatBatch
+from renderer.view.camera import View
 
 CONFIGS = SCENE.parents[2] / "configs"
 

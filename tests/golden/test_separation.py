@@ -9,9 +9,9 @@ from defects import DEFECTS, SEEN_LEVELS, Defect
 from harmless import HARMLESS, Harmless
 from subjects import SUBJECTS, Pixels, Shot
 
-from renderer.frame_difference import FrameDifference
-from renderer.raster_gl import GLRasterizer
-from renderer.strictness import LEVELS, exceeded
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.study.frame_difference import FrameDifference
+from renderer.study.strictness import LEVELS, exceeded
 
 SHOTS = ("coarse", "transparent")
 

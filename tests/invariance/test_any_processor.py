@@ -14,8 +14,8 @@ CHILD = """
 import hashlib
 import numpy as np
 from brickwork import AFFINES, LIT, batch_of, bricks_of, hills, ordered, placed, random_cut, transfer_of, view_of
-from renderer.brick_batch import Thrift
-from renderer.cpu_bricks import CPUBrickDrawer
+from renderer.bricks.sampling import Thrift
+from renderer.draw.cpu.bricks import CPUBrickDrawer
 
 volume = placed(hills((30, 40, 50), 9.0), AFFINES["oblique"])
 transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (0.4, (0.1, 0.5, 1.0), 0.3), (0.4, (1.0, 1.0, 1.0), 2.0))

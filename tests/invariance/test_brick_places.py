@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, random_cut, transfer_of, view_of
 
-from renderer import brick_atlas
-from renderer.brick_batch import BrickBatch
-from renderer.brick_kernels import SIDE
-from renderer.camera import View
-from renderer.raster_gl import BricksOn, GLRasterizer
-from renderer.scene import ShadingSpec
-from renderer.schema_camera import WIDEST_VIEW
-from renderer.schema_output import MAX_SIDE
+from renderer.bricks.kernels import SIDE
+from renderer.bricks.sampling import BrickBatch
+from renderer.draw import brick_atlas
+from renderer.draw.gl.raster import BricksOn, GLRasterizer
+from renderer.scene.parse_camera import WIDEST_VIEW
+from renderer.scene.parse_output import MAX_SIDE
+from renderer.scene.spec import ShadingSpec
+from renderer.view.camera import View
 
 
 def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:

@@ -10,22 +10,12 @@ import numpy.typing as npt
 import pytest
 from splatting import cut_of, in_order, look, place_splats, volume_of
 
-from renderer import raster_gl
-from renderer.camera_paths import axes_in_runs, camera_pose
-from renderer.compositing import LEAST_CHUNK, MEAN_LAYERS, splats_at_once
-from renderer.depth_directions import (
-    FADE_ANGLE,
-    LEAST_SHARE,
-    NEIGHBOURS,
-    DepthDirection,
-    depth_directions,
-    make_turning,
-)
-from renderer.drawing import view_of
-from renderer.pipeline import prepare, render_frames
-from renderer.projection import Region, mean_footprint_px, model_view, visible_order, visible_orders
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import (
+from renderer.draw.compositing import LEAST_CHUNK, MEAN_LAYERS, splats_at_once
+from renderer.draw.gl import raster as raster_gl
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.frame import view_of
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -37,7 +27,17 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats import make_splats
+from renderer.splats.splats import make_splats
+from renderer.view.depth_order import (
+    FADE_ANGLE,
+    LEAST_SHARE,
+    NEIGHBOURS,
+    DepthDirection,
+    depth_directions,
+    make_turning,
+)
+from renderer.view.paths import axes_in_runs, camera_pose
+from renderer.view.splat_projection import Region, mean_footprint_px, model_view, visible_order, visible_orders
 
 Float64 = npt.NDArray[np.float64]
 

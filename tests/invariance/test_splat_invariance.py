@@ -11,17 +11,17 @@ import numpy.typing as npt
 import pytest
 from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
-from renderer import raster_gl
-from renderer.camera import View
+from renderer.draw.gl import raster as raster_gl
+from renderer.draw.gl.raster import GLRasterizer
 from renderer.errors import RenderError
-from renderer.octree import Cut
-from renderer.projection import visible_order
-from renderer.pyramid import BLOCKS_PER_TASK, Level, build_pyramid
-from renderer.pyramid_kernels import BLOCK
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
-from renderer.splats import make_splats
-from renderer.transfer import make_transfer
+from renderer.pyramid.cut import Cut
+from renderer.pyramid.kernels import BLOCK
+from renderer.pyramid.pyramid import BLOCKS_PER_TASK, Level, build_pyramid
+from renderer.scene.spec import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
+from renderer.splats.splats import make_splats
+from renderer.transfer.transfer_function import make_transfer
+from renderer.view.camera import View
+from renderer.view.splat_projection import visible_order
 
 FOOTPRINTS = ("gaussian", "gouraud")
 SHAPE = (9, 8, 11)

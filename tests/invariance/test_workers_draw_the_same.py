@@ -7,7 +7,7 @@ from film_stages import KINDS, stage_of_kind
 
 from hsplat_cli.drawn import LocalDrawer
 from hsplat_cli.workers.pool import open_pool
-from renderer.raster_gl import GLRasterizer
+from renderer.draw.gl.raster import GLRasterizer
 
 NUMBERS = [*range(8), 2]
 

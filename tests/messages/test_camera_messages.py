@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from renderer.camera_paths import make_view
 from renderer.errors import InputError, RenderError
-from renderer.framing import fit_distance
-from renderer.integrator import converged_image
-from renderer.scene import CameraSpec, TurntablePath
-from renderer.volume import Volume
+from renderer.scene.spec import CameraSpec, TurntablePath
+from renderer.truth.integrator import converged_image
+from renderer.view.framing import fit_distance
+from renderer.view.paths import make_view
+from renderer.volume.volume import Volume
 
 CAMERA = CameraSpec(TurntablePath(4))
 ORIGIN = (0.0, 0.0, 0.0)

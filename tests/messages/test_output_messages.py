@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.encode import open_encoder
 from renderer.errors import HsplatError
-from renderer.film import open_film
-from renderer.quantize import quantize
-from renderer.scene import OutputSpec
-from renderer.staging import require_writable, write_error
+from renderer.film.atomic import require_writable, write_error
+from renderer.film.encode import open_encoder
+from renderer.film.quantization import quantize
+from renderer.film.writer import open_film
+from renderer.scene.spec import OutputSpec
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,9 @@ import pytest
 
 from hsplat_cli import drawn, main
 from hsplat_cli.render.cause import differences
-from renderer.drawing import Frame
-from renderer.kept_frames import digest
-from renderer.png import png_chunks, png_of
+from renderer.film.kept_frames import digest
+from renderer.film.png import png_chunks, png_of
+from renderer.frame.frame import Frame
 
 SMALL = [
     "--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]",

@@ -9,7 +9,7 @@ import pytest
 
 from hsplat_cli.scene_file import load_scene
 from renderer.errors import InputError
-from renderer.scene import SplatBudget
+from renderer.scene.spec import SplatBudget
 
 # In place of `tolerance: 0.1`: what is said.
 CASES = {

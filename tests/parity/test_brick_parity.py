@@ -1,8 +1,8 @@
 """Both rasterisers of bricks, the one on the device and the one on the processor, against the reference, by pixels.
 
-PRECISION: the device looks up places that are multiples of 2^-12 of a texel (`renderer.gl_atlas` says why), and these
-tests have volumes in which a tenth of the range lies between two voxels. Worst seen on llvmpipe: 4e-5; before places
-were rounded, 2e-5, which float32 leaves of the way to them.
+PRECISION: the device looks up places that are multiples of 2^-12 of a texel (`renderer.draw.gl.atlas` says why), and
+these tests have volumes in which a tenth of the range lies between two voxels. Worst seen on llvmpipe: 4e-5; before
+places were rounded, 2e-5, which float32 leaves of the way to them.
 
 A ray's way through a brick is cut into a whole number of parts, of which there may be one more on the device where the
 quotient of way and step is within float32 of a whole number. What that changes is the difference between two references
@@ -36,14 +36,14 @@ from brickwork import (
     view_of,
 )
 
-from renderer.brick_batch import BrickBatch, Thrift
-from renderer.bricks import Bricks
-from renderer.camera import View
-from renderer.camera_paths import make_view
-from renderer.raster_bricks_reference import rasterize_bricks_reference
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import CameraSpec, ShadingSpec, TurntablePath
-from renderer.volume import make_volume
+from renderer.bricks.bricks import Bricks
+from renderer.bricks.sampling import BrickBatch, Thrift
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
+from renderer.scene.spec import CameraSpec, ShadingSpec, TurntablePath
+from renderer.view.camera import View
+from renderer.view.paths import make_view
+from renderer.volume.volume import make_volume
 
 PRECISION = 6e-5
 STEP = 1e-5

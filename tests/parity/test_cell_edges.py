@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from splatting import cut_of, look, volume_of
 
-from renderer.bricks import BRICK_LEVELS, BrickCut
-from renderer.camera import View
-from renderer.cell_edges import LEVEL_COLORS, CellEdges, level_colors, make_brick_edges, make_cell_edges
-from renderer.octree import Cut
-from renderer.raster_gl import LEAST_SIDE_PX, LINE_COVER, LINE_OPACITY, GLRasterizer
+from renderer.bricks.bricks import BRICK_LEVELS, BrickCut
+from renderer.draw.gl.raster import LEAST_SIDE_PX, LINE_COVER, LINE_OPACITY, GLRasterizer
+from renderer.draw.overlay import LEVEL_COLORS, CellEdges, level_colors, make_brick_edges, make_cell_edges
+from renderer.pyramid.cut import Cut
+from renderer.view.camera import View
 
 # Positions are float32: a vertex is 1e-5 px off on these images and alpha as much, once for each line at a pixel.
 PRECISION = 2e-4
@@ -167,8 +167,8 @@ def test_batches_leave_no_trace(
 ) -> None:
     edges, view = make_cell_edges(cut), look(distance=14)
     whole = rasterizer.rasterize_edges(edges, view)
-    monkeypatch.setattr("renderer.raster_gl.BATCH_SIZE", 1)
-    monkeypatch.setattr("renderer.raster_gl.VERTEX_BYTES", batch_bytes)
+    monkeypatch.setattr("renderer.draw.gl.raster.BATCH_SIZE", 1)
+    monkeypatch.setattr("renderer.draw.gl.raster.VERTEX_BYTES", batch_bytes)
     assert rasterizer.rasterize_edges(edges, view).tobytes() == whole.tobytes()
 
 

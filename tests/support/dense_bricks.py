@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import ERRORS_ON_A_RAY
-from renderer.classify import FAINTEST
-from renderer.transfer import TransferFunction
-from renderer.volume import Volume
+from renderer.bricks.bricks import ERRORS_ON_A_RAY
+from renderer.transfer.classify import FAINTEST
+from renderer.transfer.transfer_function import TransferFunction
+from renderer.volume.volume import Volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
@@ -116,7 +116,7 @@ def channels_of(transfer: TransferFunction, finest_spacing: float) -> Float64:
 
 
 def between_scalars(low: Float64, high: Float64, values: Float64, points: Float64) -> tuple[Float64, Float64, Float64]:
-    """[...] each: D^2, width^2 and J^2 from low to high scalars, as `renderer.between_voxels` has them, of `points`
+    """[...] each: D^2, width^2 and J^2 from low to high scalars, as `renderer.bricks.subvoxel` has them, of `points`
     [n, c] at control `values`. D by Simpson's rule, exact for squares of what is linear, in every piece that is in the
     range."""
 

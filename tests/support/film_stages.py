@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.drawing import Stage
-from renderer.pipeline import prepare
-from renderer.scene import (
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare
+from renderer.scene.spec import (
     CameraSpec,
     ColormapSpec,
     ControlPoint,
@@ -27,7 +27,7 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.volume import Volume, make_volume
+from renderer.volume.volume import Volume, make_volume
 
 POINTS = (
     ControlPoint(60.0, (0.2, 0.3, 0.9), 0.0),

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.brick_batch import BrickBatch
-from renderer.brick_family import num_samples
-from renderer.camera import View
-from renderer.cell_edges import CellEdges
-from renderer.projection import model_view, square_px
-from renderer.splats import SplatBatch
+from renderer.bricks.sampling import BrickBatch
+from renderer.draw.overlay import CellEdges
+from renderer.frame.brick_family import num_samples
+from renderer.splats.splats import SplatBatch
+from renderer.view.camera import View
+from renderer.view.splat_projection import model_view, square_px
 
 
 class NothingLasting:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.film import open_film
-from renderer.png import encode_png
-from renderer.scene import OutputSpec
+from renderer.film.png import encode_png
+from renderer.film.writer import open_film
+from renderer.scene.spec import OutputSpec
 
 Pixels = npt.NDArray[np.uint8]
 Chunks = Sequence[tuple[bytes, bytes]]

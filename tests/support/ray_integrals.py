@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.camera import Float64, View
-from renderer.camera_paths import make_view
-from renderer.integrator import integrate, rays_about
-from renderer.scene import (
+from renderer.scene.spec import (
     CameraSpec,
     ShadingSpec,
     TurntablePath,
     Vector,
 )
-from renderer.volume import Volume
+from renderer.truth.integrator import integrate, rays_about
+from renderer.view.camera import Float64, View
+from renderer.view.paths import make_view
+from renderer.volume.volume import Volume
 
 # float64 sums over a few hundred cells.
 EXACT = 1e-13

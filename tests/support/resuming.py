@@ -11,7 +11,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import drawn, main
-from renderer.drawing import Frame
+from renderer.frame.frame import Frame
 
 NUM_FRAMES = 5
 

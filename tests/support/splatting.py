@@ -8,11 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from renderer.camera import View
-from renderer.camera_paths import make_view
-from renderer.octree import Cut, cut_pyramid
-from renderer.pyramid import build_pyramid
-from renderer.scene import (
+from renderer.pyramid.cut import Cut, cut_pyramid
+from renderer.pyramid.pyramid import build_pyramid
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -21,9 +19,11 @@ from renderer.scene import (
     TransferSpec,
     TurntablePath,
 )
-from renderer.splats import SplatBatch, make_footprint, make_splats
-from renderer.transfer import make_transfer
-from renderer.volume import Volume, make_volume
+from renderer.splats.splats import SplatBatch, make_footprint, make_splats
+from renderer.transfer.transfer_function import make_transfer
+from renderer.view.camera import View
+from renderer.view.paths import make_view
+from renderer.volume.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from renderer.integrator import Convergence
-from renderer.metrics import Accuracy, Difference
-from renderer.study import Study, TruthRecord
-from renderer.sweep import Measurement, Sample, Setting
+from renderer.study.metrics import Accuracy, Difference
+from renderer.study.study import Study, TruthRecord
+from renderer.study.sweep import Measurement, Sample, Setting
+from renderer.truth.integrator import Convergence
 
 NAN = float("nan")
 INFINITE = float("inf")

@@ -17,8 +17,8 @@ from small_scene import small_scene
 from hsplat_cli import main, place
 from hsplat_cli.assemble import film, merged
 from hsplat_cli.versions import package_versions
-from renderer.kept_frames import digest
-from renderer.png import encode_png, png_chunks, png_of
+from renderer.film.kept_frames import digest
+from renderer.film.png import encode_png, png_chunks, png_of
 
 SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.

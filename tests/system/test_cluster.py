@@ -24,11 +24,11 @@ from hsplat_cli.cluster import drawer as cluster_drawer
 from hsplat_cli.cluster.drawer import Cluster
 from hsplat_cli.drawn import LocalDrawer
 from hsplat_cli.versions import package_versions
-from renderer.drawing import Stage
+from renderer.draw.gl.raster import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.pipeline import prepare
-from renderer.raster_gl import GLRasterizer
-from renderer.scene_schema import parse_scene
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare
+from renderer.scene.parse import parse_scene
 
 NUM_FRAMES = 24
 SCENE = {

@@ -19,7 +19,7 @@ from small_scene import small_scene
 from hsplat_cli import drawn, main
 from hsplat_cli.golden import command
 from hsplat_cli.picture_file import read_picture
-from renderer.drawing import Frame
+from renderer.frame.frame import Frame
 
 CODE = Path(main.__file__).parents[1]
 
@@ -315,7 +315,7 @@ def test_a_real_kill_leaves_nothing_for_ever() -> None:
 HOLDING = """
 import sys
 from pathlib import Path
-from renderer.output_lock import locked
+from renderer.film.lock import locked
 
 with locked(Path("goldens/golden.unfinished"), [0], Path("goldens/golden.json")):
     print("held", flush=True)

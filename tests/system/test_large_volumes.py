@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer import brick_atlas
+from renderer.draw import brick_atlas
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -23,9 +23,9 @@ import json, sys, threading, time
 from pathlib import Path
 import numpy as np
 from hsplat_cli.scene_file import load_scene
-from renderer.pipeline import prepare, render_frames
-from renderer.raster_gl import GLRasterizer
-from renderer.volume import make_volume
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.volume.volume import make_volume
 
 def anonymous_bytes():
     with open("/proc/self/status") as status:

@@ -15,8 +15,8 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import drawn, main
-from renderer.drawing import Frame
-from renderer.kept_frames import file_digest
+from renderer.film.kept_frames import file_digest
+from renderer.frame.frame import Frame
 
 NUM_FRAMES = 4
 

@@ -17,12 +17,12 @@ from small_scene import small_scene
 
 from hsplat_cli import main, search
 from hsplat_cli.scene_file import load_scene
-from renderer.metrics import over_background, single
-from renderer.pipeline import prepare, render_frames
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import Scene
-from renderer.schedule import at_tolerance
-from renderer.truths import TRUTH_TOLERANCE, find_truth
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.scene.schedule import at_tolerance
+from renderer.scene.spec import Scene
+from renderer.study.metrics import over_background, single
+from renderer.study.truths import TRUTH_TOLERANCE, find_truth
 
 ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24

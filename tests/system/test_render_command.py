@@ -15,8 +15,8 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.scene_file import load_scene
-from renderer.scene_schema import parse_scene
-from renderer.volume import Array
+from renderer.scene.parse import parse_scene
+from renderer.volume.volume import Array
 
 SCENE = small_scene(frames=6, size="48, 32", error="tolerance: 0.1")
 

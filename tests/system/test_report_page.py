@@ -23,7 +23,7 @@ from hsplat_cli.report.html import PALETTE, facts_of, plot_style, png_data_uri, 
 from hsplat_cli.report.page import study_page
 from hsplat_cli.report.plots import TIME, metrics_figure, short_labels, tick_text, trade_figure
 from renderer.errors import InputError, RenderError
-from renderer.study import Study
+from renderer.study.study import Study
 
 DATE = "2030-01-02"
 EVIL = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"

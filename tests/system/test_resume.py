@@ -28,9 +28,9 @@ from resuming import (
 
 from hsplat_cli import main
 from hsplat_cli.render import cause
-from renderer.kept_frames import digest
-from renderer.png import encode_png
-from renderer.raster_gl import GLRasterizer
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.film.kept_frames import digest
+from renderer.film.png import encode_png
 
 
 @pytest.fixture(autouse=True)

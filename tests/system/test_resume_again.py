@@ -26,7 +26,7 @@ from resuming import (
 
 from hsplat_cli import main
 from hsplat_cli.render import cause
-from renderer.raster_gl import GLRasterizer
+from renderer.draw.gl.raster import GLRasterizer
 
 
 @pytest.fixture(autouse=True)

@@ -36,7 +36,7 @@ import os, sys
 from pathlib import Path
 program, caller = os.environ["HSPLAT_TEST_SHRINK"].split()
 if program in sys.orig_argv:
-    from renderer.mapped_file import MappedFile
+    from renderer.volume.mapped_file import MappedFile
     look = MappedFile.require_unchanged
     def look_and_shrink(self):
         look(self)
@@ -118,7 +118,7 @@ STRANGER = """\
 import os
 import numpy as np
 from hsplat_cli.shrinking import guard
-from renderer.mapped_file import file_behind
+from renderer.volume.mapped_file import file_behind
 for name in ("ours", "another"):
     np.ones(1 << 20, np.uint8).tofile(name)
 ours, another = np.memmap("ours", np.uint8, "r"), np.memmap("another", np.uint8, "r")
@@ -134,7 +134,7 @@ SENT = """\
 import os, signal
 import numpy as np
 from hsplat_cli.shrinking import guard
-from renderer.mapped_file import file_behind
+from renderer.volume.mapped_file import file_behind
 np.ones(1 << 20, np.uint8).tofile("ours")
 ours = np.memmap("ours", np.uint8, "r")
 guard(file_behind(ours), ours)

@@ -242,7 +242,7 @@ def test_a_film_of_another_volume_is_not_lost(capfd: pytest.CaptureFixture[str])
 def held(folder: str) -> Iterator[None]:
     """Another process writes the output of this folder of what is not finished."""
     program = (
-        "import sys\nfrom pathlib import Path\nfrom renderer.output_lock import locked\n"
+        "import sys\nfrom pathlib import Path\nfrom renderer.film.lock import locked\n"
         "with locked(Path(sys.argv[1]), [0], Path()):\n    print(flush=True)\n    sys.stdin.read()"
     )
     environment = os.environ | {"PYTHONPATH": str(CODE)}

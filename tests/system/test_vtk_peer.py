@@ -18,18 +18,18 @@ import pytest
 
 from hsplat_cli.peers import vtk_peer
 from hsplat_cli.peers.vtk_peer import check_vtk, describe_vtk, measure_vtk, vtk_settings, with_transparent_border
-from renderer.camera import View
-from renderer.camera_paths import make_view
 from renderer.errors import InputError, RenderError
-from renderer.integrator import Convergence, integrate
-from renderer.metrics import over_background
-from renderer.procedural import procedural_values
-from renderer.scene import CameraSpec, ProceduralSource, Scene, ShadingSpec, TurntablePath
-from renderer.scene_schema import parse_scene
-from renderer.sweep import Measurement, Setting
-from renderer.transfer import TransferFunction
-from renderer.truths import Truth
-from renderer.volume import Float64, Volume, make_volume
+from renderer.readers.procedural import procedural_values
+from renderer.scene.parse import parse_scene
+from renderer.scene.spec import CameraSpec, ProceduralSource, Scene, ShadingSpec, TurntablePath
+from renderer.study.metrics import over_background
+from renderer.study.sweep import Measurement, Setting
+from renderer.study.truths import Truth
+from renderer.transfer.transfer_function import TransferFunction
+from renderer.truth.integrator import Convergence, integrate
+from renderer.view.camera import View
+from renderer.view.paths import make_view
+from renderer.volume.volume import Float64, Volume, make_volume
 
 SHAPE = (36, 30, 24)
 BACKGROUND = (0.2, 0.4, 0.6)  # whole levels of 8 bits

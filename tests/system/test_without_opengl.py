@@ -12,7 +12,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from renderer.raster_gl import WITHOUT_OPENGL, GLRasterizer, is_software
+from renderer.draw.gl.raster import WITHOUT_OPENGL, GLRasterizer, is_software
 
 # Where libglvnd looks for drivers: there are none.
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}

@@ -22,10 +22,10 @@ from hsplat_cli.render.goals import Plan
 from hsplat_cli.workers import process
 from hsplat_cli.workers.pool import Pool, open_pool
 from hsplat_cli.workers.process import Patience
-from renderer.drawing import Stage
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.recovery import LastingRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.raster_gl import GLRasterizer
-from renderer.raster_lasting import LastingRasterizer
+from renderer.frame.frame import Stage
 
 NUMBERS = [0, 1, 2, 3, 4, 5, 6, 7, 2, 1]  # some twice, and backwards
 

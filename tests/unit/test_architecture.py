@@ -75,7 +75,7 @@ COMMANDS_MAY_IMPORT = {
 }  # fmt: skip
 
 GL_PACKAGES = {"moderngl", "OpenGL", "glcontext"}
-GL_OWNERS = {"renderer.raster_gl", "renderer.gl_atlas", "renderer.gl_bricks"}
+GL_OWNERS = {"renderer.draw.gl.raster", "renderer.draw.gl.atlas", "renderer.draw.gl.bricks"}
 # What renderer/ must not know: the clock, the terminal, the command line, randomness without a seed.
 FOREIGN_TO_RENDERER = {"time", "datetime", "random", "secrets", "argparse", "click", "tqdm"}
 SAYING_OR_ASKING = {"print", "input", "breakpoint", "exit", "quit"}

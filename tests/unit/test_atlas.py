@@ -8,10 +8,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from renderer import brick_atlas
-from renderer.brick_kernels import SIDE
+from renderer.bricks.kernels import SIDE
+from renderer.draw import brick_atlas
+from renderer.draw.gl.atlas import GLAtlas
 from renderer.errors import ContextLostError, InputError, RenderError
-from renderer.gl_atlas import GLAtlas
 
 
 class Texture:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from renderer.camera_paths import CameraPath, Pose, camera_pose, make_view
-from renderer.scene import CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath
+from renderer.scene.spec import CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath
+from renderer.view.paths import CameraPath, Pose, camera_pose, make_view
 
 # Sines, cosines and a 3 x 3 product of float64: a few units in the last place.
 EXACT = 1e-14

@@ -16,7 +16,7 @@ from hsplat_cli.compare import film_file
 from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pairs import frame_numbers, natural_order, open_pairs
 from renderer.errors import InputError
-from renderer.png import encode_png
+from renderer.film.png import encode_png
 
 PICTURES = [noise(seed) for seed in range(3)]
 

@@ -14,7 +14,7 @@ from png_files import SIGNATURE, chunk, interlaced, noise, png_file, unfiltered
 from hsplat_cli.input_file import nearest_file
 from hsplat_cli.picture_file import MAX_PIXELS, read_picture
 from renderer.errors import InputError
-from renderer.png import encode_png
+from renderer.film.png import encode_png
 
 RGB, RGBA = noise(1, 13, 9), noise(2, 13, 9, 4)
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from hsplat_cli.compare.command import compare
 from hsplat_cli.compare.rules import Rules, load_rules
 from renderer.errors import InputError, SceneError
-from renderer.frame_difference import FIGURES
-from renderer.strictness import LEVELS
+from renderer.study.frame_difference import FIGURES
+from renderer.study.strictness import LEVELS
 
 SAME_MACHINE, CROSS_DRIVER = LEVELS["same-machine"].limits, LEVELS["cross-driver"].limits
 

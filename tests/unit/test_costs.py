@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatting import look, place_splats
 
-from renderer.costs import CostLog, CostModel, Load, fit_costs, load_of
-from renderer.depth_directions import make_turning
-from renderer.drawing import Pose
-from renderer.octree import Cut
-from renderer.projection import visible_order
-from renderer.splat_family import SplatDetail
-from renderer.splats import SplatBatch
+from renderer.frame.costs import CostLog, CostModel, Load, fit_costs, load_of
+from renderer.frame.frame import Pose
+from renderer.frame.splat_family import SplatDetail
+from renderer.pyramid.cut import Cut
+from renderer.splats.splats import SplatBatch
+from renderer.view.depth_order import make_turning
+from renderer.view.splat_projection import visible_order
 
 RATES = CostModel(per_frame=4e-3, per_splat=5e-7, per_pixel=2e-9, per_written=8e-3)
 FAST = CostModel(per_frame=2e-4, per_splat=3e-10, per_pixel=8e-12, per_written=1e-3)

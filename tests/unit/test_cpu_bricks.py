@@ -11,17 +11,18 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 
-from renderer import brick_atlas, lattices
-from renderer.brick_atlas import brick_bytes
-from renderer.brick_kernels import SIDE
-from renderer.cpu_atlas import CPUAtlas, most_atlas_bytes
-from renderer.cpu_bricks import CPUBrickDrawer
-from renderer.cpu_bricks_kernel import _inside, bin_boxes, draw_tiles
-from renderer.cpu_field import opacity
+from renderer.bricks.kernels import SIDE
+from renderer.draw import brick_atlas
+from renderer.draw import subsampling as lattices
+from renderer.draw.brick_atlas import brick_bytes
+from renderer.draw.cpu.atlas import CPUAtlas, most_atlas_bytes
+from renderer.draw.cpu.bricks import CPUBrickDrawer
+from renderer.draw.cpu.march import _inside, bin_boxes, draw_tiles
+from renderer.draw.cpu.sample import opacity
+from renderer.draw.gl.raster import GLRasterizer, is_software
+from renderer.draw.raster_bricks_reference import _are_alike, _between
+from renderer.draw.subsampling import interpolated, refined
 from renderer.jit import fma, jit
-from renderer.lattices import interpolated, refined
-from renderer.raster_bricks_reference import _are_alike, _between
-from renderer.raster_gl import GLRasterizer, is_software
 from renderer.threads import Threads
 
 GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))

@@ -14,7 +14,7 @@ from hsplat_cli.cores import num_cores
 from hsplat_cli.drawn import Drawn
 from hsplat_cli.render import crew
 from renderer.errors import RenderError
-from renderer.picture import Picture
+from renderer.film.picture import Picture
 
 STAGE = SimpleNamespace(bricks=None)
 

@@ -13,9 +13,9 @@ import yaml
 
 from hsplat_cli.compare.command import compare
 from hsplat_cli.scene_file import load_scene
-from renderer.frame_difference import FIGURES
-from renderer.scene_schema import scene_to_dict
-from renderer.strictness import LEVELS
+from renderer.scene.parse import scene_to_dict
+from renderer.study.frame_difference import FIGURES
+from renderer.study.strictness import LEVELS
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -10,10 +10,10 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
-from renderer.film import open_film
-from renderer.output_files import frame_path
-from renderer.png import encode_png
-from renderer.scene import OutputSpec
+from renderer.film.names import frame_path
+from renderer.film.png import encode_png
+from renderer.film.writer import open_film
+from renderer.scene.spec import OutputSpec
 
 
 def noise(*shape: int) -> npt.NDArray[np.uint8]:

@@ -12,12 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.camera import View
-from renderer.cell_edges import CellEdges
-from renderer.drawing import Stage, family_of
-from renderer.integrator import Convergence
-from renderer.pipeline import prepare
-from renderer.scene import (
+from renderer.draw.overlay import CellEdges
+from renderer.frame.frame import Stage, family_of
+from renderer.frame.pipeline import prepare
+from renderer.scene.spec import (
     AccuracyGoal,
     CameraSpec,
     ControlPoint,
@@ -31,11 +29,13 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats import SplatBatch
-from renderer.tolerances import two_digit_numbers
-from renderer.trials import Found, Trial, find_tolerance
-from renderer.truths import KeptTruths, Truth, as_kept
-from renderer.want import Want
+from renderer.scene.want import Want
+from renderer.splats.splats import SplatBatch
+from renderer.study.tolerances import two_digit_numbers
+from renderer.study.trials import Found, Trial, find_tolerance
+from renderer.study.truths import KeptTruths, Truth, as_kept
+from renderer.truth.integrator import Convergence
+from renderer.view.camera import View
 from tests.support.machines import NothingLasting
 
 NUM_FRAMES = 24

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer import frame_difference
-from renderer.frame_difference import FIGURES, WINDOW_PX, FrameDifference
-from renderer.metrics import REACH_PX, SSIM_WINDOW_PX, mapped, single
+from renderer.study import frame_difference
+from renderer.study.frame_difference import FIGURES, WINDOW_PX, FrameDifference
+from renderer.study.metrics import REACH_PX, SSIM_WINDOW_PX, mapped, single
 
 Pixels = npt.NDArray[np.uint8]
 

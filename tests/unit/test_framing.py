@@ -10,11 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.camera_paths import CameraPath, camera_poses, make_view
-from renderer.framing import MARGIN, fit_distance, smallest_voxel_px, visible_centre, visible_points
-from renderer.pipeline import prepare
-from renderer.pyramid import build_pyramid
-from renderer.scene import (
+from renderer.frame.pipeline import prepare
+from renderer.pyramid.pyramid import build_pyramid
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -31,8 +29,10 @@ from renderer.scene import (
     Vector,
     VolumeSpec,
 )
-from renderer.transfer import TransferFunction
-from renderer.volume import Float64, make_volume
+from renderer.transfer.transfer_function import TransferFunction
+from renderer.view.framing import MARGIN, fit_distance, smallest_voxel_px, visible_centre, visible_points
+from renderer.view.paths import CameraPath, camera_poses, make_view
+from renderer.volume.volume import Float64, make_volume
 
 PATHS: list[CameraPath] = [
     TurntablePath(12, start=7.0, elevation=20.0),
@@ -99,7 +99,7 @@ def test_a_large_cloud_is_framed_in_parts(monkeypatch: pytest.MonkeyPatch) -> No
     points = np.random.default_rng(2).normal(size=(500, 3))
     arguments = (CameraSpec(PATHS[0]), points, (0.0, 0.0, 0.0), (64, 48), range(12))
     whole = fit_distance(*arguments)
-    monkeypatch.setattr("renderer.framing._MAX_PRODUCTS", 10)
+    monkeypatch.setattr("renderer.view.framing._MAX_PRODUCTS", 10)
     assert fit_distance(*arguments) == pytest.approx(whole, rel=1e-15)
 
 

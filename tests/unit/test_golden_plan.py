@@ -14,8 +14,8 @@ from hsplat_cli.golden.draw import Drawing
 from hsplat_cli.golden.plan import Plan, described, make_plan
 from hsplat_cli.golden.provenance import Golden, Provenance
 from renderer.errors import InputError
-from renderer.kept_frames import digest, file_digest
-from renderer.png import encode_png
+from renderer.film.kept_frames import digest, file_digest
+from renderer.film.png import encode_png
 
 Pixels = npt.NDArray[np.uint8]
 

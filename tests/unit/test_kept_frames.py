@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer import staging
 from renderer.errors import RenderError
-from renderer.frame_record import is_record
-from renderer.kept_frames import KeptFrames, digest, file_digest, forget_frames, is_file, is_frame
-from renderer.output_files import frame_path
-from renderer.picture import Picture
-from renderer.png import encode_png, png_chunks, png_of
-from renderer.scene import OutputSpec
+from renderer.film import atomic as staging
+from renderer.film.frame_record import is_record
+from renderer.film.kept_frames import KeptFrames, digest, file_digest, forget_frames, is_file, is_frame
+from renderer.film.names import frame_path
+from renderer.film.picture import Picture
+from renderer.film.png import encode_png, png_chunks, png_of
+from renderer.scene.spec import OutputSpec
 
 NUMBERS = range(4)
 CAUSE = {"scene": {"size": (6, 4)}, "versions": {"numpy": "2.0"}}
@@ -350,7 +350,7 @@ def test_frames_that_are_not_wanted_after_all(folder: Path, output: OutputSpec) 
 
 
 def test_digests_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("renderer.kept_frames._BLOCK", 7)
+    monkeypatch.setattr("renderer.film.kept_frames._BLOCK", 7)
     for length in (0, 1, 6, 7, 8, 14, 100):
         content = bytes(range(length))
         (tmp_path / "file").write_bytes(content)

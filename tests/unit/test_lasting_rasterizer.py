@@ -19,13 +19,13 @@ from small_scene import small_scene
 from hsplat_cli import main
 from hsplat_cli.drawn import LocalDrawer
 from hsplat_cli.render import crew
-from renderer.costs import CostLog
-from renderer.drawing import Stage
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.recovery import LastingRasterizer
 from renderer.errors import ContextLostError, RenderError
-from renderer.pacing import Details, Pacer, try_drawings
-from renderer.raster_gl import GLRasterizer
-from renderer.raster_lasting import LastingRasterizer
-from renderer.schedule import at_tolerances
+from renderer.frame.costs import CostLog
+from renderer.frame.frame import Stage
+from renderer.frame.pacing import Details, Pacer, try_drawings
+from renderer.scene.schedule import at_tolerances
 
 NO_CAPABILITY = 0xFFFF
 LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]

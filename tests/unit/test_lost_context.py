@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from splatting import in_order, look, place_splats
 
-from renderer.cell_edges import CellEdges
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.overlay import CellEdges
 from renderer.errors import ContextLostError
-from renderer.raster_gl import GLRasterizer
 
 NO_CAPABILITY = 0xFFFF
 

@@ -15,19 +15,20 @@ from film_stages import INTEGRATED, PLAIN
 from volume_files import write_volume
 
 from hsplat_cli.workers.shared import SharedStage, map_stage
-from renderer.brick_texels import mean_texels, scalar_texels
-from renderer.bricks import make_bricks
-from renderer.drawing import Stage
+from renderer.bricks.bricks import make_bricks
+from renderer.bricks.texels import mean_texels, scalar_texels
+from renderer.draw.gl.raster import GLRasterizer
 from renderer.errors import InputError
-from renderer.parcel import pack, packed, unpack
-from renderer.pipeline import prepare, render_frames
-from renderer.pyramid import build_pyramid
-from renderer.raster_gl import GLRasterizer
-from renderer.readers import common, read_volume
-from renderer.scene import ErrorSpec, FileSource, PyramidSpec, RawSource, Scene, VolumeSpec
-from renderer.statistics import measure
-from renderer.transfer import TransferFunction
-from renderer.volume import Volume
+from renderer.frame.frame import Stage
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.frame.transport import pack, packed, unpack
+from renderer.pyramid.pyramid import build_pyramid
+from renderer.readers import common
+from renderer.readers.read import read_volume
+from renderer.scene.spec import ErrorSpec, FileSource, PyramidSpec, RawSource, Scene, VolumeSpec
+from renderer.suggest.histogram import measure
+from renderer.transfer.transfer_function import TransferFunction
+from renderer.volume.volume import Volume
 
 Array = npt.NDArray[Any]
 
@@ -281,7 +282,7 @@ def test_voxels_that_go_while_they_are_sent(tmp_path: Path, monkeypatch: pytest.
         shrink(tmp_path / "v.raw")
         return content
 
-    monkeypatch.setattr("renderer.parcel.np.concatenate", joined)
+    monkeypatch.setattr("renderer.frame.transport.np.concatenate", joined)
     with pytest.raises(InputError, match="became shorter while it was in use"):
         packed(stage)
 

@@ -17,7 +17,7 @@ import pytest
 
 import renderer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.output_lock import alone, locked
+from renderer.film.lock import alone, locked
 
 CODE = Path(renderer.__file__).parents[1]
 OUTPUT = Path("film.mp4")
@@ -25,7 +25,7 @@ OUTPUT = Path("film.mp4")
 HOLDER = """\
 import sys
 from pathlib import Path
-from renderer.output_lock import locked
+from renderer.film.lock import locked
 with locked(Path(sys.argv[1]), [int(place) for place in sys.argv[2:]], Path("film.mp4")):
     print("held", flush=True)
     sys.stdin.read()
@@ -36,7 +36,7 @@ CONTENDER = """\
 import os, sys
 from pathlib import Path
 from renderer.errors import InputError
-from renderer.output_lock import locked
+from renderer.film.lock import locked
 folder, place, num_times, wanted = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
 num_held = num_refused = 0
 while num_held < num_times:
@@ -55,7 +55,7 @@ while num_held < num_times:
 ONLY_ONE = """\
 import sys
 from pathlib import Path
-from renderer.output_lock import alone
+from renderer.film.lock import alone
 with alone(Path(sys.argv[1]), lambda holder: sys.exit(1)):
     print("held", flush=True)
     sys.stdin.read()
@@ -65,7 +65,7 @@ with alone(Path(sys.argv[1]), lambda holder: sys.exit(1)):
 WAITER = """\
 import os, sys, time
 from pathlib import Path
-from renderer.output_lock import alone
+from renderer.film.lock import alone
 mine = Path(sys.argv[1]).with_name("only-one-has-it")
 for _ in range(int(sys.argv[2])):
     with alone(Path(sys.argv[1]), lambda holder: time.sleep(0.001)):

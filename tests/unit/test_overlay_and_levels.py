@@ -10,11 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.camera import View
-from renderer.cell_edges import CellEdges
-from renderer.drawing import Frame, Stage, finest_level_at
-from renderer.pipeline import prepare, render_frames
-from renderer.scene import (
+from renderer.draw.overlay import CellEdges
+from renderer.frame.frame import Frame, Stage, finest_level_at
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -26,7 +25,8 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats import SplatBatch
+from renderer.splats.splats import SplatBatch
+from renderer.view.camera import View
 from tests.support.machines import NothingLasting
 
 SCENE = Scene(

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from renderer.costs import CostLog
-from renderer.drawing import Stage, Stopwatch
-from renderer.pacing import Details, Pacer, try_drawings
-from renderer.pipeline import prepare, render_frames
-from renderer.scene import (
+from renderer.frame.costs import CostLog
+from renderer.frame.frame import Stage, Stopwatch
+from renderer.frame.pacing import Details, Pacer, try_drawings
+from renderer.frame.pipeline import prepare, render_frames
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,

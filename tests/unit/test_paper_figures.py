@@ -16,14 +16,14 @@ from hsplat_cli.paper import footprints, levels, octrees, one_splat, opacity, re
 from hsplat_cli.paper.figure import Claim
 from hsplat_cli.paper.studio import Studio
 from hsplat_cli.scene_file import load_scene
-from renderer.camera import View
-from renderer.cell_edges import CellEdges
-from renderer.drawing import Rasterizer
-from renderer.octree import cut_pyramid
-from renderer.raster_gl import GLRasterizer
-from renderer.scene import Scene
-from renderer.splats import SplatBatch
-from renderer.truths import TRUTH_TOLERANCE, find_truth
+from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw.overlay import CellEdges
+from renderer.frame.frame import Rasterizer
+from renderer.pyramid.cut import cut_pyramid
+from renderer.scene.spec import Scene
+from renderer.splats.splats import SplatBatch
+from renderer.study.truths import TRUTH_TOLERANCE, find_truth
+from renderer.view.camera import View
 from tests.support.machines import NothingLasting
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from film_stages import KINDS, PLAIN, stage_of, stage_of_kind, waves
 
-from renderer.drawing import Stage
-from renderer.parcel import ALIGNMENT, pack, unpack
-from renderer.scene import SplatBudget
-from renderer.schedule import at_tolerances
+from renderer.frame.frame import Stage
+from renderer.frame.transport import ALIGNMENT, pack, unpack
+from renderer.scene.schedule import at_tolerances
+from renderer.scene.spec import SplatBudget
 
 
 def there_and_back(stage: Stage) -> Stage:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from renderer.pareto import cost_at, pareto_front, setbacks
+from renderer.study.pareto import cost_at, pareto_front, setbacks
 
 numbers = st.floats(0, 10) | st.just(math.nan)
 

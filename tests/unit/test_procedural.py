@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.procedural import procedural_values
-from renderer.readers import read_volume
-from renderer.scene import PROCEDURAL_NAMES, ProceduralSource, VolumeSpec
-from renderer.statistics import measure, suggest_ranges
+from renderer.readers.procedural import procedural_values
+from renderer.readers.read import read_volume
+from renderer.scene.spec import PROCEDURAL_NAMES, ProceduralSource, VolumeSpec
+from renderer.suggest.histogram import measure, suggest_ranges
 
 
 @pytest.mark.parametrize("name", PROCEDURAL_NAMES)
@@ -61,7 +61,7 @@ def test_engine_block_is_the_same_everywhere():
 def test_engine_block_in_slabs_is_seamless(monkeypatch):
     source = ProceduralSource("engine_block", (40, 40, 20))
     whole = procedural_values(source).astype(int)
-    monkeypatch.setattr("renderer.procedural._SLAB_VOXELS", 40 * 40 * 3)
+    monkeypatch.setattr("renderer.readers.procedural._SLAB_VOXELS", 40 * 40 * 3)
     # The noise is drawn slab by slab, so that it differs; the phantom under it does not.
     assert abs(procedural_values(source) - whole).max() <= 2 * 3 * 128 * 2.5 / 127
 
@@ -83,7 +83,7 @@ DIGESTS = [
 
 @pytest.mark.parametrize(("name", "shape", "seed", "most", "expected"), DIGESTS)
 def test_rows_in_blocks_are_those_of_whole_planes(name, shape, seed, most, expected, monkeypatch):
-    monkeypatch.setattr("renderer.procedural._SLAB_VOXELS", most)
+    monkeypatch.setattr("renderer.readers.procedural._SLAB_VOXELS", most)
     values = procedural_values(ProceduralSource(name, shape, seed))
     assert hashlib.blake2b(values.tobytes(), digest_size=8).hexdigest() == expected
 
@@ -91,7 +91,7 @@ def test_rows_in_blocks_are_those_of_whole_planes(name, shape, seed, most, expec
 @pytest.mark.parametrize("name", PROCEDURAL_NAMES)
 def test_working_memory_does_not_grow_with_a_plane(name, monkeypatch):
     most = 2**14
-    monkeypatch.setattr("renderer.procedural._SLAB_VOXELS", most)
+    monkeypatch.setattr("renderer.readers.procedural._SLAB_VOXELS", most)
     tracemalloc.start()
     try:
         values = procedural_values(ProceduralSource(name, (1024, 1024, 2)))

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from renderer.errors import RenderError
-from renderer.quantize import quantize
+from renderer.film.quantization import quantize
 
 BLACK, WHITE, ORANGE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.5, 0.25)
 

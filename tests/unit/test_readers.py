@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from renderer.errors import InputError
-from renderer.readers import crop_image, read_volume
 from renderer.readers.common import Image
-from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
-from renderer.volume import Volume, make_volume
+from renderer.readers.read import crop_image, read_volume
+from renderer.scene.spec import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.volume.volume import Volume, make_volume
 
 INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 FLOATS = ("float16", "float32", "float64")
@@ -363,6 +363,6 @@ def test_out_of_memory_is_an_input_error(monkeypatch, tmp_path):
     def fail(*_args):
         raise MemoryError
 
-    monkeypatch.setattr("renderer.readers._load", fail)
+    monkeypatch.setattr("renderer.readers.read._load", fail)
     with pytest.raises(InputError, match="there is not enough memory for this volume"):
         read(tmp_path / "a.npy")

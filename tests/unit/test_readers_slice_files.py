@@ -11,8 +11,8 @@ import pytest
 
 from hsplat_cli.volume_names import expand
 from renderer.errors import InputError
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
+from renderer.readers.read import read_volume
+from renderer.scene.spec import FileSource, VolumeSpec
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (4, 7, 8)).astype("<u2")
 LIST = "LIST\nslice01.raw\nslice02.raw\nslice03.raw\nslice04.raw\n"

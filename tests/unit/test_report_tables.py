@@ -22,10 +22,10 @@ from hsplat_cli.report.numbers import (
     short_count_text,
 )
 from hsplat_cli.report.tables import TERMINAL_COLUMNS, csv_text, json_text, terminal_table
-from renderer.metrics import METRICS
-from renderer.pareto import pareto_front
-from renderer.study import Study
-from renderer.sweep import Measurement
+from renderer.study.metrics import METRICS
+from renderer.study.pareto import pareto_front
+from renderer.study.study import Study
+from renderer.study.sweep import Measurement
 
 METRIC = {metric.name: metric for metric in METRICS}
 

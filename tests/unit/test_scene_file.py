@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from hsplat_cli.scene_file import load_scene
 from hsplat_cli.yaml_tree import MAX_NODES, Mark, NotYamlError, Place, read_tree
 from renderer.errors import InputError
-from renderer.scene import FileSource, Scene
-from renderer.scene_schema import scene_to_dict
+from renderer.scene.parse import scene_to_dict
+from renderer.scene.spec import FileSource, Scene
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))

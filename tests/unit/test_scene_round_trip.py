@@ -15,8 +15,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from renderer.errors import SceneError
-from renderer.extents import proportion_problems
-from renderer.scene import (
+from renderer.scene.limits import proportion_problems
+from renderer.scene.parse import parse_scene, scene_to_dict
+from renderer.scene.parse_error import LONGEST_S, MAX_LEVEL, MOST_PSNR_DB, MOST_SPLATS, SHORTEST_S
+from renderer.scene.spec import (
     PROCEDURAL_NAMES,
     SHORTEST,
     AccuracyGoal,
@@ -42,8 +44,6 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.scene_schema import parse_scene, scene_to_dict
-from renderer.schema_error import LONGEST_S, MAX_LEVEL, MOST_PSNR_DB, MOST_SPLATS, SHORTEST_S
 
 HERE = Path(__file__).resolve()
 FILE_BYTES = HERE.stat().st_size

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from renderer.errors import SceneError
-from renderer.scene import (
+from renderer.scene.parse import parse_scene, scene_to_dict, splats_as_asked
+from renderer.scene.parse_volume import MAX_VOXELS
+from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,
     FileSource,
@@ -22,8 +24,6 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.scene_schema import parse_scene, scene_to_dict, splats_as_asked
-from renderer.schema_volume import MAX_VOXELS
 
 HERE = Path(__file__).resolve()
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hsplat_cli.scene_file import load_scene
 from hsplat_cli.scene_text import FilmOptions, number, plain_text, quoted, scene_text
 from hsplat_cli.yaml_tree import read_tree
-from renderer.scene import (
+from renderer.scene.spec import (
     ColormapSpec,
     ControlPoint,
     FileSource,
@@ -24,7 +24,7 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.suggestion import Suggestion
+from renderer.suggest.suggestion import Suggestion
 
 POINTS = (ControlPoint(-1e-7, (0.0, 0.0, 0.0), 0.0), ControlPoint(3.0, (1.0, 0.2, 0.4), 0.999))
 SUGGESTION = Suggestion("scan", "it has edges", TransferSpec(POINTS, 0.5), ("", "the object"), ShadingSpec())

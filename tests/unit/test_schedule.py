@@ -11,7 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.scene import (
+from renderer.scene.parse import parse_scene, scene_to_dict
+from renderer.scene.schedule import at_tolerance, at_tolerances, least_tolerance, tolerance_at, value_at
+from renderer.scene.spec import (
     LEAST_TOLERANCE,
     AccuracyGoal,
     CameraSpec,
@@ -26,8 +28,6 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.scene_schema import parse_scene, scene_to_dict
-from renderer.schedule import at_tolerance, at_tolerances, least_tolerance, tolerance_at, value_at
 
 MAX_FRAMES = 1_000_000
 SCENE = Scene(

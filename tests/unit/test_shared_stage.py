@@ -12,8 +12,8 @@ import pytest
 from film_stages import PLAIN, stage_of
 
 from hsplat_cli.workers.shared import SharedStage, map_stage
-from renderer.drawing import Stage
 from renderer.errors import RenderError
+from renderer.frame.frame import Stage
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.output_files import film_beside, sidecar_path
-from renderer.scene_schema import parse_scene
-from renderer.sidecar import write_sidecar
+from renderer.film.names import film_beside, sidecar_path
+from renderer.film.sidecar import write_sidecar
+from renderer.scene.parse import parse_scene
 
 SCENE = parse_scene(
     {

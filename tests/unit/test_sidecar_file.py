@@ -14,8 +14,8 @@ from hsplat_cli import input_file, sidecar_file
 from hsplat_cli.input_file import MAX_SCENE_BYTES
 from hsplat_cli.job import Job, load_job
 from renderer.errors import InputError
-from renderer.output_files import film_beside
-from renderer.scene import ErrorSpec
+from renderer.film.names import film_beside
+from renderer.scene.spec import ErrorSpec
 
 SIDECAR: dict[str, Any] = {
     "scene": {

@@ -11,13 +11,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.camera import View
-from renderer.cell_edges import CellEdges
-from renderer.drawing import Stage, family_of
-from renderer.integrator import Convergence
-from renderer.metrics import compare, pooled
-from renderer.pipeline import prepare
-from renderer.scene import (
+from renderer.draw.overlay import CellEdges
+from renderer.frame.frame import Stage, family_of
+from renderer.frame.pipeline import prepare
+from renderer.scene.spec import (
     AccuracyGoal,
     CameraSpec,
     ControlPoint,
@@ -30,10 +27,13 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats import SplatBatch
-from renderer.sweep import measure_setting
-from renderer.sweep_plan import plan_sweep
-from renderer.truths import Truth, extreme_frames, spread_frames
+from renderer.splats.splats import SplatBatch
+from renderer.study.metrics import compare, pooled
+from renderer.study.sweep import measure_setting
+from renderer.study.sweep_plan import plan_sweep
+from renderer.study.truths import Truth, extreme_frames, spread_frames
+from renderer.truth.integrator import Convergence
+from renderer.view.camera import View
 from tests.support.machines import NothingLasting
 
 FRAMES = (0, 5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.thumbnails import DIFFERENCE_GAIN, THUMBNAIL_PX, difference_picture, difference_thumbnail, thumbnail
+from renderer.study.thumbnails import DIFFERENCE_GAIN, THUMBNAIL_PX, difference_picture, difference_thumbnail, thumbnail
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from renderer.tolerances import two_digit_numbers
-from renderer.trials import coarsest_tolerance
+from renderer.study.tolerances import two_digit_numbers
+from renderer.study.trials import coarsest_tolerance
 
 RUNGS = [float(f"{digit}e{exponent}") for exponent in range(1, -5, -1) for digit in (5, 2, 1)]
 

@@ -21,7 +21,7 @@ from hsplat_cli.turntable.batch import run_batch
 from hsplat_cli.turntable.report import FILE, held_report, write_report
 from hsplat_cli.turntable.single import Order, write_scene
 from renderer.errors import InputError, RenderError
-from renderer.scene import FileSource, VolumeSpec
+from renderer.scene.spec import FileSource, VolumeSpec
 
 CODE = Path(report_module.__file__).parents[2]
 WRITTEN: dict[str, Any] = {"scene_of": "../scan.npy", "scene_digests": ["0" * 32]}

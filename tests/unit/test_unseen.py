@@ -12,11 +12,11 @@ from kinds_of_data import KINDS, N, axes, ball
 
 from hsplat_cli.scene_text import FilmOptions
 from hsplat_cli.suggested_scene import suggest_scene
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
-from renderer.statistics import measure
-from renderer.suggestion import suggest
-from renderer.unseen import unseen_value
+from renderer.readers.read import read_volume
+from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.suggest.histogram import measure
+from renderer.suggest.suggestion import suggest
+from renderer.suggest.unseen import unseen_value
 
 Array = npt.NDArray[Any]
 

@@ -1,0 +1,265 @@
+"""Compiled inner loops of the bricks: where in them something may be seen, and what their cells' nodes add up to.
+
+Which scalars are visible is told by *flips*, the ascending scalars at which that changes: one is visible where an odd
+number of flips is at or below it. All that lies between two scalars is then invisible if, and only if, both have the
+same even number. So the numbers of a dual cell's eight corners tell whether anything in it may be seen, however thin a
+peak of the transfer function is, and no cell of a brick need be looked at where all its numbers are equal.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.jit import jit
+from renderer.transfer.classify import Codes
+
+Array = npt.NDArray[Any]
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
+UInt8 = npt.NDArray[np.uint8]
+UInt32 = npt.NDArray[np.uint32]
+
+BRICK_LEVELS = 4
+BRICK = 1 << BRICK_LEVELS
+APRON = 1
+SIDE = BRICK + 2 * APRON
+
+# The bit of odd numbers, and the number of flips of corners whose numbers differ.
+_SEEN = np.uint32(1)
+
+
+@jit
+def voxel_boxes(codes: Codes, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32) -> None:
+    """Write the boxes of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0.
+
+    numbers: uint32 by bit pattern, of flips at or below the scalar; None where voxels are scalars themselves.
+    """
+    field = np.empty((SIDE, SIDE, SIDE), np.uint32)
+    low, high, end = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3)
+    for i in range(len(bricks)):
+        x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
+        is_uniform = _fill_numbers(codes, numbers, flips, x, y, z, field)
+        if is_uniform and field[0, 0, 0] & _SEEN == 0:
+            continue
+        for axis in range(3):
+            end[axis] = min(codes.shape[2 - axis] - BRICK * bricks[i, axis], BRICK)
+            low[axis], high[axis] = 0, int(end[axis])  # dual cell t lies between the centres of texels t and t + 1
+        if not is_uniform:
+            _to_dual_cells(field)
+            _bound_odd(field, low, high)
+        for axis in range(3):
+            boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
+            boxes[z, y, x, 1, axis] = min(high[axis] + 0.5, end[axis])
+
+
+@jit
+def _fill_numbers(codes: Codes, numbers: UInt32 | None, flips: Float64, i: int, j: int, k: int, field: UInt32) -> bool:
+    """Numbers of flips of a brick's voxels with its apron [18, 18, 18], the nearest voxels beyond the border; whether
+    they are all the same."""
+    num_z, num_y, num_x = codes.shape
+    differ = np.uint32(0)
+    for t in range(SIDE):
+        z = min(max(BRICK * k - APRON + t, 0), num_z - 1)
+        for u in range(SIDE):
+            y = min(max(BRICK * j - APRON + u, 0), num_y - 1)
+            for v in range(SIDE):
+                x = min(max(BRICK * i - APRON + v, 0), num_x - 1)
+                if numbers is not None:
+                    field[t, u, v] = numbers[codes[z, y, x]]
+                else:
+                    field[t, u, v] = _num_at_or_below(flips, float(codes[z, y, x]))
+                differ |= field[t, u, v] ^ field[0, 0, 0]
+    return bool(differ == 0)
+
+
+@jit
+def _num_at_or_below(flips: Float64, scalar: float) -> int:
+    low, high = 0, len(flips)
+    while low < high:
+        middle = (low + high) >> 1
+        if flips[middle] <= scalar:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@jit
+def _to_dual_cells(field: UInt32) -> None:
+    """From numbers at centres to numbers of dual cells, in place: odd where anything may be seen."""
+    for z in range(SIDE):
+        for y in range(SIDE):
+            for x in range(SIDE - 1):
+                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z, y, x + 1] else _SEEN
+    for z in range(SIDE):
+        for y in range(SIDE - 1):
+            for x in range(SIDE - 1):
+                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z, y + 1, x] else _SEEN
+    for z in range(SIDE - 1):
+        for y in range(SIDE - 1):
+            for x in range(SIDE - 1):
+                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z + 1, y, x] else _SEEN
+
+
+@jit
+def _bound_odd(field: UInt32, low: Array, high: Array) -> None:
+    """Shrink low..high (x, y, z, both included) to what is odd, of which there must be some."""
+    x0, y0, z0, x1, y1, z1 = SIDE, SIDE, SIDE, -SIDE, -SIDE, -SIDE
+    for z in range(high[2] + 1):
+        for y in range(high[1] + 1):
+            for x in range(high[0] + 1):
+                if field[z, y, x] & _SEEN:
+                    x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
+                    x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
+    low[0], low[1], low[2] = x0, y0, z0
+    high[0], high[1], high[2] = x1, y1, z1
+
+
+@jit
+def node_boxes(bounds_near: UInt8, extents: Float64, boxes: Float32) -> None:
+    """Write the boxes of all bricks of a level, with `bounds_near` [z, y, x, 3, 3, 3, 2, 3] as in NodeSums, to `boxes`
+    [z, y, x, 2, 3], which is 0.
+
+    extents: float64 [3], the volume's along x, y, z in cells.
+    """
+    num_z, num_y, num_x = boxes.shape[:3]
+    low, high, brick = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
+    for z in range(num_z):
+        for y in range(num_y):
+            for x in range(num_x):
+                low[:], high[:] = BRICK + 1, -BRICK
+                brick[0], brick[1], brick[2] = x, y, z
+                for k in range(max(z - 1, 0), min(z + 2, num_z)):
+                    for j in range(max(y - 1, 0), min(y + 2, num_y)):
+                        for i in range(max(x - 1, 0), min(x + 2, num_x)):
+                            bounds = bounds_near[k, j, i, z - k + 1, y - j + 1, x - i + 1]
+                            _extend(bounds, i - x, j - y, k - z, low, high)
+                if low[0] <= high[0]:
+                    for axis in range(3):  # cell k is seen from the centre of k - 1 to that of k + 1
+                        boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
+                        boxes[z, y, x, 1, axis] = min(high[axis] + 1.5, BRICK, extents[axis] - BRICK * brick[axis])
+
+
+@jit
+def _extend(bounds: UInt8, dx: int, dy: int, dz: int, low: Array, high: Array) -> None:
+    """Grow low..high (x, y, z, both included) by the bounds [2, 3] of cells in a neighbour at dx, dy, dz."""
+    if bounds[0, 0] <= bounds[1, 0]:
+        for axis in range(3):
+            shift = BRICK * (dx, dy, dz)[axis]
+            low[axis] = min(low[axis], bounds[0, axis] + shift)
+            high[axis] = max(high[axis], bounds[1, axis] + shift)
+
+
+@jit
+def slot_at(slots: Int32, x: int, y: int, z: int) -> int:
+    """The slot of a brick, -1 also outside of the volume."""
+    if x < 0 or y < 0 or z < 0 or z >= slots.shape[0] or y >= slots.shape[1] or x >= slots.shape[2]:
+        return -1
+    return int(slots[z, y, x])
+
+
+@jit
+def apron_part(step: int) -> tuple[int, int]:
+    """First and last of the cells, in units of a brick's own from -1 to BRICK, that its neighbour at -1, 0, 1 fills."""
+    if step < 0:
+        return -APRON, -1
+    return (0, BRICK - 1) if step == 0 else (BRICK, BRICK + APRON - 1)
+
+
+@jit
+def scatter(items: Array, cells: Int32, slots: Int32, out: Array) -> None:
+    """Put nodes, items [n], at `cells` [n, 3] (x, y, z) into bricks [., BRICK, BRICK, BRICK]."""
+    inside = BRICK - 1
+    for i in range(len(items)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        slot = slots[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        out[slot, z & inside, y & inside, x & inside] = items[i]
+
+
+@jit
+def gather_largest(errors: Float64, cells: Int32, shift: int, largest: Float64) -> None:
+    """The largest of errors [n] of nodes at `cells` [n, 3] (x, y, z) in bricks [z, y, x] of 2^shift nodes a side."""
+    for i in range(len(errors)):
+        x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
+        largest[z, y, x] = max(largest[z, y, x], errors[i])
+
+
+@jit
+def gather_near(errors: Float64, depths: Array, cells: Int32, largest: Float64, bounds: UInt8) -> None:
+    """The largest of errors [n] of nodes at `cells` [n, 3] (x, y, z), and the bounds of those with depths [n] above 0,
+    by the neighbours whose apron the nodes are in: [z, y, x, 3, 3, 3] and [z, y, x, 3, 3, 3, 2, 3], as in NodeSums."""
+    inside = BRICK - 1
+    for i in range(len(errors)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        largest_of_brick = largest[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        bounds_of_brick = bounds[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        x, y, z = x & inside, y & inside, z & inside
+        for k in range(1 - (z < APRON), 2 + (z > inside - APRON)):
+            for j in range(1 - (y < APRON), 2 + (y > inside - APRON)):
+                for h in range(1 - (x < APRON), 2 + (x > inside - APRON)):
+                    largest_of_brick[k, j, h] = max(largest_of_brick[k, j, h], errors[i])
+                    if depths[i] > 0:
+                        low, high = bounds_of_brick[k, j, h, 0], bounds_of_brick[k, j, h, 1]
+                        low[0], low[1], low[2] = min(low[0], x), min(low[1], y), min(low[2], z)
+                        high[0], high[1], high[2] = max(high[0], x), max(high[1], y), max(high[2], z)
+
+
+@jit
+def gather_squares(
+    errors: Float64, sizes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
+) -> None:
+    """Sums of the squares of errors [n] over the brick's largest, times sizes [n]: they neither overflow nor vanish."""
+    for i in range(len(errors)):
+        x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
+        if errors[i] > 0:
+            ratio = errors[i] / largest[z, y, x]
+            sums[z, y, x] += sizes[i] * (ratio * ratio)
+
+
+@jit
+def divide_bricks(
+    cells: Int32,
+    brick_errors: Float64,
+    boxes: Float32,
+    tolerance: float,
+    shape_below: tuple[int, int, int],
+    drawn: Int32,
+    children: Int32,
+) -> tuple[int, int]:
+    """Those of some bricks of a level, `cells` [n, 3] (x, y, z), whose errors are below the tolerance are appended to
+    `drawn` [n, 3] if they show anything; the children of the others, in Morton order, to `children` [8 n, 3].
+
+    shape_below: bricks along z, y, x on the level below. How many of each there are.
+    """
+    num_drawn = num_children = 0
+    for i in range(len(cells)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        if brick_errors[z, y, x] < tolerance:
+            if boxes[z, y, x, 1, 0] > boxes[z, y, x, 0, 0]:
+                drawn[num_drawn, 0], drawn[num_drawn, 1], drawn[num_drawn, 2] = x, y, z
+                num_drawn += 1
+            continue
+        for k in range(8):
+            x1, y1, z1 = 2 * x + (k & 1), 2 * y + (k >> 1 & 1), 2 * z + (k >> 2)
+            if x1 < shape_below[2] and y1 < shape_below[1] and z1 < shape_below[0]:
+                children[num_children, 0], children[num_children, 1], children[num_children, 2] = x1, y1, z1
+                num_children += 1
+    return num_drawn, num_children
+
+
+@jit
+def copy_bricks(
+    cells: Int32, boxes: Float32, roughness: Float64, width: float, boxes_out: Float64, roughness_out: Float64
+) -> None:
+    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide,
+    and the roughness [n]."""
+    for i in range(len(cells)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        roughness_out[i] = roughness[z, y, x]
+        for axis in range(3):
+            for end in range(2):
+                boxes_out[i, end, axis] = (BRICK * cells[i, axis] + boxes[z, y, x, end, axis]) * width - 0.5

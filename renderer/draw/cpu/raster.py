@@ -1,0 +1,54 @@
+"""Rasterise without OpenGL what needs none: bricks, by the compiled loops of `cpu_bricks`."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bricks.sampling import BrickBatch
+from renderer.draw.cpu.bricks import CPUBrickDrawer
+from renderer.draw.gl.raster import WITHOUT_OPENGL, Image
+from renderer.draw.overlay import CellEdges
+from renderer.splats.splats import SplatBatch
+from renderer.view.camera import View
+
+
+class CPURasterizer:
+    """As GLRasterizer, for scenes that do not need OpenGL (`Scene.needs_opengl`): it has nothing but bricks."""
+
+    renderer_name = WITHOUT_OPENGL
+
+    def __init__(self, *, num_threads: int = 2) -> None:
+        self._bricks = CPUBrickDrawer(num_threads)
+
+    def __enter__(self) -> CPURasterizer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """As in GLRasterizer."""
+        self._bricks.release()
+
+    def forget(self) -> None:
+        """As in GLRasterizer."""
+        self._bricks.forget()
+
+    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """As in GLRasterizer."""
+        assert isinstance(batch, BrickBatch)
+        return self._bricks.bring(batch, order, view)
+
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+        """As in GLRasterizer."""
+        assert isinstance(batch, BrickBatch)
+        return self._bricks.draw(batch, order, view)
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
+        """What such scenes do not have; never called."""
+        raise AssertionError("lines need OpenGL")

@@ -1,0 +1,177 @@
+"""What the compiled loops of `cpu_bricks_kernel` look up in a brick: between its texels, and in the transfer function.
+
+Functions of a few lines, which the compiler puts where they are called. Arrays are their arguments.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bricks.kernels import SIDE
+from renderer.jit import fma, jit
+from renderer.transfer.piecewise import GUIDE_SIZE
+
+Float32 = npt.NDArray[np.float32]
+Int32 = npt.NDArray[np.int32]
+Color = tuple[np.float32, np.float32, np.float32, np.float32]
+Shares = tuple[np.float32, np.float32, np.float32]
+
+# Floats of a piece of the transfer function: end, origin, (r, g, b, tau) there, and their slopes.
+PIECE = 10
+# Texels of a brick.
+NUM_TEXELS = SIDE**3
+
+_GUIDE_SIZE, _LAST_OF_GUIDE = np.float32(GUIDE_SIZE), np.float32(GUIDE_SIZE - 1)
+# From one texel of a brick to the next along y and z.
+_ROW, _PLANE = SIDE, SIDE**2
+
+_0: np.float32 = np.float32(0.0)
+_1: np.float32 = np.float32(1.0)
+_HALF: np.float32 = np.float32(0.5)
+_LOG2_E, _LN_2, _MOST_DEPTH = np.float32(1 / math.log(2)), np.float32(math.log(2)), np.float32(40.0)
+_POWERS = (2.0 ** -np.arange(64.0)).astype(np.float32)
+
+
+class Field(NamedTuple):
+    """What is looked up.
+
+    scalars: float32, of each brick [SIDE^3], or with light [4, SIDE^3] with the gradient. means: of each [SIDE^3, 4].
+    depth_of_spacing: as in BrickBatch.
+    pieces: float32 [pieces * PIECE]. guide: int32 [GUIDE_SIZE]. Both as in OpticalPieces.
+    """
+
+    scalars: Float32
+    means: Float32
+    depth_of_spacing: np.float32
+    pieces: Float32
+    guide: Int32
+    is_lit: bool
+    light: tuple[np.float32, np.float32, np.float32]
+    ambient: np.float32
+    diffuse: np.float32
+
+
+@jit
+def bucket(scalar: np.float32) -> np.uint64:
+    """Of the guide; what is no number has the first."""
+    place = scalar * _GUIDE_SIZE
+    place = place if place > _0 else _0
+    place = place if place < _LAST_OF_GUIDE else _LAST_OF_GUIDE
+    number: np.uint64 = np.uint64(np.int32(place))
+    return number
+
+
+@jit
+def optical_at(pieces: Float32, row: np.uint64, scalar: np.float32) -> Color:
+    """(tau, r, g, b) of a scalar in the piece that has this row."""
+    offset = scalar - pieces[row + np.uint64(1)]
+    return (
+        fma(offset, pieces[row + np.uint64(9)], pieces[row + np.uint64(5)]),
+        fma(offset, pieces[row + np.uint64(6)], pieces[row + np.uint64(2)]),
+        fma(offset, pieces[row + np.uint64(7)], pieces[row + np.uint64(3)]),
+        fma(offset, pieces[row + np.uint64(8)], pieces[row + np.uint64(4)]),
+    )
+
+
+@jit
+def cell_at(number: np.float32, place: Shares, step: Shares) -> tuple[int, Shares]:
+    """Of a sample by its number: the texel of the brick at or below it, and how far it is beyond that."""
+    x, y, z = fma(number, step[0], place[0]), fma(number, step[1], place[1]), fma(number, step[2], place[2])
+    i, j, k = np.int32(x), np.int32(y), np.int32(z)
+    return np.int64((k * SIDE + j) * SIDE + i), (x - np.float32(i), y - np.float32(j), z - np.float32(k))
+
+
+@jit
+def _lerp(share: np.float32, one: np.float32, other: np.float32) -> np.float32:
+    return fma(share, other - one, one)
+
+
+@jit
+def scalar_at(texels: Float32, at: int, shares: Shares) -> np.float32:
+    """Between eight texels, the lowest of which is `at`."""
+    low = np.uint64(at)
+    high = low + np.uint64(_PLANE)
+    u, v, w = shares
+    below = _lerp(
+        v,
+        _lerp(u, texels[low], texels[low + np.uint64(1)]),
+        _lerp(u, texels[low + np.uint64(_ROW)], texels[low + np.uint64(_ROW + 1)]),
+    )
+    above = _lerp(
+        v,
+        _lerp(u, texels[high], texels[high + np.uint64(1)]),
+        _lerp(u, texels[high + np.uint64(_ROW)], texels[high + np.uint64(_ROW + 1)]),
+    )
+    return _lerp(w, below, above)
+
+
+@jit
+def light_factor(x: np.float32, y: np.float32, z: np.float32, light: tuple[np.float32, ...]) -> np.float32:
+    """What a colour is multiplied by where the gradient is (x, y, z), of any length: Lambert's law.
+
+    light: to the light, of unit length; ambient and diffuse.
+    """
+    largest = max(abs(x), abs(y), abs(z))
+    if not largest > _0:
+        return light[3]
+    x, y, z = x / largest, y / largest, z / largest  # their squares neither overflow nor vanish
+    across = fma(x, light[0], fma(y, light[1], z * light[2]))
+    length = np.float32(math.sqrt(fma(x, x, fma(y, y, z * z))))
+    return fma(light[4], max(_0, -across / length), light[3])
+
+
+@jit
+def opacity(x: np.float32) -> np.float32:
+    """1 - exp(-x) of x >= 0, relative error below 3e-7, as in shaders/opacity.glsl; 2^-n is looked up."""
+    if x < _HALF:
+        series = fma(x, np.float32(-0.00680757), np.float32(0.04104245))
+        series = fma(-x, series, np.float32(0.16656359))
+        series = fma(-x, series, np.float32(0.49999463))
+        small: np.float32 = x * fma(-x, series, _1)
+        return small
+    if not x < _MOST_DEPTH:
+        return _1
+    n = np.int32(fma(x, _LOG2_E, _HALF))
+    r = fma(np.float32(n), _LN_2, -x)
+    power = fma(r, np.float32(1 / 720), np.float32(1 / 120))
+    power = fma(r, power, np.float32(1 / 24))
+    power = fma(r, power, np.float32(1 / 6))
+    power = fma(r, power, _HALF)
+    power = fma(r, fma(r, power, _1), _1)
+    return fma(-power, _POWERS[np.uint64(n)], _1)
+
+
+@jit
+def four_at(texels: Float32, at: int, shares: Shares) -> Color:
+    """Four channels between eight texels, the lowest of which begins at `at`."""
+    low = np.uint64(at)
+    high = low + np.uint64(4 * _PLANE)
+    u, v, w = shares
+    below = _mixed(v, _four_between(u, texels, low), _four_between(u, texels, low + np.uint64(4 * _ROW)))
+    above = _mixed(v, _four_between(u, texels, high), _four_between(u, texels, high + np.uint64(4 * _ROW)))
+    return _mixed(w, below, above)
+
+
+@jit
+def _four_between(share: np.float32, texels: Float32, at: np.uint64) -> Color:
+    """Between a texel and the next one along x."""
+    return (
+        _lerp(share, texels[at], texels[at + np.uint64(4)]),
+        _lerp(share, texels[at + np.uint64(1)], texels[at + np.uint64(5)]),
+        _lerp(share, texels[at + np.uint64(2)], texels[at + np.uint64(6)]),
+        _lerp(share, texels[at + np.uint64(3)], texels[at + np.uint64(7)]),
+    )
+
+
+@jit
+def _mixed(share: np.float32, one: Color, other: Color) -> Color:
+    return (
+        _lerp(share, one[0], other[0]),
+        _lerp(share, one[1], other[1]),
+        _lerp(share, one[2], other[2]),
+        _lerp(share, one[3], other[3]),
+    )

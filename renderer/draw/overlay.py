@@ -1,0 +1,124 @@
+"""The cells of a cut as lines: what `overlay: octree` draws, before any view is chosen.
+
+The twelve edges of every cell, or brick of cells, at its true extent, where the volume's border cuts it, too. Cells of
+one level share most of their edges; each is there once, or lines that many cells share would be heavier than others.
+Coarse levels come first, so that fine cells are drawn over coarse ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bricks.bricks import BRICK_LEVELS, BrickCut
+from renderer.jit import jit
+from renderer.pyramid.cut import Cut
+from renderer.volume.volume import Volume
+
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+# Colours by level, the finest first and the last for all levels beyond: from orange to blue in even steps of lightness
+# (CIE L* 62 to 41) and hue, as saturated as sRGB allows. None is brighter or darker, so that the contrast to black and
+# to white is at least 3 (WCAG 2.2, 1.4.11, for graphics), but for 2.97 of level 0 to white.
+LEVEL_COLORS = (
+    "#ed730c", "#f95b30", "#fe414c", "#fb2767", "#f01483",
+    "#dc1e9f", "#be33b8", "#9446cd", "#5354dc", "#055ebf",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CellEdges:
+    """Edges, coarse levels first, and within a level in the order of their axis and place.
+
+    vertices: float32 [n, 7], laid out as the device reads them: start [3] and end [3] in model units and world axes,
+        and the level of the cell.
+    voxel_side: the shortest side of a voxel, or of a brick of voxels, model units.
+    origin: float64 [3], world position of the model's origin.
+    length: world units in a model unit.
+    """
+
+    vertices: npt.NDArray[np.float32]
+    voxel_side: float
+    origin: Float64
+    length: float
+
+    def __len__(self) -> int:
+        return len(self.vertices)
+
+
+def make_cell_edges(cut: Cut) -> CellEdges:
+    """All edges of the cells of a cut; model units are those of `renderer.splats.splats`."""
+    return _make_edges(cut.levels, cut.cells, cut.volume)
+
+
+def make_brick_edges(cut: BrickCut) -> CellEdges:
+    """All edges of the bricks of a cut, in the colours of their cells."""
+    return _make_edges(cut.levels, cut.cells, cut.volume, levels_around=BRICK_LEVELS)
+
+
+def _make_edges(
+    levels: npt.NDArray[np.uint8], boxes: npt.NDArray[np.int32], volume: Volume, *, levels_around: int = 0
+) -> CellEdges:
+    """Of boxes (x, y, z, in their own width) that are nodes so many levels above the cells of these levels."""
+    edges, shape = volume.world_from_index[:3, :3], np.array(volume.shape_xyz)
+    length = 0.5 * float(np.linalg.norm(edges * shape))
+    parts = [np.empty((0, 7), np.float32)]
+    for level in np.unique(levels)[::-1].tolist():
+        cells = boxes[levels == level].astype(np.int64)
+        num_corners = cells.max(axis=0) + 2
+        for axis in range(3):
+            starts = _starts(cells, num_corners, axis)
+            parts.append(np.empty((len(starts), 7), np.float32))
+            _fill_edges(starts, num_corners, axis, level + levels_around, shape, edges / length, parts[-1])
+            parts[-1][:, 6] = level
+    vertices = np.concatenate(parts)
+    vertices.flags.writeable = False
+    side = float(np.linalg.norm(edges, axis=0).min()) / length * 2**levels_around
+    return CellEdges(vertices, side, volume.centre, length)
+
+
+def level_colors() -> Float64:
+    """float64 [num_levels, 3]: LEVEL_COLORS as numbers from 0 to 1."""
+    return np.array([list(bytes.fromhex(color[1:])) for color in LEVEL_COLORS]) / 255
+
+
+def _starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
+    """int64 [n]: where edges along an axis begin, each place once and in ascending order.
+
+    Places are numbered on the lattice of the cells' corners, x fastest; cells are int64 [m, 3] in units of their width.
+    """
+    strides = np.array([1, num_corners[0], num_corners[0] * num_corners[1]])
+    side, other_side = np.delete(strides, axis)
+    places = np.sort(((cells @ strides)[:, None] + [0, side, other_side, side + other_side]).reshape(-1))
+    return np.asarray(places[np.concatenate([[True], places[1:] != places[:-1]])])
+
+
+@jit
+def _fill_edges(
+    starts: Int64,
+    num_corners: Int64,
+    axis: int,
+    level: int,
+    shape: Int64,
+    model_from_index: Float64,
+    vertices: npt.NDArray[np.float32],
+) -> None:
+    """Both ends of each edge, held to the volume."""
+    corner = np.empty(3)
+    for i in range(len(starts)):
+        place = starts[i]
+        for end in range(2):
+            rest = place
+            for k in range(3):
+                index = rest % num_corners[k] + (end if k == axis else 0)
+                corner[k] = min(index << level, shape[k]) - 0.5 * shape[k]
+                rest //= num_corners[k]
+            for row in range(3):
+                vertices[i, 3 * end + row] = (
+                    model_from_index[row, 0] * corner[0]
+                    + model_from_index[row, 1] * corner[1]
+                    + model_from_index[row, 2] * corner[2]
+                )

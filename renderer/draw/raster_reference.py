@@ -1,0 +1,176 @@
+"""Rasterise splats in float64, one after the other: slow, and meant to be seen to be right. The oracle of the tests.
+
+It shares its inputs with `renderer.draw.gl.raster` and the two constants that define the footprint, nothing else. All
+is in world units and in covariance matrices, as in the literature:
+
+    Gaussian in view space -> what lies beyond the near plane -> affine image about its centre -> widened to the pixels
+                           -> weight at each pixel's centre -> alpha = 1 - exp(-optical depth) -> over
+
+M. Zwicker, H. Pfister, J. van Baar, M. Gross, "EWA Splatting", IEEE TVCG 8 (2002): the affine image;
+N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions 1", chapter 13: the truncated normal.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.splats.splats import GaussianFootprint, GouraudFootprint, SplatBatch
+from renderer.view.camera import View
+from renderer.view.splat_projection import SLOPE_LIMIT
+
+Float64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Gaussian:
+    """A Gaussian in the frame (right, up, away from the eye): mass, mean [3] and covariance [3, 3]; world units."""
+
+    mass: float
+    mean: Float64
+    covariance: Float64
+
+
+@dataclass(frozen=True)
+class _Ellipse:
+    """A footprint on the image, row 0 at the top: centre [2] and covariance [2, 2] in pixels, and the optical depth
+    where the footprint's weight is 1."""
+
+    center_px: Float64
+    covariance_px: Float64
+    unit_depth: float
+
+
+def rasterize_reference(batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
+    """Composite `batch[order]`, back to front: float64 [height, width, 4], premultiplied RGBA over nothing."""
+    image = np.zeros((view.size[1], view.size[0], 4))
+    for index in order:
+        areas = batch.areas[index].astype(np.float64)
+        gaussian = _beyond(view.near, _in_view(batch, index, view))
+        if areas[3] == 0.0 or gaussian.mass == 0.0:
+            continue
+        ellipse = _projected(gaussian, areas[3] * batch.length**2, batch.footprint.narrowest_px, view)
+        rows, columns = _window(ellipse, batch.footprint.cutoff, view.size)
+        x_px, y_px = np.meshgrid(np.arange(columns.start, columns.stop) + 0.5, np.arange(rows.start, rows.stop) + 0.5)
+        if isinstance(batch.footprint, GaussianFootprint):
+            alpha = _gaussian_alpha(batch.footprint, ellipse, x_px, y_px)
+        else:
+            alpha = _gouraud_alpha(batch.footprint, ellipse, x_px, y_px)
+        source = alpha[..., None] * np.append(areas[:3] / areas[3], 1.0)
+        image[rows, columns] = source + (1 - alpha[..., None]) * image[rows, columns]
+    return image
+
+
+def _in_view(batch: SplatBatch, index: int, view: View) -> _Gaussian:
+    """The splat's whole Gaussian, mass 1."""
+    rotation = np.diag([1.0, 1.0, -1.0]) @ view.axes
+    from_target = (batch.origin - view.target) + batch.length * batch.centers[index].astype(np.float64)
+    axes_world = batch.length * batch.axes[batch.shapes[index]]
+    covariance_world = axes_world @ axes_world.T
+    mean = rotation @ from_target + (0.0, 0.0, view.distance)
+    return _Gaussian(1.0, mean, rotation @ covariance_world @ rotation.T)
+
+
+def _beyond(near: float, gaussian: _Gaussian) -> _Gaussian:
+    """The Gaussian with the moments of what lies at depths beyond `near`.
+
+    Depth becomes a truncated normal; right and up follow it by linear regression, their residuals stay as they are.
+    """
+    mean, covariance = gaussian.mean, gaussian.covariance
+    sigma = math.sqrt(covariance[2, 2])
+    a = (near - mean[2]) / sigma
+    mass = 0.5 * math.erfc(a / math.sqrt(2))
+    if mass == 0.0:
+        return _Gaussian(0.0, mean, covariance)
+    hazard = math.exp(-0.5 * a**2) / math.sqrt(2 * math.pi) / mass
+    variance_kept = 1 + a * hazard - hazard**2
+    regression = covariance[:, 2] / covariance[2, 2]
+    return _Gaussian(
+        gaussian.mass * mass,
+        mean + regression * sigma * hazard,
+        covariance - (1 - variance_kept) * covariance[2, 2] * np.outer(regression, regression),
+    )
+
+
+def _projected(gaussian: _Gaussian, optical_area: float, narrowest_px: float, view: View) -> _Ellipse:
+    """The affine image of a Gaussian whose ray integrals add up to `optical_area` across the rays."""
+    size = np.array(view.size)
+    right, up, depth = gaussian.mean
+    if view.projection == "perspective":
+        px_per_unit = view.scale_px / depth
+        limit = SLOPE_LIMIT * size / 2 / view.scale_px
+        slopes = np.clip([right / depth, up / depth], -limit, limit)
+        # d(column, row) / d(right, up, away); a pixel is smaller by the slant on a plane that faces the ray.
+        jacobian = px_per_unit * np.array([[1.0, 0.0, -slopes[0]], [0.0, -1.0, slopes[1]]])
+        slant = math.sqrt(1 + slopes @ slopes)
+    else:
+        px_per_unit, slant = view.scale_px, 1.0
+        jacobian = px_per_unit * np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    variances, directions = np.linalg.eigh(jacobian @ gaussian.covariance @ jacobian.T)
+    variances = np.maximum(variances, narrowest_px**2)
+    return _Ellipse(
+        size / 2 + px_per_unit * np.array([right, -up]),
+        directions @ np.diag(variances) @ directions.T,
+        gaussian.mass * optical_area * px_per_unit**2 * slant / math.sqrt(variances[0] * variances[1]),
+    )
+
+
+def _window(ellipse: _Ellipse, cutoff: float, size: tuple[int, int]) -> tuple[slice, slice]:
+    """Rows and columns of the image that hold every pixel within `cutoff` standard deviations."""
+    reach = cutoff * np.sqrt(np.diag(ellipse.covariance_px))
+    low = np.clip(np.floor(ellipse.center_px - reach), 0, size).astype(int)
+    high = np.clip(np.ceil(ellipse.center_px + reach), 0, size).astype(int)
+    return slice(low[1], high[1]), slice(low[0], high[0])
+
+
+def _gaussian_alpha(footprint: GaussianFootprint, ellipse: _Ellipse, x_px: Float64, y_px: Float64) -> Float64:
+    """float64 [rows, columns]: the weight is evaluated at each pixel."""
+    offsets = np.stack([x_px - ellipse.center_px[0], y_px - ellipse.center_px[1]], axis=-1)
+    q = np.einsum("...i,ij,...j", offsets, np.linalg.inv(ellipse.covariance_px), offsets)
+    weight = np.exp(-footprint.decay * q) * np.polynomial.polynomial.polyval(q, footprint.coefficients)
+    weight = np.maximum(weight - footprint.rim, 0.0)
+    return np.where(q <= footprint.cutoff**2, -np.expm1(-ellipse.unit_depth * weight), 0.0)
+
+
+def _gouraud_alpha(footprint: GouraudFootprint, ellipse: _Ellipse, x_px: Float64, y_px: Float64) -> Float64:
+    """float64 [rows, columns]: alpha is evaluated at the vertices, and linear in each triangle."""
+    vertices = ellipse.center_px + footprint.vertices @ np.linalg.cholesky(ellipse.covariance_px).T
+    vertex_alpha = -np.expm1(-ellipse.unit_depth * footprint.weights)
+    alpha = np.zeros_like(x_px)
+    for triangle in footprint.triangles:
+        inside, shares = _rasterized_triangle(vertices[triangle], x_px, y_px)
+        alpha[inside] = (shares @ vertex_alpha[triangle])[inside]
+    return alpha
+
+
+def _rasterized_triangle(corners: Float64, x_px: Float64, y_px: Float64) -> tuple[npt.NDArray[np.bool_], Float64]:
+    """Which points a triangle (corners [3, 2]) holds, and each corner's share in the linear interpolation [..., 3].
+
+    A point on an edge belongs to the triangle that lies below it or to its right (top-left rule): where triangles meet,
+    every point belongs to exactly one.
+    """
+    if _side(corners[0], corners[1], *corners[2]) < 0:
+        inside, shares = _rasterized_triangle(corners[::-1], x_px, y_px)
+        return inside, shares[..., ::-1]
+    inside, sides = np.ones(x_px.shape, bool), []
+    for corner in range(3):
+        start, end = corners[(corner + 1) % 3], corners[(corner + 2) % 3]
+        side = _side(start, end, x_px, y_px)
+        is_top_or_left = end[1] < start[1] or (end[1] == start[1] and end[0] > start[0])
+        inside &= (side >= 0) if is_top_or_left else (side > 0)
+        sides.append(side)
+    shares = np.stack(sides, axis=-1)
+    return inside, shares / np.sum(shares, axis=-1, keepdims=True)
+
+
+def _side(start: Float64, end: Float64, x: Float64, y: Float64) -> Float64:
+    """Twice the signed area of (start, end, point), > 0 on the right of the edge as it is seen with y downwards.
+
+    Rounded alike from both ends, so that two triangles at an edge agree on which side a point lies.
+    """
+    if tuple(start) > tuple(end):
+        return -_side(end, start, x, y)
+    return np.asarray((end[0] - start[0]) * (y - start[1]) - (end[1] - start[1]) * (x - start[0]))

@@ -1,0 +1,85 @@
+"""A rasteriser that outlives its GL context: what was lost with one is drawn again with another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bricks.sampling import BrickBatch
+from renderer.draw.cpu.raster import CPURasterizer
+from renderer.draw.gl.raster import GLRasterizer, Image
+from renderer.draw.overlay import CellEdges
+from renderer.errors import ContextLostError, RenderError
+from renderer.splats.splats import SplatBatch
+from renderer.view.camera import View
+
+Result = TypeVar("Result")
+
+
+class LastingRasterizer:
+    """A GLRasterizer, and another one when its context is lost; to be used as that is.
+
+    A picture whose context is lost is drawn once more, and is the same bytes, for none depends on those before it.
+    Raises ContextLostError where that context is lost, too, where there is none to be had, or only one of another
+    device or driver, which would draw other bytes. make: a new one.
+    """
+
+    def __init__(self, make: Callable[[], GLRasterizer | CPURasterizer] = GLRasterizer) -> None:
+        self._make, self._current, self._num_lost = make, make(), 0
+        self.renderer_name = self._current.renderer_name
+
+    def __enter__(self) -> LastingRasterizer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """As in GLRasterizer."""
+        self._current.release()
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the user should know."""
+        times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
+        return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
+
+    def forget(self) -> None:
+        """As in GLRasterizer."""
+        self._current.forget()
+
+    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """As in GLRasterizer."""
+        return self._draw(lambda gl: gl.bring(batch, order, view))
+
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+        """As in GLRasterizer."""
+        return self._draw(lambda gl: gl.rasterize(batch, order, view))
+
+    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
+        """As in GLRasterizer."""
+        return self._draw(lambda gl: gl.rasterize_edges(edges, view))
+
+    def _draw(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:
+        try:
+            return draw(self._current)
+        except ContextLostError as error:
+            self._renew(error)
+        return draw(self._current)
+
+    def _renew(self, lost: ContextLostError) -> None:
+        """Put another one in the place of the current one; raises what was lost where there is none of its kind."""
+        self._current.release()  # first: there may be no room for two
+        try:
+            self._current = self._make()
+        except RenderError:
+            raise lost from None
+        if self._current.renderer_name != self.renderer_name:
+            raise lost
+        self._num_lost += 1

@@ -1,0 +1,79 @@
+"""Float images to 8 bits: the only place where a picture loses precision, and it does so once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import RenderError
+from renderer.jit import jit
+from renderer.scene.spec import Color
+
+# float32 throughout: numba would go on in float64 from a plain number.
+_ZERO, _HALF, _ONE, _LARGEST = (np.float32(value) for value in (0.0, 0.5, 1.0, 255.0))
+
+
+def quantize(image: npt.NDArray[np.float32], background: Color | None) -> npt.NDArray[np.uint8]:
+    """Composite over `background`, clip to [0, 1], scale to 255 and round half up.
+
+    image: float32 [h, w, 4], premultiplied RGBA.
+    background: the colour behind it, or None for a transparent picture.
+
+    Returns uint8 [h, w, 3]; without a background [h, w, 4] with straight (not premultiplied) alpha, colour 0 where the
+    alpha written is 0. A value that is not finite raises RenderError.
+    """
+    require_finite(image)
+    result = np.empty((*image.shape[:2], 4 if background is None else 3), np.uint8)
+    if background is None:
+        _straight(image, result)
+    else:
+        _over(np.ascontiguousarray(image), np.array(background, np.float32), result)
+    return result
+
+
+@jit
+def _over(image: npt.NDArray[np.float32], background: npt.NDArray[np.float32], result: npt.NDArray[np.uint8]) -> None:
+    """[h, w, 4] premultiplied over a colour: `c + (1 - a) b`. Flat, for only so it is compiled to vectors."""
+    pixels, values = image.reshape(-1), result.reshape(-1)
+    red, green, blue = background[0], background[1], background[2]
+    for k in range(values.size // 3):
+        transparency = _ONE - pixels[4 * k + 3]
+        values[3 * k] = _to_8_bits((pixels[4 * k] + transparency * red) * _LARGEST)
+        values[3 * k + 1] = _to_8_bits((pixels[4 * k + 1] + transparency * green) * _LARGEST)
+        values[3 * k + 2] = _to_8_bits((pixels[4 * k + 2] + transparency * blue) * _LARGEST)
+
+
+@jit
+def _straight(image: npt.NDArray[np.float32], result: npt.NDArray[np.uint8]) -> None:
+    """[h, w, 4] premultiplied to straight: `c / a`."""
+    for row in range(image.shape[0]):
+        for column in range(image.shape[1]):
+            alpha = image[row, column, 3]
+            result[row, column, 3] = _to_8_bits(alpha * _LARGEST)
+            for channel in range(3):
+                is_seen = result[row, column, 3] > 0
+                value = image[row, column, channel] * (_LARGEST / alpha) if is_seen else _ZERO
+                result[row, column, channel] = _to_8_bits(value)
+
+
+@jit
+def _to_8_bits(scaled: np.float32) -> Any:
+    """`floor(scaled + 1/2)` in [0, 255], the floor being left to the conversion."""
+    return np.uint8(min(max(scaled + _HALF, _ZERO), _LARGEST))
+
+
+def require_finite(image: npt.NDArray[np.floating[Any]]) -> None:
+    """Raise RenderError where a pixel of an image [h, w, channels] is not a number, naming the first one."""
+    finite = np.isfinite(image)
+    if finite.all():
+        return
+    bad = np.argwhere(~finite.all(axis=2))
+    row, column = bad[0]
+    raise RenderError(
+        "the picture has pixels that are not numbers",
+        got=f"{len(bad)} of {image.shape[0] * image.shape[1]} pixels, the first at row {row}, column {column}: "
+        f"{image[row, column].tolist()}",
+        hint="this is a fault of hsplat or of the graphics driver; please report it with the scene file",
+    )

@@ -1,0 +1,307 @@
+"""The finest cut that can be drawn in a given time: details by size, trial drawings, and a pacer for a film.
+
+A detail stays while its frames keep to their time: a film that changed its cut from frame to frame would flicker.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from renderer.frame.costs import CostLog, Load, load_of
+from renderer.frame.frame import (
+    ONCE,
+    Clock,
+    Pose,
+    Rasterizer,
+    Stage,
+    Stopwatch,
+    draw,
+    family_of,
+    make_detail,
+    make_pose,
+)
+from renderer.frame.primitives import Detail
+from renderer.scene.schedule import tolerance_at
+
+# How many trial drawings there are at least: of one size alone they would not tell splats from pixels.
+_FEWEST_TRIALS = 3
+
+# A detail is looked for that takes this part of its time, give or take, in so many tries.
+_AIM, _CLOSE, _MOST_TRIES = 0.95, 0.04, 5
+# It is kept while it is predicted to take from and up to these parts of its time or, where none could be found that
+# does, about what it was predicted to take when it was chosen.
+_KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.84, 1.09, 0.1
+# Before so many frames after the first one tell what it takes, it is not given up, unless it is predicted to take less
+# or more than these parts of its time; for more, by two frames at least, for the first may have been hindered.
+_FEWEST_FRAMES, _FAR_TOO_SHORT, _FAR_TOO_LONG = 3, 0.4, 1.5
+# Where a detail is predicted to take f times its time, the next one is at most f^_REACH times as large or as small,
+# within the family's bounds: with 2.5 one goes twice as far at 1.3 times the time, and 16 times, the most, at 3 times.
+_REACH = 2.5
+
+# Seconds grow with these powers of the size, a number of cells: of few large cells the pixels cost, of many small ones
+# the splats. Beyond the largest one seen, and from the detail of the frame before, one goes so far at once: a little
+# less time is a thousand times fewer large cells.
+_LEAST_POWER, _MOST_POWER = 0.1, 1.0
+_ANY_SIZE = 0.0, math.inf
+
+# What passes between the start of a frame and the next one but is not drawing it.
+CUT_STAGES = ("cut", "splats", "edges", "order")
+
+
+class Details:
+    """Details of a stage by their size, and what a frame of them takes."""
+
+    def __init__(self, stage: Stage, log: CostLog) -> None:
+        self.stage, self.log, self.family = stage, log, family_of(stage)
+        self._seen: dict[float, Load] = {}  # by size
+
+    def size(self, detail: Detail) -> float:
+        """What its family calls its size."""
+        return self.family.size(detail.tolerance, detail.num_cells)
+
+    def pose(self, number: int, tolerance: float, watch: Stopwatch) -> Pose:
+        """A frame of the detail of a tolerance."""
+        return make_pose(self.stage, self.family.detail(tolerance, watch.lap), number, watch)
+
+    def predict(self, pose: Pose, *, last: int = 0) -> float:
+        """Seconds of a frame whose detail is made, until it is in its file; `last` as in CostLog."""
+        load = load_of(pose)
+        self._seen[self.size(pose.detail)] = load
+        return self.log.predict(load, last=last) + pose.order_seconds
+
+    def learn(self, pose: Pose, watch: Stopwatch, *, is_first: bool = False) -> None:
+        """A frame has been drawn and, at this moment, taken care of.
+
+        is_first: of several of its detail: what it did for the others, too, tells nothing of them.
+        """
+        watch.lap("written")
+        others = (*CUT_STAGES, ONCE) if is_first else CUT_STAGES
+        self.log.add(load_of(pose), sum(seconds for name, seconds in watch.seconds.items() if name not in others))
+
+    def size_within(self, seconds: float, *, last: int = 0) -> float:
+        """The size that a frame may have that is to take so long, by the frames that were predicted so far.
+
+        Seconds are taken for a power of the size, that of the two sizes around or nearest. `last` as in CostLog.
+        """
+        sizes = np.log(sorted(self._seen))
+        costs = np.log(
+            np.maximum.accumulate([self.log.predict(load, last=last) for _, load in sorted(self._seen.items())])
+        )
+        wanted, power = math.log(seconds), _MOST_POWER
+        near = min(int(np.count_nonzero(costs < wanted)), len(sizes) - 1)
+        if len(sizes) > 1:
+            above = max(near, 1)
+            power = (costs[above] - costs[above - 1]) / (sizes[above] - sizes[above - 1])
+        power = min(max(power, _LEAST_POWER), _MOST_POWER)
+        found = sizes[near] + min((wanted - costs[near]) / power, math.log(self.family.growth))
+        if near > 0:
+            found = max(found, sizes[near - 1])
+        return math.exp(found)
+
+
+def try_drawings(
+    details: Details,
+    number: int,
+    enough_seconds: float,
+    rasterizer: Rasterizer,
+    *,
+    clock: Clock,
+    first_size: float | None = None,
+    on_step: Callable[[], None] = lambda: None,
+) -> None:
+    """Draw a frame at larger and larger sizes, to learn what drawing costs, until one takes `enough_seconds`.
+
+    first_size: one at which a frame shows what it is, unless it is given.
+    on_step: called before each drawing; what it raises goes through.
+    """
+    family = details.family
+    size = family.few if first_size is None else first_size
+    tolerance, before, num_trials = family.at_size(size), math.inf, 0
+    while tolerance < before:
+        on_step()
+        pose = details.pose(number, tolerance, Stopwatch(clock))
+        if details.log.is_empty:  # shaders are compiled, and buffers made
+            draw(details.stage, pose, rasterizer, Stopwatch(clock))
+        watch = Stopwatch(clock)
+        draw(details.stage, pose, rasterizer, watch)
+        seconds = sum(watch.seconds.values()) - watch.seconds.get(ONCE, 0.0)
+        details.log.add(load_of(pose, is_written=False), seconds)
+        details.predict(pose)
+        num_trials += 1
+        if seconds >= enough_seconds and num_trials >= _FEWEST_TRIALS:
+            return
+        size *= family.growth
+        tolerance, before = family.at_size(size), tolerance
+
+
+def finest_within(
+    details: Details,
+    number: int,
+    seconds: float,
+    watch: Stopwatch,
+    *,
+    sizes: tuple[float, float] = _ANY_SIZE,
+    last: int = 0,
+) -> tuple[Pose, float]:
+    """A frame that is predicted to take nearly so many seconds, or less where it shows every voxel; and what it takes.
+
+    Where even a single cell takes longer, the quickest one found. Frames have been predicted before.
+    sizes: the smallest and the largest one that it may have. last: as in CostLog.
+    """
+    aim = _AIM * seconds
+    best: tuple[Pose, float] | None = None
+    tried: set[float] = set()
+    for _ in range(_MOST_TRIES):
+        wanted = min(max(details.size_within(aim, last=last), sizes[0]), sizes[1])
+        tolerance = details.family.at_size(wanted)
+        if tolerance in tried:
+            break
+        tried.add(tolerance)
+        pose = details.pose(number, tolerance, watch)
+        predicted = details.predict(pose, last=last)
+        if best is None or _badness(predicted, seconds) < _badness(best[1], seconds):
+            best = pose, predicted
+        if abs(predicted - aim) <= _CLOSE * aim:
+            break
+    assert best is not None
+    return best
+
+
+def _badness(predicted: float, seconds: float) -> tuple[bool, float]:
+    """How far a frame is from the time that it is to take, smaller being better; too long is worse than too short."""
+    is_too_long = predicted > _KEPT_TO * seconds
+    return is_too_long, predicted if is_too_long else abs(math.log(predicted / (_AIM * seconds)))
+
+
+class Guide(Protocol):
+    """Decides, frame by frame, at which tolerance the film is drawn."""
+
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """The frame to be drawn, and what it is predicted to take from its start until the next one is asked for."""
+
+    def took(self, pose: Pose, watch: Stopwatch) -> None:
+        """The frame has been drawn and, at this moment, taken care of."""
+
+
+class Scheduled:
+    """Follows the schedule of the stage's scene; a detail is used again while the tolerance stays.
+
+    details: told what frames take, and asked what they will take.
+    """
+
+    def __init__(self, stage: Stage, details: Details | None = None) -> None:
+        self._stage, self._details = stage, details
+        self._detail: Detail | None = None
+
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """As in Guide."""
+        tolerance = tolerance_at(self._stage.scene.error, number)
+        if self._detail is None or self._detail.tolerance != tolerance:
+            self._detail = None  # let go of the old one first
+            self._detail = make_detail(self._stage, tolerance, watch)
+        pose = make_pose(self._stage, self._detail, number, watch)
+        return pose, self._details.predict(pose) if self._details else None
+
+    def took(self, pose: Pose, watch: Stopwatch) -> None:
+        """As in Guide."""
+        if self._details:
+            self._details.learn(pose, watch)
+
+
+class Pacer:
+    """Finds, frame by frame, what can be drawn in time.
+
+    seconds_of: the time of a frame.
+    """
+
+    def __init__(self, details: Details, seconds_of: Callable[[int], float]) -> None:
+        self._details, self._seconds_of = details, seconds_of
+        self._chosen: _Chosen | None = None
+
+    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+        """As in Guide."""
+        if self._chosen is None:
+            return self.choose(number, watch)
+        seconds = self._seconds_of(number)
+        pose = make_pose(self._details.stage, self._chosen.detail, number, watch)
+        last = self._chosen.num_frames  # all of this detail
+        predicted = self._details.predict(pose, last=last)
+        self._chosen.look_around(predicted / seconds)
+        if self._is_kept(predicted, seconds):
+            return pose, predicted
+        if predicted >= _FAR_TOO_SHORT * seconds:
+            last = 0
+            # A hiccup, or a speed that is no more, makes them disagree: then there is no telling where to go.
+            if (predicted > seconds) != (self._details.predict(pose) > seconds):
+                return pose, predicted
+        sizes = self._sizes_after(predicted / seconds) if seconds == self._chosen.seconds else _ANY_SIZE
+        del pose  # let go of the old ones first
+        self._chosen = None
+        return self.choose(number, watch, sizes=sizes, last=last)
+
+    def choose(
+        self, number: int, watch: Stopwatch, *, sizes: tuple[float, float] = _ANY_SIZE, last: int = 0
+    ) -> tuple[Pose, float]:
+        """Find a detail for a frame and those that follow; of the first one, best before its time begins.
+
+        sizes, last: as in `finest_within`.
+        """
+        seconds = self._seconds_of(number)
+        pose, predicted = finest_within(self._details, number, seconds, watch, sizes=sizes, last=last)
+        wanted = max(1.0, self._details.size_within(_AIM * seconds, last=last))
+        is_on_the_way = not sizes[0] <= wanted <= sizes[1]
+        self._chosen = _Chosen(pose.detail, predicted / seconds, seconds, is_on_the_way)
+        return pose, predicted
+
+    def took(self, pose: Pose, watch: Stopwatch) -> None:
+        """As in Guide."""
+        assert self._chosen is not None
+        self._details.learn(pose, watch, is_first=self._chosen.num_frames == 0)
+        self._chosen.num_frames += 1
+
+    def _sizes_after(self, share: float) -> tuple[float, float]:
+        """Those that the next detail may have, where the one that was chosen takes this part of its time."""
+        assert self._chosen is not None
+        family, size = self._details.family, self._details.size(self._chosen.detail)
+        reach = min(max(family.step, share**_REACH, share**-_REACH), family.growth)
+        return size / reach, size * reach
+
+    def _is_kept(self, predicted: float, seconds: float) -> bool:
+        """Whether the detail stays that was chosen, now that a frame of it is predicted to take so long."""
+        assert self._chosen is not None
+        share, share_then = predicted / seconds, self._chosen.share
+        if share < 1 and self._chosen.detail.tolerance == 0:
+            return True
+        least, most = _FAR_TOO_SHORT * min(1, share_then), _FAR_TOO_LONG * max(1, share_then)
+        num_frames = self._chosen.num_frames if seconds == self._chosen.seconds else _FEWEST_FRAMES + 1
+        if self._chosen.is_on_the_way:
+            return num_frames <= 1 and share >= _FAR_TOO_SHORT
+        if share >= least and (num_frames <= 1 or (num_frames <= _FEWEST_FRAMES and share < most)):
+            return True
+        if not _KEPT_FROM <= share_then <= _KEPT_TO:  # there was none nearer, and there will be none now
+            return abs(share / share_then - 1) < _UNCHANGED
+        return _KEPT_FROM <= share <= _KEPT_TO
+
+
+@dataclass
+class _Chosen:
+    """share: of its time that the detail was predicted to take. num_frames: drawn so far.
+
+    is_on_the_way: another one, too far away to go there at once, was predicted to be nearer to that time.
+    """
+
+    detail: Detail
+    share: float
+    seconds: float
+    is_on_the_way: bool
+    num_frames: int = 0
+
+    def look_around(self, share: float) -> None:
+        """It turns out to take this part of its time: perhaps one need not go further."""
+        if self.is_on_the_way and abs(share / _AIM - 1) <= _UNCHANGED:
+            self.share, self.is_on_the_way = share, False

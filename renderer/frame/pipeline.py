@@ -1,0 +1,110 @@
+"""The program's table of contents: from a scene to its frames, and the only frame loop.
+
+Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch -> float image -> 8 bits
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from renderer.bricks.bricks import make_bricks
+from renderer.errors import InputError
+from renderer.frame.frame import Clock, Frame, Rasterizer, Stage, Stopwatch, draw
+from renderer.frame.pacing import Guide, Scheduled
+from renderer.pyramid.pyramid import build_pyramid
+from renderer.readers.read import read_volume
+from renderer.scene.limits import camera_problems, extent_of, require_proportion, volume_problems
+from renderer.scene.schedule import in_order, least_tolerance
+from renderer.scene.spec import Scene, Vector
+from renderer.transfer.transfer_function import make_transfer
+from renderer.view.depth_order import make_turning
+from renderer.view.framing import finest_useful_level, fit_distance, smallest_voxel_px, visible_centre, visible_points
+from renderer.view.paths import axes_in_runs
+from renderer.volume.volume import Float64, Volume
+
+
+def prepare(
+    scene: Scene,
+    *,
+    clock: Clock,
+    num_threads: int,
+    volume: Volume | None = None,
+    fingerprint: str | None = None,
+    recorded_in: str = "",
+    any_tolerance: bool = False,
+) -> Stage:
+    """Read the volume, build the pyramid, frame what is visible. Raises InputError for a volume that cannot be used.
+
+    A `volume` that is given is drawn in place of the scene's, which is then not read. One with another fingerprint
+    than `fingerprint`, which is `recorded_in` some place, cannot be used. The pyramid has what the scene's schedule can
+    ask for; with `any_tolerance` it serves every tolerance and level, as bricks always do.
+    """
+    scene = in_order(scene)
+    watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
+    volume = read_volume(scene.volume) if volume is None else volume
+    if fingerprint is not None and volume.fingerprint != fingerprint:
+        raise InputError(
+            "the film was made of another volume",
+            where=recorded_in or None,
+            got=f"the fingerprint {volume.fingerprint} of {volume.name}",
+            expected=fingerprint,
+            hint="if the volume was moved, --volume names it; another one can be drawn with a scene of its own",
+        )
+    extent = extent_of(volume)
+    require_proportion([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
+    watch.lap("read")
+    transfer = make_transfer(scene.transfer_function, volume.finest_spacing)
+    bricks = None
+    if scene.splat.footprint == "integrated":
+        bricks = make_bricks(
+            volume, transfer, spec=scene.pyramid, error=scene.error, shading=scene.shading, num_threads=num_threads
+        )
+        pyramid = bricks.pyramid
+    else:
+        pyramid = build_pyramid(
+            volume,
+            transfer,
+            spec=scene.pyramid,
+            error=scene.error,
+            shading=scene.shading,
+            num_threads=num_threads,
+            least_tolerance=0.0 if any_tolerance else least_tolerance(scene.error),
+            finest_level=0 if any_tolerance else scene.error.finest_level,
+        )
+    watch.lap("pyramid")
+    points = visible_points(pyramid)
+    target, distance = _framing(scene, volume, points)
+    require_proportion(camera_problems(replace(camera, target=target, distance=distance), size, extent))
+    finest_level = finest_useful_level(volume, points, camera, target, distance, size)
+    voxel_px = smallest_voxel_px(volume, camera, target, distance, size)
+    turning = make_turning(volume.world_from_index, axes_in_runs(camera.path))
+    watch.lap("framing")
+    return Stage(scene, volume, pyramid, target, distance, finest_level, voxel_px, turning, bricks, watch.seconds)
+
+
+def render_frames(
+    stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock, guide: Guide | None = None
+) -> Iterator[Frame]:
+    """Draw these frames of the film, in this order, at the tolerances of the scene's schedule or those of a `guide`."""
+    guide = Scheduled(stage) if guide is None else guide
+    for number in frames:
+        watch = Stopwatch(clock)
+        pose, predicted_seconds = guide.ready(number, watch)
+        yield replace(draw(stage, pose, rasterizer, watch), predicted_seconds=predicted_seconds)
+        guide.took(pose, watch)
+
+
+def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:
+    """Target and distance: as the scene says, or such that the whole path has all that is visible in frame."""
+    camera = scene.camera
+    if camera.target == "visible":
+        target = visible_centre(points)
+    elif camera.target is None:
+        x, y, z = volume.centre
+        target = float(x), float(y), float(z)
+    else:
+        target = camera.target
+    if camera.distance is not None:
+        return target, camera.distance
+    return target, fit_distance(camera, points, target, scene.output.size, range(camera.path.frames))

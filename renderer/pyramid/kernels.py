@@ -1,0 +1,398 @@
+"""Compiled inner loops of the pyramid.
+
+Two neighbours a and b, of which b holds the share h of the voxels, are merged into
+
+    mean = a + h (b - a)        variance = va + h (vb - va) + h (1 - h) (b - a)^2
+
+along x, then y, then z. This is the merge of Chan, Golub, LeVeque 1979 ("Updating formulae and a pairwise algorithm for
+computing sample variances") divided by the count: no difference of large squares is taken, so that a variance is never
+negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2; where its border cuts
+a node the shares of real voxels along the three axes differ, and where b has none h is 0.
+
+Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
+are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on. In each of the three
+arrays of a group, and among the 512 voxels, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of
+nodes: all children are merged as eight contiguous rows, which becomes vector code. The 64 are then in Morton order with
+the two octal digits exchanged (see SWAPPED), the 8 in Morton order. Channels of a node lie together, and variances are
+kept by channel.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.jit import jit
+from renderer.transfer.classify import Codes, Lighting, Segments, classify_voxel, evaluate, scalar_at
+
+Array = npt.NDArray[Any]
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
+Int64 = npt.NDArray[np.int64]
+UInt64 = npt.NDArray[np.uint64]
+
+# Four float32 that are moved together: numba has no other type of 16 bytes.
+Items = npt.NDArray[np.complex128]
+
+BLOCK = 8
+
+# The side of a voxel in voxels, not as a literal, for which numba would compile a version of its own.
+VOXEL = np.int64(1)
+
+# Where the coordinates of a voxel in its block put it among 8 x 64 children: the lowest bit is that of the child, the
+# highest that of the largest parent. Unsigned indices, here and below, spare numba asking if they count from the end.
+SPREAD_X = np.array([64 * (i & 1) + 8 * (i >> 1 & 1) + (i >> 2) for i in range(BLOCK)], np.uint64)
+SPREAD_Y, SPREAD_Z = 2 * SPREAD_X, 4 * SPREAD_X
+
+# The place in a group of 64 of the node that is n-th in Morton order; its own inverse.
+SWAPPED = np.array([(n & 7) << 3 | n >> 3 for n in range(64)], np.uint64)
+
+
+# Where one coordinate of a node puts it among the 64 of a group, and among the 8 or the one.
+PLACES = np.array([0, 8, 1, 9, 0, 1])
+
+
+@jit
+def level_of_channels(
+    codes: Codes,
+    table: Float32 | None,
+    segments: Segments | None,
+    scalars: Float64 | None,
+    lighting: Lighting | None,
+    table_items: Items | None,
+    starts: UInt64,
+    extents: UInt64,
+    voxels: Float32,
+    voxel_items: Items,
+    means: Float32,
+    variances: Float32,
+) -> None:
+    """Level 1 of the blocks at voxels `starts` [g, 3], `extents` [g, 3] (x, y, z) of which are real: [g, 64, 4].
+
+    voxels: [512, 4], scratch. table_items, voxel_items: the rows of `table` and `voxels` as items.
+    """
+    shares = np.empty((3, 64 * 4), np.float32)
+    fetched = np.empty((BLOCK, BLOCK, BLOCK), codes.dtype)
+    for g in range(len(starts)):
+        if g == 0 or not _same(extents, g):
+            _set_shares(extents, g, VOXEL, shares, means.shape[2])
+            voxels[:] = 0  # those outside of the volume stay so
+        whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK**3
+        if whole and lighting is None and table_items is not None:
+            _copy_items(codes, table_items, starts, g, voxel_items)
+        elif whole and lighting is None and segments is not None:
+            _evaluate_channels(codes, segments, starts, g, fetched, voxels)
+        else:
+            _fill_channels(codes, table, segments, scalars, lighting, starts, extents, g, voxels)
+        _merge_voxels(voxels.reshape(8, 256), shares, means.reshape(-1, 256), variances.reshape(-1, 256), g)
+
+
+@jit
+def level_of_scalars(
+    codes: Codes,
+    scalars: Float64 | None,
+    offset: float,
+    scale: float,
+    starts: UInt64,
+    extents: UInt64,
+    means: Float64,
+    variances: Float64,
+) -> None:
+    """The same of (scalar - offset) * scale: [g, 64, 1]."""
+    voxels, shares = np.empty(BLOCK**3), np.empty((3, 64))
+    for g in range(len(starts)):
+        if g == 0 or not _same(extents, g):
+            _set_shares(extents, g, VOXEL, shares, means.shape[2])
+            voxels[:] = 0
+        for z in range(extents[g, 2]):
+            for y in range(extents[g, 1]):
+                for x in range(extents[g, 0]):
+                    s = scalar_at(codes, scalars, starts[g, 2] + z, starts[g, 1] + y, starts[g, 0] + x)
+                    voxels[SPREAD_Z[z] + SPREAD_Y[y] + SPREAD_X[x]] = (s - offset) * scale
+        _merge_voxels(voxels.reshape(8, 64), shares, means.reshape(-1, 64), variances.reshape(-1, 64), g)
+
+
+@jit
+def merge_groups(
+    means: Array,
+    variances: Array,
+    extents: UInt64,
+    side: int,
+    parent_means: Array,
+    parent_variances: Array,
+    root_means: Array,
+    root_variances: Array,
+) -> None:
+    """Merge groups of nodes [g, 64, c], `side` voxels a side, into their parents [g, 8, c] and roots [g, 1, c].
+
+    extents: [g, 3], how many voxels along x, y, z of each group are real.
+    """
+    num, _, num_channels = means.shape
+    shares = np.empty((3, 8 * num_channels), means.dtype)
+    root_shares = np.empty((3, num_channels), means.dtype)
+    m, v = means.reshape(num, 8, 8 * num_channels), variances.reshape(num, 8, 8 * num_channels)
+    p, q = parent_means.reshape(num, 8 * num_channels), parent_variances.reshape(num, 8 * num_channels)
+    r, s = root_means.reshape(num, num_channels), root_variances.reshape(num, num_channels)
+    for g in range(num):
+        if g == 0 or not _same(extents, g):
+            _set_shares(extents, g, side, shares, num_channels)
+            _set_shares(extents, g, 2 * side, root_shares, num_channels)
+        _merge_nodes(m, v, shares, p, q, g)
+        _merge_nodes(parent_means, parent_variances, root_shares, r, s, g)
+
+
+@jit
+def _same(extents: UInt64, g: int) -> bool:
+    """Whether a group is cut like the one before it."""
+    return bool(
+        extents[g, 0] == extents[g - 1, 0] and extents[g, 1] == extents[g - 1, 1] and extents[g, 2] == extents[g - 1, 2]
+    )
+
+
+@jit
+def _set_shares(extents: UInt64, g: int, child: int | np.int64, shares: Array, num_channels: int) -> None:
+    """Shares [3, n c] for the n nodes of a group, whose children are `child` voxels a side."""
+    num_nodes = shares.shape[1] // num_channels
+    for axis in range(3):
+        for node in range(num_nodes):
+            first = node >> axis & 1
+            if num_nodes == 64:  # two digits, of which the lower one is the larger parent's
+                first = first << 1 | node >> (3 + axis) & 1
+            rest = int(extents[g, axis]) - first * 2 * child
+            low, high = min(max(rest, 0), child), min(max(rest - child, 0), child)
+            for channel in range(num_channels):
+                shares[axis, node * num_channels + channel] = high / max(low + high, 1)
+
+
+@jit
+def _fill_channels(
+    codes: Codes,
+    table: Float32 | None,
+    segments: Segments | None,
+    scalars: Float64 | None,
+    lighting: Lighting | None,
+    starts: UInt64,
+    extents: UInt64,
+    g: int,
+    out: Float32,
+) -> None:
+    """Classify the real voxels of a block into `out` [512, 4]."""
+    x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
+    for z in range(extents[g, 2]):
+        for y in range(extents[g, 1]):
+            row = SPREAD_Z[z] + SPREAD_Y[y]
+            for x in range(extents[g, 0]):
+                at = row + SPREAD_X[x]
+                red, green, blue, weight = classify_voxel(
+                    codes, table, segments, scalars, lighting, z0 + z, y0 + y, x0 + x
+                )
+                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = red, green, blue, weight
+
+
+@jit
+def _copy_items(codes: Codes, items: Items, starts: UInt64, g: int, out: Items) -> None:
+    """The same for a whole block without light."""
+    x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
+    for z in range(np.uint64(BLOCK)):
+        for y in range(np.uint64(BLOCK)):
+            row = SPREAD_Z[z] + SPREAD_Y[y]
+            for x in range(np.uint64(BLOCK)):
+                out[row + SPREAD_X[x]] = items[codes[z0 + z, y0 + y, x0 + x]]
+
+
+@jit
+def _evaluate_channels(codes: Codes, segments: Segments, starts: UInt64, g: int, fetched: Codes, out: Float32) -> None:
+    """The same where there is no table."""
+    _fetch(codes, starts, g, fetched)
+    for z in range(np.uint64(BLOCK)):
+        for y in range(np.uint64(BLOCK)):
+            row = SPREAD_Z[z] + SPREAD_Y[y]
+            for x in range(np.uint64(BLOCK)):
+                at = row + SPREAD_X[x]
+                red, green, blue, weight = evaluate(float(fetched[z, y, x]), segments)
+                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = red, green, blue, weight
+
+
+@jit
+def _fetch(codes: Codes, starts: UInt64, g: int, fetched: Codes) -> None:
+    """Copy a whole block [8, 8, 8]: with nothing else to do meanwhile, the waits for memory of its 64 rows overlap."""
+    x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
+    for z in range(np.uint64(BLOCK)):
+        for y in range(np.uint64(BLOCK)):
+            for x in range(np.uint64(BLOCK)):
+                fetched[z, y, x] = codes[z0 + z, y0 + y, x0 + x]
+
+
+@jit
+def _merge_voxels(voxels: Array, shares: Array, mean: Array, variance: Array, g: int) -> None:
+    """Nodes of level 1 from voxels [8, n], which have no variance, to mean[g] and variance[g] [n]."""
+    for j in range(voxels.shape[1]):
+        h = shares[0, j]
+        k = h - h * h
+        d0, d1 = voxels[1, j] - voxels[0, j], voxels[3, j] - voxels[2, j]
+        d2, d3 = voxels[5, j] - voxels[4, j], voxels[7, j] - voxels[6, j]
+        mean[g, j], variance[g, j] = _merge_planes(
+            voxels[0, j] + h * d0, voxels[2, j] + h * d1, voxels[4, j] + h * d2, voxels[6, j] + h * d3,
+            k * (d0 * d0), k * (d1 * d1), k * (d2 * d2), k * (d3 * d3), shares[1, j], shares[2, j],
+        )  # fmt: skip
+
+
+@jit
+def _merge_nodes(m: Array, v: Array, shares: Array, mean: Array, variance: Array, g: int) -> None:
+    """Nodes from the level below, m[g] and v[g] [8, n], to mean[g] and variance[g] [n]."""
+    for j in range(shares.shape[1]):
+        h = shares[0, j]
+        m0, v0 = _merge_two(m[g, 0, j], m[g, 1, j], v[g, 0, j], v[g, 1, j], h)
+        m1, v1 = _merge_two(m[g, 2, j], m[g, 3, j], v[g, 2, j], v[g, 3, j], h)
+        m2, v2 = _merge_two(m[g, 4, j], m[g, 5, j], v[g, 4, j], v[g, 5, j], h)
+        m3, v3 = _merge_two(m[g, 6, j], m[g, 7, j], v[g, 6, j], v[g, 7, j], h)
+        mean[g, j], variance[g, j] = _merge_planes(m0, m1, m2, m3, v0, v1, v2, v3, shares[1, j], shares[2, j])
+
+
+@jit
+def _merge_planes(
+    m0: Any, m1: Any, m2: Any, m3: Any, v0: Any, v1: Any, v2: Any, v3: Any, share_y: Any, share_z: Any
+) -> tuple[Any, Any]:
+    """Along y and z."""
+    low, low_variance = _merge_two(m0, m1, v0, v1, share_y)
+    high, high_variance = _merge_two(m2, m3, v2, v3, share_y)
+    return _merge_two(low, high, low_variance, high_variance, share_z)
+
+
+@jit
+def _merge_two(a: Any, b: Any, va: Any, vb: Any, h: Any) -> tuple[Any, Any]:
+    d = b - a
+    return a + h * d, va + h * (vb - va) + (h - h * h) * (d * d)
+
+
+@jit
+def mark_final(
+    parent_variances: Array,
+    root_variances: Array,
+    limits: tuple[float, float],
+    parents: npt.NDArray[np.bool_],
+    roots: npt.NDArray[np.bool_],
+) -> None:
+    """Mark the nodes of groups, variances [g, 8, c] and [g, 1, c], below which no cut will look: [g, 8] and [g, 1].
+
+    They are those whose total variance is below the limit of their level, and what is below a root that is.
+    """
+    for g in range(len(parents)):
+        roots[g, 0] = _total(root_variances, g, 0) < limits[1]
+        for node in range(8):
+            parents[g, node] = roots[g, 0] or _total(parent_variances, g, node) < limits[0]
+
+
+@jit
+def _total(variances: Array, g: int, node: int) -> Any:
+    total = variances[g, node, 0]
+    for channel in range(1, variances.shape[2]):
+        total += variances[g, node, channel]
+    return total
+
+
+@jit
+def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occupied: npt.NDArray[np.bool_]) -> None:
+    """Mark the visible nodes [g, n, 4] of groups at `cells` [g, 3] in a grid [z, y, x] of cells 2^shift times as wide.
+
+    cells: x, y, z in units of the group's width.
+    """
+    side = 4 if means.shape[1] == 64 else 2 if means.shape[1] == 8 else 1
+    place = PLACES[:4] if side == 4 else PLACES[4:]
+    for g in range(len(means)):
+        x0, y0, z0 = cells[g, 0] * side, cells[g, 1] * side, cells[g, 2] * side
+        for z in range(side):
+            for y in range(side):
+                for x in range(side):
+                    if means[g, place[x] + 2 * place[y] + 4 * place[z], 3] > 0:
+                        occupied[z0 + z >> shift, y0 + y >> shift, x0 + x >> shift] = True
+
+
+@jit
+def cells_of_visible(
+    means: Float32, groups: Int64, width: int, shape: tuple[int, int, int], cells: Int32, sizes: Int64
+) -> int:
+    """The cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order, and how
+    many voxels they have, `width` a side where the volume's border does not cut them; return how many they are.
+
+    shape: of the volume, z, y, x.
+    """
+    num, num_nodes = 0, np.uint64(means.shape[1])
+    digits, side = (2, 4) if num_nodes == 64 else (1, 2)
+    for g in range(len(means)):
+        for index in range(num_nodes):
+            node = SWAPPED[index] if num_nodes == 64 else index
+            if means[g, node, 3] > 0:
+                size = 1
+                for axis in range(3):
+                    inside = 0
+                    for digit in range(digits):
+                        inside |= int(index >> np.uint64(3 * digit + axis) & np.uint64(1)) << digit
+                    cell = side * groups[g, axis] + inside
+                    cells[num, axis] = cell
+                    size *= min(shape[2 - axis] - cell * width, width)
+                sizes[num] = size
+                num += 1
+    return num
+
+
+@jit
+def append_visible(
+    means: Float32,
+    mean_items: Items,
+    variances: Array,
+    children: Float32,
+    is_final: npt.NDArray[np.bool_],
+    is_below_final: npt.NDArray[np.bool_],
+    items_out: Items,
+    spreads_out: Float32,
+    masks_out: npt.NDArray[np.uint8],
+) -> int:
+    """Copy the visible ones of groups [g, n, 4] in Morton order, as items [g, n] to [.]; return how many they are.
+
+    variances: [g, n, c]; roots of their sums over the channels go into `spreads_out` [.], taken before they are rounded
+    to float32, which squares might not fit.
+    children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
+    is_final: [g, n], nodes whose children are left out. is_below_final: [g, n / 8], parents whose children, these
+        nodes, are. Each [0, 0] where there are none.
+    """
+    num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
+    for g in range(len(means)):
+        for index in range(num_nodes):
+            if len(is_below_final) > 0 and is_below_final[g, index >> np.uint64(3)]:
+                continue
+            node = SWAPPED[index] if num_nodes == 64 else index
+            if means[g, node, 3] > 0:
+                items_out[num] = mean_items[g, node]
+                spreads_out[num] = np.sqrt(_total(variances, g, node))
+                if len(is_final) > 0 and is_final[g, node]:
+                    masks_out[num] = 0
+                elif len(children) > 0:
+                    mask = 0
+                    for k in range(8):
+                        if children[g, np.uint64(k) * num_nodes + node, 3] > 0:
+                            mask |= 1 << k
+                    masks_out[num] = mask
+                num += np.uint64(1)
+    return int(num)
+
+
+@jit
+def store_halves(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -> None:
+    """Bits of float16 of `values * factor` (a power of two; products from 0 to 2^15), flat, rounded to nearest.
+
+    Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for
+    extending the available precision"), then differ only in the bias of the exponent. Below 2^-14 float16 counts in
+    units of 2^-24, which are also those of the mantissa of float32 in [1/2, 1).
+    """
+    f = np.float32(factor)
+    for i in range(len(values)):
+        value = np.float32(values[i] * f)
+        scaled = np.float32(value * np.float32(2**13 + 1))
+        rounded = np.float32(scaled - (scaled - value))
+        normal = np.uint16((rounded.view(np.uint32) >> 13) - ((127 - 15) << 10))
+        tiny = np.uint16(np.float32(value + np.float32(0.5)).view(np.uint32))
+        out[i] = normal if value >= np.float32(2.0**-14) else tiny

@@ -1,0 +1,256 @@
+"""Volumes made from a formula: they need no file and carry the demo and the tests.
+
+All are uint8 with the origin at the centre of voxel (0, 0, 0), like a file without a place. They are the same bytes on
+every machine: only correctly rounded operations and integer random numbers go into `engine_block`, and the one formula
+with sines, `marschner_lobb`, is rounded to 8 bits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from renderer.errors import InputError, nearest
+from renderer.scene.spec import PROCEDURAL_NAMES, ProceduralSource
+from renderer.volume.volume import Array, Float64
+
+# Working memory is a few float arrays of this many voxels: slabs of whole planes, or blocks of rows of larger planes.
+_SLAB_VOXELS = 2**20
+
+CONSTANT_VALUE = 200
+SINGLE_VOXEL_VALUE = 255
+
+_AIR, _COOLANT, _ALUMINIUM, _IRON, _STEEL = 12, 40, 96, 158, 226
+# Standard deviation of the noise in grey values, and the width in voxels over which the scanner blurs an edge.
+_NOISE = 2.5
+_BLUR_VOXELS = 1.6
+
+
+def procedural_affine(source: ProceduralSource) -> Float64:
+    """float64 [4, 4]: the spacing on the diagonal."""
+    return np.diag([*source.spacing, 1.0])
+
+
+def procedural_values(source: ProceduralSource) -> Array:
+    """uint8 [z, y, x]. Raises InputError for a name that is not in PROCEDURAL_NAMES."""
+    makers: dict[str, Callable[[ProceduralSource], Array]] = {
+        "engine_block": _engine_block,
+        "constant": _constant,
+        "single_voxel": _single_voxel,
+        "marschner_lobb": _marschner_lobb,
+    }
+    if source.name not in makers:
+        meant = nearest(source.name, PROCEDURAL_NAMES)
+        raise InputError(
+            "no such procedural volume",
+            got=source.name,
+            expected=", ".join(PROCEDURAL_NAMES),
+            hint=f"did you mean {meant}?" if meant else None,
+        )
+    return makers[source.name](source)
+
+
+def _constant(source: ProceduralSource) -> Array:
+    return np.full(source.shape[::-1], CONSTANT_VALUE, np.uint8)
+
+
+def _single_voxel(source: ProceduralSource) -> Array:
+    """One voxel at index n // 2 of each axis."""
+    values = np.zeros(source.shape[::-1], np.uint8)
+    values[tuple(n // 2 for n in values.shape)] = SINGLE_VOXEL_VALUE
+    return values
+
+
+def _marschner_lobb(source: ProceduralSource) -> Array:
+    """The reconstruction test signal, sampled over [-1, 1]^3 with both ends, [0, 1] stretched over 0 to 255.
+
+    S. R. Marschner, R. J. Lobb, "An Evaluation of Reconstruction Filters for Volume Rendering", Visualization 1994,
+    equation 3, with f_M = 6 and alpha = 0.25: `rho = (1 - sin(pi z / 2) + alpha (1 + rho_r(r))) / (2 (1 + alpha))`,
+    `rho_r(r) = cos(2 pi f_M cos(pi r / 2))`, `r = sqrt(x^2 + y^2)`.
+    """
+    f_M, alpha = 6.0, 0.25
+    x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
+    values = np.empty(source.shape[::-1], np.uint8)
+    for rows in _row_blocks(source):
+        r = np.sqrt(x**2 + y[rows, np.newaxis] ** 2)
+        rho_r = np.cos(2 * np.pi * f_M * np.cos(np.pi * r / 2))
+        for plane, z_plane in zip(values, z, strict=True):
+            rho = (1 - np.sin(np.pi * z_plane / 2) + alpha * (1 + rho_r)) / (2 * (1 + alpha))
+            plane[rows] = np.floor(255 * rho + 0.5)
+    return values
+
+
+def _row_blocks(source: ProceduralSource) -> list[slice]:
+    """The rows of a plane in blocks of at most _SLAB_VOXELS voxels, or of one row."""
+    num_x, num_y, _ = source.shape
+    num_rows = max(1, _SLAB_VOXELS // num_x)
+    return [slice(begin, begin + num_rows) for begin in range(0, num_y, num_rows)]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A box or a round bar of one material, in model units: the whole phantom lies within [-1, 1]^2 x [-1/2, 1/2].
+
+    low, high: corners of the bounding box. A bar lies along `axis` and is the cylinder inscribed in it; None is a box.
+    Parts are painted in order, so that air takes away what is there.
+    """
+
+    material: int
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    axis: int | None = None
+
+
+def _box(material: int, centre: tuple[float, float, float], half: tuple[float, float, float]) -> _Part:
+    (x, y, z), (a, b, c) = centre, half
+    return _Part(material, (x - a, y - b, z - c), (x + a, y + b, z + c))
+
+
+def _bar(material: int, axis: int, centre: tuple[float, float], radius: float, ends: tuple[float, float]) -> _Part:
+    """`centre` in the two axes other than `axis`, in ascending order."""
+    low, high = [c - radius for c in centre], [c + radius for c in centre]
+    low.insert(axis, ends[0])
+    high.insert(axis, ends[1])
+    return _Part(material, (low[0], low[1], low[2]), (high[0], high[1], high[2]), axis)
+
+
+def _engine_parts() -> Iterator[_Part]:
+    """Two cylinders in a finned light-metal block and what runs in them; pipe, filter and pulley tell sides apart."""
+    yield from _casing()
+    for x, piston_z in ((-0.4, 0.1), (0.4, -0.1)):
+        yield from _cylinder(x, piston_z)
+    yield from _crankshaft()
+    for x in (-0.8, 0.0, 0.8):
+        for y in (-0.41, 0.41):
+            yield _bar(_STEEL, 2, (x, y), 0.03, (-0.1, 0.42))
+            yield _bar(_STEEL, 2, (x, y), 0.055, (0.4, 0.45))
+
+
+def _casing() -> Iterator[_Part]:
+    yield _box(_ALUMINIUM, (0, 0, 0.05), (0.86, 0.47, 0.32))
+    for k in range(6):  # thin fins
+        yield _box(_ALUMINIUM, (0, 0, -0.17 + 0.085 * k), (0.8, 0.64, 0.014))
+    yield _box(_ALUMINIUM, (0, 0, 0.385), (0.88, 0.49, 0.025))  # head gasket flange
+    yield _bar(_ALUMINIUM, 0, (0, -0.25), 0.22, (-0.84, 0.84))  # crankcase
+    yield _bar(_AIR, 0, (0, -0.25), 0.185, (-0.8, 0.8))
+    for x in (-0.4, 0.4):  # intake and exhaust, the exhaust pipes longer
+        yield _bar(_ALUMINIUM, 1, (x, 0.27), 0.095, (-0.72, 0))
+        yield _bar(_AIR, 1, (x, 0.27), 0.065, (-0.74, 0))
+        yield _bar(_ALUMINIUM, 1, (x, 0.27), 0.095, (0, 0.88))
+        yield _bar(_AIR, 1, (x, 0.27), 0.065, (0, 0.9))
+    yield _bar(_ALUMINIUM, 0, (0.8, 0.27), 0.1, (-0.6, 0.6))  # manifold across the exhaust pipes
+    yield _bar(_AIR, 0, (0.8, 0.27), 0.07, (-0.56, 0.64))
+    yield _bar(_ALUMINIUM, 1, (0.62, -0.22), 0.13, (-0.78, -0.2))  # oil filter
+    yield _bar(_COOLANT, 1, (0.62, -0.22), 0.1, (-0.74, -0.2))
+    yield _bar(_IRON, 1, (0.62, -0.22), 0.035, (-0.74, -0.2))
+
+
+def _cylinder(x: float, piston_z: float) -> Iterator[_Part]:
+    """Water jacket, liner, piston with rings and pin, connecting rod, two valves and the spark plug."""
+    yield _bar(_COOLANT, 2, (x, 0), 0.385, (-0.12, 0.22))
+    yield _bar(_ALUMINIUM, 2, (x, 0), 0.335, (-0.12, 0.22))
+    yield _bar(_IRON, 2, (x, 0), 0.31, (-0.2, 0.26))
+    yield _bar(_AIR, 2, (x, 0), 0.27, (-0.22, 0.3))
+    yield _bar(_ALUMINIUM, 2, (x, 0), 0.26, (piston_z - 0.07, piston_z + 0.06))
+    yield _bar(_AIR, 2, (x, 0), 0.2, (piston_z - 0.08, piston_z + 0.03))
+    for z in (0.035, 0.0):
+        yield _bar(_STEEL, 2, (x, 0), 0.268, (piston_z + z - 0.009, piston_z + z + 0.009))
+        yield _bar(_ALUMINIUM, 2, (x, 0), 0.235, (piston_z + z - 0.012, piston_z + z + 0.012))
+    yield _bar(_STEEL, 1, (x, piston_z - 0.03), 0.045, (-0.22, 0.22))
+    crank_z = -0.25 + (0.08 if piston_z > 0 else -0.08)
+    yield _box(_STEEL, (x, 0, (piston_z - 0.03 + crank_z) / 2), (0.028, 0.05, (piston_z - 0.03 - crank_z) / 2))
+    for y in (-0.12, 0.12):
+        yield _bar(_STEEL, 2, (x, y), 0.022, (0.21, 0.47))
+        yield _bar(_STEEL, 2, (x, y), 0.085, (0.195, 0.22))
+        yield _bar(_IRON, 2, (x, y), 0.05, (0.4, 0.45))
+    yield _bar(_STEEL, 2, (x + 0.12, 0), 0.03, (0.2, 0.44))
+
+
+def _crankshaft() -> Iterator[_Part]:
+    """Journals, two offset throws with their webs and counterweights, and a pulley at one end."""
+    for low, high in ((-0.97, -0.52), (-0.28, 0.28), (0.52, 0.9)):
+        yield _bar(_STEEL, 0, (0, -0.25), 0.05, (low, high))
+    for x, lift in ((-0.4, 0.08), (0.4, -0.08)):
+        yield _bar(_STEEL, 0, (0, -0.25 + lift), 0.045, (x - 0.12, x + 0.12))
+        for web in (-0.11, 0.11):
+            yield _bar(_STEEL, 0, (0, -0.25 - 0.3 * lift), 0.13, (x + web - 0.025, x + web + 0.025))
+    yield _bar(_IRON, 0, (0, -0.25), 0.2, (-0.97, -0.91))
+    yield _bar(_AIR, 0, (0, -0.25), 0.15, (-0.98, -0.95))
+
+
+def _engine_block(source: ProceduralSource) -> Array:
+    """The phantom, as large as fits, centred, round in world units, with blurred edges and noise from the seed."""
+    shape, spacing = np.array(source.shape), np.array(source.spacing)
+    unit = float(np.min(shape * spacing / [2.0, 2.0, 1.0])) * 0.98  # world units in a model unit
+    x, y, z = (
+        ((np.arange(n) - (n - 1) / 2) * step / unit).astype(np.float32) for n, step in zip(shape, spacing, strict=True)
+    )
+    blur = np.float32(_BLUR_VOXELS * float(spacing.min()) / unit)
+    values = np.empty(source.shape[::-1], np.uint8)
+    thickness = max(1, _SLAB_VOXELS // (len(x) * len(y)))
+    parts = tuple(_engine_parts())
+    num_words = 0  # of random bits, for the slabs so far
+    for begin in range(0, len(z), thickness):
+        slab = values[begin : begin + thickness]
+        num_voxels = 0  # of the slab so far; several blocks are those of a single plane
+        for rows in _row_blocks(source):
+            block = slab[:, rows]
+            field = np.full(block.shape, _AIR, np.float32)
+            for part in parts:
+                _paint(field, part, (x, y[rows], z[begin : begin + thickness]), blur)
+            first_bytes = [8 * num_words + k * slab.size + num_voxels for k in range(3)]
+            field += _noise(source.seed, first_bytes, block.size).reshape(block.shape)
+            block[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)
+            num_voxels += block.size
+        num_words += -(-3 * slab.size // 8)
+    return values
+
+
+def _noise(seed: int, first_bytes: Sequence[int], num: int) -> Array:
+    """float32 [num], noise of standard deviation _NOISE: three uniform bytes add up to something close to normal.
+
+    first_bytes: from where on in the random bits of the seed the first, second and third ones are.
+    """
+    deviation = math.sqrt(3 * (256**2 - 1) / 12)
+    centred = np.full(num, -3 * 127.5, np.float32)
+    for first in first_bytes:
+        centred += _random_bytes(seed, first, num)
+    centred *= np.float32(_NOISE / deviation)
+    return centred
+
+
+def _random_bytes(seed: int, first: int, num: int) -> Array:
+    """uint8 [num]: raw bits, because those of a seed are the same in every version of numpy, unlike the distributions
+    made of them."""
+    word, skipped = divmod(first, 8)
+    random = np.random.PCG64(seed)
+    random.advance(word)
+    words = random.random_raw(-(-(skipped + num) // 8))
+    return words.astype("<u8").view(np.uint8)[skipped : skipped + num]
+
+
+def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np.float32) -> None:
+    """Lay a part over a slab, float32 [z, y, x]; coverage falls from 1 to 0 over `blur` across its surface."""
+    window, near = [], []
+    for coordinates, low, high in zip(axes, part.low, part.high, strict=True):
+        begin, end = np.searchsorted(coordinates, [low - blur, high + blur])
+        window.append(slice(int(begin), int(end)))
+        near.append(coordinates[begin:end] - np.float32((low + high) / 2))
+    x, y, z = near[0], near[1][:, np.newaxis], near[2][:, np.newaxis, np.newaxis]
+    half = [np.float32((high - low) / 2) for low, high in zip(part.low, part.high, strict=True)]
+    # Signed distances to the surface (exact on faces, smaller than the truth beyond edges), negative inside.
+    faces = [abs(c) - h for c, h in zip((x, y, z), half, strict=True)]
+    if part.axis is not None:
+        end_face = faces.pop(part.axis)
+        across = [c for i, c in enumerate((x, y, z)) if i != part.axis]
+        radius = next(h for i, h in enumerate(half) if i != part.axis)
+        faces = [np.sqrt(across[0] ** 2 + across[1] ** 2) - radius, end_face]
+    distance = faces[0]
+    for face in faces[1:]:
+        distance = np.maximum(distance, face)
+    coverage = np.clip(np.float32(0.5) - distance / blur, 0, 1)
+    target = field[window[2], window[1], window[0]]
+    target += (np.float32(part.material) - target) * coverage

@@ -1,0 +1,221 @@
+"""From a VolumeSpec to a Volume: one reader per family of formats, and what they have in common afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import (
+    Image,
+    check_axes,
+    check_dtype,
+    check_lengths,
+    check_resolved,
+    choose,
+    existing,
+    spacing_of,
+    stays_mapped,
+    unreadable,
+    with_spacing,
+)
+from renderer.scene.spec import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.volume.mapped_file import MappedFile, OnMapped, file_behind, slabs
+from renderer.volume.volume import Array, Volume, make_volume
+
+Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+
+
+def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
+    """The volume that `spec` describes, cropped, checked and read-only.
+
+    A crop moves the affine along, so that voxels stay where they are in the world. on_mapped: told of many
+    voxels that are mapped from their file, whether they stay there or not. Raises InputError for everything
+    that can be wrong with a file or with what is asked of it, a lack of memory included.
+    """
+    source = spec.source
+    name = f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
+    try:
+        image = _load(spec, name)
+        check_dtype(image.values.dtype, name)
+        check_axes(image.world_from_index, name)
+        spacing, replaced = source.spacing if isinstance(source, FileSource) else None, None
+        if spacing is not None:
+            replaced = spacing_of(image.world_from_index)
+            image = replace(image, world_from_index=with_spacing(image.world_from_index, spacing))
+        check_lengths(image.world_from_index, name)
+        if spec.crop is not None:
+            image = crop_image(image, spec.crop, name)
+        world_from_index, note = image.world_from_index, image.note
+        first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
+        mapped = file_behind(image.values) if stays_mapped(image.values.nbytes) else None
+        if mapped is not None and on_mapped is not None:
+            on_mapped(mapped, image.values)
+        settled = _settled(image.values)
+        del image  # with what it was read into
+        file = file_behind(settled)
+        values, num_nonfinite, stand_in = _finite(settled, file, spec.nonfinite, first, name)
+        if mapped is not None:  # and where it was copied
+            mapped.require_unchanged()
+        file = file if values is settled else None
+        check_resolved(values, file, name)
+        made = make_volume(values, world_from_index, name, file, num_nonfinite, stand_in)
+        return replace(made, replaced_spacing=replaced, note=note)
+    except OSError as error:
+        raise unreadable(Path(name), error) from error
+    except MemoryError as error:
+        raise InputError(
+            "there is not enough memory for this volume", where=name, hint="`crop` it, or render on a larger machine"
+        ) from error
+
+
+def _load(spec: VolumeSpec, name: str) -> Image:
+    """Hand the source to its reader, imported only then."""
+    source = spec.source
+    if isinstance(source, FileSource):
+        # What a file says wrongly of lengths is no error where others take their place.
+        return _load_file(existing(source.file), spec.time, spec.component, source.spacing is not None)
+    choose("time", spec.time, 1, name)
+    choose("component", spec.component, 1, name)
+    if isinstance(source, RawSource):
+        from renderer.readers.arrays import read_raw  # noqa: PLC0415
+
+        return read_raw(source)
+    from renderer.readers.procedural import procedural_affine, procedural_values  # noqa: PLC0415
+
+    return Image(procedural_values(source), procedural_affine(source))
+
+
+def _load_file(path: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
+    """Dispatch by name; SimpleITK recognises the rest by content."""
+    name = path.name.lower()
+    if path.is_dir():
+        return _load_folder(path, time, component, any_lengths)
+    if name.endswith((".nii", ".nii.gz", ".hdr", ".img")):
+        from renderer.readers.nifti import read_nifti  # noqa: PLC0415
+
+        return read_nifti(path, time, component)
+    if name.endswith(".npy"):
+        from renderer.readers.arrays import read_npy  # noqa: PLC0415
+
+        return read_npy(path, time, component)
+    if name.endswith((".tif", ".tiff")):
+        from renderer.readers.tiff import read_tiff  # noqa: PLC0415
+
+        return read_tiff(path, time, component, any_lengths=any_lengths)
+    from renderer.readers.itk import read_itk  # noqa: PLC0415
+
+    return read_itk(path, time, component, any_lengths=any_lengths)
+
+
+def _load_folder(folder: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
+    from renderer.readers.headers import has_dicom_mark  # noqa: PLC0415
+    from renderer.readers.tiff import SUFFIXES, read_tiff_folder  # noqa: PLC0415
+
+    names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    tiffs = [entry for entry in names if entry.suffix.lower() in SUFFIXES]
+    if tiffs:
+        rest = (entry for entry in names if entry.suffix.lower() not in SUFFIXES and entry.is_file())
+        others = sorted(filter(has_dicom_mark, rest))
+        if others:
+            raise InputError(
+                "this folder holds both TIFF slices and DICOM files",
+                where=str(folder),
+                got=f"{min(tiffs).name} and {others[0].name}",
+                expected="the slices of one volume",
+                hint="put each volume into a folder of its own",
+            )
+        choose("time", time, 1, str(folder))
+        return read_tiff_folder(folder, tiffs, component, any_lengths=any_lengths)
+    from renderer.readers.dicom import read_dicom  # noqa: PLC0415
+
+    return read_dicom(folder, time, component, any_lengths=any_lengths)
+
+
+def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
+    """The voxels in half-open `ranges` for x, y, z, at the same place in the world; the values are a view.
+
+    Raises InputError for ranges that are empty or reach outside the volume.
+    """
+    for axis, (begin, end), n in zip("xyz", ranges, image.values.shape[::-1], strict=True):
+        if not 0 <= begin < end <= n:
+            raise InputError(
+                f"the crop does not fit the volume along {axis}",
+                where=where,
+                got=f"[{begin}, {end}]",
+                expected=f"[first, end] with 0 <= first < end <= {n}",
+            )
+    (x0, x1), (y0, y1), (z0, z1) = ranges
+    world_from_index = image.world_from_index.copy()
+    world_from_index[:3, 3] += image.world_from_index[:3, :3] @ np.array([x0, y0, z0], np.float64)
+    return Image(image.values[z0:z1, y0:y1, x0:x1], world_from_index, image.note)
+
+
+def _settled(values: Array) -> Array:
+    """The values in native byte order and C order: in memory of their own size, no part of an array; or, where they are
+    many and a file has them as they are to be, mapped from it."""
+    is_mapped = isinstance(values, np.memmap)
+    if is_mapped and stays_mapped(values.nbytes) and values.flags.c_contiguous and values.dtype.isnative:
+        return np.asarray(values)
+    is_part = values.base is not None and getattr(values.base, "nbytes", values.nbytes) > values.nbytes
+    if is_mapped or is_part or not values.flags.c_contiguous:
+        return np.array(values, values.dtype.newbyteorder("="), order="C")
+    if not values.dtype.isnative:
+        swapped: Array = (values if values.flags.writeable else values.copy()).byteswap(inplace=True)
+        return swapped.view(values.dtype.newbyteorder("="))
+    return values
+
+
+def _finite(
+    values: Array,
+    file: MappedFile | None,
+    instead: Literal["error", "lowest"] | float,
+    first_xyz: tuple[int, ...],
+    where: str,
+) -> tuple[Array, int, float]:
+    """The values; how many NaN and infinities there were, refused or replaced by the lowest finite value or a number;
+    and this. All is looked at a slice at a time.
+
+    Those that are mapped from a file are copied where any is replaced.
+    """
+    if values.dtype.kind != "f":
+        return values, 0, 0.0
+    num_bad, first_bad, lowest = 0, None, np.inf
+    for z, plane in enumerate(plane for slab in slabs(values, file) for plane in slab):
+        finite = np.isfinite(plane)
+        num_good = int(np.count_nonzero(finite))
+        if num_good < plane.size:
+            num_bad += plane.size - num_good
+            if first_bad is None:
+                y, x = np.argwhere(~finite)[0]
+                first_bad = (int(x) + first_xyz[0], int(y) + first_xyz[1], z + first_xyz[2])
+        if instead == "lowest" and num_good:
+            lowest = min(lowest, float(plane.min(where=finite, initial=np.inf)))
+    if not num_bad:
+        return values, 0, 0.0
+    if num_bad == values.size:
+        raise InputError("no voxel is finite: all are NaN or infinite", where=where)
+    if instead == "error":
+        raise InputError(
+            f"{num_bad} of {values.size} voxels are NaN or infinite",
+            where=where,
+            got=f"the first at voxel x, y, z = {', '.join(map(str, first_bad or ()))}",
+            expected="finite values",
+            hint="`nonfinite: lowest` replaces them with the lowest finite value",
+        )
+    number = lowest if instead == "lowest" else instead
+    largest = float(np.finfo(values.dtype).max)
+    if abs(number) > largest:
+        raise InputError(
+            "what takes the place of NaN and infinities is out of the range of the voxels",
+            where=where,
+            got=f"`nonfinite: {number:g}`",
+            expected=f"a number from {-largest:g} to {largest:g}, for {values.dtype.name}",
+        )
+    values = values if values.flags.writeable else values.copy()
+    for plane in values:
+        plane[~np.isfinite(plane)] = number
+    return values, num_bad, number

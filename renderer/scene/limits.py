@@ -1,0 +1,133 @@
+"""Numbers of a scene that are right by themselves, and out of all proportion together.
+
+Every number of a scene has bounds of its own (`renderer.scene.parse`). What remains is relative: a camera so far from
+its volume that nothing is left of it, a pixel that shows less of a voxel than float32 can place. Where the scene says
+how large the volume is, `hsplat check` finds out; otherwise the start of `renderer.frame.pipeline.prepare` does, before
+any work. Nothing here imports numpy.
+
+The bounds are far outside of what can be meant, and well inside of what is computed right: drawing is relative to the
+volume's centre and to half its diagonal, its *radius*, in float32, from there on with eyes up to MAX_DISTANCE away.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from renderer.errors import Problem, SceneError
+from renderer.scene.spec import CameraSpec, FileSource, KeyframePath, RawSource, Scene, Vector
+
+if TYPE_CHECKING:
+    from renderer.volume.volume import Volume
+
+# Longest side of a voxel by its shortest.
+MAX_SPACING_RATIO = 1e5
+# From the world's origin to the volume's centre, in sides of a voxel: float64 places voxels to 1e-4 of their side.
+MAX_OFFSET = 1e12
+# Of the target from the volume's centre, of the eye from its target and of the near plane, in radii.
+MAX_DISTANCE = 1e12
+# Width of a pixel: at least this many voxels' shortest sides, at most this many radii.
+MIN_PIXEL_VOXELS, MAX_PIXEL_RADII = 1e-6, 1e12
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Where a volume is and how large; world units.
+
+    centre: its middle. radius: half its diagonal, were its axes at right angles. finest, coarsest: sides of a voxel.
+    """
+
+    centre: Vector
+    radius: float
+    finest: float
+    coarsest: float
+
+    @classmethod
+    def of(cls, shape: tuple[int, int, int], spacing: Vector, centre: Vector) -> Extent:
+        """That of voxels: numbers of them and sides along the index axes x, y, z."""
+        diagonal = math.hypot(*(num * side for num, side in zip(shape, spacing, strict=True)))
+        return cls(centre, diagonal / 2, min(spacing), max(spacing))
+
+
+def extent_of(volume: Volume) -> Extent:
+    """That of a volume that has been read."""
+    x, y, z = volume.spacing.tolist()
+    centre_x, centre_y, centre_z = volume.centre.tolist()
+    return Extent.of(volume.shape_xyz, (x, y, z), (centre_x, centre_y, centre_z))
+
+
+def proportion_problems(scene: Scene) -> Iterator[Problem]:
+    """What is out of proportion in a scene, as far as it says how large its volume is: of files with a header, no more
+    than the voxels' spacing, where it gives that."""
+    source = scene.volume.source
+    if isinstance(source, FileSource):
+        if source.spacing is not None:
+            yield from _ratio_problems(max(source.spacing) / min(source.spacing), "volume.spacing")
+        return
+    first_end = scene.volume.crop or tuple((0, num) for num in source.shape)
+    shape = tuple(end - first for first, end in first_end)
+    centre = tuple(0.5 * (first + end - 1) * side for (first, end), side in zip(first_end, source.spacing, strict=True))
+    extent = Extent.of(shape, source.spacing, centre)  # type: ignore[arg-type]  # three of each
+    name = "raw" if isinstance(source, RawSource) else "procedural"
+    yield from volume_problems(extent, f"volume.{name}.spacing")
+    yield from camera_problems(scene.camera, scene.output.size, extent)
+
+
+def volume_problems(extent: Extent, path: str) -> Iterator[Problem]:
+    """What no scene can do with a volume; `path` is what the complaints are about."""
+    yield from _ratio_problems(extent.coarsest / extent.finest, path)
+    offset = max(map(abs, extent.centre)) / extent.finest
+    if offset > MAX_OFFSET:
+        expected = f"at most {MAX_OFFSET:g}: further out, float64 cannot tell its voxels apart"
+        what = "the volume is too far from the world's origin for its voxels"
+        yield Problem(path, what, f"{offset:.4g} voxels away", expected, "move the volume's origin")
+
+
+def _ratio_problems(ratio: float, path: str) -> Iterator[Problem]:
+    if ratio > MAX_SPACING_RATIO:
+        expected = f"a longest side of at most {MAX_SPACING_RATIO:.0e} times the shortest"
+        yield Problem(path, "the voxels are too long or too flat", f"sides with a ratio of {ratio:.4g}", expected)
+
+
+def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -> Iterator[Problem]:
+    """What a camera cannot do before a volume: each length that is given against the volume's size."""
+    away = math.dist(camera.target, extent.centre) if isinstance(camera.target, tuple) else 0.0
+    limit = MAX_DISTANCE * extent.radius
+    expected = f"at most {limit:.4g}, {MAX_DISTANCE:g} times half the volume's diagonal"
+    lengths = (
+        ("target", "too far from the volume", away),
+        ("distance", "the eye is too far from the target for this volume", camera.distance or 0.0),
+        ("near", "too far from the eye for this volume", camera.near),
+    )
+    too_long = [
+        Problem(f"camera.{key}", what, f"{length:.4g}", expected) for key, what, length in lengths if length > limit
+    ]
+    yield from too_long
+    if camera.distance is not None and not too_long:
+        yield from _pixel_problems(camera, camera.distance, away, size, extent)
+
+
+def _pixel_problems(
+    camera: CameraSpec, distance: float, away: float, size: tuple[int, int], extent: Extent
+) -> Iterator[Problem]:
+    """What is wrong with the width of a pixel; `away` is the target's distance from the volume's centre."""
+    # In perspective the far side of the volume is at most this far from any eye of the path.
+    depth = distance if camera.projection == "orthographic" else distance + away + extent.radius
+    per_unit = 2 * math.tan(math.radians(camera.field_of_view) / 2) / size[1]
+    zooms = [key.zoom for key in camera.path.keys] if isinstance(camera.path, KeyframePath) else [1.0]
+    smallest, largest = per_unit * depth / max(zooms) / extent.finest, per_unit * depth / min(zooms) / extent.radius
+    hint = "see camera.distance, camera.field_of_view and the zoom of keyframes"
+    if smallest < MIN_PIXEL_VOXELS:
+        expected = f"at least {MIN_PIXEL_VOXELS:g} of a voxel"
+        yield Problem("camera", "too little is in the picture", f"pixels of {smallest:.4g} voxels", expected, hint)
+    if largest > MAX_PIXEL_RADII:
+        got, expected = f"pixels of {largest:.4g} times half its diagonal", f"at most {MAX_PIXEL_RADII:g} times that"
+        yield Problem("camera", "the volume is too small in the picture", got, expected, hint)
+
+
+def require_proportion(problems: Iterable[Problem]) -> None:
+    """Raise SceneError with the problems if there are any."""
+    if found := list(problems):
+        raise SceneError(found)

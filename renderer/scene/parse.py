@@ -1,0 +1,288 @@
+"""Plain data to a checked Scene, and back.
+
+The tree is what a YAML or JSON reader gives: nested mappings, lists and scalars. The large sections of a scene have a
+module each (`schema_volume`, `schema_transfer`, `schema_camera`, `schema_error`, `schema_output`), the others are here.
+Defaults are those of the dataclasses in `renderer.scene.spec`. Nothing here imports numpy or GL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields as dataclass_fields
+from dataclasses import is_dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import Problem, SceneError
+from renderer.scene.limits import proportion_problems
+from renderer.scene.parse_camera import CAMERA, direction
+from renderer.scene.parse_error import ERROR, check_frames
+from renderer.scene.parse_output import OUTPUT, check_name
+from renderer.scene.parse_transfer import TRANSFER_FUNCTION
+from renderer.scene.parse_volume import volume_kind
+from renderer.scene.schema import (
+    BOOLEAN,
+    INVALID,
+    Kind,
+    Node,
+    Table,
+    as_int,
+    choice,
+    integer,
+    known,
+    number,
+    section,
+    sequence,
+    show,
+)
+from renderer.scene.spec import (
+    AccuracyGoal,
+    ColormapSpec,
+    ErrorSpec,
+    FileSource,
+    KeyframePath,
+    OutputSpec,
+    PyramidSpec,
+    RawSource,
+    RockerPath,
+    Scene,
+    ShadingSpec,
+    SplatBudget,
+    SplatSpec,
+    TimeBudget,
+    TransferSpec,
+    TurntablePath,
+    VolumeSpec,
+)
+
+VERSION = 1
+
+
+def parse_scene(tree: object, *, base: Path, still: bool = False) -> Scene:
+    """The scene that `tree` describes.
+
+    Volume files are looked for relative to `base` and kept as `base / file`; the output file is kept as given. It may
+    be a PNG without a number in its name where the path has one frame or, as `still` says, one of them is drawn.
+    Raises SceneError with every problem that there is.
+    """
+    problems: list[Problem] = []
+    scene = _scene_kind(base, still).read(Node(tree, "", problems))
+    if problems:
+        raise SceneError(problems)
+    return scene
+
+
+# Keys that are looked for at the top, and where they are.
+_IN_A_SECTION = {
+    key: f"did you mean {place}.{key}?"
+    for place, keys in {
+        "error": ("tolerance", "psnr", "rmse", "seconds"),
+        "camera.path": ("frames", "elevation"),
+        "output": ("size", "background", "frames_per_second"),
+        "splat": ("footprint",),
+    }.items()
+    for key in keys
+}
+
+
+def _scene_kind(base: Path, still: bool) -> Kind[Scene]:
+    table: Table = {
+        "version": _VERSION,
+        "volume": volume_kind(base),
+        "transfer_function": TRANSFER_FUNCTION,
+        "shading": _SHADING,
+        "camera": CAMERA,
+        "error": ERROR,
+        "pyramid": _PYRAMID,
+        "splat": _SPLAT,
+        "overlay": choice("none", "octree"),
+        "output": OUTPUT,
+    }
+    required = ("volume", "transfer_function", "camera", "output")
+    return section(
+        table, lambda node, given: _build_scene(node, given, still), required=required, elsewhere=_IN_A_SECTION
+    )
+
+
+def _parse_version(node: Node) -> int:
+    if as_int(node.value) == VERSION:
+        return VERSION
+    return _VERSION.refuse(node, "unknown version of the scene format", got=show(node.value))
+
+
+_VERSION: Kind[int] = Kind(str(VERSION), _parse_version)
+
+
+def _build_scene(node: Node, given: dict[str, Any], still: bool) -> Scene:
+    check_frames(node.child("error"), given)
+    if not still:
+        check_name(node.child("output"), given)
+    scene = Scene(**given)
+    if not node.problems:  # with several values at once, only those that are right by themselves
+        node.problems.extend(proportion_problems(scene))
+    return scene
+
+
+_SHADING = section(
+    {
+        "ambient": number(least=0, most=1),
+        "diffuse": number(least=0, most=1),
+        "light": direction("[x, y, z], not all 0: from the object to the light"),
+    },
+    lambda node, given: ShadingSpec(**given),
+)
+
+_PYRAMID = section(
+    {"average": choice("extinction", "opacity"), "precision": choice("half", "single")},
+    lambda node, given: PyramidSpec(**given),
+)
+
+
+# splat
+
+_GOURAUD_KEYS = ("angular", "radial", "profile")
+_HINTS_GOURAUD = dict.fromkeys(_GOURAUD_KEYS, "only footprint: gouraud has it")
+_HINTS_INTEGRATED = _HINTS_GOURAUD | {
+    "sigma": "it draws the field itself, which no footprint blurs",
+    "opacity_correction": "it integrates opacity along the way through a cell, which is the correction",
+    "order": "what it draws does not overlap, so that there is one order, which is exact",
+}
+_OTHER_NAMES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
+_WEIGHT = number(least=0, most=1)
+# Weights are divided by the largest ones.
+LEAST_WEIGHT = 1e-6
+_PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
+_PROFILE = sequence(sequence(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS)
+
+
+def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
+    """A section that only says how splats are to be asks for splats; an empty one is none."""
+    if not given:
+        return Scene.splat
+    footprint = given.get("footprint", SplatSpec.footprint)
+    hints = _without_use(footprint)
+    for key in known(given, *hints):
+        if "footprint" in given:
+            node.key(key).complain(f"contradicts footprint: {footprint}", hint=hints[key])
+        else:  # nobody has written what it contradicts
+            hint = f"this section names no footprint, and so asks for {footprint}, which has no {key}"
+            node.key(key).complain("needs footprint: gouraud", hint=hint)
+    profile = given.get("profile", INVALID)
+    if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
+        _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))
+    return SplatSpec(**given)
+
+
+def _without_use(footprint: str) -> dict[str, str]:
+    """Keys that would mean nothing beside a footprint, and a hint for each."""
+    return {"gaussian": _HINTS_GOURAUD, "integrated": _HINTS_INTEGRATED}.get(footprint, {})
+
+
+def _check_profile(node: Node, profile: tuple[tuple[float, float], ...], num_rings: int) -> None:
+    radii = [radius for radius, _ in profile]
+    if radii[0] != 0 or radii[-1] != 1 or radii != sorted(set(radii)):
+        node.complain("radius does not ascend from 0 to 1", got=show(radii), expected=_PROFILE_WORDS)
+    elif all(weight == 0 for _, weight in profile):
+        node.complain("every weight is 0", expected="a weight greater than 0")
+    elif isinstance(num_rings, int) and max(_at_rings(profile, num_rings)) < LEAST_WEIGHT:
+        node.complain(
+            "no weight at the radii that the footprint has",
+            got=show(profile),
+            expected=f"a weight of at least {LEAST_WEIGHT:g} at one of the radii k / {num_rings}",
+            hint="a larger splat.radial has more radii",
+        )
+
+
+def _at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Iterator[float]:
+    """The profile, linear between its points, at the radii k / num_rings from 0 to 1."""
+    for ring in range(num_rings + 1):
+        radius = ring / num_rings
+        (first, before), (end, after) = next(pair for pair in pairwise(profile) if radius <= pair[1][0])
+        yield before + (after - before) * ((radius - first) / (end - first))
+
+
+_SPLAT = section(
+    {
+        "footprint": choice("gaussian", "gouraud", "integrated", instead=_OTHER_NAMES),
+        "sigma": number(least=0.38, most=2),
+        "angular": integer(least=3, most=64),
+        "radial": integer(least=1, most=32),
+        "profile": _PROFILE,
+        "opacity_correction": BOOLEAN,
+        "order": choice("depth", "unmixed", "boxes"),
+    },
+    _build_splat,
+)
+
+
+# Back to plain data
+
+_PATH_TYPES = {TurntablePath: "turntable", RockerPath: "rocker", KeyframePath: "keyframes"}
+
+
+def scene_to_dict(scene: Scene) -> dict[str, Any]:
+    """The scene as plain data with every default written out; JSON and YAML can hold it.
+
+    `parse_scene` makes the same scene from it, with any `base` if the volume's file is an absolute path and with the
+    current folder otherwise; `still` as for the scene.
+    """
+    tree: dict[str, Any] = _plain(scene)
+    return {key: tree[key] for key in ("version", *tree) if key in tree}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
+    return _plain_dataclass(value) if is_dataclass(value) else value
+
+
+def _plain_dataclass(value: Any) -> dict[str, Any]:
+    plain = _plain_fields(value)
+    if isinstance(value, VolumeSpec):
+        return _plain_source(plain.pop("source"), value) | plain
+    if isinstance(value, TransferSpec):
+        mapping = plain.pop("mapping")
+        return (_plain_colormap(mapping) if isinstance(value.mapping, ColormapSpec) else {"points": mapping}) | plain
+    if isinstance(value, ErrorSpec):
+        return schedule_to_dict(value) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
+    if isinstance(value, SplatSpec):
+        return {key: item for key, item in plain.items() if key not in _without_use(value.footprint)}
+    if isinstance(value, OutputSpec):
+        return plain | {"background": plain.get("background", "transparent")}
+    return {"type": _PATH_TYPES[type(value)]} | plain if type(value) in _PATH_TYPES else plain
+
+
+def _plain_fields(value: Any) -> dict[str, Any]:
+    """Fields that are None are left out: None stands for a key that is not given."""
+    pairs = ((field.name, getattr(value, field.name)) for field in dataclass_fields(value))
+    return {name: _plain(item) for name, item in pairs if item is not None}
+
+
+def _plain_source(plain: dict[str, Any], volume: VolumeSpec) -> dict[str, Any]:
+    if isinstance(volume.source, FileSource):
+        return plain
+    return {"raw" if isinstance(volume.source, RawSource) else "procedural": plain}
+
+
+def _plain_colormap(plain: dict[str, Any]) -> dict[str, Any]:
+    return {"colormap": plain.pop("name")} | plain
+
+
+def splats_as_asked(plain: Mapping[str, Any]) -> dict[str, Any]:
+    """A section `splat` of `scene_to_dict` without defaults, which nobody asked for and which another footprint may
+    not have."""
+    defaults = _plain_fields(SplatSpec())
+    return {key: value for key, value in plain.items() if key == "footprint" or repr(defaults.get(key)) != repr(value)}
+
+
+def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
+    """The one key of a section `error` that says how exact, and its value."""
+    goal = error.goal
+    if isinstance(goal, AccuracyGoal):
+        return {goal.metric: goal.value}
+    name = {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(goal), "tolerance")
+    (frame, first), *more = by_frame = error.tolerance if goal is None else goal.by_frame
+    return {name: first if frame == 0 and not more else dict(by_frame)}  # keys become text in JSON, and are read so

@@ -1,0 +1,155 @@
+"""The scene's `camera` and its paths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+from renderer.scene.schema import (
+    BOOLEAN,
+    COORDINATE,
+    INVALID,
+    LENGTH,
+    Kind,
+    Node,
+    Table,
+    choice,
+    fields,
+    integer,
+    listed,
+    number,
+    section,
+    sequence,
+    show,
+)
+from renderer.scene.spec import LONGEST, SHORTEST, CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath, Vector
+
+MAX_FRAMES = 10**6
+FRAME_NUMBER = integer(least=0, most=MAX_FRAMES - 1)
+
+# Degrees: thousands of turns, of which float64 keeps the direction to 1e-10 degrees.
+MAX_ANGLE = 1e6
+# A film at 180 degrees, or at 0, shows nothing; at these the tangent of the half angle is 9e-6 and 1146.
+NARROWEST_VIEW, WIDEST_VIEW = 0.001, 179.9
+MIN_ZOOM, MAX_ZOOM = 1e-6, 1e6
+
+AXES: dict[str, Vector] = {
+    "x": (1.0, 0.0, 0.0),
+    "y": (0.0, 1.0, 0.0),
+    "z": (0.0, 0.0, 1.0),
+    "-x": (-1.0, 0.0, 0.0),
+    "-y": (0.0, -1.0, 0.0),
+    "-z": (0.0, 0.0, -1.0),
+}
+
+
+def direction(expected: str) -> Kind[Vector]:
+    """Three coordinates that are not all 0, nor as good as that."""
+
+    def parse(node: Node) -> Vector:
+        vector = numbers.read(node)
+        if isinstance(vector, tuple) and INVALID not in vector and all(abs(part) < SHORTEST for part in vector):
+            hint = None if not any(vector) else f"a component of at least {SHORTEST:g}"
+            return kind.refuse(node, "no direction", got=show(node.value), hint=hint)
+        return vector  # type: ignore[return-value]  # three, or INVALID
+
+    numbers = sequence(COORDINATE, expected, count=3)
+    kind: Kind[Vector] = Kind(expected, parse)
+    return kind
+
+
+_AXIS_WORDS = "x, y, z, -x, -y, -z or a direction [x, y, z], not all 0"
+_AXIS_NUMBERS = direction(_AXIS_WORDS)
+
+
+def _parse_axis(node: Node) -> Vector:
+    if isinstance(node.value, (list, tuple)):
+        return _AXIS_NUMBERS.read(node)
+    axis = AXES.get(node.value) if isinstance(node.value, str) else None
+    return axis or _AXIS.refuse(node, "not an axis", got=show(node.value))
+
+
+_AXIS: Kind[Vector] = Kind(_AXIS_WORDS, _parse_axis)
+_ANGLE = number(least=-MAX_ANGLE, most=MAX_ANGLE)
+_ELEVATION = number(least=-90, most=90)
+
+_KEY_FIELDS: Table = {
+    "frame": FRAME_NUMBER,
+    "azimuth": _ANGLE,
+    "elevation": _ELEVATION,
+    "zoom": number(least=MIN_ZOOM, most=MAX_ZOOM),
+}
+_KEY = section(_KEY_FIELDS, lambda node, given: Keyframe(**given), required=("frame", "azimuth", "elevation"))
+
+_PATHS: dict[str, type[TurntablePath | RockerPath | KeyframePath]] = {
+    "turntable": TurntablePath,
+    "rocker": RockerPath,
+    "keyframes": KeyframePath,
+}
+_COMMON: dict[str, Kind[Any]] = {"type": choice(*_PATHS), "frames": integer(least=1, most=MAX_FRAMES), "axis": _AXIS}
+_PATH_FIELDS: dict[str, dict[str, Kind[Any]]] = {
+    "turntable": _COMMON | {"start": _ANGLE, "elevation": _ELEVATION},
+    "rocker": _COMMON | {"swing": number(above=0, most=360), "start": _ANGLE, "elevation": _ELEVATION},
+    "keyframes": _COMMON
+    | {
+        "keys": sequence(_KEY, "a list of {frame: ..., azimuth: ..., elevation: ..., zoom: ...}, one or more"),
+        "loop": BOOLEAN,
+        "easing": choice("smooth", "linear"),
+    },
+}
+# What to say about a key of another type of path.
+_OWNERS = {
+    key: f"{key} belongs to type: {listed(name for name, table in _PATH_FIELDS.items() if key in table)}"
+    for key in set().union(*_PATH_FIELDS.values())
+}
+
+
+def _parse_path(node: Node) -> Any:
+    if not isinstance(node.value, Mapping):
+        return _PATH.refuse(node, "not a mapping", got=show(node.value))
+    if "type" not in node.value:
+        return _COMMON["type"].refuse(node.child("type"), "missing")
+    name = _COMMON["type"].read(node.child("type", node.value["type"]))
+    if name is INVALID:  # which keys are legal depends on it
+        return INVALID
+    required = ("frames", "keys") if name == "keyframes" else ("frames",)
+    given = fields(node, _PATH_FIELDS[name], required=required, elsewhere=_OWNERS)
+    if name == "keyframes":
+        _check_keys(node.child("keys"), given["keys"], given["frames"])
+    return _PATHS[name](**{key: value for key, value in given.items() if key != "type"})
+
+
+def _check_keys(node: Node, keys: Any, num_frames: Any) -> None:
+    """Keyframes must ascend and lie in the path."""
+    frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
+    for index, frame in enumerate(frames):
+        if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
+            node.child(index).child("frame").complain(
+                "after the last frame", got=show(frame), expected=f"a frame from 0 to {num_frames - 1}"
+            )
+    for index, (before, frame) in enumerate(pairwise(frames), start=1):
+        if isinstance(frame, int) and isinstance(before, int) and frame <= before:
+            node.child(index).child("frame").complain(
+                "keys out of order", got=show(frame), expected=f"a frame after {before}, that of the key before"
+            )
+
+
+_PATH: Kind[Any] = Kind(f"a mapping with type: {listed(_PATHS)}, and frames", _parse_path)
+
+_TARGET_WORDS = "[x, y, z] in world units, or visible"
+_TARGET_NUMBERS = sequence(COORDINATE, _TARGET_WORDS, count=3)
+_TARGET: Kind[Any] = Kind(
+    _TARGET_WORDS, lambda node: "visible" if node.value == "visible" else _TARGET_NUMBERS.read(node)
+)
+
+_FIELDS: Table = {
+    "projection": choice("perspective", "orthographic"),
+    "field_of_view": number(least=NARROWEST_VIEW, most=WIDEST_VIEW),
+    "target": _TARGET,
+    "distance": LENGTH,
+    "near": number(least=0, most=LONGEST),
+    "path": _PATH,
+}
+
+CAMERA = section(_FIELDS, lambda node, given: CameraSpec(**given), required=("path",))

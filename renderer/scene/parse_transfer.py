@@ -1,0 +1,177 @@
+"""The scene's `transfer_function`: colours, control points and colormaps."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from typing import Any
+
+from renderer.scene.colormaps import is_colormap, nearest_colormap
+from renderer.scene.schema import (
+    INVALID,
+    LENGTH,
+    Kind,
+    Node,
+    Table,
+    did_you_mean,
+    known,
+    number,
+    section,
+    sequence,
+    show,
+)
+from renderer.scene.spec import Color, ColormapSpec, ControlPoint, TransferSpec
+
+COLOR_NAMES = {
+    "black": "#000000",
+    "white": "#ffffff",
+    "gray": "#808080",
+    "grey": "#808080",
+    "silver": "#c0c0c0",
+    "red": "#ff0000",
+    "maroon": "#800000",
+    "orange": "#ffa500",
+    "brown": "#a52a2a",
+    "yellow": "#ffff00",
+    "olive": "#808000",
+    "lime": "#00ff00",
+    "green": "#008000",
+    "cyan": "#00ffff",
+    "teal": "#008080",
+    "blue": "#0000ff",
+    "navy": "#000080",
+    "magenta": "#ff00ff",
+    "purple": "#800080",
+    "pink": "#ffc0cb",
+}
+
+_HEX = re.compile(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
+_PART = number(least=0, most=1)
+
+
+def _parse_color(node: Node) -> Color:
+    if isinstance(node.value, (list, tuple)):
+        return _parse_rgb(node)
+    if not isinstance(node.value, str):
+        return COLOR.refuse(node, "not a color", got=show(node.value))
+    text = COLOR_NAMES.get(node.value.lower(), node.value)
+    if not _HEX.fullmatch(text):
+        return COLOR.refuse(node, "not a color", got=show(node.value), hint=did_you_mean(text.lower(), COLOR_NAMES))
+    digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
+    red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
+    return red, green, blue
+
+
+def _parse_rgb(node: Node) -> Color:
+    parts = node.value if isinstance(node.value, (list, tuple)) else ()
+    if len(parts) == 3 and all(isinstance(part, int) for part in parts) and 1 < max(parts) <= 255 and min(parts) >= 0:
+        hint = f'write it as "#{parts[0]:02x}{parts[1]:02x}{parts[2]:02x}"'
+        return COLOR.refuse(node, "not a color", got=show(node.value), hint=hint)
+    return sequence(_PART, COLOR.expected, count=3).read(node)  # type: ignore[return-value]  # three, or INVALID
+
+
+COLOR: Kind[Color] = Kind(
+    'a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white',
+    _parse_color,
+    'a color that begins with # needs quotes: "#ff8800"',
+)
+
+
+def _parse_colormap(node: Node) -> str:
+    if not isinstance(node.value, str):
+        return _COLORMAP.refuse(node, "not the name of a colormap", got=show(node.value))
+    if not is_colormap(node.value):
+        close = nearest_colormap(node.value)
+        hint = f"did you mean {close}?" if close else None
+        return _COLORMAP.refuse(node, "unknown colormap", got=show(node.value), hint=hint)
+    return node.value
+
+
+_COLORMAP: Kind[str] = Kind("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
+
+_POINT_FIELDS: Table = {"value": number(), "color": COLOR, "opacity": _PART}
+_POINT = section(_POINT_FIELDS, lambda node, given: ControlPoint(**given), required=tuple(_POINT_FIELDS))
+_VALUE_RANGE = sequence(number(), "[low, high]: two numbers, low less than high", count=2)
+
+
+def _parse_opacity_point(node: Node) -> tuple[float, float]:
+    if not isinstance(node.value, (list, tuple)) or len(node.value) != 2:
+        return _OPACITY_POINT.refuse(node, "not a pair", got=show(node.value))
+    value, opacity = node.value
+    return number().read(node.child(0, value)), _PART.read(node.child(1, opacity))
+
+
+_OPACITY_POINT: Kind[tuple[float, float]] = Kind(
+    "[value, opacity]: a number, and a number from 0 to 1", _parse_opacity_point
+)
+
+
+_FIELDS: Table = {
+    "unit": LENGTH,
+    "points": sequence(_POINT, "a list of {value: ..., color: ..., opacity: ...}, one or more"),
+    "colormap": _COLORMAP,
+    "range": _VALUE_RANGE,
+    "opacity": sequence(_OPACITY_POINT, "a list of [value, opacity], one or more"),
+}
+_COLORMAP_KEYS = ("colormap", "range", "opacity")
+
+
+def _build_transfer(node: Node, given: dict[str, Any]) -> TransferSpec:
+    unit = given.get("unit")
+    of_colormap = [key for key in _COLORMAP_KEYS if key in given]
+    if "points" in given:
+        for key in known(given, *_COLORMAP_KEYS):
+            expected = "either points, or colormap with range and opacity"
+            node.key(key).complain(f"contradicts {node.path}.points", expected=expected)
+        points = given["points"] if isinstance(given["points"], tuple) else ()
+        _check_points(node.child("points"), points)
+        return TransferSpec(points, unit)
+    if not of_colormap:
+        node.complain("no colors and opacities", expected="points, or colormap with range and opacity")
+        return TransferSpec((), unit)
+    for key in _COLORMAP_KEYS:
+        if key not in given:
+            hint = "`hsplat info` shows the values of a volume" if key == "range" else None
+            _FIELDS[key].refuse(node.child(key), "missing", hint=hint)
+    _check_colormap(node, given)
+    name, value_range, opacity = (given.get(key, INVALID) for key in _COLORMAP_KEYS)
+    return TransferSpec(ColormapSpec(name, value_range, opacity), unit)
+
+
+def _check_points(node: Node, points: tuple[Any, ...]) -> None:
+    _check_order(node, [getattr(point, "value", INVALID) for point in points], "value")
+    _check_visible(node, [getattr(point, "opacity", INVALID) for point in points])
+
+
+def _check_colormap(node: Node, given: dict[str, Any]) -> None:
+    low_high = given.get("range", INVALID)
+    if isinstance(low_high, tuple) and INVALID not in low_high and low_high[0] >= low_high[1]:
+        hint = "append _r to the name to reverse a colormap" if low_high[0] > low_high[1] else None
+        _VALUE_RANGE.refuse(node.child("range"), "not ascending", got=show(low_high), hint=hint)
+    pairs = given.get("opacity", INVALID)
+    if isinstance(pairs, tuple):
+        place = node.child("opacity")
+        _check_order(place, [pair[0] if isinstance(pair, tuple) else INVALID for pair in pairs], 0)
+        _check_visible(place, [pair[1] if isinstance(pair, tuple) else INVALID for pair in pairs])
+
+
+def _check_order(node: Node, values: list[Any], key: object) -> None:
+    """Values must not descend; two equal ones are a step, and three have a middle that nothing can reach."""
+    for index, (before, value) in enumerate(pairwise(values), start=1):
+        if INVALID in (before, value):
+            continue
+        place = node.child(index).child(key)
+        if value < before:
+            place.complain(
+                "points out of order", got=show(value), expected=f"at least {show(before)}, as in the point before"
+            )
+        elif value == before and index > 1 and values[index - 2] == value:
+            place.complain("a third point at the same value", got=show(value), hint="two points make a step")
+
+
+def _check_visible(node: Node, opacities: list[Any]) -> None:
+    if opacities and all(opacity == 0 for opacity in opacities):
+        node.complain("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
+
+
+TRANSFER_FUNCTION = section(_FIELDS, _build_transfer)

@@ -1,0 +1,226 @@
+"""The scene's `volume`: where the voxels come from, checked as far as that is possible without reading them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from renderer.scene.schema import (
+    INVALID,
+    LENGTH,
+    NO_HOME,
+    Kind,
+    Node,
+    Table,
+    choice,
+    did_you_mean,
+    integer,
+    known,
+    number,
+    section,
+    sequence,
+    show,
+)
+from renderer.scene.spec import LONGEST, PROCEDURAL_NAMES, SHORTEST, FileSource, ProceduralSource, RawSource, VolumeSpec
+
+ITEM_SIZES = {
+    "uint8": 1,
+    "int8": 1,
+    "uint16": 2,
+    "int16": 2,
+    "uint32": 4,
+    "int32": 4,
+    "uint64": 8,
+    "int64": 8,
+    "float16": 2,
+    "float32": 4,
+    "float64": 8,
+}
+_OTHER_NAMES = {
+    "byte": "uint8",
+    "uchar": "uint8",
+    "char": "int8",
+    "ushort": "uint16",
+    "short": "int16",
+    "uint": "uint32",
+    "int": "int32",
+    "half": "float16",
+    "float": "float32",
+    "double": "float64",
+}
+
+# 2**16 voxels along an axis and 2**36 (4096 cubed) in total keep every index and every byte count of a volume within
+# 64 bits, with room for node numbers; nothing that fits in memory is refused.
+MAX_AXIS = 2**16
+MAX_VOXELS = 2**36
+
+_NONFINITE_WORDS = ("error", "lowest")
+
+
+def _parse_nonfinite(node: Node) -> Any:
+    if isinstance(node.value, str) and node.value in _NONFINITE_WORDS:
+        return node.value
+    value = number().parse(Node(node.value, node.path, problems=[]))
+    if value is INVALID:
+        hint = did_you_mean(node.value, _NONFINITE_WORDS)
+        return _NONFINITE.refuse(node, "unknown value", got=show(node.value), hint=hint)
+    return value
+
+
+_NONFINITE: Kind[Any] = Kind("error, lowest or a finite number", _parse_nonfinite)
+
+_HEADERLESS = (".raw", ".bin", ".dat")
+
+
+def _triple(item: Kind[Any], words: str) -> Kind[Any]:
+    return sequence(item, f"[x, y, z]: {words}", count=3)
+
+
+_SHAPE = _triple(integer(least=1, most=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
+_SPACING = _triple(LENGTH, f"three lengths from {SHORTEST:g} to {LONGEST:g}")
+_NUMBER_OF = integer(least=0, most=10**6)  # a time step or a component, counted from 0
+_CROP = sequence(
+    sequence(integer(least=0, most=MAX_AXIS), "[first, end]: whole numbers with first less than end", count=2),
+    "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last",
+    count=3,
+)
+
+
+def volume_kind(base: Path) -> Kind[VolumeSpec]:
+    """The kind of `volume`; its files are relative to the folder `base`."""
+    raw: Table = {
+        "file": _file_kind(base, folder=False),
+        "shape": _SHAPE,
+        "dtype": choice(*ITEM_SIZES, instead=_OTHER_NAMES),
+        "byte_order": choice("little", "big"),
+        "spacing": _SPACING,
+        "offset": integer(least=0, most=2**40),
+    }
+    procedural: Table = {
+        "name": choice(*PROCEDURAL_NAMES),
+        "shape": _SHAPE,
+        "seed": integer(least=0, most=2**32 - 1),
+        "spacing": _SPACING,
+    }
+    table: Table = {
+        "file": _file_kind(base, folder=True),
+        "raw": section(raw, _build_raw, required=("file", "shape", "dtype")),
+        "procedural": section(procedural, _build_procedural, required=("name", "shape")),
+        "spacing": _SPACING,
+        "time": _NUMBER_OF,
+        "component": _NUMBER_OF,
+        "crop": _CROP,
+        "nonfinite": _NONFINITE,
+    }
+    return section(table, _build_volume)
+
+
+def _build_volume(node: Node, given: dict[str, Any]) -> VolumeSpec:
+    sources = [key for key in ("file", "raw", "procedural") if key in given]
+    if not sources:
+        node.complain("no voxels", expected="one of file, raw and procedural")
+    for extra in sources[1:]:
+        node.key(extra).complain(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
+    own = given.get("raw", given.get("procedural"))
+    source = FileSource(given["file"], given.get("spacing")) if "file" in given else own
+    rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
+    if isinstance(source, (RawSource, ProceduralSource)):
+        if "spacing" in given:
+            what, place = f"a {sources[0]} volume says its spacing itself", f"{node.path}.{sources[0]}.spacing"
+            node.key("spacing").complain(what, hint=f"give {place} instead")
+        for key in known(given, "time", "component"):
+            node.key(key).complain(
+                f"a {sources[0]} volume has neither time steps nor components", hint="remove the key"
+            )
+    if "crop" in given:
+        _check_crop(node.child("crop"), given["crop"], getattr(source, "shape", None))
+    return VolumeSpec(source=source, **rest)  # type: ignore[arg-type]  # an INVALID source never leaves parse_scene
+
+
+def _build_procedural(node: Node, given: dict[str, Any]) -> ProceduralSource:
+    if known(given, "shape"):
+        _check_total(node.child("shape"), given["shape"])
+    return ProceduralSource(**given)
+
+
+def _build_raw(node: Node, given: dict[str, Any]) -> RawSource:
+    if not (known(given, "shape") and _check_total(node.child("shape"), given["shape"])):
+        return RawSource(**given)
+    if len(known(given, "file", "dtype")) == 2 and isinstance(given.get("offset", 0), int):
+        shape, offset = given["shape"], given.get("offset", 0)
+        expected = offset + math.prod(shape) * ITEM_SIZES[given["dtype"]]
+        found = given["file"].stat().st_size
+        if found != expected:
+            node.child("file").complain(
+                "wrong size",
+                got=f"{found} bytes",
+                expected=f"{expected} bytes: {' x '.join(map(str, shape))} voxels of {given['dtype']}"
+                + (f" after {offset} bytes" if offset else ""),
+                hint=f"if the file begins with a header, set offset: {found - expected + offset}"
+                if found > expected
+                else "the file is cut short, or the shape or the dtype is not its own",
+            )
+    return RawSource(**given)
+
+
+def _check_total(node: Node, shape: tuple[Any, ...]) -> bool:
+    """Whether these are three axis lengths that make a volume of legal size."""
+    if not all(isinstance(length, int) for length in shape):
+        return False
+    total: int = math.prod(shape)
+    if total > MAX_VOXELS:
+        node.complain("too many voxels", got=f"{total}", expected=f"at most {MAX_VOXELS} (4096 x 4096 x 4096)")
+    return total <= MAX_VOXELS
+
+
+def _check_crop(node: Node, crop: Any, shape: Any) -> None:
+    """Ranges must hold a voxel and, where the volume's shape is known, lie in it."""
+    for index, pair in enumerate(crop if isinstance(crop, tuple) else ()):
+        if not (isinstance(pair, tuple) and all(isinstance(end, int) for end in pair)):
+            continue
+        place = node.child(index)
+        first, end = pair
+        if first >= end:
+            place.complain("an empty range", got=show(pair), expected="[first, end] with first less than end")
+        elif isinstance(shape, tuple) and isinstance(shape[index], int) and end > shape[index]:
+            place.complain("outside the volume", got=show(pair), expected=f"an end of at most {shape[index]}")
+
+
+def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
+    """An existing file (or folder), relative to `base`."""
+
+    def parse(node: Node) -> Path:
+        if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
+            return kind.refuse(node, "not a file name", got=show(node.value))
+        path = base / node.value
+        got = str(path) if str(path).isprintable() else repr(str(path))
+        try:
+            is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
+        except OSError as error:  # a folder without permission, a name that is too long
+            return kind.refuse(node, f"cannot be read: {error.strerror}", got=show(str(path)))
+        if folder and is_file and path.suffix.lower() in _HEADERLESS:
+            hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
+            return kind.refuse(node, "a file without a header", got=got, hint=hint)
+        if is_folder and not folder:
+            return kind.refuse(node, "a folder", got=got)
+        if is_file or is_folder:
+            return path
+        if is_other:
+            return kind.refuse(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
+        return kind.refuse(node, "no such file", got=got, hint=_where_else(path))
+
+    kind: Kind[Path] = Kind(_SELF_DESCRIBING if folder else "a file of voxels without a header", parse)
+    return kind
+
+
+_SELF_DESCRIBING = "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices"
+
+
+def _where_else(path: Path) -> str | None:
+    """A hint for a file that is not there."""
+    try:
+        others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
+    except (OSError, ValueError):
+        return NO_HOME if "~" in path.parts else "its folder is not there, either"
+    return did_you_mean(path.name, others)

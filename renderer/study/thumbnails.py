@@ -1,0 +1,40 @@
+"""Small pictures for a report."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.study.metrics import Picture
+
+# Longest side of the small pictures that are kept of each setting.
+THUMBNAIL_PX = 256
+# Differences from the truth are shown this many times as large.
+DIFFERENCE_GAIN = 8.0
+
+
+def thumbnail(picture: Picture) -> npt.NDArray[np.uint8]:
+    """uint8 [h, w, 3], at most THUMBNAIL_PX wide and high: means over square blocks of a picture in [0, 1]."""
+    height, width = picture.shape[:2]
+    block = -(-max(height, width) // THUMBNAIL_PX)
+    padded = np.pad(picture, ((0, -height % block), (0, -width % block), (0, 0)), mode="edge")
+    blocks = padded.reshape(padded.shape[0] // block, block, padded.shape[1] // block, block, 3)
+    return _rounded(blocks.mean(axis=(1, 3)))
+
+
+def difference_thumbnail(picture: Picture, truth: Picture) -> npt.NDArray[np.uint8]:
+    """The same of the absolute difference, times DIFFERENCE_GAIN."""
+    return thumbnail(_amplified(picture, truth))
+
+
+def difference_picture(picture: Picture, truth: Picture) -> npt.NDArray[np.uint8]:
+    """uint8 [h, w, 3], as large as the pictures: the absolute difference, times DIFFERENCE_GAIN."""
+    return _rounded(_amplified(picture, truth))
+
+
+def _amplified(picture: Picture, truth: Picture) -> Picture:
+    return np.minimum(np.abs(picture - truth) * DIFFERENCE_GAIN, 1.0)
+
+
+def _rounded(picture: Picture) -> npt.NDArray[np.uint8]:
+    return np.asarray(np.floor(picture * 255 + 0.5), np.uint8)

@@ -1,0 +1,160 @@
+"""Volumes whose values are names: masks, segmentations, connected components."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.spec import Color, ColormapSpec, ControlPoint
+from renderer.suggest.features import Sample, evenness, faces, gentleness, transition
+from renderer.suggest.histogram import Statistics
+from renderer.suggest.opacity import Layer, expose, opacity_of, unit_for, whole
+from renderer.suggest.presets import CRISP, GLASS, SOLID
+from renderer.volume.mapped_file import slabs
+from renderer.volume.volume import Volume
+
+_MOST_LABELS = 4096
+# Up to so many values are labels wherever they are; more are if that part of the neighbours of voxels, those of the
+# background aside, are like them.
+_FEW, _EVEN = 3, 0.75
+# More than so many values, of which that part of unequal neighbours are one or two apart, are a smooth field.
+_SOME, _GENTLE = 16, 0.6
+# Where more of the values than this are but passed through, an image has been clipped, or an edge smoothed.
+_PASSED = 0.5
+
+_PALETTE: tuple[Color, ...] = (
+    (0.90, 0.47, 0.29),
+    (0.29, 0.56, 0.85),
+    (0.91, 0.77, 0.28),
+    (0.37, 0.71, 0.42),
+    (0.69, 0.42, 0.78),
+    (0.31, 0.77, 0.77),
+    (0.85, 0.34, 0.48),
+    (0.60, 0.66, 0.29),
+    (0.54, 0.48, 0.85),
+    (0.79, 0.60, 0.42),
+)
+_BLACK: Color = (0.0, 0.0, 0.0)
+# Where there are more labels: 256 colours as different as can be.
+_MANY = "glasbey"
+
+# A label hides the smaller ones if it covers this part of what they cover, from all three sides.
+_AROUND = 0.85
+
+Shadow = npt.NDArray[np.bool_]
+Steps = tuple[tuple[float, float], ...]
+
+
+def label_values(volume: Volume, statistics: Statistics, sample: Sample) -> list[float] | None:
+    """The values of a volume of labels, ascending; None for other volumes."""
+    if len(np.unique(sample.shares)) > _FEW and not _in_pieces(sample):
+        return None
+    found = _all_values(volume, statistics)
+    if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
+        return None
+    if len(found) > _FEW and (not _in_pieces(sample) or transition(sample) > _PASSED):
+        return None
+    two_levels = 2.5 / (found[-1] - found[0])
+    return None if len(found) > _SOME and gentleness(sample, two_levels) > _GENTLE else found
+
+
+def label_reason(sample: Sample, values: Sequence[float], outside: float) -> str:
+    """By which signs they are labels, a clause."""
+    pieces = ", in large pieces" if _in_pieces(sample) else ""
+    return f"there are {len(values)} values{pieces}, and {whole(outside)} is the background"
+
+
+def _in_pieces(sample: Sample) -> bool:
+    return evenness(sample, _at_border(sample)) >= _EVEN
+
+
+def _all_values(volume: Volume, statistics: Statistics) -> list[float] | None:
+    """Every value that there is in the range of the statistics, ascending; None if there are too many."""
+    if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
+        found = set(statistics.bins[statistics.counts > 0].tolist())
+        return sorted(found) if len(found) <= _MOST_LABELS else None
+    found = set()
+    for slab in slabs(volume.values, volume.source):
+        for plane in slab:
+            values = np.unique(plane)
+            is_within = (values >= statistics.minimum) & (values <= statistics.maximum)
+            found.update(float(value) for value in values[is_within])
+            if len(found) > _MOST_LABELS:
+                return None
+    return sorted(found)
+
+
+def label_outside(sample: Sample, values: Sequence[float]) -> float:
+    """The label of what is around the object: the most frequent one at the volume's border."""
+    at = sample.value(_at_border(sample))
+    return min(values, key=lambda value: abs(value / 2 - at / 2))
+
+
+def _at_border(sample: Sample) -> float:
+    values, counts = np.unique(faces(sample.shares), return_counts=True)
+    return float(values[counts.argmax()])
+
+
+def label_mapping(
+    sample: Sample, values: Sequence[float], outside: float, colormap: str | None
+) -> tuple[tuple[ControlPoint, ...] | ColormapSpec, tuple[str, ...], float]:
+    """A colour and an opacity for each label but `outside`, with steps half-way between the labels; a word about each
+    point; the unit of the opacities.
+    """
+    unit = unit_for(sample.diagonal)
+    ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]
+    between = dict(zip(values, pairwise(ends), strict=True))
+    # In shares, where the outermost labels have no end on one side.
+    regions = {
+        value: (sample.share(low) - (value == values[0]), sample.share(high) + (value == values[-1]))
+        for value, (low, high) in between.items()
+    }
+    shown = [value for value in values if value != outside]
+    if colormap is not None or len(shown) > len(_PALETTE):
+        knots = tuple((at, float(value != outside)) for value in values for at in regions[value])
+        common = opacity_of(expose(sample, Layer("", knots, SOLID, CRISP)), unit, sample.diagonal)
+        steps = [(at, common if value != outside else 0.0) for value in values for at in between[value]]
+        is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # then every label has an entry of its own
+        span = (0.0, 255.0) if is_table else (values[0], values[-1])
+        return ColormapSpec(colormap or _MANY, span, _thinned(steps)), (), unit
+    layers = _layers(sample, [regions[value] for value in shown])
+    opacities = [opacity_of(expose(sample, layer), unit, sample.diagonal) for layer in layers]
+    looks = dict(zip(shown, zip(_PALETTE, opacities, strict=False), strict=True)) | {outside: (_BLACK, 0.0)}
+    points = tuple(ControlPoint(at, *looks[value]) for value in values for at in between[value])
+    names = [f"label {whole(value)}" if value != outside else "the background" for value in values]
+    return points, tuple(word for name in names for word in (name, "")), unit
+
+
+def _layers(sample: Sample, regions: Sequence[tuple[float, float]]) -> list[Layer]:
+    """A layer for each label, from its (low, high) shares: solid, but glass where it lies around smaller ones."""
+    shadows = []
+    for low, high in regions:
+        part = (sample.shares > low) & (sample.shares < high)
+        shadows.append([np.asarray(part.any(axis=axis)) for axis in range(3)])
+    areas = [sum(int(shadow.sum()) for shadow in of_label) for of_label in shadows]
+    layers = []
+    for (low, high), own, area in zip(regions, shadows, areas, strict=True):
+        smaller = [other for other, other_area in zip(shadows, areas, strict=True) if 0 < other_area < area]
+        is_around = bool(smaller) and all(_covers(own[axis], [other[axis] for other in smaller]) for axis in range(3))
+        knots = ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0))
+        layers.append(Layer("", knots, GLASS, 0.0) if is_around else Layer("", knots, SOLID, CRISP))
+    return layers
+
+
+def _covers(shadow: Shadow, others: Sequence[Shadow]) -> bool:
+    """Whether a shadow holds most of what any of the others do."""
+    together = np.any(others, axis=0)
+    return int((shadow & together).sum()) > _AROUND * int(together.sum())
+
+
+def _thinned(steps: Sequence[tuple[float, float]]) -> Steps:
+    """Without those in the middle of three of one opacity."""
+    inner = (
+        step
+        for before, step, after in zip(steps, steps[1:], steps[2:], strict=False)
+        if not before[1] == step[1] == after[1]
+    )
+    return (steps[0], *inner, steps[-1])

@@ -1,0 +1,332 @@
+"""A volume to a transfer function that shows what is in it, and the reason in words.
+
+First the kind of data is recognised, by the values alone: labels, computed tomography in Hounsfield units, values on
+both sides of a background, an object brighter or darker than its background, a volume that is filled. Each has its
+look (`renderer.suggest.presets`), whose amounts are exposed like a photograph (`renderer.suggest.opacity`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from renderer.scene.spec import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
+from renderer.suggest import presets as looks
+from renderer.suggest.features import (
+    ONE_SIDED,
+    Background,
+    Sample,
+    find_background,
+    has_much_below,
+    is_about_zero,
+    roughness,
+    split,
+    take_sample,
+)
+from renderer.suggest.histogram import Statistics
+from renderer.suggest.labels import label_mapping, label_outside, label_reason, label_values
+from renderer.suggest.level_sets import lies_inside
+from renderer.suggest.opacity import expose, opacity_of, unit_for, whole
+from renderer.suggest.presets import Look
+from renderer.suggest.unseen import unseen_value
+from renderer.volume.volume import Float64, Volume
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """kind: what the data are taken for. reason: by which signs, a clause without a full stop.
+    transfer: the transfer function, with its unit. notes: a word about each of its points, mostly empty.
+    shading: or None where there are no surfaces.
+    are_names: the values are names, and none is between two of them. splat: how to draw; None as ever.
+    far: of each value that is far from all others and is not shown, what it was taken for, a clause."""
+
+    kind: str
+    reason: str
+    transfer: TransferSpec
+    notes: tuple[str, ...]
+    shading: ShadingSpec | None
+    are_names: bool = False
+    splat: SplatSpec | None = None
+    far: tuple[str, ...] = ()
+
+
+def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
+    """A transfer function for a volume whose statistics (`renderer.suggest.histogram.measure`) are known.
+
+    colormap: a name to take the colours from, in place of those that suit the kind of data.
+    """
+    if statistics.minimum == statistics.maximum:
+        return _constant(volume, float(statistics.minimum), colormap)
+    if all(0 <= far.value < _NO_NAME for far in statistics.far):
+        sample = take_sample(volume, statistics)
+        if statistics.others is None or label_values(volume, statistics, sample) is not None:
+            return _suggest_from(volume, statistics, sample, colormap)
+    others = statistics.others
+    assert others is not None, statistics.far
+    sample = take_sample(volume, others)
+    unseen = unseen_value(volume, others)
+    if unseen is not None:
+        sample = take_sample(volume, others, sample.share(unseen))
+    return without_far(_suggest_from(volume, others, sample, colormap), statistics, sample)
+
+
+def _suggest_from(volume: Volume, statistics: Statistics, sample: Sample, colormap: str | None) -> Suggestion:
+    """statistics: of what is to be seen. sample: with that in its range."""
+    values = label_values(volume, statistics, sample)
+    if values is not None:
+        outside = label_outside(sample, values)
+        mapping, notes, unit = label_mapping(sample, values, outside, colormap)
+        reason = label_reason(sample, values, outside)
+        shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
+        transfer = TransferSpec(mapping, unit)
+        if len(values) == 2:
+            return Suggestion("mask", reason, transfer, notes, shading)
+        # What stays in its file may be larger than memory, which splats would need.
+        splat = None
+        if volume.source is None or volume.values.nbytes <= _MOST_BYTES_OF_SPLATS:
+            splat = SplatSpec(footprint="gaussian")
+        return Suggestion("labels", reason, transfer, notes, shading, are_names=True, splat=splat)
+    zero = hounsfield_zero(statistics)
+    if zero is not None:
+        where = "" if zero == 0 else f", stored with {zero:g} added"
+        reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{where}"
+        look = looks.tomography(sample, zero)
+        return _finished("CT in Hounsfield units", reason, sample, look, colormap)
+    kind, reason, look = _recognised(volume, statistics, sample, find_background(sample))
+    return _finished(kind, reason, sample, look, colormap)
+
+
+# Signs of the other kinds
+
+# Labels are smaller than this, and not negative, where they are far from all others.
+_NO_NAME = 2**16
+# Of volumes in files; splats of larger ones would take several times as much.
+_MOST_BYTES_OF_SPLATS = 1 << 30
+
+# Fields are smoother than this; real numbers are more often computed than measured.
+_SMOOTH, _SMOOTH_FLOAT = 0.45, 0.8
+# Real numbers of such a tail spread over orders of magnitude.
+_SPREAD = 25.0
+# Two phases have at least this part of the variance between them: 0.64 for one normal distribution, 0.75 for even
+# values.
+_TWO_PHASES = 0.85
+# A filled volume shows values above this percentile.
+_UPPER_HALF = 60.0
+
+
+def _recognised(
+    volume: Volume, statistics: Statistics, sample: Sample, background: Background
+) -> tuple[str, str, Look]:
+    if not background.is_there or background.above + background.below == 0:
+        return _filled(statistics, sample)
+    if has_much_below(background) and background.above > ONE_SIDED * background.below:
+        middle = sample.rounded(sample.value(background.middle))
+        away = max(background.high - background.middle, 0.04)
+        reason = f"values lie on both sides of a background near {middle:.12g}"
+        return "field with two signs", reason, looks.diverging(sample, background.middle, away)
+    if background.below > background.above:
+        turned = sample.reflected()
+        kind, reason, look = _object(volume, turned, find_background(turned))
+        return f"{kind}, dark in a bright background", reason, look.reflected()
+    return _object(volume, sample, background)
+
+
+def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
+    """What stands out above the background."""
+    rough = roughness(sample, background.high)
+    near = f"the background is near {sample.rounded(sample.value(background.middle)):.12g}"
+    is_float = volume.values.dtype.kind == "f"
+    if is_float and looks.tail(sample, background.high, origin=background.middle) > _SPREAD:
+        look = looks.ramp(sample, background.high, origin=background.middle)
+        return "field with a long tail", f"{near} and the largest values are many times those in the middle", look
+    if rough < (_SMOOTH_FLOAT if is_float else _SMOOTH):
+        look = looks.ramp(sample, background.high, origin=background.middle)
+        return "smooth data", f"{near} and values change smoothly", look
+    return (
+        "scan without an absolute scale",
+        f"{near} and what stands out from it has edges",
+        looks.materials(sample, background),
+    )
+
+
+def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
+    """No background: the volume is full to its border."""
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    if low < 0 < high and is_about_zero(sample):
+        look = looks.diverging(sample, sample.share(0.0), 1.2 * float(np.std(sample.shares[sample.known])))
+        return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", look
+    if low < 0 < high:
+        zero = sample.share(0.0)
+        if lies_inside(sample.reflected(), 1 - zero):
+            return "level set", "negative values lie inside of positive ones", looks.inside(1 - zero).reflected()
+        if lies_inside(sample, zero):
+            return "level set", "positive values lie inside of negative ones", looks.inside(zero)
+    shares = sample.shares[sample.known]
+    found = split(shares, *np.percentile(shares, (0.01, 99.99)).tolist())
+    if found is not None and found.separation > _TWO_PHASES:
+        return "two phases", "there is no background, and values gather in two groups", looks.phases(sample, found)
+    first = float(np.percentile(shares, _UPPER_HALF))
+    look = looks.ramp(sample, first, origin=float(sample.shares.min()))
+    return "filled volume", "there is no background; the upper 40% of the values are shown", look
+
+
+# Computed tomography
+
+# What CT scanners write as 0 Hounsfield units: 0, or what makes their 12 bits positive.
+_ZEROS = (0.0, 1024.0, 1000.0)
+
+
+def hounsfield_zero(statistics: Statistics) -> float | None:
+    """The data value of water if the values are those of a CT scan in Hounsfield units, stored as they are or with 1000
+    or 1024 added; else None.
+
+    Of a scan, air and lungs (-1100 to -700) and soft tissue (-150 to 150) are much more frequent than what is between
+    (-600 to -300), and there is something denser. What lies below -1100 is padding around the scanner's circle.
+    """
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    for zero in _ZEROS:
+        if (zero == 0) != (low < -200) or not 150 < high - zero < 40_000 or low - zero < -9000:
+            continue
+        if zero and high > 5200:
+            continue
+        values = statistics.bins - zero
+        air, between, soft = (
+            float(statistics.counts[(values >= a) & (values < b)].sum()) / (b - a)
+            for a, b in ((-1100, -700), (-600, -300), (-150, 150))
+        )
+        if zero and not _is_narrow(statistics, values):
+            continue
+        if min(air, soft) > 1.5 * between and soft * 300 > 0.01 * float(statistics.counts.sum()):
+            return zero
+    return None
+
+
+def _is_narrow(statistics: Statistics, values: Float64) -> bool:
+    """Whether soft tissue has a narrow peak, as only an absolute scale gives it: half of -300 to 300 within 150."""
+    counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
+    widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
+    return widest > 0.5 * sum(counts) > 0
+
+
+# Values that are far from all others
+
+# Of the range of the others, beyond which nothing is shown.
+_BEYOND = 0.02
+
+
+def without_far(suggestion: Suggestion, statistics: Statistics, sample: Sample) -> Suggestion:
+    """The suggestion for the others, of which `sample` is, with nothing shown where the far values are."""
+    ends = [sample.rounded(sample.value(share)) for share in (-_BEYOND, 1 + _BEYOND)]
+    values = [far.value for far in statistics.far]
+    below = ends[0] if min(values) < ends[0] else None
+    above = ends[1] if max(values) > ends[1] else None
+    num = int(statistics.counts.sum())
+    told = tuple(
+        f"{far.num} of {num} voxels {'is' if far.num == 1 else 'are'} {whole(far.value)}, far from all others: taken "
+        f"for {'a fill value' if far.is_fill else 'an outlier'}, and transparent"
+        for far in statistics.far
+    )
+    mapping = suggestion.transfer.mapping
+    if isinstance(mapping, ColormapSpec):
+        steps = _cut([ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity], below, above)
+        cut = replace(mapping, opacity=tuple((point.value, point.opacity) for point in steps))
+        return replace(suggestion, transfer=replace(suggestion.transfer, mapping=cut), far=told)
+    points = _cut(mapping, below, above)
+    named = dict(zip(mapping, suggestion.notes, strict=False))
+    notes = tuple(named.get(point, "") for point in points)
+    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points)), notes=notes, far=told)
+
+
+def _cut(points: Sequence[ControlPoint], below: float | None, above: float | None) -> list[ControlPoint]:
+    """The points with an opacity of 0 below and above these values."""
+    cut = list(points) if above is None else _cut_above(points, above)
+    if below is None:
+        return cut
+    return _mirrored(_cut_above(_mirrored(cut), -below))
+
+
+def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
+    return [replace(point, value=-point.value) for point in reversed(points)]
+
+
+def _cut_above(points: Sequence[ControlPoint], end: float) -> list[ControlPoint]:
+    kept = [point for point in points if point.value < end]
+    later = points[len(kept) :]
+    if not any(point.opacity for point in (*kept[-1:], *later)):
+        return kept or [replace(points[0], value=end)]
+    before, after = kept[-1] if kept else later[0], later[0] if later else kept[-1]
+    way = (end - before.value) / (after.value - before.value) if after.value > before.value else 0.0
+    r, g, b = (float(u + (v - u) * way) for u, v in zip(before.color, after.color, strict=True))
+    opacity = float(f"{before.opacity + (after.opacity - before.opacity) * way:.3g}")
+    return [*kept, ControlPoint(end, (r, g, b), opacity), ControlPoint(end, (r, g, b), 0.0)]
+
+
+# From a look to a transfer function
+
+# About two thirds of a diagonal's light are held back.
+_CONSTANT_OPACITY = 0.02
+
+
+def _constant(volume: Volume, value: float, colormap: str | None) -> Suggestion:
+    unit = unit_for(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
+    reason = f"every voxel is {whole(value)}, so that there is nothing to tell apart"
+    points = [ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)]
+    return _from_points("constant volume", reason, Look((), (), None), points, ("",), unit, colormap)
+
+
+def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str | None) -> Suggestion:
+    unit = unit_for(sample.diagonal)
+    knots = sorted({at for layer in look.layers for at, _ in layer.knots})
+    depths = np.zeros(len(knots))
+    for layer in look.layers:
+        at, weights = np.array(layer.knots, np.float64).T
+        depths += expose(sample, layer) * np.interp(knots, at, weights)
+    if not depths.max() > 0:  # nothing that was looked for is in the sample
+        low, high = sorted((sample.minimum, sample.maximum))
+        plain = Look((), (), None)
+        return _from_points(kind, reason, plain, _ramp_over(low, high), ("", ""), unit, colormap)
+    where, colors = [at for at, _ in look.colors], np.array([color for _, color in look.colors])
+    points: dict[float, ControlPoint] = {}
+    notes: dict[float, str] = {}
+    gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
+    nearest = np.minimum(gaps[:-1], gaps[1:])
+    for at, depth, gap in zip(knots, depths.tolist(), nearest.tolist(), strict=True):
+        value = sample.rounded(sample.value(at), gap)
+        r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
+        points[value] = ControlPoint(value, (r, g, b), opacity_of(depth, unit, sample.diagonal))
+        starting = [layer.name for layer in look.layers if layer.name and _peak(layer.knots) == at]
+        notes[value] = ", ".join(starting)
+    ordered = sorted(points)
+    told = tuple(notes[value] for value in ordered)
+    return _from_points(kind, reason, look, [points[value] for value in ordered], told, unit, colormap)
+
+
+def _ramp_over(low: float, high: float) -> list[ControlPoint]:
+    """For values so odd that no sign of theirs led anywhere."""
+    return [ControlPoint(low, (0.0, 0.0, 0.0), 0.0), ControlPoint(high, (1.0, 0.93, 0.80), 0.3)]
+
+
+def _from_points(
+    kind: str,
+    reason: str,
+    look: Look,
+    points: Sequence[ControlPoint],
+    notes: tuple[str, ...],
+    unit: float,
+    colormap: str | None,
+) -> Suggestion:
+    if colormap is None:
+        return Suggestion(kind, reason, TransferSpec(tuple(points), unit), notes, look.shading)
+    low, high = points[0].value, points[-1].value
+    span = (low, high) if low < high else (low - max(1.0, abs(low)), low + max(1.0, abs(low)))
+    mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in points))
+    return Suggestion(kind, reason, TransferSpec(mapping, unit), (), look.shading)
+
+
+def _peak(knots: tuple[tuple[float, float], ...]) -> float:
+    """Where a layer first has all its weight."""
+    most = max(weight for _, weight in knots)
+    return next(at for at, weight in knots if weight == most)

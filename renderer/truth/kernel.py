@@ -1,0 +1,413 @@
+"""The compiled half of `renderer.truth.integrator`: one ray at a time through the cells of the continuous field.
+
+A *cell* is the box between eight voxel centres, or its outward extension over the outer half voxel, where the field
+takes the nearest value. Along a ray inside one cell the trilinear field is a cubic polynomial in the fraction t in
+[0, 1] of the ray's way through it. The cubic is split where it crosses a control value of the transfer function (and
+where the light grazes the surface), which leaves *pieces* on which colour and extinction are polynomials. The optical
+depth of a piece is then exact, and its radiance is a Gauss-Legendre quadrature of a smooth function. No thin shell can
+be missed, because no crossing is looked for by sampling.
+
+Most cells show nothing, which is found out once per *group* of cells, when the first ray meets it. What is small is
+passed in tuples and not in arrays, because each array handed to a function is counted, atomically, in shared memory:
+with a dozen arrays per cell, two threads took twice as long.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.jit import jit
+from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, part_of, value_at
+
+Float64 = npt.NDArray[np.float64]
+Bytes = npt.NDArray[np.uint8]
+Cell = tuple[int, int, int]
+Gradient = tuple[Cubic, Cubic, Cubic]
+# Red, green, blue and optical depth gathered so far.
+Ray = tuple[float, float, float, float]
+
+# A ray ends where less than 1e-12 of what lies behind it could still be seen.
+_LAST_DEPTH = -math.log(1e-12)
+# With four nodes, steps of a voxel and of an optical depth of 1 left errors of 6e-8 and less on two CT scans.
+_MAX_DEPTH_OF_STEP = 1.0
+_NODES = np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263])
+_WEIGHTS = np.array([0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692])
+
+# The depth of a piece is not cut into more steps than this, so that their number can be counted in integers.
+_MAX_DEPTH_CUT = 2.0**30
+# Cells per axis of a group, and what is known of it. Of the cells that rays met in visible groups of two CT scans 0.70
+# and 0.75 were visible, with groups of 8^3 0.51 and 0.60.
+GROUP = 4
+_UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
+
+_ZERO = np.zeros(1)
+
+
+class Intervals(NamedTuple):
+    """A transfer function of n control values as n + 1 intervals, the first and last of them unbounded.
+
+    knots: float64 [n], times `scale`, not descending. Interval k holds knots[k - 1] <= value < knots[k]: the search is
+        for the right side, so that the value of a step belongs to its upper side.
+    rows: float64 [n + 1, 10], base [4], slope [4], origin and the number of the first k control points that have
+        extinction: (r, g, b, extinction) of a value is base + slope * (value - origin).
+    scale: of scalars and knots, a power of two, so that sums and differences of a few neither overflow nor get lost.
+    """
+
+    knots: Float64
+    rows: Float64
+    scale: float
+
+
+class Lighting(NamedTuple):
+    """Lambert's law on the world gradient.
+
+    enabled: without it every factor is 1 and the rest is not looked at.
+    light: unit vector to the light. world_from_index_gradient: the rows of the matrix.
+    """
+
+    enabled: bool
+    ambient: float
+    diffuse: float
+    light: Vector
+    world_from_index_gradient: tuple[Vector, Vector, Vector]
+
+
+@jit
+def _light_factor(gradient: Gradient, t: float, lighting: Lighting) -> float:
+    x, y, z = value_at(gradient[0], t), value_at(gradient[1], t), value_at(gradient[2], t)
+    largest = max(abs(x), abs(y), abs(z))
+    if largest == 0.0:
+        return lighting.ambient
+    x, y, z = x / largest, y / largest, z / largest  # their squares neither overflow nor vanish
+    light = lighting.light
+    cosine = -(x * light[0] + y * light[1] + z * light[2]) / math.sqrt(x * x + y * y + z * z)
+    return lighting.ambient + lighting.diffuse * max(0.0, cosine)
+
+
+@jit
+def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, lighting: Lighting) -> Vector:
+    """The colour of a value in the interval of `row`, at t along the ray's way through the cell."""
+    lit = _light_factor(gradient, t, lighting) if lighting.enabled else 1.0
+    offset = value - row[8]
+    return (row[0] + row[4] * offset) * lit, (row[1] + row[5] * offset) * lit, (row[2] + row[6] * offset) * lit
+
+
+@jit
+def _resolved(value: Cubic, low: float, high: float) -> Cubic:
+    """The cubic on x in [0, 1] that should lie in [low, high]; constant where it strays too far from there.
+
+    That is where an interval is narrower than the rounding of the cubic, and so is the piece: between such knots
+    extinction would be extrapolated without bounds.
+    """
+    v0, v1, v2, v3 = value
+    one, two, three = v0 + v1 / 3.0, v0 + (2.0 * v1 + v2) / 3.0, v0 + v1 + v2 + v3  # the other Bernstein coefficients
+    room = high - low
+    if min(v0, one, two, three) >= low - room and max(v0, one, two, three) <= high + room:
+        return value
+    return min(max(0.5 * (v0 + three), low), high), 0.0, 0.0, 0.0
+
+
+@jit
+def _integrate_piece(
+    cubic: Cubic,
+    gradient: Gradient,
+    start: float,
+    end: float,
+    length: float,
+    length_voxels: float,
+    max_step: float,
+    intervals: Intervals,
+    lighting: Lighting,
+    ray: Ray,
+) -> Ray:
+    """`ray` with the piece [start, end] of a cell, which lies in one interval.
+
+    length, length_voxels: of the ray's way through the whole cell. max_step: in voxels, in optical depth and in pieces.
+    """
+    k = np.searchsorted(intervals.knots, value_at(cubic, 0.5 * (start + end)), side="right")
+    row = intervals.rows[k]
+    base, slope, origin = row[3], row[7], row[8]
+    if base == 0.0 and slope == 0.0:
+        return ray
+    value = part_of(cubic, start, end - start)
+    if 0 < k < intervals.knots.size:
+        value = _resolved(value, intervals.knots[k - 1], intervals.knots[k])
+    scale = (end - start) * length
+    # Optical depth per unit of x in [0, 1], a cubic; its largest Bernstein coefficient bounds it from above.
+    t0 = (base + slope * (value[0] - origin)) * scale
+    t1, t2, t3 = slope * value[1] * scale, slope * value[2] * scale, slope * value[3] * scale
+    bound = max(t0, t0 + t1 / 3.0, t0 + (2.0 * t1 + t2) / 3.0, t0 + t1 + t2 + t3)
+    voxels = (end - start) * length_voxels
+    num_steps = math.ceil(max(1.0, voxels, min(bound / _MAX_DEPTH_OF_STEP, _MAX_DEPTH_CUT)) / max_step)
+    width = 1.0 / num_steps
+    red, green, blue, depth_before = ray
+    for step in range(num_steps):
+        if depth_before > _LAST_DEPTH:
+            break
+        d0, d1, d2, d3 = part_of((t0, t1, t2, t3), step * width, width)
+        # From the integrand in powers of x to its integral from 0 to x, divided by x.
+        d0, d1, d2, d3 = d0 * width, d1 * width / 2.0, d2 * width / 3.0, d3 * width / 4.0
+        depth = max(0.0, d0 + d1 + d2 + d3)
+        # The colour of the middle times the exact opacity, plus the quadrature of what differs from that colour: a
+        # constant colour is exact at every opacity.
+        x = (step + 0.5) * width
+        c0, c1, c2 = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), lighting)
+        opacity = -math.expm1(-depth)
+        s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
+        for node in range(_NODES.size):
+            at = _NODES[node]
+            tau = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
+            weight = _WEIGHTS[node] * tau * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
+            x = (step + at) * width
+            r, g, b = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), lighting)
+            s0 += weight * (r - c0)
+            s1 += weight * (g - c1)
+            s2 += weight * (b - c2)
+        seen = math.exp(-depth_before)
+        red, green, blue = red + seen * s0, green + seen * s1, blue + seen * s2
+        depth_before += depth
+    return red, green, blue, depth_before
+
+
+@jit
+def _corner_indices(values: Any, cell: Cell) -> tuple[Cell, Cell]:
+    """The lowest and the highest voxel (x, y, z) of a cell, or the nearest ones beyond the outermost centres."""
+    num_z, num_y, num_x = values.shape
+    x, y, z = cell
+    return (max(x, 0), max(y, 0), max(z, 0)), (min(x + 1, num_x - 1), min(y + 1, num_y - 1), min(z + 1, num_z - 1))
+
+
+@jit
+def _load_corners(values: Any, cell: Cell, scale: float) -> Corners:
+    (x0, y0, z0), (x1, y1, z1) = _corner_indices(values, cell)
+    return (
+        float(values[z0, y0, x0]) * scale,
+        float(values[z0, y0, x1]) * scale,
+        float(values[z0, y1, x0]) * scale,
+        float(values[z0, y1, x1]) * scale,
+        float(values[z1, y0, x0]) * scale,
+        float(values[z1, y0, x1]) * scale,
+        float(values[z1, y1, x0]) * scale,
+        float(values[z1, y1, x1]) * scale,
+    )
+
+
+@jit
+def _index_gradient(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
+    """Central difference at a voxel centre, one-sided at the border; 0 along an axis of one voxel."""
+    dx, dy, dz = int(axis == 0), int(axis == 1), int(axis == 2)
+    num_z, num_y, num_x = values.shape
+    x0, y0, z0 = max(x - dx, 0), max(y - dy, 0), max(z - dz, 0)
+    x1, y1, z1 = min(x + dx, num_x - 1), min(y + dy, num_y - 1), min(z + dz, num_z - 1)
+    steps = (x1 - x0) + (y1 - y0) + (z1 - z0)
+    if steps == 0:
+        return 0.0
+    return (float(values[z1, y1, x1]) * scale - float(values[z0, y0, x0]) * scale) / float(steps)
+
+
+@jit
+def _load_slopes(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
+    (x0, y0, z0), (x1, y1, z1) = _corner_indices(values, cell)
+    return (
+        _index_gradient(values, x0, y0, z0, axis, scale),
+        _index_gradient(values, x1, y0, z0, axis, scale),
+        _index_gradient(values, x0, y1, z0, axis, scale),
+        _index_gradient(values, x1, y1, z0, axis, scale),
+        _index_gradient(values, x0, y0, z1, axis, scale),
+        _index_gradient(values, x1, y0, z1, axis, scale),
+        _index_gradient(values, x0, y1, z1, axis, scale),
+        _index_gradient(values, x1, y1, z1, axis, scale),
+    )
+
+
+@jit
+def _combined(weights: Vector, gradient: Gradient) -> Cubic:
+    first, second, third = gradient
+    a, b, c = weights
+    return (
+        a * first[0] + b * second[0] + c * third[0],
+        a * first[1] + b * second[1] + c * third[1],
+        a * first[2] + b * second[2] + c * third[2],
+        a * first[3] + b * second[3] + c * third[3],
+    )
+
+
+@jit
+def _world_gradient(
+    values: Any, cell: Cell, entry: Vector, extent: Vector, lighting: Lighting, scale: float
+) -> Gradient:
+    """The gradient per world unit along the ray inside a cell."""
+    in_index = (
+        cubic_in_cell(_load_slopes(values, cell, 0, scale), entry, extent),
+        cubic_in_cell(_load_slopes(values, cell, 1, scale), entry, extent),
+        cubic_in_cell(_load_slopes(values, cell, 2, scale), entry, extent),
+    )
+    to_world = lighting.world_from_index_gradient
+    return _combined(to_world[0], in_index), _combined(to_world[1], in_index), _combined(to_world[2], in_index)
+
+
+@jit
+def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
+    """Whether any value in [low, high] has extinction."""
+    first = np.searchsorted(intervals.knots, low, side="right")
+    last = np.searchsorted(intervals.knots, high, side="right")
+    if intervals.rows[last, 9] > intervals.rows[first, 9]:
+        return True
+    one, two = intervals.rows[first], intervals.rows[last]
+    return bool(one[3] + one[7] * (low - one[8]) > 0.0 or two[3] + two[7] * (high - two[8]) > 0.0)
+
+
+@jit
+def _look_into_group(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
+    """Whether anything may be visible in group (i, j, k) along (x, y, z), whose first cell is GROUP * i - 1."""
+    num_z, num_y, num_x = values.shape
+    low = high = values[min(k * GROUP, num_z - 1), min(j * GROUP, num_y - 1), min(i * GROUP, num_x - 1)]
+    for z in range(max(k * GROUP - 1, 0), min((k + 1) * GROUP, num_z)):
+        for y in range(max(j * GROUP - 1, 0), min((j + 1) * GROUP, num_y)):
+            for x in range(max(i * GROUP - 1, 0), min((i + 1) * GROUP, num_x)):
+                low, high = min(low, values[z, y, x]), max(high, values[z, y, x])
+    return _VISIBLE if _is_visible(float(low) * intervals.scale, float(high) * intervals.scale, intervals) else _EMPTY
+
+
+@jit
+def _integrate_cell(
+    values: Any,
+    cell: Cell,
+    entry: Vector,
+    extent: Vector,
+    length: float,
+    max_step: float,
+    intervals: Intervals,
+    lighting: Lighting,
+    splits: Float64,
+    ray: Ray,
+) -> Ray:
+    """`ray` with one cell, its way through it being entry + extent * t, of world length `length`.
+
+    splits: room for 3 of each knot and 3 more.
+    """
+    corners = _load_corners(values, cell, intervals.scale)
+    if not _is_visible(min(corners), max(corners), intervals):
+        return ray
+    cubic = cubic_in_cell(corners, entry, extent)
+    count = add_crossings(cubic, intervals.knots, splits, 0)
+    gradient = (cubic, cubic, cubic)  # not looked at without light
+    if lighting.enabled:
+        gradient = _world_gradient(values, cell, entry, extent, lighting, intervals.scale)
+        count = add_crossings(_combined(lighting.light, gradient), _ZERO, splits, count)
+    voxels = math.sqrt(extent[0] ** 2 + extent[1] ** 2 + extent[2] ** 2)
+    start = 0.0
+    for piece in range(count + 1):
+        end = splits[piece] if piece < count else 1.0
+        if end > start:
+            ray = _integrate_piece(cubic, gradient, start, end, length, voxels, max_step, intervals, lighting, ray)
+        start = end
+    return ray
+
+
+@jit
+def _inside_volume(shape: Cell, origin: Vector, direction: Vector, start: float) -> tuple[float, float]:
+    """The part of the ray from `start` on in [-1/2, n - 1/2] per axis; empty when the first is not the smaller one."""
+    end = math.inf
+    for axis in range(3):
+        low, high = -0.5 - origin[axis], shape[2 - axis] - 0.5 - origin[axis]
+        if direction[axis] == 0.0:
+            if not low <= 0.0 < high:
+                return 0.0, 0.0
+            continue
+        one, two = low / direction[axis], high / direction[axis]
+        start, end = max(start, min(one, two)), min(end, max(one, two))
+    return start, end
+
+
+@jit
+def _first_cell(at: float, num_voxels: int) -> int:
+    return min(max(math.floor(at), -1), num_voxels - 1)
+
+
+@jit
+def _way_to_plane(cell: int, origin: float, direction: float) -> float:
+    """To where the ray leaves a cell along one axis; from the cell's number, so that no rounding accumulates."""
+    if direction == 0.0:
+        return math.inf
+    return (cell + int(direction > 0.0) - origin) / direction
+
+
+@jit
+def _integrate_ray(
+    values: Any,
+    groups: Bytes,
+    origin: Vector,
+    direction: Vector,
+    start: float,
+    max_step: float,
+    intervals: Intervals,
+    lighting: Lighting,
+    splits: Float64,
+) -> Ray:
+    """The colour and the optical depth of one ray, gathered from cell to cell."""
+    ray = (0.0, 0.0, 0.0, 0.0)
+    s, end = _inside_volume(values.shape, origin, direction, start)
+    if not s < end:
+        return ray
+    (ox, oy, oz), (dx, dy, dz) = origin, direction
+    num_z, num_y, num_x = values.shape
+    x, y, z = _first_cell(ox + s * dx, num_x), _first_cell(oy + s * dy, num_y), _first_cell(oz + s * dz, num_z)
+    to_x, to_y, to_z = _way_to_plane(x, ox, dx), _way_to_plane(y, oy, dy), _way_to_plane(z, oz, dz)
+    while s < end and ray[3] <= _LAST_DEPTH:
+        leave = min(max(min(to_x, to_y, to_z), s), end)
+        if leave > s:
+            i, j, k = (x + 1) // GROUP, (y + 1) // GROUP, (z + 1) // GROUP
+            if groups[k, j, i] == _UNKNOWN:  # several threads may come here at once, and will note the same
+                groups[k, j, i] = _look_into_group(values, i, j, k, intervals)
+            if groups[k, j, i] == _VISIBLE:
+                length = leave - s
+                entry = (ox + s * dx - x, oy + s * dy - y, oz + s * dz - z)
+                extent = (length * dx, length * dy, length * dz)
+                ray = _integrate_cell(
+                    values, (x, y, z), entry, extent, length, max_step, intervals, lighting, splits, ray
+                )
+        s = leave
+        if to_x <= to_y and to_x <= to_z:
+            x += 1 if dx > 0.0 else -1
+            to_x = _way_to_plane(x, ox, dx)
+        elif to_y <= to_z:
+            y += 1 if dy > 0.0 else -1
+            to_y = _way_to_plane(y, oy, dy)
+        else:
+            z += 1 if dz > 0.0 else -1
+            to_z = _way_to_plane(z, oz, dz)
+    return ray
+
+
+@jit
+def integrate_rays(
+    values: Any,
+    groups: Bytes,
+    origins: Float64,
+    directions: Float64,
+    starts: Float64,
+    max_step: float,
+    intervals: Intervals,
+    lighting: Lighting,
+    radiance: Float64,
+) -> None:
+    """Write premultiplied RGBA of n rays to `radiance` float64 [n, 4].
+
+    values: [z, y, x]. groups: uint8, for each axis n // GROUP + 1 of them, 0 at first; what was found out is noted in
+        it, for calls with the same values and intervals.
+    origins, directions: float64 [n, 3] in index space, directions per world unit of length.
+    starts: float64 [n], world length along the ray before which nothing counts.
+    """
+    # A cubic passes a level at most three times, and so it is with grazing light.
+    splits = np.empty(3 * intervals.knots.size + 3)
+    for i in range(starts.size):
+        origin = (origins[i, 0], origins[i, 1], origins[i, 2])
+        direction = (directions[i, 0], directions[i, 1], directions[i, 2])
+        ray = _integrate_ray(values, groups, origin, direction, starts[i], max_step, intervals, lighting, splits)
+        radiance[i, 0], radiance[i, 1], radiance[i, 2] = ray[0], ray[1], ray[2]
+        radiance[i, 3] = -math.expm1(-ray[3])

@@ -1,0 +1,187 @@
+"""Automatic framing: the camera distance at which a cloud of points fills the frame over a whole path.
+
+With (x, y, z) the coordinates of a point about the target along (right, up, direction), a perspective camera at
+distance d sees the point inside half-angles whose tangents are m_x, m_y when |x| <= m_x (d - z) and |y| <= m_y (d - z).
+Each of these says that d is at least a *linear* function of the point: z + x / m_x, z - x / m_x, and so on. The
+smallest distance is therefore the largest value of a few linear functions over the cloud: exact, without iteration.
+Orthographic, where half the frame's height shows d tan(field of view / 2), the functions only lose their z.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import InputError
+from renderer.pyramid.pyramid import Pyramid
+from renderer.scene.spec import CameraSpec, Vector
+from renderer.view.camera import Float64
+from renderer.view.paths import CameraPath, Poses, camera_poses, focal_length_px
+from renderer.volume.volume import Volume
+
+Int64 = npt.NDArray[np.int64]
+
+# Left free along every side, as a share of half the frame's smaller side: a footprint reaches beyond its cell's centre.
+MARGIN = 0.03
+# A cell narrower than this on the image is finer than the narrowest footprint that is drawn.
+SMALLEST_CELL_PX = 0.5
+# Products formed at once: 16 MB of float64 whatever the number of points and frames; frames looked at together, of a
+# turntable of a million frames a third of a degree; and poses held at once.
+_MAX_PRODUCTS = 2_000_000
+_MAX_RUN = 1024
+_MAX_POSES = 1 << 16
+
+
+def fit_distance(
+    camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int], frames: Sequence[int]
+) -> float:
+    """The smallest distance at which all points lie inside the frame less its margin, at every one of the frames.
+
+    points_world: float64 [n, 3]. All points are then also at a depth of `camera.near` or more; orthographic cameras
+    with wide fields of view stand further off for that than the frame alone would ask. The zoom of keyframes is left
+    out: it is a magnification that was asked for. Raises InputError when there is nothing to frame.
+    """
+    offsets = points_world - np.asarray(target, np.float64)
+    if offsets.size == 0:
+        raise InputError(
+            "nothing is visible, so there is nothing to frame",
+            where="camera.distance",
+            expected="a volume and a transfer function that show something",
+            hint="raise the opacities or set camera.distance",
+        )
+    width, height = size
+    margin_px = MARGIN * min(width, height) / 2
+    tangent_per_px = math.tan(math.radians(camera.field_of_view) / 2) / (height / 2)
+    limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
+    distance = -math.inf
+    for poses in _poses(camera.path, frames):
+        right, up, direction = poses.right / limit_x, poses.up / limit_y, poses.direction
+        depth = direction if camera.projection == "perspective" else np.zeros_like(direction)
+        for normals in (depth + right, depth - right, depth + up, depth - up):
+            distance = _largest_product(offsets, normals, distance)
+        distance = camera.near + _largest_product(offsets, direction, distance - camera.near)
+    if not distance > 0.0:
+        what = "all that is visible lies beyond the target, and is in frame from any distance"
+        raise InputError(
+            what if offsets.any() else "what is visible has no extent, so there is nothing to frame",
+            where="camera.distance",
+            hint="set camera.distance",
+        )
+    return distance
+
+
+def _poses(path: CameraPath, frames: Sequence[int]) -> Iterator[Poses]:
+    """The poses of some frames, in parts of bounded size."""
+    for first in range(0, len(frames), _MAX_POSES):
+        yield camera_poses(path, frames[first : first + _MAX_POSES])
+
+
+def visible_centre(points_world: Float64) -> Vector:
+    """The middle of the bounding box of float64 [n, 3] points, n > 0."""
+    x, y, z = (points_world.min(axis=0) + points_world.max(axis=0)) / 2
+    return float(x), float(y), float(z)
+
+
+def _largest_product(points: Float64, normals: Float64, least: float) -> float:
+    """The largest scalar product of any of [n, 3] points with any of [m, 3] normals, or `least` if that is larger.
+
+    Neighbouring normals of a path are alike. With r the length of the longest point and d the distance of a run of
+    normals from one among them, a point's product with any of the run is within `d r` of that with the one: only points
+    within `2 d r` of the best there can be best for another, and runs that cannot reach `least` are left out.
+    """
+    radius = float(np.sqrt((points**2).sum(axis=1).max()))
+    rows = min(_MAX_RUN, max(1, _MAX_PRODUCTS // len(points)))
+    for first in range(0, len(normals), rows):
+        run = normals[first : first + rows]
+        middle = run[len(run) // 2]
+        products = points @ middle
+        # A little more than the bound, for what is rounded in all this.
+        slack = 1.0001 * radius * float(np.sqrt(((run - middle) ** 2).sum(axis=1).max())) + 1e-12 * abs(least)
+        best = float(products.max())
+        if best + slack > least:
+            candidates = points[products >= best - 2.0 * slack]
+            least = max(least, float((candidates @ run.T).max()))
+    return least
+
+
+def visible_points(pyramid: Pyramid) -> Float64:
+    """float64 [n, 3]: world positions of corners of visible cells, with the same extremes in every direction as all of
+    them; the corners of the whole volume where nothing is visible.
+
+    The cells are 1/128 of the volume or smaller, down to two voxels (`Pyramid.occupied`).
+    """
+    volume, level = pyramid.volume, pyramid.occupied_level
+    shape = np.array(volume.shape_xyz)
+    rows = pyramid.occupied.any(axis=2)
+    if not rows.any():
+        corners = np.stack(np.meshgrid(*([-0.5, n - 0.5] for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
+        return _to_world(volume, corners)
+    # Of all corners on a line along x only the first and the last can be extreme; up to four rows of cells share one.
+    num = pyramid.occupied.shape[2]
+    row_first = np.where(rows, pyramid.occupied.argmax(axis=2), num)
+    row_last = np.where(rows, num - pyramid.occupied[..., ::-1].argmax(axis=2), 0)
+    first, last = _of_rows_around(np.minimum, row_first, num), _of_rows_around(np.maximum, row_last, 0)
+    z, y = np.nonzero(last)
+    corners = np.concatenate([np.column_stack([x[z, y], y, z]) for x in (first, last)])
+    return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
+
+
+def _of_rows_around(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:
+    """[nz + 1, ny + 1] at the corners of [nz, ny] rows: the extreme of the four around each."""
+    padded = np.pad(of_rows, 1, constant_values=outside)
+    in_y = extreme(padded[:, 1:], padded[:, :-1])
+    return np.asarray(extreme(in_y[1:], in_y[:-1]), np.int64)
+
+
+def finest_useful_level(
+    volume: Volume, points_world: Float64, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
+) -> int:
+    """The finest level of which some cell is wider than SMALLEST_CELL_PX on some frame; 0 if an eye may be among them.
+
+    A bound: the longest diagonal of a voxel, at the smallest depth and the steepest angle of the points' bounding box.
+    """
+    low, high = points_world.min(axis=0), points_world.max(axis=0)
+    box = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
+    offsets = box - np.asarray(target, np.float64)
+    edges = volume.world_from_index[:3, :3]
+    diagonal = max(float(np.linalg.norm(edges @ signs)) for signs in ([1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]))
+    focal_px = focal_length_px(camera, size)
+    widest_px = 0.0
+    for poses in _poses(camera.path, range(camera.path.frames)):
+        if camera.projection == "orthographic":
+            px_per_unit = poses.zoom * (focal_px / distance)
+        else:
+            depth = distance - (poses.direction @ offsets.T).max(axis=1)
+            if depth.min() <= 0.0:
+                return 0
+            x, y = (np.abs(side @ offsets.T).max(axis=1) / depth for side in (poses.right, poses.up))
+            px_per_unit = poses.zoom * focal_px / depth * np.sqrt(1.0 + x**2 + y**2)
+        widest_px = max(widest_px, diagonal * float(px_per_unit.max()))
+    return max(0, math.floor(math.log2(SMALLEST_CELL_PX / widest_px)))
+
+
+def smallest_voxel_px(
+    volume: Volume, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
+) -> float:
+    """How many pixels wide a length of the finest spacing at the volume's centre is on the frame where it is narrowest.
+
+    Of an eye nearer to the centre than half of the volume's diagonal it counts as that far: most of what such an eye
+    sees is.
+    """
+    spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
+    offset = volume.centre - np.asarray(target, np.float64)
+    nearest = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
+    narrowest_px = math.inf
+    for poses in _poses(camera.path, range(camera.path.frames)):
+        depths = np.full(len(poses.zoom), distance)
+        if camera.projection == "perspective":
+            depths = np.maximum(distance - poses.direction @ offset, nearest)
+        narrowest_px = min(narrowest_px, float((poses.zoom * (spacing / depths)).min()) * focal_px)
+    return narrowest_px
+
+
+def _to_world(volume: Volume, index: Float64) -> Float64:
+    return np.asarray(index @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3], np.float64)

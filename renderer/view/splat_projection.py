@@ -1,0 +1,242 @@
+"""A view in model units, and which splats it sees in which order: what both rasterisers start from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.jit import jit
+from renderer.pyramid.cut import Cut
+from renderer.splats.splats import SplatBatch
+from renderer.view.camera import View
+from renderer.view.depth_order import Turning, depth_directions
+from renderer.view.visibility import box_order, depth_order
+
+Float64 = npt.NDArray[np.float64]
+
+# Slopes x / depth are held to this multiple of those at the image's edges when a footprint is projected: the affine
+# approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
+SLOPE_LIMIT = 1.3
+
+# The near plane changes splats whose centre is less than so many standard deviations beyond it, and leaves nothing of
+# those whose centre is so many before it; both as in shaders/project.glsl.
+CUT_SIGMAS, GONE_SIGMAS = 5.0, 4.0
+
+# Splats whose footprints are looked at, about, to know those of all: their mean is right within a few per cent.
+FOOTPRINT_SAMPLE = 4096
+
+
+@dataclass(frozen=True)
+class ModelView:
+    """view_from_model: float64 [3, 4], rotation and translation, model units.
+    scale_px: focal length in pixels (perspective), pixels per model unit (orthographic).
+    near: model units.
+    slope_limit: float64 [2], bound on |x| / depth and |y| / depth where footprints are linearised.
+    """
+
+    view_from_model: Float64
+    perspective: bool
+    scale_px: float
+    size: tuple[int, int]
+    near: float
+    slope_limit: Float64
+
+
+class Model(Protocol):
+    """What has model units: its origin in the world, float64 [3], and the world length of a unit."""
+
+    @property
+    def origin(self) -> Float64: ...
+    @property
+    def length(self) -> float: ...
+
+
+def model_view(model: Model, view: View) -> ModelView:
+    """The view as model units see it; differences are taken in float64."""
+    translation = view.in_view(model.origin) / model.length
+    perspective = view.projection == "perspective"
+    scale_px = view.scale_px if perspective else view.scale_px * model.length
+    return ModelView(
+        np.column_stack([view.axes, translation]),
+        perspective,
+        scale_px,
+        view.size,
+        view.near / model.length,
+        SLOPE_LIMIT * np.array(view.size) / 2 / view.scale_px,
+    )
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangle of pixels: its first column and row, and how many of both; may be empty."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def num_pixels(self) -> int:
+        """How many pixels it holds."""
+        return self.width * self.height
+
+
+def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
+    """A rectangle of the image outside of which the batch leaves nothing.
+
+    All centres lie in a ball about the model's origin, at depths from `nearest` on. A centre at (x, z) lands as far as
+    `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` from the origin's image, and its footprint
+    reaches as far again as its cutoff under the steepest slope.
+    """
+    size = np.array(camera.size)
+    centers = batch.centers
+    radius = math.sqrt(float(np.max(np.einsum("ij,ij->i", centers, centers), initial=0.0))) * (1 + 1e-6)
+    sigma = float(np.max(longest_sigma(batch), initial=0.0))
+    origin = camera.view_from_model[:, 3] * (1.0, -1.0, -1.0)
+    nearest, slopes, limit = 1.0, np.zeros(2), np.zeros(2)
+    if camera.perspective:
+        nearest = origin[2] - radius
+        if nearest - camera.near <= 5 * sigma:  # what the near plane cuts may be anywhere
+            return Region(0, 0, *camera.size)
+        slopes, limit = origin[:2] / origin[2], camera.slope_limit
+    magnification = camera.scale_px / nearest
+    center_px = size / 2 + camera.scale_px * (slopes if camera.perspective else origin[:2])
+    model_px = magnification * (radius * np.hypot(1, slopes) + batch.footprint.cutoff * sigma * np.hypot(1, limit))
+    reach_px = model_px + batch.footprint.cutoff * batch.footprint.narrowest_px + 2  # rounding, and whole pixels
+    low = np.clip(np.floor(center_px - reach_px), 0, size).astype(int)
+    high = np.clip(np.ceil(center_px + reach_px), 0, size).astype(int)
+    return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
+
+
+def mean_footprint_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView, region: Region) -> float:
+    """How many of the region's pixels a footprint of `batch[order]` covers in the mean; neither may be empty.
+
+    An estimate, from a sample: ellipses with the two longest of the splat's axes, as they appear at the image's centre
+    at the depth of the splat, or at the near plane if that is farther.
+    """
+    vertices = batch.vertices[order[:: max(1, len(order) // FOOTPRINT_SAMPLE)]]
+    axes = np.linalg.svd(batch.axes, compute_uv=False)[vertices[:, 7].astype(np.int64), :2]
+    scale_px: Float64 | float = camera.scale_px
+    if camera.perspective:
+        depths = -(vertices[:, :3] @ camera.view_from_model[2, :3] + camera.view_from_model[2, 3])
+        scale_px = (camera.scale_px / np.maximum(depths, max(camera.near, 1e-6)))[:, None]  # the near plane may be at 0
+    radii_px = batch.footprint.cutoff * np.maximum(axes * scale_px, batch.footprint.narrowest_px)
+    areas_px = math.pi * np.minimum(radii_px, region.num_pixels).prod(axis=1)
+    return float(np.minimum(areas_px, region.num_pixels).mean())
+
+
+def square_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> float:
+    """How many of the image's pixels the squares around the footprints of `batch[order]` have in all.
+
+    An estimate of what a rasteriser has to look at: the coarsest cells, which are the first of a batch, are looked at
+    one by one, and of the others a sample. Squares are those of balls of each splat's longest axis.
+    """
+    is_coarse = order < FOOTPRINT_SAMPLE
+    others = order[~is_coarse]
+    stride = max(1, len(others) // FOOTPRINT_SAMPLE)
+    sample = others[::stride]
+    pixels = _square_px(batch, np.concatenate([order[is_coarse], sample]), camera)
+    num_coarse = len(order) - len(others)
+    mean = float(pixels[num_coarse:].mean()) if len(sample) else 0.0
+    return float(pixels[:num_coarse].sum()) + mean * len(others)
+
+
+def _square_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: ModelView) -> Float64:
+    """float64 [n]: of each of these splats."""
+    vertices = batch.vertices[splats]
+    in_view = vertices[:, :3] @ camera.view_from_model[:, :3].T + camera.view_from_model[:, 3]
+    scale_px: Float64 | float = camera.scale_px
+    if camera.perspective:
+        scale_px = (camera.scale_px / np.maximum(-in_view[:, 2], max(camera.near, 1e-6)))[:, None]
+    sigmas = longest_sigma(batch)[vertices[:, 7].astype(np.int64), None]
+    reach_px = batch.footprint.cutoff * np.maximum(sigmas * scale_px, batch.footprint.narrowest_px)
+    center_px = np.array(camera.size) / 2 + in_view[:, :2] * (1.0, -1.0) * scale_px
+    low, high = (np.clip(center_px + sign * reach_px, 0, camera.size) for sign in (-1, 1))
+    return np.asarray((high - low).prod(axis=1))
+
+
+def longest_sigma(batch: SplatBatch) -> Float64:
+    """float64 [num_shapes]: the largest standard deviation of each shape in any direction, model units."""
+    return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
+
+
+def visible_order(
+    batch: SplatBatch, cut: Cut, view: View, order: str, *, along: Float64 | None = None
+) -> npt.NDArray[np.uint32]:
+    """uint32 [k]: the splats that can touch the image, back to front; only for `boxes` must the cut have its cells.
+
+    along: float64 [3], the world direction to sort along if not the view's.
+    """
+    camera = model_view(batch, view)
+    sigmas = longest_sigma(batch)
+    depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
+    half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.narrowest_px + 1 for n in camera.size)
+    _depths_and_culling(
+        batch.vertices, sigmas, batch.footprint.cutoff, camera.view_from_model, camera.perspective,
+        camera.scale_px, half_width, half_height, camera.slope_limit, camera.near,
+        view.forward if along is None else along, depths, seen,
+    )  # fmt: skip
+    if order == "boxes":
+        assert len(cut) == len(batch), "boxes without their cells"
+        back_to_front = box_order(cut.levels, cut.cells, cut.volume, view)
+        return back_to_front[seen[back_to_front]].astype(np.uint32)
+    indices = np.flatnonzero(seen).astype(np.uint32)
+    return indices[depth_order(depths[indices])]
+
+
+def visible_orders(
+    batch: SplatBatch, cut: Cut, view: View, order: str, turning: Turning
+) -> list[tuple[float, npt.NDArray[np.uint32]]]:
+    """As `visible_order`, but without a jump between views by depth: orders, and the share of the picture of each."""
+    if order != "depth":
+        return [(1.0, visible_order(batch, cut, view, order))]
+    return [
+        (each.share, visible_order(batch, cut, view, order, along=each.direction))
+        for each in depth_directions(turning, view.forward)
+    ]
+
+
+@jit
+def _depths_and_culling(
+    vertices: npt.NDArray[np.float32],
+    sigmas: Float64,
+    cutoff: float,
+    view_from_model: Float64,
+    perspective: bool,
+    scale: float,
+    half_width: float,
+    half_height: float,
+    slope_limit: Float64,
+    near: float,
+    along: Float64,
+    depths: npt.NDArray[np.float32],
+    seen: npt.NDArray[np.bool_],
+) -> None:
+    """Depth of every centre in the direction `along`, and whether its footprint can meet the image (conservative).
+
+    A splat that the near plane cuts is drawn elsewhere than its centre would be: it counts as in the image. Depths from
+    the eye would lose their order to float32 where the eye is far away.
+    """
+    r = view_from_model
+    # Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
+    side, top = scale * np.sqrt(1 + slope_limit[0] ** 2), scale * np.sqrt(1 + slope_limit[1] ** 2)
+    for i in range(len(vertices)):
+        cx, cy, cz = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        x = abs(r[0, 0] * cx + r[0, 1] * cy + r[0, 2] * cz + r[0, 3])
+        y = abs(r[1, 0] * cx + r[1, 1] * cy + r[1, 2] * cz + r[1, 3])
+        depth = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz) - r[2, 3]
+        depths[i] = along[0] * cx + along[1] * cy + along[2] * cz
+        sigma = sigmas[int(vertices[i, 7])]
+        radius = cutoff * sigma
+        if perspective:
+            inside = (x * scale - depth * half_width <= radius * side) and (
+                y * scale - depth * half_height <= radius * top
+            )
+        else:
+            inside = (x - radius) * scale <= half_width and (y - radius) * scale <= half_height
+        is_cut = depth - CUT_SIGMAS * sigma < near
+        seen[i] = (inside or is_cut) and depth + GONE_SIGMAS * sigma > near

@@ -1,0 +1,113 @@
+"""A scalar volume in its own dtype, and where it lies in the world."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.volume.mapped_file import MappedFile, slabs
+
+Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Volume:
+    """Voxels and their place.
+
+    values: [z, y, x], any integer or float dtype in native byte order, read-only, C-contiguous, finite.
+    world_from_index: float64 [4, 4], affine: (x, y, z) voxel index to world; voxel centres sit at integer indices and
+        the volume covers [-1/2, n - 1/2] per axis.
+    name: what to call it in messages.
+    fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes, whatever file they came from.
+    source: the file that the values are mapped from; None where they are in memory. Whoever is about to read some of
+        them calls `require_unchanged` first, and again before anything comes of what was read.
+    num_nonfinite: voxels that the file has as NaN or infinite, which have the value `stand_in` here.
+    replaced_spacing: that of the file, where the scene gives another; else None.
+    note: what to say of how they were read, in words.
+    """
+
+    values: Array
+    world_from_index: Float64
+    name: str
+    fingerprint: str
+    source: MappedFile | None = None
+    num_nonfinite: int = 0
+    stand_in: float = 0.0
+    replaced_spacing: tuple[float, float, float] | None = None
+    note: str | None = None
+
+    def require_unchanged(self) -> None:
+        """Raise InputError where the file that the values are mapped from is not what it was."""
+        if self.source is not None:
+            self.source.require_unchanged()
+
+    def value_range(self) -> tuple[float, float]:
+        """The smallest and the largest value, from one pass over all of them."""
+        lows, highs = zip(
+            *((float(slab.min()), float(slab.max())) for slab in slabs(self.values, self.source)), strict=True
+        )
+        return min(lows), max(highs)
+
+    @property
+    def shape_xyz(self) -> tuple[int, int, int]:
+        """Number of voxels along x, y, z."""
+        z, y, x = self.values.shape
+        return x, y, z
+
+    @property
+    def spacing(self) -> Float64:
+        """float64 [3]: world distance between neighbouring voxel centres along the index axes x, y, z."""
+        return np.asarray(np.linalg.norm(self.world_from_index[:3, :3], axis=0), np.float64)
+
+    @property
+    def finest_spacing(self) -> float:
+        """The smallest of the spacings, the length that optical depths inside are over."""
+        return float(self.spacing.min())
+
+    @property
+    def voxel_volume(self) -> float:
+        """World volume of one voxel."""
+        return abs(float(np.linalg.det(self.world_from_index[:3, :3])))
+
+    @property
+    def centre_index(self) -> Float64:
+        """float64 [3]: the centre of the volume in voxel indices x, y, z."""
+        return (np.array(self.shape_xyz) - 1) / 2
+
+    @property
+    def centre(self) -> Float64:
+        """float64 [3]: world centre of the volume, to which all drawing is relative."""
+        return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
+
+
+def make_volume(
+    values: Array,
+    world_from_index: Float64,
+    name: str,
+    source: MappedFile | None = None,
+    num_nonfinite: int = 0,
+    stand_in: float = 0.0,
+) -> Volume:
+    """A Volume around `values`, which become read-only, with its fingerprint; nothing is copied.
+
+    values: [z, y, x], finite, native byte order, C-contiguous, an integer or float dtype.
+    world_from_index: float64 [4, 4].
+    source: the file that they are mapped from, if any; raises InputError where it is not what it was.
+    num_nonfinite, stand_in: how many have been replaced, and by what.
+    """
+    assert values.ndim == 3, values.shape
+    assert values.flags.c_contiguous, values.strides
+    assert values.dtype.isnative, values.dtype
+    values.flags.writeable = False
+    placed = np.array(world_from_index, np.float64) + 0.0  # -0.0 becomes 0.0: equal affines have equal bytes
+    placed.flags.writeable = False
+    digest = hashlib.blake2b(f"{values.dtype.name} {values.shape}".encode(), digest_size=16)
+    digest.update(placed.data.cast("B"))
+    for slab in slabs(values, source):
+        digest.update(slab.data.cast("B"))
+    return Volume(values, placed, name, digest.hexdigest(), source, num_nonfinite, stand_in)
