@@ -24,16 +24,16 @@ from renderer.errors import HsplatError, InputError, describe, nearest
 # Module and summary of each command; a command is the function of its own name in its module, which is imported only
 # when the command is called. Help would be slow if it had to ask the modules.
 COMMANDS = {
-    "render": ("hsplat_cli.render.command", "Render a scene to a film or to numbered frames."),
-    "assemble": ("hsplat_cli.assemble.command", "Make one film of frames that were drawn in parts."),
-    "check": ("hsplat_cli.check", "Check a scene file and list everything that is wrong with it."),
-    "init": ("hsplat_cli.init", "Write a scene file for a volume, to start from."),
-    "turntable": ("hsplat_cli.turntable.command", "Render turntables of volumes without a scene file."),
-    "measure": ("hsplat_cli.measure.command", "Measure what a scene costs and how near to the truth it comes."),
-    "paper": ("hsplat_cli.paper.command", "Reproduce the figures of Laur and Hanrahan 1991 on one page."),
-    "golden": ("hsplat_cli.golden.command", "Keep frames of a scene to compare later ones with."),
-    "compare": ("hsplat_cli.compare.command", "Compare frames with golden ones; exit with 1 where they differ."),
-    "info": ("hsplat_cli.info", "Describe a volume: shape, place, values and histogram."),
+    "render": ("hsplat_cli.commands.render", "Render a scene to a film or to numbered frames."),
+    "assemble": ("hsplat_cli.commands.assemble", "Make one film of frames that were drawn in parts."),
+    "check": ("hsplat_cli.commands.check", "Check a scene file and list everything that is wrong with it."),
+    "init": ("hsplat_cli.commands.init", "Write a scene file for a volume, to start from."),
+    "turntable": ("hsplat_cli.commands.turntable", "Render turntables of volumes without a scene file."),
+    "measure": ("hsplat_cli.commands.measure", "Measure what a scene costs and how near to the truth it comes."),
+    "paper": ("hsplat_cli.commands.paper", "Reproduce the figures of Laur and Hanrahan 1991 on one page."),
+    "golden": ("hsplat_cli.commands.golden", "Keep frames of a scene to compare later ones with."),
+    "compare": ("hsplat_cli.commands.compare", "Compare frames with golden ones; exit with 1 where they differ."),
+    "info": ("hsplat_cli.commands.info", "Describe a volume: shape, place, values and histogram."),
 }
 
 

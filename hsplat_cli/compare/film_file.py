@@ -21,7 +21,7 @@ import imageio_ffmpeg
 import numpy as np
 
 from hsplat_cli.compare.pair import Pixels
-from hsplat_cli.picture_file import MAX_PIXELS, require_file
+from hsplat_cli.compare.picture_file import MAX_PIXELS, require_file
 from renderer.errors import InputError
 from renderer.film.encode import find_ffmpeg
 

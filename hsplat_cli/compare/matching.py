@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from hsplat_cli.compare.golden.provenance import NAME
 from hsplat_cli.compare.judge import require_packages
 from hsplat_cli.compare.outcome import Comparison
 from hsplat_cli.compare.pairs import open_pairs
@@ -14,7 +15,6 @@ from hsplat_cli.compare.report import table_of
 from hsplat_cli.compare.rules import load_rules
 from hsplat_cli.compare.run import AnyPairs, ReportFiles, run_comparison
 from hsplat_cli.compare.scene import SceneOptions, compare_scene
-from hsplat_cli.golden.provenance import NAME
 from renderer.errors import HsplatError, InputError
 
 # A scene, or the sidecar of a film.

@@ -14,10 +14,10 @@ from hsplat_cli.compare.outcome import Comparison, Failure, Outcome
 from hsplat_cli.compare.pair import Pair
 from hsplat_cli.compare.report import json_of, json_of_failure, junit_of, junit_of_failure
 from hsplat_cli.compare.rules import Rules
-from hsplat_cli.input_file import is_same_file
-from hsplat_cli.progress import progress
+from hsplat_cli.terminal.progress_bar import progress
 from renderer.errors import InputError, require_package
 from renderer.film.atomic import explained, require_writable, staged_together
+from renderer.scene.input_file import is_same_file
 
 # No report has the name of a frame, a scene or a volume: a slip of the pen costs none of them.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hsplat_cli.compare.golden.draw import Drawing, drawn, load_steady_job
+from hsplat_cli.compare.golden.provenance import NAME, Golden, Provenance, changes, is_golden_file, read_provenance
 from hsplat_cli.compare.pair import Pair
+from hsplat_cli.compare.picture_file import is_picture, read_picture
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.compare.words import printable
-from hsplat_cli.counts import counted, first_few
-from hsplat_cli.crew_options import CrewSpec
-from hsplat_cli.first_run import tell_first_run
-from hsplat_cli.frame_range import parse_frames
-from hsplat_cli.golden.draw import Drawing, drawn, load_steady_job
-from hsplat_cli.golden.provenance import NAME, Golden, Provenance, changes, is_golden_file, read_provenance
-from hsplat_cli.job import Job
-from hsplat_cli.picture_file import is_picture, read_picture
+from hsplat_cli.executors.executor_arguments import CrewSpec
+from hsplat_cli.scenes.job import Job
+from hsplat_cli.terminal.counts import counted, first_few
+from hsplat_cli.terminal.first_run import tell_first_run
+from hsplat_cli.terminal.frame_range import parse_frames
 from renderer.errors import InputError
 from renderer.film.kept_frames import is_file
 

@@ -17,12 +17,12 @@ from typing import Any
 
 import click
 
-from hsplat_cli.counts import counted
-from hsplat_cli.film_options import as_arguments
-from hsplat_cli.scene_text import volume_file
+from hsplat_cli.executors.workers.lifeline import Lifeline
+from hsplat_cli.scenes.film_arguments import as_arguments
+from hsplat_cli.scenes.scene_text import volume_file
+from hsplat_cli.terminal.counts import counted
 from hsplat_cli.turntable.report import BRIEFLY_S, DONE, FILE, INTERRUPTED, NOT_BEGUN, Record, table, write_report
 from hsplat_cli.turntable.single import Order
-from hsplat_cli.workers.lifeline import Lifeline
 from renderer.errors import HsplatError, RenderError
 from renderer.film.atomic import require_writable
 

@@ -11,21 +11,21 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.crew_options import CrewSpec
-from hsplat_cli.first_run import tell_first_run
-from hsplat_cli.inputs import files_of, require_no_input
-from hsplat_cli.job import Job
-from hsplat_cli.patterns import matches
-from hsplat_cli.place import taken
-from hsplat_cli.scene_file import scene_in
-from hsplat_cli.scene_text import FilmOptions, volume_file
-from hsplat_cli.suggested_scene import SuggestedScene, suggest_scene
+from hsplat_cli.executors.executor_arguments import CrewSpec
+from hsplat_cli.films.place import taken
+from hsplat_cli.scenes.inputs import files_of, require_no_input
+from hsplat_cli.scenes.job import Job
+from hsplat_cli.scenes.patterns import matches
+from hsplat_cli.scenes.scene_text import FilmOptions, volume_file
+from hsplat_cli.scenes.suggested_scene import SuggestedScene, suggest_scene
+from hsplat_cli.terminal.first_run import tell_first_run
 from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, OF, Record, Report, Written, held_report, write_report
 from renderer.errors import HsplatError, InputError, TakenError
 from renderer.film.atomic import explained, require_writable, write_staged
 from renderer.film.frame_record import is_record
 from renderer.film.names import picture_files, sidecar_path
 from renderer.scene.parse import schedule_to_dict
+from renderer.scene.scene_file import scene_in
 from renderer.scene.spec import VolumeSpec
 
 _MOST = 2**53  # larger numbers of splats or seconds are none
@@ -99,7 +99,7 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         write_scene(order, suggested)
         tell_first_run(quiet=quiet)
         # Imported here: numba and GL take longer to load than --help may take to answer.
-        from hsplat_cli.render.film import render_once  # noqa: PLC0415
+        from hsplat_cli.films.film import render_once  # noqa: PLC0415
 
         tell = partial(write_report, order.scene.parent, [order.record(BEGUN)])
         shortfall = render_once(job, order.crew, place=place, on_begin=tell, force=order.force, quiet=quiet)

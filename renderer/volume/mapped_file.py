@@ -2,8 +2,9 @@
 
 The system takes such pages back when memory is short, so that a volume may be larger than it. The price is that the
 file must stay as it is: a page beyond the end of one that became shorter cannot be read, and the process that tries is
-killed (SIGBUS), unless whoever owns the process has it read zeros there (`hsplat_cli/shrinking.py`). So who is about to
-read looks at the file first, and who has read looks again before anything comes of it: `MappedFile.require_unchanged`.
+killed (SIGBUS), unless whoever owns the process has it read zeros there (`hsplat_cli/scenes/shrinking.py`). So who is
+about to read looks at the file first, and who has read looks again before anything comes of it:
+`MappedFile.require_unchanged`.
 """
 
 from __future__ import annotations

@@ -15,7 +15,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hsplat_cli.scene_file import load_scene
 from renderer.frame.frame import finest_level_at
 from renderer.frame.pipeline import prepare
 from renderer.pyramid.cut import children, cut_pyramid, node_errors
@@ -23,6 +22,7 @@ from renderer.pyramid.cut_size import CutSizes, cut_sizes
 from renderer.pyramid.pyramid import Pyramid, build_pyramid
 from renderer.readers.procedural import procedural_values
 from renderer.scene.parse import parse_scene
+from renderer.scene.scene_file import load_scene
 from renderer.scene.spec import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec
 from renderer.transfer.transfer_function import TransferFunction
 from renderer.volume.volume import Volume, make_volume

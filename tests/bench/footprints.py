@@ -22,13 +22,13 @@ from typing import Any, NamedTuple
 import imageio.v3 as iio
 import numpy as np
 
-from hsplat_cli.machine import describe_machine
-from hsplat_cli.scene_file import load_scene, scene_in
-from hsplat_cli.scene_text import FilmOptions
-from hsplat_cli.suggested_scene import suggest_scene
+from hsplat_cli.scenes.scene_text import FilmOptions
+from hsplat_cli.scenes.suggested_scene import suggest_scene
+from hsplat_cli.terminal.machine import describe_machine
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.frame.frame import Stage
 from renderer.frame.pipeline import prepare, render_frames
+from renderer.scene.scene_file import load_scene, scene_in
 from renderer.scene.schedule import at_tolerance
 from renderer.scene.spec import FileSource, RawSource, Scene, ShadingSpec, SplatSpec, VolumeSpec
 from renderer.study.metrics import over_background

@@ -18,14 +18,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hsplat_cli.machine import describe_machine
-from hsplat_cli.scene_file import load_scene
+from hsplat_cli.terminal.machine import describe_machine
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.frame.frame import Stage, view_of
 from renderer.frame.pipeline import prepare, render_frames
 from renderer.pyramid.cut import cut_pyramid
 from renderer.pyramid.pyramid import Pyramid, build_pyramid
 from renderer.readers.read import read_volume
+from renderer.scene.scene_file import load_scene
 from renderer.scene.spec import ControlPoint, ErrorSpec, PyramidSpec, Scene, TransferSpec
 from renderer.splats.splats import make_splats
 from renderer.transfer.transfer_function import TransferFunction, make_transfer

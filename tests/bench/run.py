@@ -19,14 +19,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hsplat_cli.scene_file import load_scene
-from hsplat_cli.versions import commit
+from hsplat_cli.terminal.versions import commit
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.frame.frame import finest_level_at
 from renderer.frame.pipeline import prepare, render_frames
 from renderer.pyramid.cut import cut_pyramid
 from renderer.pyramid.cut_size import CutSizes, cut_sizes
 from renderer.pyramid.pyramid import Pyramid, build_pyramid
+from renderer.scene.scene_file import load_scene
 from renderer.scene.spec import (
     CameraSpec,
     ControlPoint,

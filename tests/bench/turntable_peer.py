@@ -22,13 +22,13 @@ from typing import Any, NamedTuple
 import imageio.v3 as iio
 import numpy as np
 
-from hsplat_cli.machine import describe_machine
-from hsplat_cli.peers.vtk_peer import with_transparent_border
-from hsplat_cli.scene_file import load_scene
+from hsplat_cli.studies.peers.vtk_peer import with_transparent_border
+from hsplat_cli.terminal.machine import describe_machine
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.frame.frame import Stage, view_of
 from renderer.frame.pipeline import prepare
 from renderer.readers.read import read_volume
+from renderer.scene.scene_file import load_scene
 from renderer.study.metrics import Picture
 from renderer.study.truths import find_truth
 from renderer.transfer.transfer_function import TransferFunction, make_transfer

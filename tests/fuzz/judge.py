@@ -22,9 +22,8 @@ from oracle import DisagreementError
 from scenes import DTYPES, Case, legal_case, random_of
 from spoil import spoil
 
+from hsplat_cli.films.goals import make_plan
 from hsplat_cli.main import run
-from hsplat_cli.render.goals import make_plan
-from hsplat_cli.scene_file import load_scene
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.errors import InputError
 from renderer.film.png import encode_png
@@ -33,6 +32,7 @@ from renderer.frame.frame import Frame, Stage, finest_level_at, view_of
 from renderer.frame.pacing import Details
 from renderer.frame.pipeline import prepare, render_frames
 from renderer.pyramid.cut import cut_pyramid
+from renderer.scene.scene_file import load_scene
 from renderer.scene.schedule import value_at
 from renderer.scene.spec import Scene, SplatBudget
 

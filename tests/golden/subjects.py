@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 from golden_cases import SCENE
 
-from hsplat_cli.scene_file import load_scene
 from renderer.frame.frame import (
     Frame,
     Pose,
@@ -27,6 +26,7 @@ from renderer.frame.pipeline import prepare
 from renderer.frame.primitives import Detail
 from renderer.frame.splat_family import SplatDetail
 from renderer.pyramid.cut import Cut, cut_pyramid
+from renderer.scene.scene_file import load_scene
 from renderer.scene.schedule import tolerance_at
 from renderer.scene.spec import Scene
 from renderer.splats.splats import SplatBatch

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from golden_cases import CASES, FOLDER, FRAMES, Case
 
+from hsplat_cli.compare.golden.provenance import read_provenance
 from hsplat_cli.compare.pair import Pixels
-from hsplat_cli.golden.provenance import read_provenance
-from hsplat_cli.picture_file import read_picture
+from hsplat_cli.compare.picture_file import read_picture
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.frame import splat_family
 from renderer.pyramid.cut import Cut

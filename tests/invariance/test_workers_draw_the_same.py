@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from film_stages import KINDS, stage_of_kind
 
-from hsplat_cli.drawn import LocalDrawer
-from hsplat_cli.workers.pool import open_pool
+from hsplat_cli.executors.drawn import LocalDrawer
+from hsplat_cli.executors.workers.pool import open_pool
 from renderer.draw.gl.raster import GLRasterizer
 
 NUMBERS = [*range(8), 2]

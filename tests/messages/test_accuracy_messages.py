@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.measure.notes import scene_notes
-from hsplat_cli.scene_file import load_scene
+from hsplat_cli.studies.measure.notes import scene_notes
+from renderer.scene.scene_file import load_scene
 
 SMALL = ["--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]"]
 # What full resolution reaches is in the last digits the driver's affair.

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.golden.plan import Change, Plan, described
-from hsplat_cli.golden.provenance import Golden, Provenance
+from hsplat_cli.compare.golden.plan import Change, Plan, described
+from hsplat_cli.compare.golden.provenance import Golden, Provenance
 from renderer.film.png import encode_png
 from renderer.study.frame_difference import FIGURES
 

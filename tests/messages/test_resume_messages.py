@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
-from hsplat_cli import drawn, main
-from hsplat_cli.render.cause import differences
+from hsplat_cli import main
+from hsplat_cli.executors import drawn
+from hsplat_cli.films.cause import differences
 from renderer.film.kept_frames import digest
 from renderer.film.png import png_chunks, png_of
 from renderer.frame.frame import Frame

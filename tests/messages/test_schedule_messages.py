@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hsplat_cli.scene_file import load_scene
 from renderer.errors import InputError
+from renderer.scene.scene_file import load_scene
 from renderer.scene.spec import SplatBudget
 
 # In place of `tolerance: 0.1`: what is said.

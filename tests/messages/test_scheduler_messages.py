@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.cluster import connection
+from hsplat_cli.executors.cluster import connection
 
 EXPECTED = "the address of a Dask scheduler such as tcp://node7:8786, or local for processes on this machine"
 HINT = "`dask scheduler` starts one, and says its address"

@@ -10,8 +10,8 @@ import time
 
 from film_stages import PLAIN, stage_of
 
-from hsplat_cli.workers.lifeline import Lifeline
-from hsplat_cli.workers.pool import open_pool
+from hsplat_cli.executors.workers.lifeline import Lifeline
+from hsplat_cli.executors.workers.pool import open_pool
 
 LONG_S = 600
 

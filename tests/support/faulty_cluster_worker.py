@@ -1,4 +1,4 @@
-"""What a worker of a cluster does with something wrong, in place of `hsplat_cli.cluster.worker.draw`.
+"""What a worker of a cluster does with something wrong, in place of `hsplat_cli.executors.cluster.worker.draw`.
 
 Workers import it by its name, from the folders where the test's process looks for modules.
 """
@@ -9,7 +9,7 @@ import os
 import signal
 from typing import Any
 
-from hsplat_cli.cluster.worker import Parcel, draw
+from hsplat_cli.executors.cluster.worker import Parcel, draw
 from renderer.errors import InputError
 
 FRAME = 3  # the one that things happen at

@@ -16,9 +16,9 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hsplat_cli.drawn import Drawn, LocalDrawer
-from hsplat_cli.workers import worker
-from hsplat_cli.workers.messages import Message
+from hsplat_cli.executors.drawn import Drawn, LocalDrawer
+from hsplat_cli.executors.workers import worker
+from hsplat_cli.executors.workers.messages import Message
 from renderer.errors import InputError, RenderError
 
 FRAME = 3  # the one that things happen at

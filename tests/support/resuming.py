@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from small_scene import small_scene
 
-from hsplat_cli import drawn, main
+from hsplat_cli import main
+from hsplat_cli.executors import drawn
 from renderer.frame.frame import Frame
 
 NUM_FRAMES = 5

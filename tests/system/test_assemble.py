@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 from small_scene import small_scene
 
-from hsplat_cli import main, place
-from hsplat_cli.assemble import film, merged
-from hsplat_cli.versions import package_versions
+from hsplat_cli import main
+from hsplat_cli.films import place
+from hsplat_cli.films.assemble import film, merged
+from hsplat_cli.terminal.versions import package_versions
 from renderer.film.kept_frames import digest
 from renderer.film.png import encode_png, png_chunks, png_of
 

@@ -20,10 +20,10 @@ from processes import wait_until
 
 import renderer
 from hsplat_cli import main
-from hsplat_cli.cluster import drawer as cluster_drawer
-from hsplat_cli.cluster.drawer import Cluster
-from hsplat_cli.drawn import LocalDrawer
-from hsplat_cli.versions import package_versions
+from hsplat_cli.executors.cluster import drawer as cluster_drawer
+from hsplat_cli.executors.cluster.drawer import Cluster
+from hsplat_cli.executors.drawn import LocalDrawer
+from hsplat_cli.terminal.versions import package_versions
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.frame.frame import Stage

@@ -16,9 +16,10 @@ from typing import Any
 import pytest
 from small_scene import small_scene
 
-from hsplat_cli import drawn, main
-from hsplat_cli.golden import command
-from hsplat_cli.picture_file import read_picture
+from hsplat_cli import main
+from hsplat_cli.commands import golden as command
+from hsplat_cli.compare.picture_file import read_picture
+from hsplat_cli.executors import drawn
 from renderer.frame.frame import Frame
 
 CODE = Path(main.__file__).parents[1]

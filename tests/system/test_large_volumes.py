@@ -22,7 +22,7 @@ CHILD = """
 import json, sys, threading, time
 from pathlib import Path
 import numpy as np
-from hsplat_cli.scene_file import load_scene
+from renderer.scene.scene_file import load_scene
 from renderer.frame.pipeline import prepare, render_frames
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.volume.volume import make_volume

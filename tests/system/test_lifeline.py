@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
-from hsplat_cli.workers.lifeline import Lifeline
+from hsplat_cli.executors.workers.lifeline import Lifeline
 
 # What the program promises.
 LONGEST_S = 5.0
@@ -88,7 +88,7 @@ def test_a_system_that_sends_no_signal(mark: str) -> None:
         [
             "import fcntl, sys, time",
             "del fcntl.F_SETSIG",
-            "from hsplat_cli.workers.lifeline import hold_on",
+            "from hsplat_cli.executors.workers.lifeline import hold_on",
             "hold_on(int(sys.argv[1]))",
             "print('waiting', flush=True)",
             "time.sleep(600)",

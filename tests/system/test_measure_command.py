@@ -14,8 +14,8 @@ import yaml
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.measure import study
-from hsplat_cli.peers.vtk_peer import describe_vtk, vtk_settings
+from hsplat_cli.studies.measure import study
+from hsplat_cli.studies.peers.vtk_peer import describe_vtk, vtk_settings
 from renderer.errors import RenderError
 from renderer.study.sweep import Measurement
 

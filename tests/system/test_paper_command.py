@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.paper.command import RECIPES
-from hsplat_cli.scene_file import load_scene
+from hsplat_cli.commands.paper import RECIPES
+from renderer.scene.scene_file import load_scene
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
 

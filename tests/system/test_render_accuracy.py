@@ -15,10 +15,11 @@ import pytest
 import yaml
 from small_scene import small_scene
 
-from hsplat_cli import main, search
-from hsplat_cli.scene_file import load_scene
+from hsplat_cli import main
+from hsplat_cli.films import search
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.frame.pipeline import prepare, render_frames
+from renderer.scene.scene_file import load_scene
 from renderer.scene.schedule import at_tolerance
 from renderer.scene.spec import Scene
 from renderer.study.metrics import over_background, single

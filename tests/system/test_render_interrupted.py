@@ -15,7 +15,8 @@ from typing import Any
 import imageio.v3 as imageio
 import pytest
 
-from hsplat_cli import drawn, main
+from hsplat_cli import main
+from hsplat_cli.executors import drawn
 
 CODE = Path(main.__file__).parents[1]
 

@@ -18,10 +18,10 @@ import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
-from hsplat_cli.report.files import FILES, check_writable, write_study
-from hsplat_cli.report.html import PALETTE, facts_of, plot_style, png_data_uri, svg_of
-from hsplat_cli.report.page import study_page
-from hsplat_cli.report.plots import TIME, metrics_figure, short_labels, tick_text, trade_figure
+from hsplat_cli.reports.files import FILES, check_writable, write_study
+from hsplat_cli.reports.html import PALETTE, facts_of, plot_style, png_data_uri, svg_of
+from hsplat_cli.reports.page import study_page
+from hsplat_cli.reports.plots import TIME, metrics_figure, short_labels, tick_text, trade_figure
 from renderer.errors import InputError, RenderError
 from renderer.study.study import Study
 

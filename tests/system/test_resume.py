@@ -27,7 +27,7 @@ from resuming import (
 )
 
 from hsplat_cli import main
-from hsplat_cli.render import cause
+from hsplat_cli.films import cause
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.film.kept_frames import digest
 from renderer.film.png import encode_png

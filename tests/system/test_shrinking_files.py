@@ -74,7 +74,7 @@ def render(folder: Path, footprint: str, workers: str, shrink: str, *options: st
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-HSPLAT, WORKER = "hsplat_cli", "hsplat_cli.workers.worker"
+HSPLAT, WORKER = "hsplat_cli", "hsplat_cli.executors.workers.worker"
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_between_a_look_and_the_reading(footprint: str, workers: str, program: s
 STRANGER = """\
 import os
 import numpy as np
-from hsplat_cli.shrinking import guard
+from hsplat_cli.scenes.shrinking import guard
 from renderer.volume.mapped_file import file_behind
 for name in ("ours", "another"):
     np.ones(1 << 20, np.uint8).tofile(name)
@@ -133,7 +133,7 @@ another.sum()
 SENT = """\
 import os, signal
 import numpy as np
-from hsplat_cli.shrinking import guard
+from hsplat_cli.scenes.shrinking import guard
 from renderer.volume.mapped_file import file_behind
 np.ones(1 << 20, np.uint8).tofile("ours")
 ours = np.memmap("ours", np.uint8, "r")

@@ -16,8 +16,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hsplat_cli.peers import vtk_peer
-from hsplat_cli.peers.vtk_peer import check_vtk, describe_vtk, measure_vtk, vtk_settings, with_transparent_border
+from hsplat_cli.studies.peers import vtk_peer
+from hsplat_cli.studies.peers.vtk_peer import (
+    check_vtk,
+    describe_vtk,
+    measure_vtk,
+    vtk_settings,
+    with_transparent_border,
+)
 from renderer.errors import InputError, RenderError
 from renderer.readers.procedural import procedural_values
 from renderer.scene.parse import parse_scene

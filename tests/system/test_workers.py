@@ -15,13 +15,13 @@ from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, LONG_S, START_FAULTS
 from film_stages import INTEGRATED, PLAIN, stage_of, waves
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
-from hsplat_cli.crew_options import CrewSpec
-from hsplat_cli.drawn import LocalDrawer
-from hsplat_cli.render.crew import Crew
-from hsplat_cli.render.goals import Plan
-from hsplat_cli.workers import process
-from hsplat_cli.workers.pool import Pool, open_pool
-from hsplat_cli.workers.process import Patience
+from hsplat_cli.executors.crew import Crew
+from hsplat_cli.executors.drawn import LocalDrawer
+from hsplat_cli.executors.executor_arguments import CrewSpec
+from hsplat_cli.executors.workers import process
+from hsplat_cli.executors.workers.pool import Pool, open_pool
+from hsplat_cli.executors.workers.process import Patience
+from hsplat_cli.films.goals import Plan
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.draw.recovery import LastingRasterizer
 from renderer.errors import HsplatError, InputError, RenderError

@@ -11,8 +11,8 @@ import pytest
 from distributed import KilledWorker
 from film_stages import PLAIN, stage_of
 
-from hsplat_cli.cluster import drawer
-from hsplat_cli.cluster.drawer import ClusterDrawer
+from hsplat_cli.executors.cluster import drawer
+from hsplat_cli.executors.cluster.drawer import ClusterDrawer
 from renderer.errors import RenderError
 
 # What a worker does at a frame besides drawing it.

@@ -13,8 +13,9 @@ from pathlib import Path
 import click
 import pytest
 
-from hsplat_cli import check, main
-from hsplat_cli.compare import command
+from hsplat_cli import main
+from hsplat_cli.commands import check
+from hsplat_cli.commands import compare as command
 from renderer.errors import InputError, RenderError
 
 ROOT = Path(__file__).resolve().parents[2]

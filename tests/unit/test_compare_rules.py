@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsplat_cli.compare.command import compare
+from hsplat_cli.commands.compare import compare
 from hsplat_cli.compare.rules import Rules, load_rules
 from renderer.errors import InputError, SceneError
 from renderer.study.frame_difference import FIGURES

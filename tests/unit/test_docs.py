@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hsplat_cli.compare.command import compare
-from hsplat_cli.scene_file import load_scene
+from hsplat_cli.commands.compare import compare
 from renderer.scene.parse import scene_to_dict
+from renderer.scene.scene_file import load_scene
 from renderer.study.frame_difference import FIGURES
 from renderer.study.strictness import LEVELS
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsplat_cli.duration import parse_duration
+from hsplat_cli.terminal.duration import parse_duration
 from renderer.errors import InputError
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsplat_cli.frame_range import is_one_frame, parse_frames
+from hsplat_cli.terminal.frame_range import is_one_frame, parse_frames
 from renderer.errors import InputError
 
 

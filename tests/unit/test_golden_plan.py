@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hsplat_cli.golden.draw import Drawing
-from hsplat_cli.golden.plan import Plan, described, make_plan
-from hsplat_cli.golden.provenance import Golden, Provenance
+from hsplat_cli.compare.golden.draw import Drawing
+from hsplat_cli.compare.golden.plan import Plan, described, make_plan
+from hsplat_cli.compare.golden.provenance import Golden, Provenance
 from renderer.errors import InputError
 from renderer.film.kept_frames import digest, file_digest
 from renderer.film.png import encode_png

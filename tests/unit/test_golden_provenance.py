@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hsplat_cli.golden import provenance
-from hsplat_cli.golden.provenance import (
+from hsplat_cli.compare.golden import provenance
+from hsplat_cli.compare.golden.provenance import (
     NAME,
     Golden,
     Provenance,

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from hsplat_cli.info import describe_direction, info
+from hsplat_cli.commands.info import describe_direction, info
 from renderer.errors import InputError
 from renderer.readers import common
 

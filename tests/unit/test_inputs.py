@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hsplat_cli.inputs import files_of, require_no_input
+from hsplat_cli.scenes.inputs import files_of, require_no_input
 from renderer.errors import InputError
 from renderer.scene.spec import FileSource, ProceduralSource, RawSource, VolumeSpec
 

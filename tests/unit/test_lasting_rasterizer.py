@@ -17,8 +17,8 @@ from film_stages import PLAIN, SCENES, stage_of
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.drawn import LocalDrawer
-from hsplat_cli.render import crew
+from hsplat_cli.executors import crew
+from hsplat_cli.executors.drawn import LocalDrawer
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.draw.recovery import LastingRasterizer
 from renderer.errors import ContextLostError, RenderError

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsplat_cli import machine
+from hsplat_cli.terminal import machine
 
 MEGABYTE = 1 << 20
 

@@ -14,7 +14,7 @@ import pytest
 from film_stages import INTEGRATED, PLAIN
 from volume_files import write_volume
 
-from hsplat_cli.workers.shared import SharedStage, map_stage
+from hsplat_cli.executors.workers.shared import SharedStage, map_stage
 from renderer.bricks.bricks import make_bricks
 from renderer.bricks.texels import mean_texels, scalar_texels
 from renderer.draw.gl.raster import GLRasterizer

@@ -8,7 +8,7 @@ from contextlib import closing
 
 import pytest
 
-from hsplat_cli.render.behind import one_behind
+from hsplat_cli.films.behind import one_behind
 
 LONGEST_S = 30.0  # until a thread that waits is taken for stuck
 

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from hsplat_cli.progress import Lines, duration, progress
+from hsplat_cli.terminal.progress_bar import Lines, duration, progress
 
 
 class Clock:
@@ -131,7 +131,7 @@ def test_a_terminal_gets_a_bar_of_the_work(capsys: pytest.CaptureFixture[str], m
 
 def test_tqdm_is_not_imported_without_a_terminal() -> None:
     code = (
-        "import sys; from hsplat_cli.progress import progress\n"
+        "import sys; from hsplat_cli.terminal.progress_bar import progress\n"
         "with progress(1, label='film', quiet=False) as bar: bar.advance()\n"
         "assert 'tqdm' not in sys.modules"
     )

@@ -9,7 +9,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 from click.testing import CliRunner
 
-from hsplat_cli.info import info
+from hsplat_cli.commands.info import info
 from renderer.errors import InputError
 from renderer.readers.read import read_volume
 from renderer.scene.spec import FileSource, VolumeSpec

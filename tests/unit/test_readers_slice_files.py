@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hsplat_cli.volume_names import expand
+from hsplat_cli.scenes.volume_names import expand
 from renderer.errors import InputError
 from renderer.readers.read import read_volume
 from renderer.scene.spec import FileSource, VolumeSpec

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
-from hsplat_cli.report.costs import fronts_of, prices, splats_front
-from hsplat_cli.report.numbers import (
+from hsplat_cli.reports.costs import fronts_of, prices, splats_front
+from hsplat_cli.reports.numbers import (
     bytes_text,
     count_text,
     metric_text,
@@ -21,7 +21,7 @@ from hsplat_cli.report.numbers import (
     ratio_text,
     short_count_text,
 )
-from hsplat_cli.report.tables import TERMINAL_COLUMNS, csv_text, json_text, terminal_table
+from hsplat_cli.reports.tables import TERMINAL_COLUMNS, csv_text, json_text, terminal_table
 from renderer.study.metrics import METRICS
 from renderer.study.pareto import pareto_front
 from renderer.study.study import Study

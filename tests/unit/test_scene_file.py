@@ -12,11 +12,11 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsplat_cli.scene_file import load_scene
-from hsplat_cli.yaml_tree import MAX_NODES, Mark, NotYamlError, Place, read_tree
 from renderer.errors import InputError
 from renderer.scene.parse import scene_to_dict
+from renderer.scene.scene_file import load_scene
 from renderer.scene.spec import FileSource, Scene
+from renderer.scene.yaml_tree import MAX_NODES, Mark, NotYamlError, Place, read_tree
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsplat_cli.scene_file import load_scene
-from hsplat_cli.scene_text import FilmOptions, number, plain_text, quoted, scene_text
-from hsplat_cli.yaml_tree import read_tree
+from hsplat_cli.scenes.scene_text import FilmOptions, number, plain_text, quoted, scene_text
+from renderer.scene.scene_file import load_scene
 from renderer.scene.spec import (
     ColormapSpec,
     ControlPoint,
@@ -24,6 +23,7 @@ from renderer.scene.spec import (
     TurntablePath,
     VolumeSpec,
 )
+from renderer.scene.yaml_tree import read_tree
 from renderer.suggest.suggestion import Suggestion
 
 POINTS = (ControlPoint(-1e-7, (0.0, 0.0, 0.0), 0.0), ControlPoint(3.0, (1.0, 0.2, 0.4), 0.999))

@@ -10,11 +10,12 @@ from typing import Any
 
 import pytest
 
-from hsplat_cli import input_file, sidecar_file
-from hsplat_cli.input_file import MAX_SCENE_BYTES
-from hsplat_cli.job import Job, load_job
+from hsplat_cli.scenes import sidecar_file
+from hsplat_cli.scenes.job import Job, load_job
 from renderer.errors import InputError
 from renderer.film.names import film_beside
+from renderer.scene import input_file
+from renderer.scene.input_file import MAX_SCENE_BYTES
 from renderer.scene.spec import ErrorSpec
 
 SIDECAR: dict[str, Any] = {

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from hsplat_cli.crew_options import CrewSpec
-from hsplat_cli.scene_text import FilmOptions
-from hsplat_cli.suggested_scene import SuggestedScene
+from hsplat_cli.executors.executor_arguments import CrewSpec
+from hsplat_cli.scenes.scene_text import FilmOptions
+from hsplat_cli.scenes.suggested_scene import SuggestedScene
 from hsplat_cli.turntable import batch, single
 from hsplat_cli.turntable import report as report_module
 from hsplat_cli.turntable.batch import run_batch

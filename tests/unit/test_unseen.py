@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import KINDS, N, axes, ball
 
-from hsplat_cli.scene_text import FilmOptions
-from hsplat_cli.suggested_scene import suggest_scene
+from hsplat_cli.scenes.scene_text import FilmOptions
+from hsplat_cli.scenes.suggested_scene import suggest_scene
 from renderer.readers.read import read_volume
 from renderer.scene.spec import FileSource, VolumeSpec
 from renderer.suggest.histogram import measure

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsplat_cli.patterns import matches
-from hsplat_cli.volume_names import base_name, expand, named
+from hsplat_cli.scenes.patterns import matches
+from hsplat_cli.scenes.volume_names import base_name, expand, named
 from renderer.errors import InputError
 
 

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from number_types import INTEGERS, RANGES, TYPES, limits, random_ranges
 
 from hsplat_cli import main
-from hsplat_cli.info import info
+from hsplat_cli.commands.info import info
 from renderer.errors import InputError, SceneError
 from renderer.pyramid.cut import cut_pyramid
 from renderer.pyramid.pyramid import build_pyramid

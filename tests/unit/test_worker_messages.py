@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from hsplat_cli.workers.messages import Message, error_from_plain, error_to_plain, incoming, receive, send
+from hsplat_cli.executors.workers.messages import Message, error_from_plain, error_to_plain, incoming, receive, send
 from renderer.errors import ContextLostError, HsplatError, InputError, Problem, RenderError, SceneError
 
 Ends = tuple[socket.socket, socket.socket]

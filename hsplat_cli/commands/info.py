@@ -1,0 +1,204 @@
+"""`hsplat info VOLUME`: what is in a file, and where a transfer function might begin."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hsplat_cli.scenes.scene_text import transfer_dict, transfer_lines
+from hsplat_cli.scenes.volume_arguments import read_as_told, volume_options, volume_spec
+from hsplat_cli.terminal.counts import counted
+
+if TYPE_CHECKING:
+    from renderer.suggest.histogram import Statistics, ValueRange
+    from renderer.suggest.suggestion import Suggestion
+    from renderer.volume.volume import Float64, Volume
+
+_COLUMNS, _ROWS = 64, 8
+_BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
+
+
+@click.command()
+@click.argument("volume", type=click.Path(path_type=Path))
+@volume_options(nonfinite="error")
+@click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
+def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
+    """Describe a volume: shape, place, values and histogram.
+
+    VOLUME is a file, or a folder of slices. The last part of the output suggests ranges of values, and a transfer
+    function to paste into a scene file.
+    """
+    from renderer.suggest.histogram import measure, suggest_ranges  # noqa: PLC0415  (numpy, for which --help does not wait)
+    from renderer.suggest.suggestion import suggest  # noqa: PLC0415
+
+    read = read_as_told(volume_spec(volume, **reading))
+    statistics = measure(read.values, read.source)
+    suggestion = suggest(read, statistics)
+    facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)
+    if as_json:
+        click.echo(json.dumps(facts, indent=2))
+    else:
+        click.echo("\n".join([_report(facts, _histogram_marks()), *_suggested(suggestion)]))
+
+
+def _facts(
+    volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...], suggestion: Suggestion
+) -> dict[str, Any]:
+    """Everything that is printed, as plain data."""
+    from renderer.suggest.histogram import rebin  # noqa: PLC0415
+
+    counts, edges = rebin(statistics, _COLUMNS)
+    axes = volume.world_from_index[:3, :3]
+    spacing = volume.spacing
+    return {
+        "name": volume.name,
+        "note": volume.note,
+        "shape": list(volume.shape_xyz),
+        "dtype": volume.values.dtype.name,
+        "bytes": volume.values.nbytes,
+        "stays_in_file": volume.source is not None,
+        "spacing": spacing.tolist(),
+        "replaced_spacing": volume.replaced_spacing and list(volume.replaced_spacing),
+        "world_size": (spacing * volume.shape_xyz).tolist(),
+        "origin": volume.world_from_index[:3, 3].tolist(),
+        "direction": describe_direction(axes),
+        "direction_matrix": (axes / spacing).tolist(),
+        "minimum": statistics.minimum,
+        "maximum": statistics.maximum,
+        "mean": statistics.mean,
+        "percentiles": {f"{percent:g}": value for percent, value in statistics.percentiles.items()},
+        "fingerprint": volume.fingerprint,
+        "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
+        "ranges": [
+            {"name": part.name, "low": part.low, "high": part.high, "typical": part.typical, "share": part.share}
+            for part in ranges
+        ],
+        "far_values": [
+            {"value": far.value, "voxels": far.num, "is_fill": far.is_fill}
+            for far in statistics.far[: len(suggestion.far)]
+        ],
+        "kind": suggestion.kind,
+        "reason": suggestion.reason,
+        "transfer_function": transfer_dict(suggestion.transfer),
+    }
+
+
+def describe_direction(axes: Float64) -> str:
+    """How the index axes, the columns of a float64 [3, 3], lie in the world, in words.
+
+    `axis-aligned`, with the axes that are swapped or run backwards; `oblique` for right angles askew; `sheared`.
+    Angles below a hundredth of a degree are taken for rounding.
+    """
+    import numpy as np  # noqa: PLC0415
+
+    unit = axes / np.linalg.norm(axes, axis=0)
+    tolerance = np.radians(0.01)
+    if np.abs(unit.T @ unit - np.eye(3)).max() > tolerance:
+        return "sheared"
+    along = np.abs(unit).argmax(axis=0)
+    mirrored = ", mirrored" if np.linalg.det(unit) < 0 else ""
+    if np.abs(unit).max(axis=0).min() < np.cos(tolerance):
+        return "oblique" + mirrored
+    words = ["axis-aligned"]
+    if along.tolist() != [0, 1, 2]:
+        words.append("x y z of the voxels lie along " + " ".join("xyz"[k] for k in along) + " of the world")
+    flipped = [name for name, k, column in zip("xyz", along, unit.T, strict=True) if column[k] < 0]
+    if flipped:
+        words.append(f"{' '.join(flipped)} flipped")
+    return ", ".join(words) + mirrored
+
+
+def _number(value: float) -> str:
+    """Six digits, whole numbers in full."""
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else f"{value:.6g}"
+
+
+def _room(num_bytes: int) -> str:
+    return f"{num_bytes / 2**20:.1f} MiB" if num_bytes >= 2**20 else counted(num_bytes, "byte")
+
+
+def _numbers(values: list[float], between: str = ", ") -> str:
+    return between.join(_number(round(value, 9)) for value in values)
+
+
+def _in_place_of(spacing: list[float] | None) -> str:
+    return "" if spacing is None else f", in place of {_numbers(spacing, ' x ')}"
+
+
+def _report(facts: dict[str, Any], marks: str) -> str:
+    lines = [
+        facts["name"],
+        f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
+        f"  type         {facts['dtype']}, {_room(facts['bytes'])}"
+        + (", which stay in the file" if facts["stays_in_file"] else " in memory"),
+        f"  spacing      {_numbers(facts['spacing'], ' x ')}{_in_place_of(facts['replaced_spacing'])}",
+        f"  world size   {_numbers(facts['world_size'], ' x ')}",
+        f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",
+        f"  direction    {facts['direction']}",
+    ]
+    if not facts["direction"].startswith("axis-aligned"):
+        lines += [
+            f"               [{'  '.join(f'{value:8.5f}' for value in row)}]" for row in facts["direction_matrix"]
+        ]
+    lines += [
+        f"  values       {_number(facts['minimum'])} to {_number(facts['maximum'])}, mean {_number(facts['mean'])}",
+        "  percentiles  " + "   ".join(f"{p}%: {_number(value)}" for p, value in facts["percentiles"].items()),
+        f"  fingerprint  {facts['fingerprint']}",
+        "",
+        "  voxels by value, logarithmic",
+        *_histogram(facts, marks),
+        "",
+        "  suggested ranges",
+    ]
+    for part in facts["ranges"]:
+        lines.append(
+            f"    {part['name']:<11} {_number(part['low']):>12} to {_number(part['high']):<12} "
+            f"{100 * part['share']:6.2f}% of the voxels, median {_number(part['typical'])}"
+        )
+    return "\n".join(lines)
+
+
+def _suggested(suggestion: Suggestion) -> Iterator[str]:
+    yield ""
+    yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
+    yield from (f"               {far}" for far in suggestion.far)
+    yield ""
+    yield from transfer_lines(suggestion.transfer, suggestion.notes)
+
+
+def _histogram_marks() -> str:
+    """Block characters where the terminal's encoding has them."""
+    try:
+        _BLOCKS.encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return _ASCII
+    return _BLOCKS
+
+
+def _histogram(facts: dict[str, Any], marks: str) -> list[str]:
+    """Bars of `log1p(count)`, the fullest one _ROWS high, with the counts at the left and the values below."""
+    import numpy as np  # noqa: PLC0415
+
+    counts = np.array(facts["histogram"]["counts"])
+    fullest = int(counts.max())
+    steps = len(marks) - 1
+    heights = np.ceil(np.log1p(counts) / np.log1p(fullest) * _ROWS * steps).astype(int)
+    heights = heights.repeat(max(1, _COLUMNS // len(counts)))
+    margin = len(str(fullest))
+    lines = []
+    for row in range(_ROWS - 1, -1, -1):
+        label = {_ROWS - 1: str(fullest), 0: "1"}.get(row, "")
+        bars = "".join(marks[level] for level in np.clip(heights - row * steps, 0, steps))
+        lines.append(f"    {label:>{margin}} {bars}".rstrip())
+    low, high = facts["minimum"], facts["maximum"]
+    left, middle, right = _number(low), _number(low / 2 + high / 2), _number(high)
+    axis = (
+        f"{left}{middle:>{max(len(middle) + 1, (len(heights) + len(middle)) // 2 - len(left))}}" if high > low else ""
+    )
+    lines.append(" " * (margin + 5) + axis + f"{right:>{max(len(right) + 1, len(heights) - len(axis))}}".rstrip())
+    return lines

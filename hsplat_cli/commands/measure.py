@@ -1,0 +1,105 @@
+"""`hsplat measure SCENE`: what each shortcut costs and how near to the truth it stays, on the user's own scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from hsplat_cli.scenes.inputs import files_of, require_no_input
+from hsplat_cli.scenes.job import load_job
+from hsplat_cli.studies.measure.options import parse_sweep, parse_want
+from hsplat_cli.terminal.interrupts import terminated_as_interrupted
+from hsplat_cli.terminal.output_path import OutputPath
+from renderer.errors import InputError
+
+# They say what to sweep and where to; a search for one tolerance does neither.
+_NOT_BESIDE_WANT = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
+
+
+@click.command()
+@click.argument("scene", type=click.Path(path_type=Path))
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
+@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
+@click.option("--output", type=OutputPath(), metavar="FOLDER", help="Write the report there, not to SCENE.measured.")
+@click.option("--frames", metavar="A:B:STEP", help="Measure on these frames; by default on three of the path.")
+@click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
+@click.option(
+    "--footprints",
+    default="integrated,gaussian",
+    show_default=True,
+    metavar="LIST",
+    help="Of gaussian, gouraud, gouraud:AxR and integrated.",
+)
+@click.option(
+    "--measures", default="optical,rms", show_default=True, metavar="LIST", help="Of optical, rms and rms:scalar."
+)
+@click.option("--corrections", default="on,off", show_default=True, metavar="LIST", help="Of opacity: on, off.")
+@click.option("--repeats", type=click.IntRange(1, 100), default=3, show_default=True, help="Timed passes, at most.")
+@click.option("--truth-tolerance", type=float, default=1e-5, show_default=True, help="How well the truth converges.")
+@click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
+@click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
+@click.option("--quiet", is_flag=True, help="Say nothing but the result.")
+@click.pass_context
+def measure(
+    context: click.Context,
+    scene: Path,
+    overrides: tuple[str, ...],
+    volume: Path | None,
+    output: Path | None,
+    frames: str | None,
+    tolerances: str | None,
+    footprints: str,
+    measures: str,
+    corrections: str,
+    repeats: int,
+    truth_tolerance: float,
+    peer: str | None,
+    want: str | None,
+    quiet: bool,
+) -> None:
+    """Measure what a scene costs and how near to the truth it comes.
+
+    SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
+    """
+    given = load_job(scene, overrides=overrides, frames=frames, volume=volume, draws="nothing")
+    job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
+    if not 0 < truth_tolerance < 1:
+        raise InputError(
+            "out of range",
+            where="--truth-tolerance",
+            got=f"{truth_tolerance:g}",
+            expected="more than 0 and less than 1",
+        )
+    sweep = parse_sweep(job, tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections)
+    with terminated_as_interrupted():
+        if want is not None:
+            # Imported where it is used: numpy takes longer to load than --help may take to answer.
+            from hsplat_cli.studies.measure.want import find_wanted  # noqa: PLC0415
+
+            _refuse_beside_want(context)
+            find_wanted(job, parse_want(want), numbers, truth_tolerance, quiet=quiet)
+            return
+        from hsplat_cli.reports.files import FILES  # noqa: PLC0415
+        from hsplat_cli.studies.measure.study import Request, run_study  # noqa: PLC0415
+
+        folder = output or Path(f"{scene.stem}.measured")
+        require_no_input([folder / name for name in FILES], [scene, *files_of(job.volume)])
+        picked = list(numbers) if frames else None
+        run_study(Request(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder, quiet))
+
+
+def _refuse_beside_want(context: click.Context) -> None:
+    """An option without effect would be a promise that is not kept."""
+    given = [
+        name
+        for name in _NOT_BESIDE_WANT
+        if context.get_parameter_source(name) == click.core.ParameterSource.COMMANDLINE
+    ]
+    if given:
+        raise InputError(
+            f"has no use beside --want: --{given[0]}",
+            where="hsplat measure",
+            hint="--want searches with the scene's own footprint and error measure; change those with --set",
+        )

@@ -1,0 +1,183 @@
+"""`hsplat paper`: the figures of the paper from scene files, on one page that says what was seen."""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hsplat_cli.scenes.inputs import files_of, require_no_input
+from hsplat_cli.terminal.cores import num_cores
+from hsplat_cli.terminal.first_run import tell_first_run
+from hsplat_cli.terminal.interrupts import terminated_as_interrupted
+from hsplat_cli.terminal.machine import describe_machine
+from hsplat_cli.terminal.output_path import OutputPath
+from hsplat_cli.terminal.progress_bar import progress
+from renderer.errors import InputError, SceneError
+from renderer.film.atomic import write_staged
+from renderer.scene.scene_file import load_scene
+from renderer.scene.spec import Scene
+
+if TYPE_CHECKING:
+    from hsplat_cli.studies.paper.figure import Figure
+    from hsplat_cli.studies.paper.studio import Studio
+
+FOLDER = Path("configs/paper")
+PAGE = "index.html"
+
+
+@dataclass(frozen=True)
+class _Recipe:
+    """Where a figure's scene is, which module makes it, and how long that takes beside the others.
+
+    takes_volume: it is of any volume, such as a scan.
+    """
+
+    scene: str
+    module: str
+    work: float
+    takes_volume: bool = False
+
+
+RECIPES = {
+    1: _Recipe("1_footprints.yaml", "footprints", 4.0),
+    2: _Recipe("2_opacity.yaml", "opacity", 8.0),
+    3: _Recipe("3_one_splat.yaml", "one_splat", 2.0),
+    4: _Recipe("4_levels.yaml", "levels", 6.0),
+    5: _Recipe("5_octrees.yaml", "octrees", 20.0, takes_volume=True),
+    6: _Recipe("6_engine.yaml", "refinement", 40.0, takes_volume=True),
+}
+
+# Takes the place of a scan that is not there.
+_STAND_IN = "volume={procedural: {name: engine_block, shape: [128, 128, 64], seed: 1}}"
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A figure to be made. path: of its scene; notes: what is to be said of that."""
+
+    number: int
+    path: Path
+    scene: Scene
+    notes: tuple[str, ...] = ()
+
+    def make(self, studio: Studio) -> Figure:
+        """Draw and measure it."""
+        module = importlib.import_module(f"hsplat_cli.studies.paper.{RECIPES[self.number].module}")
+        try:
+            figure: Figure = module.make(self.scene, studio)
+        except InputError as error:
+            if error.where is not None:
+                raise
+            parts = {"got": error.got, "expected": error.expected, "hint": error.hint}
+            raise InputError(error.what, where=str(self.path), **parts) from error
+        return replace(figure, notes=self.notes + figure.notes)
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path), default=FOLDER)
+@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="The engine, for figures 5 and 6.")
+@click.option("--output", type=OutputPath(), default=Path("paper"), metavar="DIR", help="Write DIR/index.html.")
+@click.option("--figure", "numbers", type=int, multiple=True, metavar="N", help="Make only this figure; repeatable.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, ...], quiet: bool) -> None:
+    """Reproduce the figures of Laur and Hanrahan 1991 on one page.
+
+    FOLDER holds a scene file for each figure, configs/paper by default. The page says, figure by figure, what the paper
+    claims, what was measured, and whether the claim was seen.
+    """
+    from hsplat_cli.reports.files import check_writable  # noqa: PLC0415
+    from hsplat_cli.reports.html import require_page_packages  # noqa: PLC0415
+
+    require_page_packages()
+    jobs = _jobs(folder, numbers, volume)
+    check_writable(output, [PAGE])
+    path = output / PAGE
+    require_no_input([path], [file for job in jobs for file in (job.path, *files_of(job.scene.volume))])
+    with terminated_as_interrupted():
+        figures, text = _page(jobs, quiet=quiet)
+        write_staged(path, text.encode())
+    if not quiet:
+        _report(jobs, figures, path)
+
+
+def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_Job]:
+    """The figures asked for, or all whose scenes are there, with their scenes read."""
+    unknown = [number for number in numbers if number not in RECIPES]
+    if unknown:
+        raise InputError(
+            "no such figure", where=f"--figure {unknown[0]}", expected=f"a number from {min(RECIPES)} to {max(RECIPES)}"
+        )
+    there = [number for number, recipe in RECIPES.items() if (folder / recipe.scene).exists()]
+    if not there:
+        raise InputError(
+            "no scene files of the paper's figures",
+            where=str(folder),
+            expected=", ".join(recipe.scene for recipe in RECIPES.values()),
+            hint="they are in configs/paper of hsplat's repository",
+        )
+    for number in numbers:
+        if number not in there:
+            expected = str(folder / RECIPES[number].scene)
+            raise InputError("there is no scene of this figure", where=f"--figure {number}", expected=expected)
+    return [_job(number, folder / RECIPES[number].scene, volume) for number in sorted(set(numbers)) or there]
+
+
+def _job(number: int, path: Path, volume: Path | None) -> _Job:
+    recipe = RECIPES[number]
+    if not recipe.takes_volume:
+        return _Job(number, path, load_scene(path))
+    if volume is not None:
+        return _Job(number, path, load_scene(path, volume=volume), (f"The volume is {volume.name}.",))
+    try:
+        return _Job(number, path, load_scene(path))
+    except SceneError as error:
+        (problem, *others) = error.problems
+        if others or problem.path != "volume.file" or not problem.what.startswith("no such file"):
+            raise
+        missing = problem.got
+    note = (
+        f"There is no {Path(missing or '').name} beside the scene file: an engine block made up by a formula stands in "
+        "for it. Give --volume FILE to have the scan."
+    )
+    return _Job(number, path, load_scene(path, overrides=[_STAND_IN]), (note,))
+
+
+def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
+    # Imported here: numpy, numba, matplotlib and GL take longer to load than --help may take to answer.
+    from hsplat_cli.executors.rasterizers import open_rasterizer  # noqa: PLC0415
+    from hsplat_cli.reports.html import plot_style  # noqa: PLC0415
+    from hsplat_cli.scenes.shrinking import read_guarded  # noqa: PLC0415
+    from hsplat_cli.studies.paper.page import paper_page  # noqa: PLC0415
+    from hsplat_cli.studies.paper.studio import Studio  # noqa: PLC0415
+
+    tell_first_run(quiet=quiet)
+    num_threads = num_cores()
+    work = [RECIPES[job.number].work for job in jobs]
+    figures: list[Figure] = []
+    with (
+        open_rasterizer(needs_opengl=True) as rasterizer,
+        plot_style(),
+        progress(work, label="paper", quiet=quiet, unit="figures") as bar,
+    ):
+        # Before any figure is drawn, so that a volume that cannot be read costs no wait.
+        volumes = {job.scene.volume: read_guarded(job.scene.volume) for job in jobs}
+        studio = Studio(rasterizer, volumes, time.perf_counter, num_threads)
+        for job in jobs:
+            figures.append(job.make(studio))
+            bar.advance(f"figure {job.number}")
+        return figures, paper_page(figures, facts=describe_machine(rasterizer.renderer_name))
+
+
+def _report(jobs: Sequence[_Job], figures: Sequence[Figure], path: Path) -> None:
+    for note in dict.fromkeys(note for job in jobs for note in job.notes):
+        click.echo(f"note: {note}")
+    for figure in figures:
+        for claim in figure.claims:
+            click.echo(f"figure {figure.number}: {'seen' if claim.seen else 'NOT SEEN'}: {claim.says}")
+    click.echo(f"all of it: {path}")

@@ -1,0 +1,77 @@
+"""`hsplat render SCENE`: a film or numbered frames, and a sidecar that says how they were made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from hsplat_cli.executors.executor_arguments import CrewSpec, crew_options, require_crew, require_crew_for
+from hsplat_cli.scenes.job import load_job
+from hsplat_cli.terminal.duration import parse_duration
+from hsplat_cli.terminal.first_run import tell_first_run
+from hsplat_cli.terminal.interrupts import terminated_as_interrupted
+from renderer.errors import InputError
+
+
+@click.command()
+@click.argument("scene", type=click.Path(path_type=Path))
+@click.option(
+    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
+)
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write to this .mp4, .gif, {frame}.png or, for one frame, .png.",
+)
+@click.option("--frames", metavar="A:B:STEP", help="Draw only these frames, as Python slices them: 0:30, ::10, 7, -1.")
+@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
+@click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
+@click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
+@click.option("--best-effort", is_flag=True, help="Exit with 0 even where less than what was asked for can be had.")
+@crew_options
+@click.option("--force", is_flag=True, help="Draw again what is there already.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def render(
+    scene: Path,
+    overrides: tuple[str, ...],
+    output: Path | None,
+    frames: str | None,
+    volume: Path | None,
+    progressive: bool,
+    time_limit: str | None,
+    best_effort: bool,
+    workers: int | None,
+    scheduler: str | None,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Render a scene to a film or to numbered frames.
+
+    SCENE is a YAML file. Beside the output comes a JSON file that says how it was made; in place of SCENE it makes the
+    same again.
+    """
+    crew = CrewSpec(workers, scheduler)
+    require_crew(crew)
+    draws: Literal["passes", "film"] = "passes" if progressive else "film"
+    job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output, draws=draws)
+    limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
+    if limit is not None and not progressive:
+        raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
+    require_crew_for(crew, job.scene, progressive=progressive)
+    with terminated_as_interrupted():
+        # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
+        from hsplat_cli.films.film import render_once  # noqa: PLC0415
+        from hsplat_cli.films.progressive import render_progressively  # noqa: PLC0415
+
+        tell_first_run(quiet=quiet)
+        if progressive:
+            shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, force=force, quiet=quiet)
+        else:
+            shortfall = render_once(job, crew, force=force, quiet=quiet)
+    if shortfall is not None and not best_effort:
+        raise shortfall
+    if shortfall is not None and not quiet:
+        click.echo(f"note: {shortfall.what}: {shortfall.got}, not {shortfall.expected}")

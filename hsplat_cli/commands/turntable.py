@@ -1,0 +1,130 @@
+"""`hsplat turntable VOLUME...`: films without a scene file, one for each volume."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Literal
+
+import click
+
+from hsplat_cli.executors.executor_arguments import CrewSpec, crew_options, require_crew
+from hsplat_cli.scenes.film_arguments import FILM_NAMES, default_output, film_of, film_options
+from hsplat_cli.scenes.suggested_scene import require_colormap
+from hsplat_cli.scenes.volume_arguments import volume_options, volume_spec
+from hsplat_cli.scenes.volume_names import Named, expand, named
+from hsplat_cli.terminal.interrupts import terminated_as_interrupted
+from hsplat_cli.terminal.output_path import OutputPath
+from hsplat_cli.turntable.batch import run_batch
+from hsplat_cli.turntable.report import BRIEFLY_S, INTERRUPTED, write_report
+from hsplat_cli.turntable.single import Order, make_film, tell_result
+from renderer.errors import HsplatError, InputError
+
+
+@click.command()
+@click.argument("volumes", metavar="VOLUME...", nargs=-1, required=True)
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=OutputPath(file_okay=False),
+    required=True,
+    metavar="FOLDER",
+    help="Where scenes and films go.",
+)
+@click.option("--format", "kind", type=click.Choice(["mp4", "gif", "png"]), default="mp4", show_default=True)
+@film_options
+@volume_options(nonfinite=None)
+@crew_options
+@click.option("--force", is_flag=True, help="Draw again, over scenes that were changed by hand, too.")
+@click.option("--quiet", is_flag=True, help="Say nothing but the table and errors.")
+@click.option("--name", hidden=True, help="Of the one volume's film, which another process has settled.")
+def turntable(
+    *,
+    volumes: tuple[str, ...],
+    folder: Path,
+    kind: Literal["mp4", "gif", "png"],
+    colormap: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    force: bool,
+    quiet: bool,
+    name: str | None,
+    **options: Any,
+) -> None:
+    """Render turntables of volumes without a scene file.
+
+    Each VOLUME is a file, a folder of slices, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml, a scene with
+    a transfer function that suits the values, to be changed by hand; NAME.mp4; and turntable.json, which says what
+    became of each. One that fails does not stop the others, and makes the exit code 1.
+    """
+    require_colormap(colormap)
+    crew = CrewSpec(workers, scheduler)
+    require_crew(crew)
+    if options["background"] == "transparent" and kind != "png":
+        raise InputError(
+            f"a transparent background in .{kind}",
+            where="--background",
+            expected="a color",
+            hint="only PNG frames can be transparent: --format png",
+        )
+    film = film_of(**{key: options[key] for key in FILM_NAMES})
+    reading = {key: value for key, value in options.items() if key not in FILM_NAMES}
+    orders = [
+        Order(
+            volume=volume_spec(one.volume, **reading),
+            film=film,
+            colormap=colormap,
+            scene=folder / f"{one.name}.yaml",
+            output=default_output(one.name, kind, folder),
+            crew=crew,
+            force=force,
+            hides_nonfinite=options["nonfinite"] is None,
+        )
+        for one in _films(volumes, name, quiet)
+    ]
+    with terminated_as_interrupted():
+        if name is not None:
+            tell_result(orders[0], quiet=quiet)
+            return
+        if len(orders) > 1:
+            # All but what names one volume: a child is told that last.
+            passed = options | {"format": kind, "colormap": colormap, "force": force, "quiet": quiet}
+            passed |= {"workers": workers, "scheduler": scheduler}
+            run_batch(orders, passed, folder, quiet=quiet)
+            return
+        _make_one(orders[0], quiet=quiet)
+
+
+def _make_one(order: Order, *, quiet: bool) -> None:
+    """The only film of a command, which fails as the film does."""
+    folder = order.scene.parent
+    missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
+    try:
+        result = make_film(order, quiet=quiet)
+    except (HsplatError, KeyboardInterrupt) as error:
+        for each in missing:  # what was made for nothing
+            with suppress(OSError):  # there is something in it
+                each.rmdir()
+        if not os.path.isdir(folder):
+            raise
+        with suppress(HsplatError):  # what went wrong first is what is said
+            if isinstance(error, HsplatError):
+                write_report(folder, [order.failed(error)], BRIEFLY_S)
+            else:
+                write_report(folder, [order.record(INTERRUPTED)], patience_s=0.0)
+        raise
+    write_report(folder, [result])
+
+
+def _films(volumes: tuple[str, ...], name: str | None, quiet: bool) -> list[Named]:
+    if name is not None:
+        return [Named(Path(volumes[0]), name)]
+    found, notes = expand(volumes)
+    if not found:
+        raise InputError("there is nothing to render", where="hsplat turntable", got=", ".join(volumes))
+    for note in notes:
+        if not quiet:
+            click.echo(f"note: {note}", err=True)
+    return named(found)

@@ -1,0 +1,241 @@
+"""golden.json: which frames a folder of goldens has, and what they were drawn from.
+
+It tells no times: the same goldens give the same bytes. Anybody may have changed it since, so all of it is checked:
+also that nothing in it disturbs a terminal, and that no name leads out of the folder.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hsplat_cli.films.cause import differences
+from hsplat_cli.scenes.sidecar_file import load_object
+from renderer.errors import InputError, Problem, SceneError
+from renderer.scene.input_file import decode, may_be_json
+from renderer.scene.parse_camera import FRAME_NUMBER
+from renderer.scene.schema import INVALID, MAPPING, Kind, Node, Table, fields, integer, known, section, sequence, show
+
+NAME = "golden.json"
+FORMAT = "hsplat golden 1"
+
+# A million goldens have some 120 bytes each.
+MOST_BYTES = 2**27
+
+# Of an origin, in the order of their weight.
+_PARTS = ("volume", "gl", "scene", "versions")
+
+_LONGEST_LINE = 200
+_MOST_VOXELS = 2**62
+
+_GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})\.png")
+_DIGEST = re.compile("[0-9a-f]{32}")
+
+
+@dataclass(frozen=True)
+class Golden:
+    """A golden frame: its number, the name of its file, and the digest of that, as `renderer.film.kept_frames` has it.
+
+    date: of its picture, as whoever drew it gave it.
+    """
+
+    frame: int
+    file: str
+    digest: str
+    date: str | None = None
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What golden.json tells.
+
+    origin: what the frames were drawn from, as plain data: `volume`, `gl`, `scene`, `versions`.
+    goldens: ascending, at least one.
+    """
+
+    origin: Mapping[str, Any]
+    goldens: tuple[Golden, ...]
+
+
+def golden_file(frame: int, num_frames: int) -> str:
+    """`frame-0007.png`; with so many digits that the files of the whole path are in the order of their names."""
+    return f"frame-{frame:0{max(4, len(str(num_frames - 1)))}}.png"
+
+
+def is_golden_file(name: str) -> bool:
+    """Whether a file is called as `golden_file` calls one, for whatever frame."""
+    return _GOLDEN_FILE.fullmatch(name) is not None
+
+
+def origin_of(told: Mapping[str, Any]) -> dict[str, Any]:
+    """The origin of frames, of what the JSON file beside them tells; where the volume lies is left out.
+
+    So are the name, rate and quality of a film: goldens are PNG files.
+    """
+    cause, volume = told["cause"]["of"], told["volume"]
+    section = {key: value for key, value in told["scene"]["volume"].items() if key != "file"}
+    if "raw" in section:
+        section["raw"] = {key: value for key, value in section["raw"].items() if key != "file"}
+    return {
+        "volume": {
+            "name": as_line(Path(volume["name"]).name),
+            "fingerprint": volume["fingerprint"],
+            "shape": volume["shape"],
+            "dtype": volume["dtype"],
+        },
+        "gl": as_line(told["gl"]),
+        "scene": cause["scene"] | {"volume": section},
+        "versions": {name: as_line(version) for name, version in cause["versions"].items()},
+    }
+
+
+def as_line(text: str) -> str:
+    """Text that may come from anywhere, such as the name of a file, as a line for terminals and reports."""
+    return text if _is_line(text) else show(text)
+
+
+def _is_line(text: str) -> bool:
+    return text.isprintable() and 0 < len(text) <= _LONGEST_LINE
+
+
+def changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: str) -> str:
+    """`scene.error.tolerance was 0.2`: the first few keys in which two origins differ, or of these parts of them.
+
+    What a volume is called makes no difference.
+    """
+    named = parts or _PARTS
+    return differences(_without_name(before, named), _without_name(now, named))
+
+
+def _without_name(origin: Mapping[str, Any], parts: Sequence[str]) -> dict[str, Any]:
+    found = {part: origin[part] for part in parts}
+    if "volume" in found:
+        found["volume"] = {key: value for key, value in found["volume"].items() if key != "name"}
+    return found
+
+
+def provenance_bytes(provenance: Provenance) -> bytes:
+    """The content of golden.json: a golden on each line, so that a diff shows which ones have changed."""
+    head = json.dumps({"format": FORMAT, **provenance.origin}, indent=2, allow_nan=False)
+    told = ({key: value for key, value in asdict(golden).items() if value is not None} for golden in provenance.goldens)
+    frames = ",\n    ".join(map(json.dumps, told))
+    return f'{head.removesuffix(_END)},\n  "frames": [\n    {frames}\n  ]{_END}\n'.encode()
+
+
+_END = "\n}"
+
+
+def parse_date(text: str | None) -> str | None:
+    """What `--date` gives: any text of one line. Raises InputError."""
+    if text is not None and not _is_line(text):
+        expected = f"one line of at most {_LONGEST_LINE} characters, such as 2026-11-21"
+        raise InputError("not a date that can be recorded", where="--date", got=show(text), expected=expected)
+    return text
+
+
+def read_provenance(folder: Path) -> Provenance:
+    """What the golden.json in a folder tells. Raises InputError, SceneError with all that is wrong in it."""
+    path = folder / NAME
+    content = _read(path)
+    if len(content) > MOST_BYTES:
+        raise InputError(f"too large for a {NAME}", where=str(path), expected=f"at most {MOST_BYTES} bytes")
+    data = load_object(decode(content, path), path, kind=NAME) if may_be_json(content) else {}
+    if data.get("format") != FORMAT:
+        raise InputError(
+            "not a record of goldens that this version of hsplat can read",
+            where=str(path),
+            got=f"format {show(data['format'])}" if "format" in data else None,
+            expected=f"format {FORMAT!r}",
+            hint="`hsplat golden SCENE FOLDER` writes it; give it a folder without one",
+        )
+    problems: list[Problem] = []
+    given = fields(Node(data, "", problems), _TABLE, required=["format", *_PARTS, "frames"])
+    if problems:
+        raise SceneError([replace(problem, place=str(path)) for problem in problems])
+    volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
+    origin = {"volume": volume} | {part: given[part] for part in _PARTS if part != "volume"}
+    return Provenance(origin, given["frames"])
+
+
+def _read(path: Path) -> bytes:
+    """The content of a file, or so much of it that it shows to be too large."""
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError("not a file", where=str(path))
+        with path.open("rb") as file:
+            return file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
+
+
+# What it may say
+
+
+def _parse_line(node: Node) -> str:
+    if isinstance(node.value, str) and _is_line(node.value):
+        return node.value
+    return _LINE.refuse(node, "not a line of text", got=show(node.value))
+
+
+def _parse_digest(node: Node) -> str:
+    if isinstance(node.value, str) and _DIGEST.fullmatch(node.value):
+        return node.value
+    return _HEX.refuse(node, "not a digest", got=show(node.value))
+
+
+def _parse_versions(node: Node) -> dict[str, str]:
+    given = MAPPING.parse(node)
+    return given if given is INVALID else {key: _LINE.read(node.child(key, item)) for key, item in given.items()}
+
+
+def _parse_goldens(node: Node) -> tuple[Golden, ...]:
+    """Of those that are wrong the first is told: the others may be wrong for the same reason."""
+    if not isinstance(node.value, list) or not node.value:
+        return _GOLDENS.refuse(node, "no golden frames", got=show(node.value))
+    found: list[Golden] = []
+    wrong: tuple[Golden, ...] = INVALID
+    for index, item in enumerate(node.value):
+        num_problems = len(node.problems)
+        golden = _GOLDEN.read(node.child(index, item))
+        if len(node.problems) > num_problems:
+            return wrong
+        if found and golden.frame <= found[-1].frame:
+            got, expected = f"{golden.frame} after {found[-1].frame}", "frames in ascending order, each once"
+            return _GOLDENS.refuse(node.child(index).child("frame"), "frames out of order", got=got, expected=expected)
+        found.append(golden)
+    return tuple(found)
+
+
+def _build_golden(node: Node, given: dict[str, Any]) -> Golden:
+    frame, file = given["frame"], given["file"]
+    if known(given, "frame", "file") == ["frame", "file"]:
+        name = _GOLDEN_FILE.fullmatch(file)
+        if name is None or int(name[1]) != frame:
+            node.child("file").complain("not the file of this frame", got=show(file), expected=f"frame-{frame:04}.png")
+    return Golden(**given)
+
+
+_LINE: Kind[str] = Kind(f"one line of at most {_LONGEST_LINE} characters", _parse_line)
+_HEX: Kind[str] = Kind("32 hexadecimal digits", _parse_digest)
+_VOLUME_TABLE: Table = {
+    "name": _LINE,
+    "fingerprint": _HEX,
+    "shape": sequence(integer(least=1, most=_MOST_VOXELS), "three numbers of voxels", count=3),
+    "dtype": _LINE,
+}
+_GOLDEN_TABLE: Table = {"frame": FRAME_NUMBER, "file": _LINE, "digest": _HEX, "date": _LINE}
+_GOLDEN: Kind[Golden] = section(_GOLDEN_TABLE, _build_golden, required=["frame", "file", "digest"])
+_GOLDENS: Kind[tuple[Golden, ...]] = Kind("a list of frames, each with frame, file and digest", _parse_goldens)
+
+_TABLE: Table = {
+    "format": _LINE,
+    "volume": section(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
+    "gl": _LINE,
+    "scene": MAPPING,
+    "versions": Kind("a mapping", _parse_versions),
+    "frames": _GOLDENS,
+}

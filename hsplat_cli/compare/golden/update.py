@@ -1,0 +1,159 @@
+"""Goldens are written: the first ones, or others in their place once the user has seen what changes.
+
+Files change together at the end, in an order in which a kill at any moment leaves what the next update repairs:
+goldens that go are removed first, then golden.json tells of the new ones, then these get their names. So golden.json
+may tell of a golden that is not there or not what it should be, but there is never one that it does not tell of, which
+no update would touch.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from hsplat_cli.compare.golden.draw import Drawing, drawn
+from hsplat_cli.compare.golden.plan import Plan, described, make_plan, unasked_lines
+from hsplat_cli.compare.golden.provenance import (
+    NAME,
+    Golden,
+    Provenance,
+    golden_file,
+    provenance_bytes,
+    read_provenance,
+)
+from hsplat_cli.executors.executor_arguments import CrewSpec
+from hsplat_cli.scenes.job import Job
+from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal.interrupts import deferrable_interrupts
+from renderer.errors import InputError
+from renderer.film.atomic import explained, staged_together
+from renderer.film.lock import locked
+from renderer.scene.input_file import MAX_SCENE_BYTES
+
+_UNFINISHED = "golden.unfinished"
+_LIMITS = "compare.yaml"  # read by `hsplat compare`, which goldens do without
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What the user asks for: goldens of these frames in this folder. The rest is as on the command line.
+
+    frames: None for those that are golden already, or where there are none for all that the scene has.
+    """
+
+    folder: Path
+    frames: Sequence[int] | None = None
+    date: str | None = None
+    update: bool = False
+    prune: bool = False
+    yes: bool = False
+    quiet: bool = False
+
+
+def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) -> None:
+    """Draw the frames and keep them; where there are goldens already, only once `ask` says so.
+
+    Raises InputError where there are goldens and nobody wants an update, other files of their names, or goldens that
+    would stay though the scene is another; what drawing and writing raise; and click's Exit with 1 where the user does
+    not want what changes.
+    """
+    folder = wish.folder
+    with locked(folder / _UNFINISHED, [0], folder / NAME):
+        before = read_provenance(folder) if os.path.lexists(folder / NAME) else None
+        if before is not None and not wish.update:
+            raise InputError(
+                "there are goldens already",
+                where=str(folder),
+                got=counted(len(before.goldens), "frame"),
+                hint="--update says what has changed, and writes it over them; `hsplat compare SCENE FOLDER` compares",
+            )
+        frames = wish.frames or _same_frames(before, job.frames)
+        names = _names(frames, before, job.scene.camera.path.frames)
+        _require_free(folder, names.values(), before)
+        with drawn(job, frames, crew, quiet=wish.quiet) as drawing:
+            plan = make_plan(folder, before, names, drawing, date=wish.date, prune=wish.prune)
+            plan.require_one_origin(folder)
+            must_ask = before is not None and plan.changes_anything and not wish.yes
+            if must_ask or not wish.quiet:
+                _tell(_report(plan, drawing, folder))
+            if not plan.changes_anything:
+                return
+            if must_ask and not ask():
+                _tell(["nothing was written"])
+                raise click.exceptions.Exit(1)
+            _apply(plan, folder)
+    if not wish.quiet:
+        num_written, num_all = len(plan.sources), len(plan.after.goldens)
+        goldens = counted(num_all, "golden")
+        num = goldens if num_written == num_all else f"{num_written} of {goldens} written"
+        _tell([f"{folder}: {num}", f"what they were drawn from: {folder / NAME}"])
+
+
+def _report(plan: Plan, drawing: Drawing, folder: Path) -> Iterator[str]:
+    """What there is to say before anything is written."""
+    yield from (f"note: {note}" for note in drawing.notes)
+    if not plan.changes_anything:
+        yield f"{folder}: nothing changes"
+        yield from unasked_lines(plan)
+    elif plan.before is not None:
+        yield from described(plan)
+        yield from _limits_left(plan.removed, folder)
+
+
+def _limits_left(removed: Sequence[Golden], folder: Path) -> Iterator[str]:
+    """What is said about goldens that go, and that the file of limits still names."""
+    path = folder / _LIMITS
+    if not path.is_file():
+        return
+    with explained(path), path.open("rb") as file:
+        content = file.read(MAX_SCENE_BYTES)
+    named = [golden.file for golden in removed if golden.file.encode() in content]
+    if named:
+        yield f"{path} names them, too, and `hsplat compare` will refuse that: {', '.join(named)}"
+
+
+def _apply(plan: Plan, folder: Path) -> None:
+    with deferrable_interrupts() as defer_interrupts, staged_together(folder / _UNFINISHED) as write:
+        write(folder / NAME, provenance_bytes(plan.after))
+        for name, source in plan.sources.items():
+            with explained(source):
+                content = source.read_bytes()
+            write(folder / name, content)
+        defer_interrupts()
+        for golden in plan.removed:
+            with explained(folder / golden.file):
+                (folder / golden.file).unlink(missing_ok=True)
+
+
+def _tell(lines: Iterable[str]) -> None:
+    for line in lines:
+        click.echo(line)
+
+
+def _same_frames(before: Provenance | None, drawable: Sequence[int]) -> Sequence[int]:
+    """Those that are golden and that the scene still has; all that it has where there are none."""
+    golden = frozenset() if before is None else frozenset(each.frame for each in before.goldens)
+    return [frame for frame in drawable if frame in golden] or drawable
+
+
+def _names(frames: Sequence[int], before: Provenance | None, num_frames: int) -> dict[int, str]:
+    """Of the files of these frames; a golden that is there keeps the name that it has."""
+    listed = {} if before is None else {golden.frame: golden.file for golden in before.goldens}
+    return {frame: listed.get(frame) or golden_file(frame, num_frames) for frame in frames}
+
+
+def _require_free(folder: Path, names: Iterable[str], before: Provenance | None) -> None:
+    """Raise InputError where a golden would take the place of a file of somebody else."""
+    own = set() if before is None else {golden.file for golden in before.goldens}
+    foreign = [name for name in names if name not in own and os.path.lexists(folder / name)]
+    if foreign:
+        raise InputError(
+            f"a golden would take the place of a file of which no {NAME} tells",
+            where=str(folder / foreign[0]),
+            got=f"{len(foreign)} such files" if len(foreign) > 1 else None,
+            hint="move it away, or choose another folder",
+        )

@@ -1,0 +1,179 @@
+"""PNG files to arrays, strictly: what a decoder repairs or leaves out would not be compared.
+
+Stored values are compared. Gamma, colour spaces and profiles (gAMA, sRGB, cHRM, iCCP) are not looked at, and no picture
+is converted into another kind; interlaced ones are read as any other.
+"""
+
+from __future__ import annotations
+
+import stat
+import struct
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import imageio.v3
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.film.picture import Pixels
+from renderer.film.png import png_chunks, png_of
+from renderer.scene.input_file import nearest_file
+
+# A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 4096, which with alpha
+# take 2 GB to compare.
+MAX_PIXELS = 2**25
+# Such a picture with alpha, not compressed at all, and as much again.
+MAX_FILE_BYTES = 2**28
+
+_SUFFIX = ".png"
+_EXPECTED = "a PNG file, 8-bit RGB or RGBA"
+_COLOR_TYPES = {0: "grey", 2: "RGB", 3: "palette", 4: "grey with alpha", 6: "RGBA"}
+_CHANNELS = {2: 3, 6: 4}
+# What makes of three channels another picture than they hold, or of a file more pictures than one.
+_REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animation (APNG)"}
+# Other ones may be skipped if their names begin with a small letter (ISO/IEC 15948, 5.4).
+_KNOWN_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
+# First column and row, and steps, of the parts of an interlaced picture (ISO/IEC 15948, 8.2).
+_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
+_BLOCK = 2**20
+
+_OTHER_FILES = (
+    (b"\xff\xd8\xff", "a JPEG file"),
+    (b"GIF8", "a GIF file"),
+    (b"BM", "a BMP file"),
+    (b"II*\0", "a TIFF file"),
+    (b"MM\0*", "a TIFF file"),
+    (b"RIFF", "a WebP file"),
+)
+_LFS_POINTER = b"version https://git-lfs.github.com/"
+
+
+def is_picture(name: str) -> bool:
+    """Whether a file of this name is taken for a PNG; not if it is hidden, as a shell's `*.png` has it."""
+    return name.lower().endswith(_SUFFIX) and not name.startswith(".")
+
+
+def read_picture(path: Path) -> Pixels:
+    """The picture in a PNG file: uint8 [h, w, 3] or, with straight alpha, [h, w, 4].
+
+    Raises InputError for anything else: another format under this name, 16 bits, a palette, grey, a file that is cut
+    off or damaged, more than MAX_PIXELS.
+    """
+    return picture_in(file_content(path), path)
+
+
+def file_content(path: Path) -> bytes:
+    """What is in a file of at most MAX_FILE_BYTES. Raises InputError."""
+    require_file(path, _EXPECTED)
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
+    if len(content) > MAX_FILE_BYTES:
+        raise InputError("too large a file", where=str(path), expected=f"at most {MAX_FILE_BYTES} bytes")
+    return content
+
+
+def require_file(path: Path, expected: str) -> None:
+    """Raise InputError unless it is a file: opening a pipe would wait for somebody to write."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError as error:
+        if path.is_symlink():
+            raise InputError("a link that leads nowhere", where=str(path), got=str(path.readlink())) from error
+        raise InputError("no such file", where=str(path), hint=nearest_file(path)) from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
+    if not stat.S_ISREG(mode):
+        got = "a folder" if stat.S_ISDIR(mode) else "something that is no file"
+        raise InputError("not a file", where=str(path), got=got, expected=expected)
+
+
+def picture_in(content: bytes, path: Path) -> Pixels:
+    """The picture in the content of the file `path`; as `read_picture`."""
+    try:
+        chunks = png_chunks(content)
+    except ValueError as error:
+        raise _unreadable(str(error), content, path) from error
+    header = _header_in(chunks, path)
+    data = b"".join(content for name, content in chunks if name == b"IDAT")
+    if not _is_complete(data, header):
+        raise _damaged(path)
+    # Nothing else in the file is looked at: what a decoder made of it would be another picture, or cost more.
+    plain = png_of([chunks[0], (b"IDAT", data), chunks[-1]])
+    try:
+        pixels = np.asarray(imageio.v3.imread(plain, extension=_SUFFIX, plugin="pillow"))
+    except (OSError, SyntaxError, ValueError) as error:  # SyntaxError is how Pillow says that a PNG is broken
+        raise _damaged(path) from error
+    if pixels.shape != (header.height, header.width, header.channels) or pixels.dtype != np.uint8:
+        raise _damaged(path)
+    return pixels
+
+
+class _Header(NamedTuple):
+    width: int
+    height: int
+    channels: int
+    is_interlaced: bool
+
+
+def _header_in(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
+    """What a file says of its picture, if such a one may be read. Raises InputError."""
+    content, names = chunks[0][1], [name for name, _ in chunks]
+    strange = [name for name in names if name[:1].isupper() and name not in _KNOWN_CHUNKS]
+    if len(content) != 13 or names.count(b"IHDR") > 1 or strange:
+        raise _damaged(path)
+    width, height, depth, color_type, compression, filtering, interlace = struct.unpack(">IIBBBBB", content)
+    if not (width and height) or compression or filtering or interlace > 1 or color_type not in _COLOR_TYPES:
+        raise _damaged(path)
+    if width * height > MAX_PIXELS:
+        got, expected = f"{width} x {height} pixels", f"at most {MAX_PIXELS} pixels, as 8192 x 4096"
+        raise InputError("too large a picture", where=str(path), got=got, expected=expected)
+    extras = [words for name, words in _REFUSED_CHUNKS.items() if name in names]
+    if depth != 8 or color_type not in _CHANNELS or extras:
+        raise InputError(
+            "not a picture in 8-bit RGB or RGBA",
+            where=str(path),
+            got=" with ".join([f"{depth}-bit {_COLOR_TYPES[color_type]}", *extras]),
+            expected="8-bit RGB or RGBA",
+            hint="stored values are compared and nothing is converted: save it as 8-bit RGB or RGBA",
+        )
+    return _Header(width, height, _CHANNELS[color_type], interlace == 1)
+
+
+def _is_complete(data: bytes, header: _Header) -> bool:
+    """Whether compressed rows are as many bytes as the picture takes, which decoders do not insist on."""
+    expected = 0
+    for x, y, dx, dy in _PASSES if header.is_interlaced else ((0, 0, 1, 1),):
+        columns, rows = -(-(header.width - x) // dx), -(-(header.height - y) // dy)
+        expected += rows * (1 + columns * header.channels) if columns > 0 else 0
+    unpacker, found = zlib.decompressobj(), 0
+    try:
+        while not unpacker.eof and found <= expected:
+            piece = unpacker.decompress(data, _BLOCK)
+            if not piece and not unpacker.eof:
+                return False
+            data, found = unpacker.unconsumed_tail, found + len(piece)
+    except zlib.error:
+        return False
+    return unpacker.eof and found == expected
+
+
+def _unreadable(reason: str, content: bytes, path: Path) -> InputError:
+    if not content:
+        return InputError("an empty file", where=str(path), expected=_EXPECTED)
+    if content.startswith(_LFS_POINTER):
+        hint = "git lfs pull"
+        return InputError("not a PNG file", where=str(path), got="a Git LFS pointer", expected=_EXPECTED, hint=hint)
+    if reason == "not a PNG file":
+        got = next((words for beginning, words in _OTHER_FILES if content.startswith(beginning)), None)
+        return InputError(reason, where=str(path), got=got, expected=_EXPECTED)
+    return InputError(f"the PNG file is {reason}", where=str(path), got=f"{len(content)} bytes", expected=_EXPECTED)
+
+
+def _damaged(path: Path) -> InputError:
+    return InputError("the PNG file is damaged", where=str(path), got="what cannot be decoded", expected=_EXPECTED)

@@ -1,0 +1,196 @@
+"""A worker as the pool sees it: a child process, the messages to and from it, and how it ended."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from hsplat_cli.executors.workers.lifeline import Lifeline
+from hsplat_cli.executors.workers.messages import Message, incoming, send
+from renderer.errors import RenderError
+from renderer.film.stream_tail import StreamTail
+
+Task = TypeVar("Task")
+
+# Of a worker's standard error stream, what a message can show.
+_NUM_LAST_LINES = 5
+
+# A process that has closed its socket is about to end; one that does not is killed. One that is killed ends as soon as
+# the kernel can let go of it, which may be never, where a device or a file system does not answer.
+_LONGEST_END_S, _LONGEST_KILL_S = 1.0, 5.0
+
+
+@dataclass(frozen=True)
+class Patience:
+    """A worker is looked at each `look_s` seconds; one that was idle at `num_looks` of them in a row hangs.
+
+    It is looks that count, and not the time: where the machine sleeps, or this process is stopped, all that is one.
+    """
+
+    look_s: float = 5.0
+    num_looks: int = 12
+
+    @property
+    def verdict(self) -> str:
+        """On one that hangs."""
+        return f"no processor time for {self.look_s * self.num_looks:g} s"
+
+
+class WorkerProcess(Generic[Task]):
+    """One child, from its start on.
+
+    renderer_name: of its GL context, once it is ready. tasks: those that it has and that are not done, the first of
+    which it is at.
+    """
+
+    def __init__(
+        self,
+        lifeline: Lifeline,
+        program: Sequence[str],
+        descriptor: int,
+        environment: Mapping[str, str],
+        patience: Patience,
+    ) -> None:
+        self.renderer_name: str | None = None
+        self.tasks: deque[Task] = deque()
+        self._patience, self._num_idle_looks = patience, 0
+        self._processor_time: int | None = None
+        self._killed_at: float | None = None
+        self._socket, other = socket.socketpair()
+        self._lifeline = lifeline
+        module, *arguments = program
+        with other:
+            numbers = [str(other.fileno()), str(descriptor)]
+            try:
+                self._process = lifeline.start(
+                    module,
+                    [*arguments, *numbers],
+                    pass_fds=[other.fileno(), descriptor],
+                    env=environment,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.PIPE,
+                )
+            except OSError as error:
+                self._socket.close()
+                raise RenderError("a process that draws cannot be started", got=str(error)) from error
+        assert self._process.stderr is not None
+        self._words = StreamTail(self._process.stderr)
+        self._incoming = incoming(self._socket)
+
+    def fileno(self) -> int:
+        """To wait for messages with."""
+        return self._socket.fileno()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it can be given tasks."""
+        return self.renderer_name is not None
+
+    def send(self, message: Message) -> None:
+        """A few of them never have to wait. That it has died is seen when its messages end, and not here."""
+        with suppress(OSError):
+            send(self._socket, message)
+
+    def receive(self) -> Message | None:
+        """Read what it has sent, up to the end of a message, which is returned; None if there is only part of one.
+
+        Raises EOFError when there will be none, for it has ended.
+        """
+        self._num_idle_looks = 0
+        try:
+            return next(self._incoming)
+        except OSError as error:  # it ended with a task unread
+            raise EOFError from error
+
+    def look(self) -> None:
+        """See whether it has done anything since the last look; where there is no /proc that is taken for granted."""
+        before, self._processor_time = self._processor_time, _processor_time(self._process.pid)
+        has_work = bool(self.tasks) or not self.is_ready
+        is_idle = has_work and before is not None and before == self._processor_time
+        self._num_idle_looks = self._num_idle_looks + 1 if is_idle else 0
+
+    @property
+    def hangs(self) -> bool:
+        """Whether it has something to do and has, for look after look, neither used the processor nor sent anything."""
+        return self._num_idle_looks >= self._patience.num_looks
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._process.kill()
+        if self._killed_at is None:
+            self._killed_at = time.monotonic()
+
+    def close(self) -> None:
+        """Wait for its end, which has come or is near; one that does not even end when it is killed is left alone."""
+        if self._killed_at is None and not self._ends_within(_LONGEST_END_S):
+            self.kill()
+        if self._killed_at is not None:
+            self._ends_within(self._killed_at + _LONGEST_KILL_S - time.monotonic())
+        self._lifeline.let_go(self._process)
+        self._socket.close()
+
+    def _ends_within(self, seconds: float) -> bool:
+        try:
+            self._process.wait(max(0.0, seconds))
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    @property
+    def is_left(self) -> bool:
+        """Whether, after `close`, it is still there."""
+        return self._process.returncode is None
+
+    @property
+    def was_killed(self) -> bool:
+        """Whether it ended by a signal, or would have."""
+        return self.is_left or self._process.returncode < 0
+
+    def last_words(self) -> RenderError:
+        """How it ended, after `close`, and what it said last."""
+        status = self._process.returncode
+        if self.hangs:
+            how = self._patience.verdict
+        elif status is None:
+            how = "it does not end, though it was killed"
+        else:
+            how = f"signal {_signal_name(-status)}" if status < 0 else f"exit status {status}"
+        is_for_memory = status == -signal.SIGKILL and not self.hangs
+        return RenderError(
+            f"a process that draws has {'hung' if self.hangs or self.is_left else 'died'}",
+            got="\n    ".join([how, *self._words.lines()[-_NUM_LAST_LINES:]]),
+            hint="where memory runs out the system sends this signal: fewer workers need less"
+            if is_for_memory
+            else None,
+        )
+
+
+def worker_environment(threads_each: int) -> dict[str, str]:
+    """Ours, with so many threads for Mesa's software renderer unless the user has said how many."""
+    return {"LP_NUM_THREADS": str(threads_each)} | os.environ
+
+
+def _processor_time(process: int) -> int | None:
+    """Of all its threads, in the kernel's ticks; None where the system does not tell."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return None
+    fields = text.rpartition(")")[2].split()  # after the program's name, which may hold anything; proc_pid_stat(5)
+    return int(fields[11]) + int(fields[12])
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # a real-time signal
+        return str(number)

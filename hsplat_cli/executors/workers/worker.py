@@ -1,0 +1,69 @@
+"""A process that draws frames for a pool: `hsplat_cli.executors.workers.worker SOCKET STAGE`, two file descriptors.
+
+It says that it is ready, and then answers each `{"draw": number, "pixels": bool}` by the frame's record, with its PNG
+file and, if asked for, its pixels. A context that is lost, or an error, is the last thing that it says.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+import sys
+import time
+from collections.abc import Sequence
+
+from hsplat_cli.executors.drawn import Drawn, LocalDrawer
+from hsplat_cli.executors.rasterizers import open_rasterizer
+from hsplat_cli.executors.workers.messages import Message, error_to_plain, receive, send
+from hsplat_cli.executors.workers.shared import map_stage
+from renderer.errors import ContextLostError, HsplatError, RenderError
+from renderer.frame.frame import Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Serve until nobody asks any more."""
+    end, descriptor = socket.socket(fileno=int(arguments[0])), int(arguments[1])
+    with end:
+        try:
+            _serve(end, descriptor)
+        except EOFError:
+            pass
+        except ContextLostError as error:
+            send(end, Message({"lost": error_to_plain(error)}))
+        except HsplatError as error:
+            send(end, Message({"error": error_to_plain(error)}))
+
+
+def _serve(end: socket.socket, descriptor: int) -> None:
+    stage = map_stage(descriptor)
+    os.close(descriptor)
+    with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
+        _warm_up(stage, rasterizer)
+        send(end, Message({"ready": rasterizer.renderer_name}))
+        drawer = LocalDrawer(stage, rasterizer)
+        while True:
+            order = receive(end).content
+            drawn = _drawn(drawer, order["draw"])
+            pixels = (drawn.picture.pixels.tobytes(),) if order["pixels"] else ()
+            send(end, Message({"drawn": drawn.record}, (drawn.picture.png, *pixels)))
+
+
+def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
+    """Draw the whole volume as one splat: kernels are loaded, and shaders compiled, before the first frame."""
+    watch = Stopwatch(time.perf_counter)
+    draw(stage, make_pose(stage, make_detail(stage, math.inf, watch), 0, watch), rasterizer, watch)
+
+
+def _drawn(drawer: LocalDrawer, number: int) -> Drawn:
+    try:
+        (drawn,) = drawer.draw([number])
+    except MemoryError as error:
+        raise RenderError(
+            "there is not enough memory to draw it", where=f"frame {number}", hint="fewer workers need less"
+        ) from error
+    return drawn
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,112 @@
+"""The film itself: pictures that are there, encoded, or copied under new names."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import click
+
+from hsplat_cli.films.assemble.agreement import Picked, file_problems, film_problems, pick
+from hsplat_cli.films.assemble.merged import cause_of_parts, merged_record, part_notes, parts_of
+from hsplat_cli.films.assemble.parts import Part
+from hsplat_cli.films.cause import Cause, cause_record, made_before
+from hsplat_cli.films.place import taken
+from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal.interrupts import deferrable_interrupts
+from hsplat_cli.terminal.progress_bar import progress
+from renderer.errors import InputError, SceneError
+from renderer.film.atomic import explained, staged_together
+from renderer.film.names import frame_path, has_frame_files, picture_shape, sidecar_of
+from renderer.film.picture import Picture, Pixels
+from renderer.film.sidecar import write_sidecar
+from renderer.film.writer import open_film, require_encoder
+from renderer.scene.spec import OutputSpec
+
+
+def assemble_film(
+    parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, *, force: bool, quiet: bool
+) -> None:
+    """Make the film, and its sidecar, unless they are there and it is not forced.
+
+    Raises SceneError with all that is wrong with the parts, and what writing raises; then there is no film.
+    """
+    start = time.perf_counter()
+    if problems := list(film_problems(parts)):
+        raise SceneError(problems)  # of another film's part neither the size nor the frames tell anything
+    picked, problems = pick(parts, numbers)
+    sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
+    with taken(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
+        cause = None if problems else cause_of_parts(picked, output)
+        if cause is not None and not force and _is_there(sidecar, cause, picked, output):
+            if not quiet:
+                click.echo(f"{output.file} is up to date; --force puts it together again", err=True)
+            return
+        if problems := [*problems, *file_problems(picked, picture_shape(output))]:
+            raise SceneError(problems)
+        require_encoder(output)
+        write = _copy if has_frame_files(output) else _encode
+        notes = [*write(picked, output, folder, defer_interrupts, quiet=quiet), *part_notes(picked)]
+        record = merged_record(picked, output, time.perf_counter() - start) | {"notes": notes}
+        if cause is not None:
+            record |= cause_record(cause, output)
+        write_sidecar(sidecar, record, folder)
+    if not quiet:
+        num_parts = len(parts_of(picked))
+        num = f"{counted(len(picked), 'frame')} of {counted(num_parts, 'part')}"
+        click.echo(f"{output.file}: {num}")
+        for note in notes:
+            click.echo(f"note: {note}")
+        click.echo(f"how it was made: {sidecar}")
+
+
+def _is_there(sidecar: Path, cause: Cause, picked: Sequence[Picked], output: OutputSpec) -> bool:
+    """Whether the film is there, of the very pictures that the parts tell of.
+
+    They need not be the same each time a part is drawn: on a budget of time they depend on the clock.
+    """
+    before = made_before(sidecar, output)
+    if before is None or not before.is_up_to_date(cause, output, [frame.number for frame in picked]):
+        return False
+    digests = [record.get("digest") for record in before.records]
+    return None not in digests and digests == [frame.record.get("digest") for frame in picked]
+
+
+def _encode(
+    picked: Sequence[Picked], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
+) -> Sequence[str]:
+    """A film of the pictures; notes about it."""
+    numbers = [frame.number for frame in picked]
+    with open_film(output, numbers, within=folder, finishing=finishing) as film:
+        for frame, content in _contents(picked, output, quiet=quiet):
+            film.write(frame.number, _decoded(frame, content))
+    return film.notes
+
+
+def _decoded(frame: Picked, content: bytes) -> Pixels:
+    try:
+        return Picture(png=content).pixels
+    except ValueError as error:
+        hint = "remove it, and draw it again by the same command as before"
+        raise InputError("a frame that cannot be decoded", where=str(frame.file), hint=hint) from error
+
+
+def _copy(
+    picked: Sequence[Picked], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
+) -> Sequence[str]:
+    """The same files under the names of the output, all at the end."""
+    with staged_together(folder) as write:
+        for frame, content in _contents(picked, output, quiet=quiet):
+            write(frame_path(output.file, frame.number), content)
+        finishing()
+    return ()
+
+
+def _contents(picked: Sequence[Picked], output: OutputSpec, *, quiet: bool) -> Iterator[tuple[Picked, bytes]]:
+    with progress(len(picked), label=output.file.name, quiet=quiet) as bar:
+        for frame in picked:
+            with explained(frame.file):
+                content = frame.file.read_bytes()
+            yield frame, content
+            bar.advance()

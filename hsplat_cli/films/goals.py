@@ -1,0 +1,136 @@
+"""From what a scene asks for (splats, seconds, an accuracy) to the tolerances that give it; and was it met?"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from hsplat_cli.films.record import IN_TIME, drawing_seconds, seconds_for, span
+from hsplat_cli.scenes.job import Job
+from renderer.errors import RenderError
+from renderer.film.frame_record import Record
+from renderer.frame.frame import Rasterizer, Stage, Stopwatch, bring
+from renderer.frame.pacing import Details, Guide, Pacer, try_drawings
+from renderer.scene.schedule import at_tolerance, at_tolerances, value_at
+from renderer.scene.schema import show
+from renderer.scene.spec import AccuracyGoal, SplatBudget, TimeBudget
+from renderer.scene.want import Want
+
+if TYPE_CHECKING:
+    from renderer.study.trials import Found
+
+# A trial drawing that takes this part of a frame's time tells enough about the whole.
+_ENOUGH = 0.3
+# Frames that may be late without a word.
+MOST_LATE = 0.1
+BEST_EFFORT = "with --best-effort it is good enough"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How frames get their tolerances: from the schedule of the stage's scene, whose goal is resolved, or from a guide.
+
+    shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
+    is_unfinished: finer passes are to follow.
+    by_clock: its tolerances depend on how quick the machine was.
+    found: what the search for an accuracy came to.
+    """
+
+    stage: Stage
+    guide: Guide | None = None
+    shortfall: RenderError | None = None
+    is_unfinished: bool = False
+    by_clock: bool = False
+    found: Found | None = None
+
+
+def make_plan(
+    details: Details,
+    frames: Sequence[int],
+    rasterizer: Rasterizer | None,
+    *,
+    quiet: bool,
+    on_step: Callable[[], None] = lambda: None,
+) -> Plan:
+    """Find what the goal of the scene takes, if it has one.
+
+    rasterizer: for goals of accuracy and of time.
+    on_step: called now and then in a long search; what it raises goes through.
+    """
+    stage = details.stage
+    goal = stage.scene.error.goal
+    if goal is None:
+        return Plan(stage)
+    if isinstance(goal, AccuracyGoal):
+        assert rasterizer is not None
+        return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
+    if isinstance(goal, SplatBudget):
+        tolerances = {frame: details.family.within(value_at(goal.by_frame, frame)) for frame in frames}
+        return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
+    assert rasterizer is not None
+    least = min(value_at(goal.by_frame, frame) for frame in frames)
+    try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter, on_step=on_step)
+    pacer = Pacer(details, lambda frame: value_at(goal.by_frame, frame))
+    pose, _ = pacer.choose(frames[0], Stopwatch(time.perf_counter))
+    bring(pose, rasterizer)
+    return Plan(stage, pacer, by_clock=True)
+
+
+def _plan_accuracy(
+    stage: Stage,
+    goal: AccuracyGoal,
+    frames: Sequence[int],
+    rasterizer: Rasterizer,
+    on_step: Callable[[], None],
+    *,
+    quiet: bool,
+) -> Plan:
+    """One tolerance for the whole film; 0 where none is good enough."""
+    # Imported where they are used: other films need no ray integral, which takes a while to load.
+    from hsplat_cli.films.search import beyond_full_resolution, search_tolerance  # noqa: PLC0415
+    from renderer.study.truths import TRUTH_TOLERANCE  # noqa: PLC0415
+
+    want = Want(goal.metric, goal.value)
+    found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)
+    shortfall = None
+    if found.tolerance is None:
+        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT}"
+        shortfall = beyond_full_resolution(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
+    exact = replace(stage, scene=at_tolerance(stage.scene, found.tolerance or 0.0))
+    return Plan(exact, shortfall=shortfall, found=found)
+
+
+def shortfall_of(job: Job, plan: Plan, frames: Sequence[Record]) -> RenderError | None:
+    """What was asked for and not had, now that the frames are there."""
+    goal = job.scene.error.goal
+    if plan.is_unfinished:
+        return RenderError(
+            "the film was not refined to what the scene asks for",
+            where=str(job.scene.output.file),
+            got=f"tolerance {span([frame['tolerance'] for frame in frames])}",
+            expected=", ".join(f"{name} {show(value)}" for name, value in job.asked.items()),
+            hint=f"it needs more time; {BEST_EFFORT}",
+        )
+    return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall
+
+
+def _time_shortfall(goal: TimeBudget, frames: Sequence[Record]) -> RenderError | None:
+    """Frames that even the quickest cut was too slow for, if they are many; or a machine that became slower."""
+    late = [frame for frame in frames if frame["predicted_seconds"] > (1 + IN_TIME) * seconds_for(goal, frame)]
+    if len(late) <= MOST_LATE * len(frames):
+        shares = [drawing_seconds(frame) / seconds_for(goal, frame) for frame in frames]
+        if statistics.median(shares) <= 1 + IN_TIME:
+            return None
+        late = list(frames)
+    taken = statistics.median(map(drawing_seconds, late))
+    which = "the frame" if len(frames) == 1 else f"{len(late)} of {len(frames)} frames"
+    return RenderError(
+        f"{which} took longer than there was time for",
+        where="error.seconds",
+        got=f"{taken:.3g} s a frame in the median, at tolerance {span([frame['tolerance'] for frame in late])}",
+        expected=f"{span([seconds_for(goal, frame) for frame in late])} s",
+        hint=f"a smaller output.size is drawn sooner; {BEST_EFFORT}",
+    )

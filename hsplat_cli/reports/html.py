@@ -1,0 +1,143 @@
+"""What every page of the program shares: its frame, its colours, and pictures that are part of the file.
+
+A page is one file that loads nothing. Its colours follow the reader's choice of light or dark, those of its plots too:
+matplotlib draws with the light ones, and `svg_of` replaces each by the CSS variable of the same name.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import require_package
+from renderer.film.png import encode_png
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from matplotlib.figure import Figure
+
+# CSS variable -> colour on light and on dark ground. The eight of the series are those of M. Okabe and K. Ito, "Color
+# Universal Design" (2008), darker on white where they would be faint, lighter on black.
+PALETTE = {
+    "ink": ("#1c1e21", "#e6e6e3"),
+    "muted": ("#5c6066", "#a3a6aa"),
+    "line": ("#d5d7da", "#3a3d41"),
+    "ground": ("#fdfdfc", "#17181a"),
+    "raised": ("#f2f3f4", "#222427"),
+    "front": ("#fbe7b2", "#4d4119"),
+    "series-1": ("#0072b2", "#5fb2e6"),
+    "series-2": ("#d55e00", "#ff8b3d"),
+    "series-3": ("#009e73", "#2fc99c"),
+    "series-4": ("#b8558f", "#e59cc6"),
+    "series-5": ("#c28500", "#f0b93a"),
+    "series-6": ("#3a9fd9", "#a5dbfa"),
+    "series-7": ("#857a00", "#f0e442"),
+    "series-8": ("#6b6f76", "#b4b7bb"),
+}
+LIGHT = {name: light for name, (light, _) in PALETTE.items()}
+
+_STYLE: dict[str, Any] = {
+    "svg.fonttype": "none",  # text stays text: it can be searched, read aloud, and is small
+    "svg.hashsalt": "hsplat",  # ids without it differ from run to run
+    "text.parse_math": False,  # a $ in a name is a $
+    "font.size": 10.0,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "axes.edgecolor": LIGHT["muted"],
+    "axes.labelcolor": LIGHT["ink"],
+    "axes.titlesize": 11.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": LIGHT["line"],
+    "grid.linewidth": 0.6,
+    "text.color": LIGHT["ink"],
+    "xtick.color": LIGHT["muted"],
+    "ytick.color": LIGHT["muted"],
+    "xtick.labelcolor": LIGHT["ink"],
+    "ytick.labelcolor": LIGHT["ink"],
+    "legend.frameon": False,
+}
+
+
+def require_page_packages() -> None:
+    """Raise InputError if a package is missing without which no page can be made."""
+    for package in ("jinja2", "matplotlib"):
+        require_package(package, extra="measure")
+
+
+def page_of(template: str, *, title: str, **values: object) -> str:
+    """The whole page of a template of this package, which extends `base.html`; every value is escaped but Markup.
+
+    values: what the template asks for; asking for more is a jinja2.UndefinedError.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
+
+    environment = Environment(
+        loader=PackageLoader("hsplat_cli.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template).render(title=title, palette=PALETTE, **values)
+
+
+@contextmanager
+def plot_style() -> Iterator[None]:
+    """Figures made and turned into SVG inside look like the page."""
+    from matplotlib import rc_context, rcParamsDefault  # noqa: PLC0415
+
+    # From matplotlib's defaults, not from what a user's matplotlibrc says. The backend is nobody's business here.
+    defaults: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if not key.startswith("backend")}
+    with rc_context(defaults | _STYLE):
+        yield
+
+
+def svg_of(figure: Figure, *, name: str, alt: str) -> Markup:
+    """A figure as an `<svg>` element: the same bytes for the same figure, in the page's colours, as wide as its place.
+
+    name: a word that is used once on the page; all ids begin with it. alt: what the figure shows, for those who cannot
+    see it. Inside `plot_style`.
+    """
+    from markupsafe import Markup, escape  # noqa: PLC0415
+
+    stream = io.StringIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    svg = stream.getvalue()
+    svg = svg[svg.index("<svg") :]  # HTML knows neither the XML declaration nor the document type
+    opening, _, body = svg.partition(">")
+    (view_box,) = re.findall(r'viewBox="[^"]*"', opening)
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL).replace("xlink:href", "href")
+    body = re.sub(r'\bid="', f'id="{name}-', body)
+    body = body.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")
+    for variable, color in LIGHT.items():
+        body = body.replace(color, f"var(--{variable})")
+    return Markup(f'<svg {view_box} role="img" aria-label="{escape(alt)}">{body}')
+
+
+def png_data_uri(pixels: npt.NDArray[np.uint8]) -> str:
+    """`data:image/png;base64,...` of uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
+    return f"data:image/png;base64,{base64.b64encode(encode_png(pixels)).decode('ascii')}"
+
+
+def facts_of(mapping: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Name and text of each entry, for the list at the head of a page."""
+    return [(name.replace("_", " "), _fact(value)) for name, value in mapping.items()]
+
+
+def _fact(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_fact(item)}" for name, item in value.items())
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return " x ".join(map(_fact, value))
+    return "unknown" if value is None else str(value)

@@ -1,0 +1,132 @@
+"""What a command is to draw: a scene, and which frames of it."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any, Literal
+
+from hsplat_cli.scenes.inputs import files_of, require_no_input
+from hsplat_cli.scenes.sidecar_file import Original, Sidecar, sidecar_in
+from hsplat_cli.terminal.frame_range import is_one_frame, parse_frames
+from renderer.errors import InputError, Problem, SceneError
+from renderer.film.names import film_beside, picture_files, sidecar_path
+from renderer.scene.editor import Editor
+from renderer.scene.input_file import is_same_file, read_content
+from renderer.scene.parse import schedule_to_dict, splats_as_asked
+from renderer.scene.scene_file import scene_in
+from renderer.scene.schedule import is_met_as_a_whole, tolerance_at
+from renderer.scene.spec import Scene
+from renderer.scene.yaml_tree import Tree
+
+# What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
+_MOVED = {
+    "volume.file": "if it was moved, --volume names it",
+    "volume.raw.file": "if it was moved, --set volume.raw.file=FILE names it",
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """frames: their numbers, ascending.
+    asked: how exact, as a section `error` says it: `{"splats": 100000}`.
+    original: the film that is made again, if it is one.
+    """
+
+    scene: Scene
+    frames: Sequence[int]
+    asked: Mapping[str, Any]
+    original: Original | None = None
+
+
+def load_job(
+    path: Path,
+    *,
+    overrides: Sequence[str] = (),
+    frames: str | None = None,
+    volume: Path | None = None,
+    output: Path | None = None,
+    draws: Literal["film", "passes", "nothing"] = "film",
+) -> Job:
+    """The job that a scene file or a sidecar describes, with what the options of the command line change in it.
+
+    That of a sidecar is to make its film again, or another one elsewhere. draws: what appears under the name of the
+    output, the film at once, or passes that are coarser at first. Raises InputError, and SceneError as `load_scene`.
+    """
+    content = read_content(path)
+    still = is_one_frame(frames)
+    sidecar = sidecar_in(content, path)
+    if sidecar is None:
+        scene = scene_in(content, path, overrides=overrides, volume=volume, output=output, still=still)
+        picked = parse_frames(frames, scene.camera.path.frames)
+        if draws != "nothing":
+            _require_no_input(path, scene, picked, sidecar_path(scene, picked))
+        return Job(scene, picked, schedule_to_dict(scene.error))
+    editor = _editor(sidecar)
+    editor.apply(overrides, volume, output)
+    scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
+    _require_in_path(sidecar, scene)
+    recorded = None if frames is not None and _has_whole_schedule(sidecar, editor) else sidecar.frames
+    picked = parse_frames(frames, scene.camera.path.frames, recorded)
+    is_changed = any(key not in ("output.file", *_MOVED) for key in editor.changed)
+    is_beside = is_same_file(path, sidecar_path(scene, picked))
+    is_elsewhere = ("output.file" in editor.changed or "output" in editor.changed) and not is_beside
+    is_whole = [*picked] == [*sidecar.frames]
+    if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
+        raise InputError(
+            "another film would take the place of the one that is recorded here",
+            where=str(path),
+            hint="--output names another file",
+        )
+    if draws != "nothing":
+        _require_no_input(path, scene, picked, *([] if is_beside else [sidecar_path(scene, picked)]))
+    original, asked = sidecar.original, sidecar.original.asked or scene.error
+    if is_changed or not _is_as_drawn(sidecar, scene):
+        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}, made_with={}))
+    if not is_whole and is_met_as_a_whole(asked):
+        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}))
+    return Job(scene, picked, schedule_to_dict(asked), original)
+
+
+def _require_no_input(path: Path, scene: Scene, frames: Sequence[int], *sidecar: Path) -> None:
+    """Raise InputError where an output is the scene's file, or one of the volume's."""
+    require_no_input(chain(picture_files(scene.output, frames), sidecar), chain([path], files_of(scene.volume)))
+
+
+def _is_as_drawn(sidecar: Sidecar, scene: Scene) -> bool:
+    """Whether the recorded scene has the tolerances at which the frames were drawn, and not others put in by hand."""
+    drawn = zip(sidecar.frames, sidecar.tolerances, strict=True)
+    return scene.error.goal is None and all(tolerance_at(scene.error, frame) == told for frame, told in drawn)
+
+
+def _has_whole_schedule(sidecar: Sidecar, editor: Editor) -> bool:
+    """Whether the scene says how exact all frames of the path are, not only those that were drawn."""
+    asked = sidecar.original.asked
+    is_new = any(key == "error" or key.startswith("error.") for key in editor.changed)
+    return is_new or (asked is not None and asked.goal is None)
+
+
+def _editor(sidecar: Sidecar) -> Editor:
+    """The recorded scene, with an output that is the film beside the sidecar, wherever they are now."""
+    scene, path = sidecar.scene, sidecar.original.path
+    output = scene.get("output")
+    if isinstance(output, dict) and isinstance(output.get("file"), str):
+        output["file"] = str(film_beside(path, Path(output["file"])))
+    splat = scene.get("splat")
+    if isinstance(splat, dict):  # so that --set may name another footprint
+        scene["splat"] = splats_as_asked(splat)
+    return Editor(Tree(scene), path, within="scene", hints=_MOVED)
+
+
+def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:
+    num_frames = scene.camera.path.frames
+    index = bisect_left(sidecar.frames, num_frames)
+    if index < len(sidecar.frames):
+        expected = f"a frame from 0 to {num_frames - 1}"
+        got, place = str(sidecar.frames[index]), str(sidecar.original.path)
+        raise SceneError(
+            [Problem(f"frames.{index}.frame", "after the last frame", got=got, expected=expected, place=place)]
+        )

@@ -1,0 +1,234 @@
+"""A scene file as a person would write it: in the order of thought, with comments, to be changed by hand."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from renderer.scene.spec import Color, ColormapSpec, FileSource, RawSource, ShadingSpec, TransferSpec, VolumeSpec
+from renderer.scene.yaml_tree import NotYamlError, read_tree
+
+if TYPE_CHECKING:
+    from renderer.suggest.suggestion import Suggestion
+
+# Where comments begin, if the line is not longer.
+_COMMENT_COLUMN = 30
+# The last characters of Latin 1 and of the basic plane.
+_LATIN, _BASIC = 0xFF, 0xFFFF
+
+
+@dataclass(frozen=True)
+class FilmOptions:
+    """What a turntable is asked for besides its volume. background: as in a scene, a colour or `transparent`."""
+
+    frames: int = 120
+    elevation: float = 20.0
+    axis: str = "z"
+    tolerance: float = 0.05
+    size: tuple[int, int] = (512, 512)
+    fps: float = 30.0
+    background: str = "#000000"
+
+
+def scene_text(
+    volume: VolumeSpec,
+    suggestion: Suggestion,
+    film: FilmOptions,
+    *,
+    folder: Path,
+    output: Path,
+    is_float: bool,
+    nonfinite: str | None = None,
+) -> str:
+    """The YAML of a turntable.
+
+    volume: as it was read, its file relative to the current folder. folder: where the scene will lie, to which the
+    scene's volume is relative. output: as in the scene, relative to the current folder.
+    is_float: whether NaN and infinities are possible. nonfinite: what becomes of those that there are.
+    """
+    lines = [
+        f"# A turntable of {plain_text(volume_file(volume).name)}: {suggestion.kind};",
+        f"# {suggestion.reason}.",
+        *(f"# {far}." for far in suggestion.far),
+        "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
+        "version: 1",
+        "",
+        *_volume_lines(volume, folder, is_float, nonfinite),
+        "",
+        "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.",
+        *transfer_lines(suggestion.transfer, suggestion.notes),
+        *_shading_lines(suggestion.shading),
+        *_splat_lines(suggestion),
+        "",
+        "camera:",
+        "  target: visible             # the middle of what can be seen; from as near as shows all of it",
+        f"  path: {{type: turntable, frames: {film.frames}, elevation: {number(film.elevation)}, axis: {film.axis}}}",
+        "",
+        "error:",
+        _with_comment(
+            f"  tolerance: {number(film.tolerance)}", "smaller is more exact and slower, 0 draws every visible voxel"
+        ),
+        "",
+        "output:",
+        _with_comment(f"  file: {quoted(output)}", "relative to the current folder"),
+        f"  size: [{film.size[0]}, {film.size[1]}]",
+        f"  frames_per_second: {number(film.fps)}",
+        f"  background: {quoted(film.background)}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def volume_file(volume: VolumeSpec) -> Path:
+    """The file or folder that a volume is read from."""
+    file = getattr(volume.source, "file", None)
+    assert isinstance(file, Path), volume.source
+    return file
+
+
+def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool, nonfinite: str | None) -> Iterator[str]:
+    file = volume_file(volume)
+    place = file if file.is_absolute() else Path(os.path.relpath(file, os.path.realpath(folder)))
+    yield "volume:"
+    source = volume.source
+    if isinstance(source, RawSource):
+        yield f"  raw: {{file: {quoted(place)}, shape: {list(source.shape)}, dtype: {quoted(source.dtype)},"
+        yield f"        byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
+    else:
+        yield _with_comment(f"  file: {quoted(place)}", "relative to this file")
+        if isinstance(source, FileSource) and source.spacing is not None:
+            yield _with_comment(f"  spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's")
+    if volume.time is not None:
+        yield f"  time: {volume.time}"
+    if volume.component is not None:
+        yield f"  component: {volume.component}"
+    if nonfinite is not None:
+        yield f"  # {nonfinite}."
+    if is_float:
+        instead = volume.nonfinite if isinstance(volume.nonfinite, str) else number(volume.nonfinite)
+        yield _with_comment(
+            f"  nonfinite: {instead}", "NaN and infinities: error, lowest, as the lowest finite value, or a number"
+        )
+
+
+def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterator[str]:
+    """The section `transfer_function`, one line for each point, with a note behind it."""
+    yield "transfer_function:"
+    if transfer.unit is not None:
+        yield f"  unit: {number(transfer.unit)}"
+    mapping = transfer.mapping
+    if isinstance(mapping, ColormapSpec):
+        yield f"  colormap: {quoted(mapping.name)}"
+        yield f"  range: {_list(mapping.range)}"
+        yield "  opacity:"
+        yield from (f"    - {_list(pair)}" for pair in mapping.opacity)
+        return
+    yield "  points:"
+    for k, point in enumerate(mapping):
+        value, color, opacity = number(point.value), hex_color(point.color), number(point.opacity)
+        note = f"  # {notes[k]}" if k < len(notes) and notes[k] else ""
+        yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'
+
+
+def transfer_dict(transfer: TransferSpec) -> dict[str, Any]:
+    """The same as plain data."""
+    mapping: Mapping[str, Any]
+    if isinstance(transfer.mapping, ColormapSpec):
+        points = [list(pair) for pair in transfer.mapping.opacity]
+        mapping = {"colormap": transfer.mapping.name, "range": list(transfer.mapping.range), "opacity": points}
+    else:
+        mapping = {
+            "points": [
+                {"value": short(point.value), "color": hex_color(point.color), "opacity": point.opacity}
+                for point in transfer.mapping
+            ]
+        }
+    return {"unit": transfer.unit, **mapping}
+
+
+def _shading_lines(shading: ShadingSpec | None) -> Iterator[str]:
+    if shading is None:
+        return
+    yield ""
+    yield "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
+    yield (
+        f"shading: {{ambient: {number(shading.ambient)}, diffuse: {number(shading.diffuse)}, "
+        f"light: {_list(shading.light)}}}"
+    )
+
+
+def _splat_lines(suggestion: Suggestion) -> Iterator[str]:
+    if suggestion.splat is not None:
+        yield ""
+        yield "# Each voxel has its colour before anything is interpolated; without this line, the skin of a label has"
+        yield "# those of all numbers between its own and its neighbour's. Where labels to look through have blurred"
+        yield "# edges, a smaller tolerance makes them sharp."
+        yield f"splat: {{footprint: {suggestion.splat.footprint}}}"
+    elif suggestion.are_names:
+        yield ""
+        yield "# The skin of a label has the colours of all numbers between its own and its neighbour's, for what is"
+        yield "# interpolated are numbers. `splat: {footprint: gaussian}` gives each voxel its own colour, but takes"
+        yield "# memory for all that are drawn, and this volume is so large that it stays in its file."
+
+
+def _with_comment(line: str, comment: str) -> str:
+    return f"{line:<{_COMMENT_COLUMN}}# {comment}" if len(line) < _COMMENT_COLUMN else f"{line}  # {comment}"
+
+
+def _list(numbers: Sequence[float]) -> str:
+    return f"[{', '.join(map(number, numbers))}]"
+
+
+def hex_color(color: Color) -> str:
+    """`#rrggbb`."""
+    return "#" + "".join(f"{round(255 * part):02x}" for part in color)
+
+
+def short(value: float) -> int | float:
+    """A whole number as one, where that is exact."""
+    return int(value) if abs(value) < 2**53 and value == int(value) else value
+
+
+def number(value: float) -> str:
+    """As YAML reads it back: an exponent needs a point and a sign."""
+    text = repr(short(value))
+    mantissa, mark, exponent = text.partition("e")
+    if not mark:
+        return text
+    return f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent if exponent[0] in '+-' else '+' + exponent}"
+
+
+def quoted(text: str | Path) -> str:
+    """A string as YAML reads it back, in double quotes where it would be something else without.
+
+    Bytes of a file name that are no UTF-8, which are surrogates in Python, are escapes, and so are control characters.
+    """
+    plain = str(text)
+    if all(char.isascii() and (char.isalnum() or char in "._-/") for char in plain) and _reads_as(plain, plain):
+        return plain
+    return '"' + "".join(_escaped(char) for char in plain) + '"'
+
+
+def _reads_as(yaml_text: str, expected: str) -> bool:
+    try:
+        return bool(read_tree(f"key: {yaml_text}").data == {"key": expected})
+    except NotYamlError:
+        return False
+
+
+def _escaped(char: str) -> str:
+    if char in '"\\':
+        return f"\\{char}"
+    if char == " " or char.isprintable():
+        return char
+    code = ord(char)
+    if code <= _LATIN:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code <= _BASIC else f"\\U{code:08x}"
+
+
+def plain_text(text: str) -> str:
+    """Text for a comment: on one line, and of characters that can be written."""
+    return "".join(char if char == " " or char.isprintable() else "?" for char in text)

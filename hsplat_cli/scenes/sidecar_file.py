@@ -1,0 +1,264 @@
+"""The JSON file beside a film, read again: what is needed to make the film once more.
+
+It may have been changed since, or be no sidecar at all: everything that is used of it is checked.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import InputError, Problem, SceneError
+from renderer.scene.input_file import MAX_SIDECAR_BYTES, decode, may_be_json
+from renderer.scene.parse_camera import FRAME_NUMBER, MAX_FRAMES
+from renderer.scene.parse_error import ERROR
+from renderer.scene.schema import INVALID, MAPPING, TEXT, Kind, Node, Table, fields, join, show
+from renderer.scene.spec import ErrorSpec
+from renderer.scene.yaml_tree import Mark, excerpt
+
+# What the record of a film's schedule has of its own, whatever the film was made from.
+_OWN = ("asked", "tolerance", "cells", "made_from")
+
+
+@dataclass(frozen=True)
+class Original:
+    """What a sidecar tells about the film that it lies beside.
+
+    path: of the sidecar.
+    fingerprint: of the film's volume.
+    asked: how exact the film was to be, as a section `error` says it; None where it is not told.
+    told: what else its schedule's record says, but for what a new film has its own of.
+    made_with: the versions of what made it by their names, the OpenGL as `GL`, the digest of what drew as `sources`.
+    cause: the mark of what its frames depended on; None where it is not told.
+    """
+
+    path: Path
+    fingerprint: str
+    asked: ErrorSpec | None
+    told: Mapping[str, Any]
+    made_with: Mapping[str, Any]
+    cause: str | None
+
+
+@dataclass(frozen=True)
+class Sidecar:
+    """A film's scene as plain data, not checked, the numbers of its frames, ascending, and what is told besides.
+
+    tolerances: at which these frames were drawn; whatever is there.
+    problems: what is wrong with that; the other fields must not be used if there is any, except for the scene.
+    """
+
+    scene: dict[str, Any]
+    frames: tuple[int, ...]
+    tolerances: tuple[Any, ...]
+    original: Original
+    problems: tuple[Problem, ...]
+
+
+def sidecar_in(content: bytes, path: Path) -> Sidecar | None:
+    """The sidecar in the content of a file, or None if it is none: its mark is an object with the key `scene`.
+
+    Raises InputError, or SceneError with what is wrong, where there is not even a scene in it.
+    """
+    if not may_be_json(content):
+        return None
+    is_marked = _BEGINNING.match(content) is not None
+    if len(content) > MAX_SIDECAR_BYTES:
+        raise InputError("too large for a sidecar", where=str(path), expected=f"at most {MAX_SIDECAR_BYTES} bytes")
+    try:
+        data = load_object(decode(content, path), path)
+    except InputError:
+        if is_marked:
+            raise
+        return None  # JSON is YAML, where less is wrong, and lines are told
+    return _read(data, path) if "scene" in data else None
+
+
+_BEGINNING = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"scene"\s*:')
+
+
+# JSON
+
+
+@dataclass(frozen=True)
+class _Refused:
+    """Stands in the data for what should not be there; with a key, for the object that has it."""
+
+    what: str
+    got: str | None = None
+    key: str | None = None
+
+
+def load_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[str, Any]:
+    """The object in a text that begins with a brace, without what JSON does not have and keys that are there twice.
+
+    kind: of the file, for messages. Raises InputError, or SceneError with all that is refused.
+    """
+    refused: list[_Refused] = []
+
+    def refuse(what: str, got: str | None = None, key: str | None = None) -> _Refused:
+        refused.append(_Refused(what, got, key))
+        return refused[-1]
+
+    def make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any] | _Refused:
+        found = dict(pairs)
+        if len(found) == len(pairs):
+            return found
+        ordered = sorted(key for key, _ in pairs)
+        return refuse("the same key twice", key=next(key for key, other in pairwise(ordered) if key == other))
+
+    def make_float(digits: str) -> float | _Refused:
+        number = float(digits)
+        return refuse("not a finite number", got=show(digits)) if math.isinf(number) else number
+
+    def make_integer(digits: str) -> int | float | _Refused:
+        return int(digits) if len(digits) < _MOST_DIGITS else make_float(digits)
+
+    try:
+        data = json.loads(
+            text,
+            object_pairs_hook=make_object,
+            parse_float=make_float,
+            parse_int=make_integer,
+            parse_constant=lambda name: refuse("not a finite number", got=name),
+        )
+    except json.JSONDecodeError as error:
+        begin, end = text.rfind("\n", 0, error.pos) + 1, text.find("\n", error.pos)
+        line = text[begin : end if end >= 0 else None]
+        raise InputError(
+            f"not valid JSON{excerpt([line], Mark(1, error.colno))}",
+            where=f"{path}:{error.lineno}:{error.colno}",
+            hint=f"{kind} is written as a whole: this one was cut off, or changed since",
+        ) from error
+    except RecursionError as error:
+        raise InputError("not valid JSON: too many levels", where=str(path)) from error
+    if refused:
+        raise SceneError([replace(problem, place=str(path)) for problem in _problems_in(data)])
+    assert isinstance(data, dict), "it begins with a brace"
+    return data
+
+
+_MOST_DIGITS = 300  # integers of fewer digits are finite as float64, too
+
+
+def _problems_in(data: object) -> Iterator[Problem]:
+    """What was refused, in its order in the file, on however many levels."""
+    left: list[tuple[str, object]] = [("", data)]
+    while left:
+        path, item = left.pop()
+        if isinstance(item, _Refused):
+            yield Problem(path if item.key is None else join(path, item.key), item.what, got=item.got)
+        elif isinstance(item, dict):
+            left += [(join(path, key), value) for key, value in reversed(item.items())]
+        elif isinstance(item, list):
+            left += [(join(path, index), value) for index, value in reversed(list(enumerate(item)))]
+
+
+# What it says
+
+
+def _read(data: dict[str, Any], path: Path) -> Sidecar:
+    problems: list[Problem] = []
+    given = _known(Node(data, "", problems), _TABLE, required=("scene", "volume", "frames"))
+    if given["scene"] is INVALID:
+        raise SceneError([replace(problem, place=str(path)) for problem in problems])
+    if problems:
+        given |= {key: {} for key in ("schedule", "versions")} | {"frames": ()}
+    schedule = given.get("schedule", {})
+    original = Original(
+        path=path,
+        fingerprint=given["volume"],
+        asked=schedule.get("asked"),
+        told={key: value for key, value in schedule.items() if key not in _OWN},
+        made_with=given.get("versions", {})
+        | ({"GL": given["gl"]} if "gl" in given else {})
+        | _sources_in(data.get("cause")),
+        cause=_mark_in(data.get("cause")),
+    )
+    tolerances = () if problems else tuple(record.get("tolerance") for record in data["frames"])
+    return Sidecar(given["scene"], given["frames"], tolerances, original, tuple(problems))
+
+
+def _mark_in(cause: Any) -> str | None:
+    mark = cause.get("frames") if isinstance(cause, dict) else None
+    return mark if isinstance(mark, str) else None
+
+
+def _sources_in(cause: Any) -> dict[str, str]:
+    of = cause.get("of") if isinstance(cause, dict) else None
+    sources = of.get("sources") if isinstance(of, dict) else None
+    return {"sources": sources} if isinstance(sources, str) else {}
+
+
+def _known(node: Node, table: Table, *, required: Collection[str] = ()) -> dict[str, Any]:
+    """The values of these keys of a mapping; a sidecar has more."""
+    if isinstance(node.value, Mapping):
+        node = replace(node, value={key: node.value[key] for key in table if key in node.value})
+    return fields(node, table, required=required)
+
+
+def _parse_fingerprint(node: Node) -> str:
+    if isinstance(node.value, str) and re.fullmatch("[0-9a-f]{32}", node.value):
+        return node.value
+    return _FINGERPRINT.refuse(node, "not a fingerprint", got=show(node.value))
+
+
+_FINGERPRINT: Kind[str] = Kind("32 hexadecimal digits", _parse_fingerprint)
+
+
+def _parse_schedule(node: Node) -> dict[str, Any]:
+    """Whatever it is, it is written into the next sidecar, too."""
+    schedule = MAPPING.parse(node)
+    if schedule is not INVALID and not is_shallow(schedule):
+        return MAPPING.refuse(node, "too many levels", expected=f"at most {_MOST_LEVELS}")
+    return schedule if schedule is INVALID else schedule | _known(node, {"asked": ERROR})
+
+
+_MOST_LEVELS = 10
+
+
+def is_shallow(value: object, num_levels: int = _MOST_LEVELS) -> bool:
+    """Whether plain data has no more levels than what is taken over as it stands may have."""
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return num_levels >= 0 and all(is_shallow(item, num_levels - 1) for item in items)
+
+
+def _parse_frames(node: Node) -> tuple[int, ...]:
+    """Of records that are wrong the first is told: the others may be wrong for the same reason."""
+    if not isinstance(node.value, list) or not node.value:
+        return _FRAMES.refuse(node, "empty" if node.value == [] else "not a list", got=show(node.value))
+    found: list[int] = []
+    wrong: tuple[int, ...] = INVALID
+    for index, record in enumerate(node.value):
+        frame = record.get("frame") if isinstance(record, dict) else None
+        if type(frame) is not int or not 0 <= frame < MAX_FRAMES:  # others are read slowly
+            frame = _known(node.child(index, record), {"frame": FRAME_NUMBER}, required=["frame"])["frame"]
+        if frame is INVALID:
+            return wrong
+        if found and frame <= found[-1]:
+            got, expected = f"{frame} after {found[-1]}", "frames in ascending order, each once"
+            node.child(index).child("frame").complain("frames out of order", got=got, expected=expected)
+            return wrong
+        found.append(frame)
+    return tuple(found)
+
+
+_FRAMES: Kind[tuple[int, ...]] = Kind("the records of the frames, each with its number as frame", _parse_frames)
+
+_TABLE: Table = {
+    "scene": MAPPING,
+    "volume": Kind(
+        "a mapping with fingerprint",
+        lambda node: _known(node, {"fingerprint": _FINGERPRINT}, required=["fingerprint"])["fingerprint"],
+    ),
+    "gl": TEXT,
+    "versions": MAPPING,
+    "schedule": Kind("a mapping", _parse_schedule),
+    "frames": _FRAMES,
+}

@@ -1,0 +1,204 @@
+"""A sweep from a scene to its report: plan, truth, measurements, files, and what is said meanwhile."""
+
+from __future__ import annotations
+
+import datetime
+import time
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hsplat_cli.executors.rasterizers import open_rasterizer
+from hsplat_cli.films.truths import find_truths, nothing_to_measure
+from hsplat_cli.reports.files import check_writable, write_study
+from hsplat_cli.reports.html import require_page_packages
+from hsplat_cli.reports.tables import terminal_table
+from hsplat_cli.scenes.shrinking import read_guarded
+from hsplat_cli.studies.measure.notes import monotony_notes, scene_notes
+from hsplat_cli.studies.measure.options import Sweep
+from hsplat_cli.studies.measure.stage import prepared
+from hsplat_cli.studies.peers.vtk_peer import (
+    check_vtk,
+    describe_vtk,
+    measure_vtk,
+    vtk_settings,
+    with_transparent_border,
+)
+from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal.first_run import tell_first_run
+from hsplat_cli.terminal.machine import PeakMemory, describe_machine
+from hsplat_cli.terminal.progress_bar import progress
+from renderer.errors import HsplatError
+from renderer.frame.frame import Stage, view_of
+from renderer.scene.parse import scene_to_dict
+from renderer.scene.spec import Scene
+from renderer.study.metrics import require_measuring_packages
+from renderer.study.study import Study
+from renderer.study.sweep import Measurement, measure_setting, pyramid_seconds, splat_setting
+from renderer.study.sweep_plan import Planned, plan_sweep
+from renderer.study.truths import Truth, is_loop, spread_frames
+from renderer.transfer.transfer_function import make_transfer
+from renderer.view.camera import View
+from renderer.volume.volume import Volume
+
+# Frames of the path that are measured when none are asked for.
+_NUM_FRAMES = 3
+# Seconds that a frame of a peer takes, about: for the time remaining.
+_PEER_FRAME_S = 0.4
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for.
+
+    name: of the scene's file. frames: None for a few that are spread over the path. peer: "vtk" or None.
+    """
+
+    name: str
+    scene: Scene
+    sweep: Sweep
+    frames: list[int] | None
+    repeats: int
+    peer: str | None
+    truth_tolerance: float
+    folder: Path
+    quiet: bool
+
+
+def run_study(request: Request) -> None:
+    """Measure, write the report and print the table; what was measured before an interrupt or error is written too."""
+    scene = request.scene
+    require_page_packages()
+    require_measuring_packages()
+    check_writable(request.folder)
+    if request.peer:
+        check_vtk(scene)
+    tell_first_run(quiet=request.quiet)
+    needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
+    with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # tried before a voxel is read
+        machine = describe_machine(rasterizer.renderer_name)
+    if request.peer:
+        machine["peer"] = {"name": request.peer, **describe_vtk()}
+    volume = _volume(request)
+    path = scene.camera.path
+    frames = request.frames or spread_frames(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
+    stage = prepared(scene, volume)
+    views = [view_of(stage, frame) for frame in frames]
+    truths, records = find_truths(stage, frames, request.truth_tolerance, quiet=request.quiet)
+    del stage  # one pyramid at a time is in memory
+    if not any(truth.on_volume.any() for truth in truths):
+        raise nothing_to_measure(len(truths))
+    measurements: list[Measurement] = []
+    end: KeyboardInterrupt | HsplatError | None = None
+    try:
+        for measurement in _measurements(request, volume, truths, views):
+            measurements.append(measurement)
+    except (KeyboardInterrupt, HsplatError) as error:
+        end = error
+    if measurements:
+        notes = [*scene_notes(scene, has_transparent_border=request.peer is not None), *request.sweep.notes]
+        if end:
+            why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
+            notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
+        study = Study(
+            name=request.name,
+            scene=scene_to_dict(scene),
+            volume=_volume_facts(volume),
+            machine=machine,
+            truth_tolerance=request.truth_tolerance,
+            truths=tuple(records),
+            measurements=tuple(measurements),
+            notes=(*notes, *monotony_notes(measurements)),
+        )
+        _write_and_print(study, request.folder)
+    if end:
+        raise end
+
+
+def _volume(request: Request) -> Volume:
+    """The scene's volume; its border is transparent where a peer is measured whose volumes end earlier."""
+    volume = read_guarded(request.scene.volume)
+    if request.peer is None:
+        return volume
+    return with_transparent_border(volume, make_transfer(request.scene.transfer_function, volume.finest_spacing))
+
+
+def _measurements(
+    request: Request, volume: Volume, truths: Sequence[Truth], views: Sequence[View]
+) -> Iterator[Measurement]:
+    """hsplat's settings and then the peer's, with the time remaining."""
+    sweep = request.sweep
+    plan = plan_sweep(
+        request.scene, lambda scene: prepared(scene, volume), sweep.errors, sweep.splats, sweep.tolerances
+    )
+    work = [planned.predicted_seconds(len(truths), request.repeats) for planned in plan]
+    if request.peer:
+        work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
+    with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:
+        for measurement in chain(_own(request, plan, volume, truths), _peer(request, volume, truths, views)):
+            yield measurement
+            bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
+
+
+def _own(request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
+    """One pyramid at a time is in memory; pictures known to be equal are drawn once.
+
+    Every setting has a GL context of its own: a software driver keeps what the largest picture took, which would be
+    counted as the memory of all that come after it.
+    """
+    memory = PeakMemory()
+    done: dict[Hashable, Measurement] = {}
+    stage: Stage | None = None
+    for planned in plan:
+        scene, key = planned.scene, planned.picture_key()
+        if stage is None or _pyramid_key(stage.scene) != _pyramid_key(scene):
+            stage = None
+            stage = prepared(scene, volume)
+        stage = replace(stage, scene=scene)
+        if key not in done:
+            with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
+                done[key] = measure_setting(
+                    stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
+                )
+        setting = splat_setting(scene.error, scene.splat)
+        yield replace(done[key], setting=setting, pyramid_seconds=pyramid_seconds(stage))
+
+
+def _pyramid_key(scene: Scene) -> Hashable:
+    """Scenes of one study that are equal in this have the same pyramid, and bricks."""
+    return scene.error.measure, scene.error.of, scene.splat.footprint == "integrated"
+
+
+def _peer(request: Request, volume: Volume, truths: Sequence[Truth], views: Sequence[View]) -> Iterator[Measurement]:
+    if request.peer is None:
+        return
+    yield from measure_vtk(
+        volume,
+        make_transfer(request.scene.transfer_function, volume.finest_spacing),
+        views,
+        truths,
+        request.scene.output.background,
+        settings=vtk_settings(),
+        repeats=request.repeats,
+    )
+
+
+def _volume_facts(volume: Volume) -> dict[str, Any]:
+    return {
+        "name": volume.name,
+        "fingerprint": volume.fingerprint,
+        "dtype": str(volume.values.dtype),
+        "shape": volume.shape_xyz,
+    }
+
+
+def _write_and_print(study: Study, folder: Path) -> None:
+    paths = write_study(study, folder, date=datetime.date.today().isoformat())
+    click.echo(terminal_table(study))
+    for note in study.notes:
+        click.echo(f"note: {note}")
+    click.echo("written: " + ", ".join(map(str, paths)))

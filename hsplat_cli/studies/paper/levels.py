@@ -1,0 +1,193 @@
+"""Figure 4: a volume of one material, drawn with the cells of each level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
+from hsplat_cli.studies.paper.studio import Studio, transfer_of, with_error, with_splat
+from hsplat_cli.terminal.counts import counted
+from renderer.errors import InputError
+from renderer.frame.frame import Stage, view_of
+from renderer.scene.spec import Scene
+from renderer.study.metrics import over_background
+from renderer.truth.integrator import integrate
+
+# Pixels whose ray goes through at least this share of the longest way through the volume are its inside.
+INSIDE_SHARE = 0.5
+# Verdicts are on the levels with at least this many cells along the shortest side: fewer are mostly border, which
+# footprints blur over a cell's width whatever their opacity is.
+LEAST_CELLS = 4
+# Of voxels, so that verdicts are on two levels or more.
+LEAST_SIDE = 2 * LEAST_CELLS
+# Of alpha, in the mean over the inside.
+AGREES = 0.03
+# Without correction, the coarsest level judged is expected to be so many times as far from level 0 as with.
+TIMES_AS_FAR = 5.0
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far the picture of a level is from that of level 0. All but mean_alpha are of RGB as it is seen.
+
+    mean_alpha: over the inside. rmse, largest: over the inside; rmse_everywhere: over all pixels.
+    """
+
+    level: int
+    num_cells: int
+    mean_alpha: float
+    rmse: float
+    largest: float
+    rmse_everywhere: float
+
+
+@dataclass(frozen=True)
+class Levels:
+    """From level 0 to the root. num_judged: levels with LEAST_CELLS cells or more along the shortest side."""
+
+    corrected: tuple[Distance, ...]
+    uncorrected: tuple[Distance, ...]
+    num_judged: int
+    rows: tuple[Row, ...]
+
+
+def make(scene: Scene, studio: Studio) -> Figure:
+    """The figure for a scene of a volume of one material."""
+    levels = measure(scene, studio)
+    return Figure(
+        4,
+        "A constant volume drawn at each level",
+        "The same block of one material, with cells from one voxel (level 0) to a single cell (the root). Numbers are "
+        f"of the inside: rays that go through at least {INSIDE_SHARE:.0%} of the longest way through the block.",
+        judge(levels),
+        rows=levels.rows,
+        charts=(_chart(levels),),
+        tables=(
+            _table("With correction, against level 0", levels.corrected),
+            _table("Without correction, against level 0", levels.uncorrected),
+        ),
+        notes=(
+            f"Verdicts are on levels 0 to {levels.num_judged - 1}, with {LEAST_CELLS} cells or more along the shortest "
+            "side. Coarser ones are mostly border, blurred over the width of a cell with and without correction.",
+        ),
+    )
+
+
+def measure(scene: Scene, studio: Studio) -> Levels:
+    """Draw all levels, with and without correction."""
+    stage = studio.stage(scene)
+    values = stage.volume.values
+    if values.min() != values.max():
+        raise InputError("figure 4 is of a volume of one material", hint="volume.procedural: {name: constant, ...}")
+    if min(stage.volume.shape_xyz) < LEAST_SIDE:
+        raise InputError(
+            "figure 4 compares levels, and this volume is too small for two of them",
+            got=" x ".join(map(str, stage.volume.shape_xyz)) + " voxels",
+            expected=f"{LEAST_SIDE} or more along every side",
+        )
+    alpha = integrate(stage.volume, transfer_of(stage), view_of(stage, 0), step_voxels=1.0)[..., 3]
+    if not alpha.any():
+        raise InputError(
+            "figure 4 is of something visible",
+            hint="raise the opacities of the transfer function, or point the camera at the volume",
+        )
+    way = -np.log1p(-np.minimum(alpha, 1 - 1e-12))
+    inside = way >= INSIDE_SHARE * way.max()
+    corrected, row = _drawn(with_splat(stage, opacity_correction=True), inside, studio)
+    uncorrected, row_without = _drawn(with_splat(stage, opacity_correction=False), inside, studio)
+    num_judged = (min(stage.volume.shape_xyz) // LEAST_CELLS).bit_length()
+    return Levels(
+        corrected, uncorrected, num_judged, (Row("With correction", row), Row("Without correction", row_without))
+    )
+
+
+def judge(levels: Levels) -> tuple[Claim, ...]:
+    """What the numbers say of the paper's claims."""
+    corrected, uncorrected = (part[: levels.num_judged] for part in (levels.corrected, levels.uncorrected))
+    off = [abs(distance.mean_alpha - corrected[0].mean_alpha) for distance in corrected]
+    coarsest, coarsest_without = corrected[-1], uncorrected[-1]
+    times = coarsest_without.rmse / max(coarsest.rmse, 1e-12)
+    return (
+        Claim(
+            "With opacity correction a constant volume looks alike at every level of the pyramid.",
+            f"the mean alpha of the inside is that of level 0 within {AGREES:g}, at levels 0 to {coarsest.level}",
+            f"at most {max(off):.4f} off (level 0: {corrected[0].mean_alpha:.4f}); RGB differs by {coarsest.rmse:.4f} "
+            f"(RMS) at level {coarsest.level}",
+            max(off) < AGREES,
+        ),
+        Claim(
+            "Without it, the volume fades as the level rises.",
+            f"the mean alpha of the inside falls from level to level, and level {coarsest.level} is at least "
+            f"{TIMES_AS_FAR:g} times as far from level 0 as with correction",
+            f"mean alphas {', '.join(f'{distance.mean_alpha:.3f}' for distance in uncorrected)}; at level "
+            f"{coarsest.level} RGB differs by {coarsest_without.rmse:.4f} (RMS), {times:.1f} times as much as with "
+            "correction",
+            bool(np.all(np.diff([distance.mean_alpha for distance in uncorrected]) < 0) and times >= TIMES_AS_FAR),
+        ),
+    )
+
+
+def _drawn(
+    stage: Stage, inside: npt.NDArray[np.bool_], studio: Studio
+) -> tuple[tuple[Distance, ...], tuple[Picture, ...]]:
+    background = stage.scene.output.background
+    first, distances, pictures = None, [], []
+    for level in range(stage.pyramid.num_levels + 1):
+        frame = studio.draw(with_error(stage, finest_level=level))
+        rgb = over_background(frame.radiance, background)
+        first = rgb if first is None else first
+        difference = np.abs(rgb - first)
+        distances.append(
+            Distance(
+                level,
+                frame.num_cells,
+                float(frame.radiance[..., 3][inside].mean(dtype=np.float64)),
+                float(np.sqrt(np.mean(difference[inside] ** 2))),
+                float(difference[inside].max()),
+                float(np.sqrt(np.mean(difference**2))),
+            )
+        )
+        pictures.append(Picture(frame.image, f"level {level}: {counted(frame.num_cells, 'cell')}"))
+    return tuple(distances), tuple(pictures)
+
+
+def _table(caption: str, distances: tuple[Distance, ...]) -> Table:
+    return Table(
+        caption,
+        ("level", "cells", "mean alpha inside", "off level 0", "RMSE inside", "largest inside", "RMSE of all pixels"),
+        tuple(
+            (
+                f"{distance.level}",
+                f"{distance.num_cells}",
+                f"{distance.mean_alpha:.4f}",
+                f"{distance.mean_alpha - distances[0].mean_alpha:+.4f}",
+                f"{distance.rmse:.4f}",
+                f"{distance.largest:.4f}",
+                f"{distance.rmse_everywhere:.4f}",
+            )
+            for distance in distances
+        ),
+    )
+
+
+def _chart(levels: Levels) -> Chart:
+    from hsplat_cli.studies.paper.plots import SERIES, new_plot  # noqa: PLC0415
+
+    plot, axes = new_plot("level", "mean alpha of the inside")
+    for distances, color, label in (
+        (levels.corrected, SERIES[0], "with correction"),
+        (levels.uncorrected, SERIES[1], "without"),
+    ):
+        axes.plot(
+            [distance.level for distance in distances],
+            [distance.mean_alpha for distance in distances],
+            "o-",
+            color=color,
+            label=label,
+        )
+    axes.set_ylim(0, 1)
+    axes.legend()
+    return Chart(plot, "Mean alpha over the level, with and without correction", "Mean alpha of the inside, by level")

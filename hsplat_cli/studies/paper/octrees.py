@@ -1,0 +1,227 @@
+"""Figure 5: octrees at falling error, with the cells drawn as lines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from hsplat_cli.reports.numbers import short_count_text
+from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
+from hsplat_cli.studies.paper.studio import Studio, transfer_of, with_error
+from hsplat_cli.terminal.counts import counted
+from renderer.errors import InputError
+from renderer.frame.frame import Stage, finest_level_at
+from renderer.pyramid.cut import Cut, cut_pyramid
+from renderer.scene.parse import schedule_to_dict
+from renderer.scene.schema import show
+from renderer.scene.spec import Scene
+from renderer.study.metrics import over_background, single
+
+Float64 = npt.NDArray[np.float64]
+
+# Tolerances, as multiples of the scene's.
+FACTORS = (8.0, 4.0, 1.0, 0.25)
+# Cells are counted in blocks of 2^BLOCK_LEVEL voxels a side.
+BLOCK_LEVEL = 4
+# A cut of fewer cells has hardly begun to be refined anywhere.
+LEAST_CELLS = 100
+# The quarter of the blocks in which the data vary most are expected to have so many times the cells of that where they
+# vary least.
+TIMES_THE_CELLS = 4.0
+
+
+@dataclass(frozen=True)
+class Octree:
+    """One cut. cells_by_level: from level 0 to the root.
+
+    cells_where_steady, cells_where_varied: a block's, in the mean over the quarter of the visible blocks in which the
+    opacity of the data varies least and most; a cell of many blocks counts in each with its share.
+    """
+
+    tolerance: float
+    cells_by_level: tuple[int, ...]
+    psnr_db: float
+    cells_where_steady: float
+    cells_where_varied: float
+
+    @property
+    def num_cells(self) -> int:
+        """Of all levels."""
+        return sum(self.cells_by_level)
+
+    @property
+    def times(self) -> float:
+        """How many times the cells there are where the data vary; 1 where there are none in either."""
+        if not self.cells_where_steady:
+            return math.inf if self.cells_where_varied else 1.0
+        return self.cells_where_varied / self.cells_where_steady
+
+
+@dataclass(frozen=True)
+class Octrees:
+    """By falling tolerance."""
+
+    octrees: tuple[Octree, ...]
+    rows: tuple[Row, ...]
+
+
+def make(scene: Scene, studio: Studio) -> Figure:
+    """The figure for any scene."""
+    numbers = measure(scene, studio)
+    side = 1 << BLOCK_LEVEL
+    return Figure(
+        5,
+        "Octrees at falling error",
+        "The octrees that are fitted to the pyramid as the tolerated error falls, with their cells drawn as lines and "
+        "without. Orange cells are single voxels, redder, then bluer ones larger; lines of small cells are fainter.",
+        judge(numbers),
+        rows=numbers.rows,
+        charts=(_chart(numbers),),
+        tables=(_table(numbers),),
+        notes=(
+            f"Where the data vary: the visible blocks of {side} x {side} x {side} voxels in order of the standard "
+            "deviation of their voxels' opacity, and of these the first and the last quarter.",
+        ),
+    )
+
+
+def measure(scene: Scene, studio: Studio) -> Octrees:
+    """Cut at all tolerances, draw with and without lines, and compare with the ray integral."""
+    base = scene.error.tolerance[0][1]
+    if base == 0 or scene.error.goal is not None:
+        ((schedule, value),) = schedule_to_dict(scene.error).items()
+        raise InputError(
+            "figure 5 is of multiples of the scene's tolerance",
+            got=f"error.{schedule}: {show(value)}",
+            expected="error.tolerance: a number above 0",
+            hint="give the tolerance of the third of its four octrees, such as 1",
+        )
+    stage = studio.stage(scene)
+    background = scene.output.background
+    truth = studio.truth(stage)
+    variation = _variation_of_blocks(stage)
+    visible = np.flatnonzero(variation >= 0)
+    if not visible.size:
+        raise InputError("figure 5 is of something visible", hint="raise the opacities of the transfer function")
+    by_variation = visible[np.argsort(variation.reshape(-1)[visible], kind="stable")]
+    quarter = max(1, len(by_variation) // 4)
+    octrees, plain, overlaid = [], [], []
+    for factor in FACTORS:
+        tolerance = factor * base
+        drawn = with_error(stage, tolerance=((0, tolerance),))
+        without = studio.draw(replace(drawn, scene=replace(drawn.scene, overlay="none")))
+        with_lines = studio.draw(replace(drawn, scene=replace(drawn.scene, overlay="octree")))
+        cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(drawn, tolerance))
+        in_blocks = _cells_in_blocks(cut, variation.shape).reshape(-1)
+        octrees.append(
+            Octree(
+                tolerance,
+                tuple(np.bincount(cut.levels, minlength=stage.pyramid.num_levels + 1).tolist()),
+                single("psnr", over_background(without.radiance, background), truth),
+                float(in_blocks[by_variation[:quarter]].mean()),
+                float(in_blocks[by_variation[-quarter:]].mean()),
+            )
+        )
+        overlaid.append(Picture(with_lines.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
+        plain.append(Picture(without.image, f"{octrees[-1].psnr_db:.1f} dB"))
+    rows = (Row("The cells", tuple(overlaid)), Row("The pictures, against the ray integral", tuple(plain)))
+    return Octrees(tuple(octrees), rows)
+
+
+def judge(numbers: Octrees) -> tuple[Claim, ...]:
+    """What the numbers say of the paper's claims."""
+    octrees = numbers.octrees
+    is_finer = all(after.num_cells > before.num_cells for before, after in pairwise(octrees))
+    is_better = all(after.psnr_db > before.psnr_db for before, after in pairwise(octrees))
+    refined = [octree for octree in octrees if octree.num_cells >= LEAST_CELLS]
+    return (
+        Claim(
+            "As the tolerated error falls the octree gets more cells, and the picture nearer to the exact one.",
+            "cells and PSNR against the ray integral rise with every step",
+            ", ".join(f"{counted(octree.num_cells, 'cell')} {octree.psnr_db:.1f} dB" for octree in octrees),
+            is_finer and is_better,
+        ),
+        Claim(
+            "The octree is refined where the data vary, and stays coarse where they are steady.",
+            f"in every octree of {LEAST_CELLS} cells or more, the quarter of the blocks where the data vary most has "
+            f"{TIMES_THE_CELLS:g} times as many cells as that where they vary least, or more",
+            ", ".join(f"{counted(octree.num_cells, 'cell')} {octree.times:.1f} times" for octree in octrees),
+            bool(refined) and all(octree.times >= TIMES_THE_CELLS for octree in refined),
+        ),
+    )
+
+
+def _variation_of_blocks(stage: Stage) -> Float64:
+    """float64 [z, y, x] of blocks: standard deviation of the opacities of their voxels, -1 where none is visible."""
+    volume, transfer, side = stage.volume, transfer_of(stage), 1 << BLOCK_LEVEL
+    spacing = volume.finest_spacing
+    shape = tuple(-(-num // side) for num in volume.values.shape)
+    variation = np.full(shape, -1.0)
+    for z in range(shape[0]):  # a slab of blocks at a time, which bounds the float64 temporaries
+        opacity = -np.expm1(-spacing * transfer.classify(volume.values[z * side : (z + 1) * side])[1])
+        for y, x in np.ndindex(shape[1:]):
+            block = opacity[:, y * side : (y + 1) * side, x * side : (x + 1) * side]
+            if block.any():
+                variation[z, y, x] = block.std()
+    volume.require_unchanged()
+    return variation
+
+
+def _cells_in_blocks(cut: Cut, shape: tuple[int, ...]) -> Float64:
+    """float64 [z, y, x]: how many cells each block has, those larger than a block counting in each of it equally."""
+    counts = np.zeros(shape)
+    for level in np.unique(cut.levels).tolist():
+        cells = cut.cells[cut.levels == level][:, ::-1]
+        if level <= BLOCK_LEVEL:
+            np.add.at(counts, tuple((cells >> (BLOCK_LEVEL - level)).T), 1)
+            continue
+        side = 1 << (level - BLOCK_LEVEL)
+        for cell in cells:
+            covered = counts[tuple(slice(side * place, side * (place + 1)) for place in cell.tolist())]
+            covered += 1 / covered.size
+    return counts
+
+
+def _table(numbers: Octrees) -> Table:
+    levels = range(len(numbers.octrees[0].cells_by_level))
+    return Table(
+        "Cells by level",
+        (
+            "tolerance",
+            *(f"level {level}" for level in levels),
+            "all",
+            "PSNR, dB",
+            "where steady",
+            "where varied",
+            "ratio",
+        ),
+        tuple(
+            (
+                f"{octree.tolerance:g}",
+                *map(str, octree.cells_by_level),
+                f"{octree.num_cells}",
+                f"{octree.psnr_db:.2f}",
+                f"{octree.cells_where_steady:.2f}",
+                f"{octree.cells_where_varied:.1f}",
+                f"{octree.times:.1f}",
+            )
+            for octree in numbers.octrees
+        ),
+    )
+
+
+def _chart(numbers: Octrees) -> Chart:
+    from hsplat_cli.studies.paper.plots import SERIES, new_plot  # noqa: PLC0415
+
+    plot, axes = new_plot("level", "cells")
+    for color, octree in zip(SERIES, numbers.octrees, strict=False):
+        levels = [level for level, num in enumerate(octree.cells_by_level) if num]
+        counts = [octree.cells_by_level[level] for level in levels]
+        axes.semilogy(levels, counts, "o-", color=color, label=f"tolerance {octree.tolerance:g}")
+    axes.yaxis.set_major_formatter(lambda count, _: short_count_text(count))
+    axes.legend()
+    return Chart(plot, "Cells over the level, for each tolerance", "Cells by level, at each tolerance")

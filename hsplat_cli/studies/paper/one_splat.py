@@ -1,0 +1,178 @@
+"""Figure 3: one splat that stands for a cube of 1, 2, 4, ... voxels a side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
+from hsplat_cli.studies.paper.studio import OPAQUE, Studio, transfer_of, with_error, with_splat
+from hsplat_cli.terminal.counts import counted
+from renderer.errors import InputError
+from renderer.frame.frame import Frame
+from renderer.scene.parse_error import MAX_LEVEL
+from renderer.scene.spec import ProceduralSource, Scene
+
+SIDES = (1, 2, 4, 8, 16, 32)
+# Of an optical depth: what float16 in the pyramid and float32 in the picture leave, ten times over.
+AGREES = 0.005
+# Of the optical depth of a whole picture: footprints end where 0.2 % of them is left, and pixels sample them.
+AGREES_IN_TOTAL = 0.01
+
+
+@dataclass(frozen=True)
+class Splats:
+    """One splat for each of SIDES, in a cube that is always as large; alphas are those of the middle of the picture.
+
+    opacity: of a voxel.
+    totals: optical depth of the whole picture of the corrected splat, relative to that of its voxels, drawn one by one.
+    """
+
+    opacity: float
+    corrected: tuple[float, ...]
+    uncorrected: tuple[float, ...]
+    totals: tuple[float, ...]
+    rows: tuple[Row, ...]
+
+    def depth_ratios(self, alphas: tuple[float, ...]) -> tuple[float, ...]:
+        """Optical depth of each splat, relative to that of the one that stands for one voxel."""
+        return tuple(math.log1p(-alpha) / math.log1p(-alphas[0]) for alpha in alphas)
+
+
+def make(scene: Scene, studio: Studio) -> Figure:
+    """The figure for a scene of a cube of one material."""
+    splats = measure(scene, studio)
+    return Figure(
+        3,
+        "One splat over resolutions that are powers of two",
+        "A cube of one material is always as large in the picture and always one splat, and stands for 1 to "
+        f"{SIDES[-1]} voxels a side, each of opacity {splats.opacity:g}.",
+        judge(splats),
+        rows=splats.rows,
+        charts=(_chart(splats),),
+        tables=(_table(splats),),
+    )
+
+
+def measure(scene: Scene, studio: Studio) -> Splats:
+    """Draw the splat for all numbers of voxels, with and without correction."""
+    source = scene.volume.source
+    if not (isinstance(source, ProceduralSource) and source.name == "constant" and len(set(source.spacing)) == 1):
+        raise InputError(
+            "figure 3 is of a cube of one material",
+            expected="volume.procedural: {name: constant, shape: [1, 1, 1]}",
+        )
+    length = source.shape[0] * source.spacing[0]
+    rows: dict[str, list[Picture]] = {"With correction": [], "Without": [], "The voxels themselves": []}
+    corrected, uncorrected, totals, opacity = [], [], [], 0.0
+    for side in SIDES:
+        cube = replace(source, shape=(side, side, side), spacing=(length / side, length / side, length / side))
+        stage = studio.stage(replace(scene, volume=replace(scene.volume, source=cube)))
+        extinction = float(transfer_of(stage).classify(stage.volume.values.reshape(-1)[:1])[1][0])
+        opacity = -math.expm1(-extinction * cube.spacing[0])
+        one = with_splat(with_error(stage, finest_level=MAX_LEVEL), opacity_correction=True)
+        splat = studio.draw(one)
+        if splat.num_splats != 1:
+            raise InputError("figure 3 is of one splat", got=counted(splat.num_splats, "splat"))
+        without = studio.draw(with_splat(one, opacity_correction=False))
+        voxels = studio.draw(with_error(one, finest_level=0, tolerance=((0, 0.0),)))
+        _require_depths((splat, without, voxels), side, opacity)
+        corrected.append(_middle(splat))
+        uncorrected.append(_middle(without))
+        totals.append(_total_depth(splat) / _total_depth(voxels))
+        for row, frame in zip(rows.values(), (splat, without, voxels), strict=True):
+            row.append(Picture(frame.image, f"{side}^3 voxels: alpha {_middle(frame):.3f}"))
+    shown = tuple(Row(title, tuple(pictures)) for title, pictures in rows.items())
+    return Splats(opacity, tuple(corrected), tuple(uncorrected), tuple(totals), shown)
+
+
+def judge(splats: Splats) -> tuple[Claim, ...]:
+    """What the numbers say of the paper's claims."""
+    corrected, uncorrected = splats.depth_ratios(splats.corrected), splats.depth_ratios(splats.uncorrected)
+    off = max(abs(ratio / side - 1) for ratio, side in zip(corrected, SIDES, strict=True))
+    change = max(abs(ratio - 1) for ratio in uncorrected)
+    return (
+        Claim(
+            "The transparency of a splat that stands for cells of twice the side is squared, again and again: "
+            "1 - a_2 = (1 - a_1)^2.",
+            f"for n voxels in depth, 1 - alpha is (1 - alpha of one voxel)^n, within {AGREES:.1%} of the exponent",
+            f"exponents {', '.join(f'{ratio:.3f}' for ratio in corrected)}; at most {off:.2%} off",
+            off < AGREES,
+        ),
+        Claim(
+            "Without the correction a splat is as faint for a large block of voxels as for a single one.",
+            f"alpha is the same for all numbers of voxels, within {AGREES:.1%} of the optical depth",
+            f"alpha from {min(splats.uncorrected):.4f} to {max(splats.uncorrected):.4f}; at most {change:.2%} off",
+            change < AGREES,
+        ),
+        Claim(
+            "One splat can stand for a whole block of voxels: it adds as much to the picture as they do.",
+            "the optical depth of the whole picture is that of the voxels drawn one by one, within "
+            f"{AGREES_IN_TOTAL:.0%}",
+            f"{', '.join(f'{total:.4f}' for total in splats.totals)} times as much",
+            all(abs(total - 1) < AGREES_IN_TOTAL for total in splats.totals),
+        ),
+    )
+
+
+def _require_depths(frames: Sequence[Frame], side: int, opacity: float) -> None:
+    """Raises InputError where optical depths cannot be told from the alphas."""
+    if any(_middle(frame) == 0 for frame in frames):
+        raise InputError(
+            "figure 3 is of a splat in the middle of the picture",
+            got="alpha 0 in the middle",
+            hint="camera.target: visible",
+        )
+    largest = max(float(frame.radiance[..., 3].max()) for frame in frames)
+    if largest >= OPAQUE:
+        raise InputError(
+            "figure 3 is of splats that can be seen through",
+            got=f"alpha {largest:.6g} for a cube of {side}^3 voxels of opacity {opacity:.3g}",
+            expected=f"alpha below {OPAQUE:g} for cubes of up to {SIDES[-1]}^3 voxels",
+            hint="lower the opacities of the transfer function",
+        )
+
+
+def _middle(frame: Frame) -> float:
+    height, width = frame.image.shape[:2]
+    return float(frame.radiance[height // 2, width // 2, 3])
+
+
+def _total_depth(frame: Frame) -> float:
+    """Sum over all pixels."""
+    return float(-np.log1p(-frame.radiance[..., 3].astype(np.float64)).sum())
+
+
+def _table(splats: Splats) -> Table:
+    ratios = splats.depth_ratios(splats.corrected)
+    columns = (SIDES, splats.corrected, ratios, splats.uncorrected, splats.totals)
+    return Table(
+        "Alpha in the middle of the splat, and the optical depth of the whole picture against that of the voxels",
+        (
+            "voxels a side",
+            "with correction",
+            "exponent of (1 - alpha of one voxel)",
+            "without correction",
+            "whole picture",
+        ),
+        tuple(
+            (f"{side}", f"{with_correction:.4f}", f"{ratio:.3f}", f"{without:.4f}", f"{total:.4f}")
+            for side, with_correction, ratio, without, total in zip(*columns, strict=True)
+        ),
+    )
+
+
+def _chart(splats: Splats) -> Chart:
+    from hsplat_cli.studies.paper.plots import SERIES, new_plot  # noqa: PLC0415
+
+    plot, axes = new_plot("voxels a side", "alpha in the middle")
+    expected = [-math.expm1(side * math.log1p(-splats.corrected[0])) for side in SIDES]
+    axes.semilogx(SIDES, expected, color=SERIES[0], base=2, linewidth=1, label="1 - (1 - alpha of one voxel)^n")
+    axes.plot(SIDES, splats.corrected, "o", color=SERIES[0], label="with correction")
+    axes.plot(SIDES, splats.uncorrected, "x", color=SERIES[1], label="without")
+    axes.set_xticks(SIDES, [str(side) for side in SIDES])
+    axes.legend()
+    return Chart(plot, "Alpha over the number of voxels, with and without correction", "Alpha by the number of voxels")

@@ -1,0 +1,62 @@
+"""What measured numbers depend on: the machine, the system, the commit; and the memory that the process takes."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import platform
+from pathlib import Path
+from typing import Any
+
+from hsplat_cli.terminal.versions import MEASURING, commit, package_versions
+
+
+def describe_machine(driver: str) -> dict[str, Any]:
+    """Processor, cores, system, the GL driver, the commit and the versions of what is at work."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "driver": driver,
+        "commit": commit(),
+        "versions": package_versions(*MEASURING),
+    }
+
+
+class PeakMemory:
+    """The most memory that this process held since the last reset, as Linux counts it; elsewhere it is not known."""
+
+    _STATUS, _RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+
+    def __init__(self) -> None:
+        self._is_known = False
+
+    def trim(self) -> None:
+        """Give freed memory back to the system, where the C library can: a large setting would count with the next."""
+        with contextlib.suppress(OSError, AttributeError, TypeError):  # no such library, no such function
+            ctypes.CDLL(None).malloc_trim(0)
+
+    def reset(self) -> None:
+        """Start counting anew."""
+        try:
+            self._RESET.write_text("5")
+            self._is_known = True
+        except OSError:  # no such file, or not allowed to
+            self._is_known = False
+
+    def peak_bytes(self) -> int | None:
+        """Bytes of physical memory; None where the system does not tell."""
+        if not self._is_known:
+            return None
+        return int(self._STATUS.read_text().partition("VmHWM:")[2].split()[0]) * 1024
+
+
+def _processor() -> str:
+    """The processor's name as sold, where Linux tells it; else what Python knows."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

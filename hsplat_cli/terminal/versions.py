@@ -1,0 +1,57 @@
+"""Which versions of what made an output."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import subprocess
+from importlib import metadata
+from pathlib import Path
+
+# What the pixels or the files depend on, and what measured numbers do besides.
+MEASURING = ("flip-evaluator", "scikit-image", "vtk")
+_PACKAGES = ("hsplat", "imageio-ffmpeg", "llvmlite", "moderngl", "nibabel", "numba", "numpy", "SimpleITK")
+
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+def package_versions(*more: str) -> dict[str, str]:
+    """Python's version and those of the packages that an output depends on, for its sidecar, and of some more.
+
+    Where hsplat runs from its sources, it is told by their commit. What is not there is `not installed`.
+    """
+    return {"python": platform.python_version()} | {name: _version(name) for name in (*_PACKAGES, *more)}
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        is_told = package == "hsplat" and (sources := commit()) != "unknown"
+        return f"commit {sources}" if is_told else "not installed"
+
+
+def commit() -> str:
+    """The commit of these sources, with `-dirty` where they were changed since; `unknown` without git or history."""
+    if not (_ROOT / ".git").exists():  # a repository further up would be another project's
+        return "unknown"
+    try:
+        name, changes = _git("describe", "--always"), _git("status", "--porcelain", "--untracked-files=no")
+    except OSError:
+        return "unknown"
+    return name + "-dirty" * bool(changes) if name else "unknown"
+
+
+def _git(*arguments: str) -> str:
+    """What git says, without a lock on the repository, which somebody may be at work in."""
+    command = ["git", "--no-optional-locks", *arguments]
+    return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()
+
+
+def sources_digest() -> str:
+    """32 hexadecimal digits that change with anything that draws: the sources of renderer/, shaders included."""
+    found = hashlib.blake2b(digest_size=16)
+    for path in sorted((_ROOT / "renderer").rglob("*")):
+        if path.suffix in (".py", ".glsl"):
+            found.update(path.read_bytes())
+    return found.hexdigest()

@@ -1,0 +1,200 @@
+"""Plain data of a scene, what the command line changes in it, and where everything in it was written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import Problem, SceneError
+from renderer.scene.parse import parse_scene
+from renderer.scene.schema import join, show
+from renderer.scene.spec import Scene
+from renderer.scene.yaml_tree import Mark, NotYamlError, Tree, excerpt, place_in, read_tree
+
+_SOURCES = ("file", "raw", "procedural")
+
+
+@dataclass(frozen=True)
+class _Option:
+    """An option of the command line as it was written, and its number among them."""
+
+    number: int
+    text: str
+
+
+@dataclass(frozen=True)
+class _Located:
+    """A problem and its place: a mark in the file, or an option, or neither."""
+
+    problem: Problem
+    mark: Mark | None = None
+    option: _Option | None = None
+
+    @property
+    def order(self) -> tuple[int, int, int]:
+        """Sorts by line and column, options after that."""
+        if self.option is not None:
+            return 1, self.option.number, 0
+        return (0, self.mark.line, self.mark.column) if self.mark else (0, 0, 0)
+
+    def complaint(self, path: Path, lines: Sequence[str]) -> Problem:
+        """The problem with its place and, if that is in the file, the line that it is about."""
+        if self.option is not None:
+            return replace(self.problem, place=self.option.text)
+        what = self.problem.what + excerpt(lines, self.mark)
+        return replace(self.problem, place=place_in(path, self.mark), what=what)
+
+
+class Editor:
+    """Changes a tree as the options of the command line say, and remembers which of them wrote what.
+
+    Parameters
+    ----------
+    tree: a mapping, which is changed.
+    path: the file that it was read from; lines: those of the file, to be shown with complaints.
+    within: where the scene is in the file, if that is known by keys and not by lines.
+    hints: for complaints about the file's own values, by path.
+    """
+
+    def __init__(
+        self,
+        tree: Tree,
+        path: Path,
+        lines: Sequence[str] = (),
+        *,
+        within: str = "",
+        hints: Mapping[str, str] | None = None,
+    ) -> None:
+        self.tree = tree
+        self._path, self._lines, self._within, self._hints = path, lines, within, hints or {}
+        self._problems = [_Located(problem, mark) for mark, problem in tree.problems]
+        self._options: dict[str, _Option] = {}
+        self._num_options = 0
+
+    def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | None) -> None:
+        """Change what `--set`, `--volume` and `--output` say, in this order."""
+        for override in overrides:
+            self._override(override)
+        if volume is not None:
+            self._replace_volume(volume)
+        if output is not None:
+            self._set(["output", "file"], str(output), self._option(f"--output {output}"))
+
+    @property
+    def changed(self) -> list[str]:
+        """The paths that options have written."""
+        return list(self._options)
+
+    def parse(self, *, still: bool = False, more: Sequence[Problem] = ()) -> Scene:
+        """The scene, its files relative to that of the tree; `more` is what else is wrong in this file.
+
+        Raises SceneError with all complaints, in their order in the file, those about the command line last.
+        """
+        problems = [*self._problems, *(_Located(problem) for problem in more)]
+        try:
+            scene = parse_scene(self.tree.data, base=self._path.parent.absolute(), still=still)
+        except SceneError as error:
+            problems += [self._located(problem) for problem in error.problems]
+        if problems:
+            ordered = sorted(problems, key=lambda item: item.order)
+            raise SceneError([item.complaint(self._path, self._lines) for item in ordered])
+        return scene
+
+    def _option(self, text: str) -> _Option:
+        """The next option."""
+        self._num_options += 1
+        return _Option(self._num_options, text)
+
+    def _override(self, text: str) -> None:
+        """Apply `path.to.key=value`."""
+        option = self._option(f"--set {text}")
+        name, equals, value_text = text.partition("=")
+        parts = name.strip().split(".")
+        if not equals or not all(parts):
+            self._complain(option, Problem("", "not an override", expected="--set path.to.key=value"))
+            return
+        if value_text.strip().startswith("#"):  # a color and not a comment
+            self._set(parts, value_text.strip(), option)
+            return
+        try:
+            value = read_tree(value_text)
+        except NotYamlError as error:
+            self._complain(option, Problem("", error.what, hint=error.hint))
+            return
+        for _, problem in value.problems:
+            self._complain(option, replace(problem, path=".".join(filter(None, (name.strip(), problem.path)))))
+        if not value_text.strip():
+            hint = f"to take the key away, give {name.strip()}=null"
+            self._complain(option, Problem(name.strip(), "no value", expected="--set path.to.key=value", hint=hint))
+            return
+        self._set(parts, value.data, option)
+
+    def _replace_volume(self, volume: Path) -> None:
+        """Let the volume come from a file, with the other keys of the section as they are."""
+        option = self._option(f"--volume {volume}")
+        section = self.tree.data.get("volume")
+        rest = (
+            {key: value for key, value in section.items() if key not in _SOURCES} if isinstance(section, dict) else {}
+        )
+        self.tree.data["volume"] = rest
+        self._set(["volume", "file"], str(volume.absolute()), option)
+
+    def _set(self, parts: Sequence[str], value: Any, option: _Option) -> None:
+        """Put `value` at the path `parts` and remember that `option` did it; None takes the key away."""
+        parent, path = self.tree.data, ""
+        for part in parts[:-1]:
+            key = self._key(parent, part, path, option)
+            if key is None:
+                return
+            path = join(path, key)
+            if isinstance(parent, dict) and parent.get(key) is None:
+                parent[key] = {}
+                self._remember(path, option)
+            parent = parent[key]
+        key = self._key(parent, parts[-1], path, option)
+        if key is None:
+            return
+        self._remember(join(path, key), option)
+        if value is None and isinstance(parent, dict):
+            parent.pop(key, None)
+        else:
+            parent[key] = value
+
+    def _key(self, parent: Any, part: str, path: str, option: _Option) -> Any:
+        """What `part` names in `parent`: a key, which need not be there, or an index, which must."""
+        if isinstance(parent, dict):
+            return next((key for key in parent if join("", key) == part), part)
+        if isinstance(parent, list):
+            if re.fullmatch("[0-9]{1,9}", part) and int(part) < len(parent):
+                return int(part)
+            expected = f"a number from 0 to {len(parent) - 1}" if parent else None
+            self._complain(option, Problem(path, "no such item in this list", got=part, expected=expected))
+        else:
+            self._complain(option, Problem(path, "neither a mapping nor a list", got=show(parent)))
+        return None
+
+    def _remember(self, path: str, option: _Option) -> None:
+        """From now on, `path` and all below it come from `option`."""
+        for known in [known for known in (*self.tree.places, *self._options) if known.startswith(f"{path}.")]:
+            self.tree.places.pop(known, None)
+            self._options.pop(known, None)
+        self._options[path] = option
+
+    def _complain(self, option: _Option, problem: Problem) -> None:
+        self._problems.append(_Located(problem, option=option))
+
+    def _located(self, problem: Problem) -> _Located:
+        """The problem at the place of its path or, if that is nowhere, of the nearest part around it."""
+        path, is_around = problem.path, False
+        while path and path not in self._options and path not in self.tree.places:
+            path, is_around = path.rpartition(".")[0], True
+        if path in self._options:
+            return _Located(problem, option=self._options[path])
+        if not path:
+            keys = ".".join(filter(None, (self._within, problem.path)))
+            return _Located(replace(problem, path=keys, hint=self._hints.get(problem.path, problem.hint)))
+        place = self.tree.places[path]
+        return _Located(problem, place.key if problem.at_key or is_around else place.value)

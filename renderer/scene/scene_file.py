@@ -1,0 +1,58 @@
+"""A scene file, with what the command line changes in it, to a checked Scene.
+
+Every complaint names its place: `scene.yaml:14:13`, or the option that brought the value in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from renderer.errors import InputError
+from renderer.scene.editor import Editor
+from renderer.scene.input_file import MAX_SCENE_BYTES, read_content, refuse_volume
+from renderer.scene.schema import show
+from renderer.scene.spec import Scene
+from renderer.scene.yaml_tree import tree_of_file
+
+
+def load_scene(
+    path: Path,
+    *,
+    overrides: Sequence[str] = (),
+    volume: Path | None = None,
+    output: Path | None = None,
+    still: bool = False,
+) -> Scene:
+    """The scene in the YAML file `path`.
+
+    Parameters
+    ----------
+    overrides: `path.to.key=value`, value being YAML; missing mappings are made, list items are named by their number
+        from 0, and the value null takes a key away. They apply in their order, before the two below.
+    volume: takes the place of the volume's source, and output that of the output file; both are relative to the
+        current folder. Volume files in the scene are relative to the scene file, and its output file to the current
+        folder.
+    still: one frame of the path is drawn.
+
+    Raises InputError where the file cannot be read, and SceneError with all the complaints about what is in it, in
+    their order in the file, those about the command line last.
+    """
+    return scene_in(read_content(path), path, overrides=overrides, volume=volume, output=output, still=still)
+
+
+def scene_in(
+    content: bytes, path: Path, *, overrides: Sequence[str], volume: Path | None, output: Path | None, still: bool
+) -> Scene:
+    """The scene in the content of the file `path`; as `load_scene`."""
+    if len(content) > MAX_SCENE_BYTES:
+        raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
+    refuse_volume(content, path)
+    tree, lines = tree_of_file(content, path)
+    if not isinstance(tree.data, dict):
+        got = "an empty file" if tree.data is None else show(tree.data)
+        expected = "the keys volume, transfer_function, camera and output"
+        raise InputError("not a scene", where=str(path), got=got, expected=expected)
+    editor = Editor(tree, path, lines)
+    editor.apply(overrides, volume, output)
+    return editor.parse(still=still)

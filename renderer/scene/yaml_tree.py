@@ -1,0 +1,281 @@
+"""YAML text to plain data, with the line and column of every key and value.
+
+Only what a scene needs: mappings, lists, text, numbers, true, false and null, and anchors within bounds. Numbers are
+those of YAML 1.2: PyYAML's own rules (YAML 1.1) read 1e-3 as text, 010 as 8 and 1:30 as 90.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from renderer.errors import InputError, Problem
+from renderer.scene.input_file import decode
+from renderer.scene.schema import join, show, underflows
+
+# A scene has a few hundred values in three or four levels; what is far beyond that is a mistake or an attack.
+MAX_NODES = 20_000
+MAX_DEPTH = 50
+
+LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
+
+_TAG = "tag:yaml.org,2002:"
+
+
+@dataclass(frozen=True, order=True)
+class Mark:
+    """A place in the text; line and column count from 1."""
+
+    line: int
+    column: int
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a key and its value begin.
+
+    The item of a list has no key: both are where it begins. A mapping or list on lines of its own is found at its key.
+    """
+
+    key: Mark
+    value: Mark
+
+
+@dataclass
+class Tree:
+    """Plain data, the places of its dotted paths, and the mistakes that did not keep it from being read."""
+
+    data: Any = None
+    places: dict[str, Place] = field(default_factory=dict)
+    problems: list[tuple[Mark, Problem]] = field(default_factory=list)
+
+
+class NotYamlError(Exception):
+    """The text cannot be read at all: what is wrong, where if that is known, and what to do about it."""
+
+    def __init__(self, what: str, mark: Mark | None = None, hint: str | None = None) -> None:
+        self.what, self.mark, self.hint = what, mark, hint
+        super().__init__(what)
+
+
+def tree_of_file(content: bytes, path: Path) -> tuple[Tree, list[str]]:
+    """The data in the content of a file, and its lines, for `excerpt`. Raises InputError."""
+    text = decode(content, path)
+    lines = LINE_BREAK.split(text)
+    try:
+        return read_tree(text), lines
+    except NotYamlError as error:
+        what = error.what + excerpt(lines, error.mark)
+        raise InputError(what, where=place_in(path, error.mark), hint=error.hint) from error
+
+
+def place_in(path: Path, mark: Mark | None) -> str:
+    """`scene.yaml:14:13`; the file alone where no more is known."""
+    return str(path) if mark is None else f"{path}:{mark.line}:{mark.column}"
+
+
+def excerpt(lines: Sequence[str], mark: Mark | None) -> str:
+    """A line of the file with a caret below the column, to be appended to a message."""
+    if mark is None:
+        return ""
+    line = lines[mark.line - 1].replace("\t", " ").rstrip()
+    if not line.isprintable() or not 0 < len(line) <= _MAX_LINE:
+        return ""
+    indent = len(line) - len(line.lstrip())
+    return f"\n    | {line[indent:]}\n    | {' ' * (mark.column - 1 - indent)}^"
+
+
+_MAX_LINE = 120
+
+
+def read_tree(text: str) -> Tree:
+    """The data in `text`; None where there is nothing but comments. Raises NotYamlError."""
+    tree = Tree()
+    try:
+        node = yaml.compose(text, Loader=_Loader)
+        if node is not None:
+            tree.data = _Builder(tree).build(node, "", key=None, depth=0)
+    except yaml.reader.ReaderError as error:
+        lines = LINE_BREAK.split(text[: error.position])
+        what = f"not valid YAML: the character {error.character!r} may not be in it"
+        raise NotYamlError(what, Mark(len(lines), len(lines[-1]) + 1)) from error
+    except yaml.MarkedYAMLError as error:
+        raise _explain(error, text) from error
+    except (ValueError, OverflowError) as error:  # PyYAML lets that of chr() through
+        raise NotYamlError("not valid YAML: an escape for a character that does not exist") from error
+    return tree
+
+
+class _Loader(yaml.SafeLoader):
+    """Composes nodes of limited number and depth with the scalars of YAML 1.2; constructs nothing."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's name; it is filled in below)
+
+    def __init__(self, stream: str) -> None:
+        super().__init__(stream)
+        self._depth = self._num_values = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        # Counted here, too: the nodes of a large text take seconds and hundreds of megabytes before any is built.
+        if parent is None or index is not None:  # the others are keys
+            self._num_values += 1
+        if self._num_values > MAX_NODES:
+            raise _too_many()
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            mark: yaml.Mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise _too_much(f"more than {MAX_DEPTH} levels", mark)
+        node: yaml.Node | None = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+
+for _name, _pattern, _first in (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9]+", list("-+0123456789")),
+    ("float", r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", list("-+.0123456789")),
+    ("float", r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.")),
+):
+    _Loader.add_implicit_resolver(_TAG + _name, re.compile(f"(?:{_pattern})$"), _first)
+
+
+class _Builder:
+    """Turns nodes into data, following anchors as often as they are used but not without end."""
+
+    def __init__(self, tree: Tree) -> None:
+        self.tree = tree
+        self.num_nodes = 0
+
+    def build(self, node: yaml.Node, path: str, *, key: yaml.Node | None, depth: int) -> Any:
+        self.num_nodes += 1
+        if self.num_nodes > MAX_NODES:
+            raise _too_many()
+        if depth > MAX_DEPTH:  # an anchor that contains itself
+            raise _too_much(f"more than {MAX_DEPTH} levels", node.start_mark)
+        at_key = _mark((key or node).start_mark)
+        is_block = isinstance(node, yaml.CollectionNode) and not node.flow_style
+        self.tree.places[path] = Place(at_key, at_key if is_block else _mark(node.start_mark))
+        if isinstance(node, yaml.CollectionNode) and node.tag not in (f"{_TAG}map", f"{_TAG}seq"):
+            self._refuse_tag(node, path)
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, path, depth)
+        if isinstance(node, yaml.SequenceNode):
+            return [
+                self.build(item, join(path, index), key=None, depth=depth + 1) for index, item in enumerate(node.value)
+            ]
+        return self._scalar(node, path)
+
+    def _mapping(self, node: yaml.MappingNode, path: str, depth: int) -> dict[Hashable, Any]:
+        data: dict[Hashable, Any] = {}
+        lines: dict[Hashable, int] = {}
+        for key_node, value_node in node.value:
+            mark = _mark(key_node.start_mark)
+            if not isinstance(key_node, yaml.ScalarNode):
+                self._note(mark, Problem(path, "a key that is a list or a mapping", expected="text or a number"))
+                continue
+            key = self._scalar(key_node, path)
+            place = join(path, key)
+            if key in lines:
+                hint = f"it is in line {lines[key]}, too" if lines[key] != mark.line else None
+                self._note(mark, Problem(place, "the same key twice", hint=hint))
+                continue
+            lines[key] = mark.line
+            data[key] = self.build(value_node, place, key=key_node, depth=depth + 1)
+        return data
+
+    def _scalar(self, node: yaml.Node, path: str) -> Any:
+        kind, text = node.tag.removeprefix(_TAG), node.value
+        try:
+            if kind == "int":
+                return _integer(text)
+            if kind == "float":
+                number = float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+                return text if number == 0 and underflows(text) else number  # for the schema to refuse
+            if kind in ("null", "bool"):
+                return {"n": None, "~": None, "": None, "t": True, "f": False}[text[:1].lower()]
+        except (KeyError, ValueError):  # an explicit tag on something else
+            kind = "?"
+        if kind != "str":
+            self._refuse_tag(node, path)
+        return text
+
+    def _refuse_tag(self, node: yaml.Node, path: str) -> None:
+        problem = Problem(path, "tags are not used here", got=show(node.tag), hint="remove what begins with !")
+        self._note(_mark(node.start_mark), problem)
+
+    def _note(self, mark: Mark, problem: Problem) -> None:
+        self.tree.problems.append((mark, problem))
+
+
+def _integer(text: str) -> int | float:
+    try:
+        return int(text)
+    except ValueError:  # thousands of digits, which Python refuses to convert
+        return float(text)
+
+
+def _mark(mark: yaml.Mark) -> Mark:
+    return Mark(mark.line + 1, mark.column + 1)
+
+
+def _too_many() -> yaml.MarkedYAMLError:
+    return _too_much(f"more than {MAX_NODES} values", None)
+
+
+def _too_much(problem: str, mark: yaml.Mark | None) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
+
+
+# What PyYAML says (a beginning of it), the same for somebody who has not read its source, and what to do.
+_WORDS = (
+    ("found character '\\t'", "a tab", "indent with spaces"),
+    (
+        "expected <block end>",
+        "this does not belong to what is above it",
+        "compare its indentation with that of line {begin}",
+    ),
+    (
+        "mapping values are not allowed",
+        "a colon that cannot be there",
+        "put text with a colon in quotes; check the indentation",
+    ),
+    ("could not find expected ':'", "a key without a colon", "write `key: value`, with a blank after the colon"),
+    ("found unexpected end of stream", "a quote that is not closed", "it is opened in line {begin}"),
+    ("expected the node content", "a value that is missing or not finished", None),
+    ("but found another document", "a second document", "one document a file: remove everything from this --- on"),
+    ("found undefined alias", "an alias without an anchor", "put text that begins with * in quotes"),
+    ("second occurrence", "an anchor whose name is taken", "the other one is in line {begin}"),
+)
+
+
+# What is often written without the quotes that it needs.
+_COLOR = re.compile(r"\s#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})\b")
+_UNQUOTED = (
+    (_COLOR, 'put colors in quotes, for # begins a comment: "#ff8800"'),
+    (re.compile(r"""^[^"'#]*\{frame(:[^{}]*)?\}"""), 'put names with braces in quotes: "frames/{frame:04}.png"'),
+)
+
+
+def _explain(error: yaml.MarkedYAMLError, text: str) -> NotYamlError:
+    problem = error.problem or error.context or "unreadable"
+    mark = _mark(error.problem_mark) if error.problem_mark else None
+    begin = error.context_mark.line + 1 if error.context_mark else None
+    hint = "it belongs to what begins in line {begin}" if begin and mark and begin != mark.line else None
+    unquoted = _missing_quotes(text, mark) if problem.startswith("expected") else None
+    for beginning, words, advice in _WORDS:
+        if problem.startswith(beginning):
+            problem, hint = words, advice
+    return NotYamlError(f"not valid YAML: {problem}", mark, unquoted or (hint.format(begin=begin) if hint else None))
+
+
+def _missing_quotes(text: str, mark: Mark | None) -> str | None:
+    """A hint for what lacks its quotes on the line of a mistake or, for it may show late, on the one before."""
+    lines = [] if mark is None else [line for line in LINE_BREAK.split(text)[: mark.line] if line.strip()]
+    found = (hint for line in lines[:-3:-1] for pattern, hint in _UNQUOTED if pattern.search(line))
+    return next(found, None)
