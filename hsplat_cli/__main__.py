@@ -7,7 +7,7 @@ def main() -> None:
     """Run the command line of the process, and exit."""
     try:
         # Imported here, so that Ctrl-C in the meantime is a message and not a traceback.
-        from hsplat_cli.main import main as run  # noqa: PLC0415
+        from hsplat_cli.main import main as run
 
         run()
     except KeyboardInterrupt:

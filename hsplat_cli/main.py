@@ -74,7 +74,7 @@ class LazyGroup(click.Group):
 def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted or context.resilient_parsing:
         return
-    from importlib import metadata  # noqa: PLC0415  takes as long to import as all the rest
+    from importlib import metadata
 
     try:
         version = metadata.version("hsplat")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 
 DATA_VARIABLE = "HSPLAT_TEST_DATA"
 

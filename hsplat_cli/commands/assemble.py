@@ -9,14 +9,11 @@ from typing import Any
 
 import click
 
-from hsplat_cli.films.assemble.parts import Part, find_parts
-from hsplat_cli.terminal.frame_range import parse_frames
-from hsplat_cli.terminal.interrupts import terminated_as_interrupted
+from hsplat_cli.films import Part, find_parts
+from hsplat_cli.terminal import parse_frames, terminated_as_interrupted
 from renderer.errors import Problem, SceneError
-from renderer.film.names import has_frame_files
-from renderer.scene.parse_output import OUTPUT
-from renderer.scene.schema import Node, show
-from renderer.scene.spec import FRAME_FIELD, OutputSpec
+from renderer.film import has_frame_files
+from renderer.scene import FRAME_FIELD, OUTPUT, Node, OutputSpec, show
 
 
 @click.command()
@@ -57,7 +54,7 @@ def assemble(
     spec = _output_spec(found[0], options, numbers)
     with terminated_as_interrupted():
         # Imported here: numpy takes longer to load than --help may take to answer.
-        from hsplat_cli.films.assemble.film import assemble_film  # noqa: PLC0415
+        from hsplat_cli.films import assemble_film
 
         assemble_film(found, numbers, spec, force=force, quiet=quiet)
 

@@ -6,13 +6,11 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.scenes.job import load_job
-from hsplat_cli.terminal.counts import counted
-from renderer.film.atomic import require_possible
-from renderer.film.lock import require_no_other
-from renderer.film.names import first_files, unfinished_folder
-from renderer.readers.sniff import require_volume_file
-from renderer.scene.spec import (
+from hsplat_cli.scenes import load_job
+from hsplat_cli.terminal import counted
+from renderer.film import first_files, require_no_other, require_possible, unfinished_folder
+from renderer.readers import require_volume_file
+from renderer.scene import (
     AccuracyGoal,
     ByFrame,
     FileSource,

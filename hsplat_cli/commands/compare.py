@@ -10,9 +10,8 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.executors.executor_arguments import workers_option
-from hsplat_cli.terminal.interrupts import terminated_as_interrupted
-from hsplat_cli.terminal.output_path import OutputPath
+from hsplat_cli.executors import workers_option
+from hsplat_cli.terminal import OutputPath, terminated_as_interrupted
 from renderer.errors import InputError
 
 _file = click.Path(path_type=Path)
@@ -72,10 +71,7 @@ def compare(
     """
     with terminated_as_interrupted():
         # Imported here: numpy takes longer to load than --help may take to answer.
-        from hsplat_cli.compare.matching import compare_frames  # noqa: PLC0415
-        from hsplat_cli.compare.report import table_of  # noqa: PLC0415
-        from hsplat_cli.compare.run import ReportFiles  # noqa: PLC0415
-        from hsplat_cli.compare.scene import SceneOptions  # noqa: PLC0415
+        from hsplat_cli.compare import ReportFiles, SceneOptions, compare_frames, table_of
 
         reports = ReportFiles(json_file, junit_file, html_file)
         drawing = SceneOptions(frames, overrides, volume, workers)

@@ -8,11 +8,8 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.executors.executor_arguments import CrewSpec, workers_option
-from hsplat_cli.terminal.first_run import tell_first_run
-from hsplat_cli.terminal.frame_range import parse_frames
-from hsplat_cli.terminal.interrupts import terminated_as_interrupted
-from hsplat_cli.terminal.output_path import OutputPath
+from hsplat_cli.executors import CrewSpec, workers_option
+from hsplat_cli.terminal import OutputPath, parse_frames, tell_first_run, terminated_as_interrupted
 from renderer.errors import InputError
 
 
@@ -57,9 +54,7 @@ def golden(
             raise InputError("of no use without --update", where=option)
     with terminated_as_interrupted():
         # Imported here: numpy takes longer to load than --help may take to answer.
-        from hsplat_cli.compare.golden.draw import load_steady_job  # noqa: PLC0415
-        from hsplat_cli.compare.golden.provenance import parse_date  # noqa: PLC0415
-        from hsplat_cli.compare.golden.update import Wish, keep_goldens  # noqa: PLC0415
+        from hsplat_cli.compare import Wish, keep_goldens, load_steady_job, parse_date
 
         told_date = parse_date(date)
         job = load_steady_job(scene, overrides=overrides, volume=volume)

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hsplat_cli.scenes.scene_text import transfer_dict, transfer_lines
-from hsplat_cli.scenes.volume_arguments import read_as_told, volume_options, volume_spec
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.scenes import read_as_told, transfer_dict, transfer_lines, volume_options, volume_spec
+from hsplat_cli.terminal import counted
 
 if TYPE_CHECKING:
-    from renderer.suggest.histogram import Statistics, ValueRange
-    from renderer.suggest.suggestion import Suggestion
-    from renderer.volume.volume import Float64, Volume
+    from renderer.suggest import Statistics, Suggestion, ValueRange
+    from renderer.volume import Float64, Volume
 
 _COLUMNS, _ROWS = 64, 8
 _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
@@ -33,8 +31,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     VOLUME is a file, or a folder of slices. The last part of the output suggests ranges of values, and a transfer
     function to paste into a scene file.
     """
-    from renderer.suggest.histogram import measure, suggest_ranges  # noqa: PLC0415  (numpy, for which --help does not wait)
-    from renderer.suggest.suggestion import suggest  # noqa: PLC0415
+    from renderer.suggest import measure, suggest, suggest_ranges
 
     read = read_as_told(volume_spec(volume, **reading))
     statistics = measure(read.values, read.source)
@@ -50,7 +47,7 @@ def _facts(
     volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...], suggestion: Suggestion
 ) -> dict[str, Any]:
     """Everything that is printed, as plain data."""
-    from renderer.suggest.histogram import rebin  # noqa: PLC0415
+    from renderer.suggest import rebin
 
     counts, edges = rebin(statistics, _COLUMNS)
     axes = volume.world_from_index[:3, :3]
@@ -94,7 +91,7 @@ def describe_direction(axes: Float64) -> str:
     `axis-aligned`, with the axes that are swapped or run backwards; `oblique` for right angles askew; `sheared`.
     Angles below a hundredth of a degree are taken for rounding.
     """
-    import numpy as np  # noqa: PLC0415
+    import numpy as np
 
     unit = axes / np.linalg.norm(axes, axis=0)
     tolerance = np.radians(0.01)
@@ -182,7 +179,7 @@ def _histogram_marks() -> str:
 
 def _histogram(facts: dict[str, Any], marks: str) -> list[str]:
     """Bars of `log1p(count)`, the fullest one _ROWS high, with the counts at the left and the values below."""
-    import numpy as np  # noqa: PLC0415
+    import numpy as np
 
     counts = np.array(facts["histogram"]["counts"])
     fullest = int(counts.max())

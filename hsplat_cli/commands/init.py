@@ -8,14 +8,20 @@ from typing import Any
 
 import click
 
-from hsplat_cli.scenes.film_arguments import FILM_NAMES, film_of, film_options
-from hsplat_cli.scenes.inputs import files_of, require_no_input
-from hsplat_cli.scenes.suggested_scene import suggest_scene
-from hsplat_cli.scenes.volume_arguments import volume_options, volume_spec
-from hsplat_cli.scenes.volume_names import base_name
-from hsplat_cli.terminal.output_path import OutputPath
+from hsplat_cli.scenes import (
+    FILM_NAMES,
+    base_name,
+    files_of,
+    film_of,
+    film_options,
+    require_no_input,
+    suggest_scene,
+    volume_options,
+    volume_spec,
+)
+from hsplat_cli.terminal import OutputPath
 from renderer.errors import InputError
-from renderer.film.atomic import require_possible, write_staged
+from renderer.film import require_possible, write_staged
 
 
 @click.command()

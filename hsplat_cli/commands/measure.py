@@ -7,11 +7,9 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.scenes.inputs import files_of, require_no_input
-from hsplat_cli.scenes.job import load_job
-from hsplat_cli.studies.measure.options import parse_sweep, parse_want
-from hsplat_cli.terminal.interrupts import terminated_as_interrupted
-from hsplat_cli.terminal.output_path import OutputPath
+from hsplat_cli.scenes import files_of, load_job, require_no_input
+from hsplat_cli.studies import parse_sweep, parse_want
+from hsplat_cli.terminal import OutputPath, terminated_as_interrupted
 from renderer.errors import InputError
 
 # They say what to sweep and where to; a search for one tolerance does neither.
@@ -76,13 +74,13 @@ def measure(
     with terminated_as_interrupted():
         if want is not None:
             # Imported where it is used: numpy takes longer to load than --help may take to answer.
-            from hsplat_cli.studies.measure.want import find_wanted  # noqa: PLC0415
+            from hsplat_cli.studies import find_wanted
 
             _refuse_beside_want(context)
             find_wanted(job, parse_want(want), numbers, truth_tolerance, quiet=quiet)
             return
-        from hsplat_cli.reports.files import FILES  # noqa: PLC0415
-        from hsplat_cli.studies.measure.study import Request, run_study  # noqa: PLC0415
+        from hsplat_cli.reports import FILES
+        from hsplat_cli.studies import Request, run_study
 
         folder = output or Path(f"{scene.stem}.measured")
         require_no_input([folder / name for name in FILES], [scene, *files_of(job.volume)])

@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hsplat_cli.scenes.inputs import files_of, require_no_input
-from hsplat_cli.terminal.cores import num_cores
-from hsplat_cli.terminal.first_run import tell_first_run
-from hsplat_cli.terminal.interrupts import terminated_as_interrupted
-from hsplat_cli.terminal.machine import describe_machine
-from hsplat_cli.terminal.output_path import OutputPath
-from hsplat_cli.terminal.progress_bar import progress
+from hsplat_cli.scenes import files_of, require_no_input
+from hsplat_cli.terminal import (
+    OutputPath,
+    describe_machine,
+    num_cores,
+    progress,
+    tell_first_run,
+    terminated_as_interrupted,
+)
 from renderer.errors import InputError, SceneError
-from renderer.film.atomic import write_staged
-from renderer.scene.scene_file import load_scene
-from renderer.scene.spec import Scene
+from renderer.film import write_staged
+from renderer.scene import Scene, load_scene
 
 if TYPE_CHECKING:
-    from hsplat_cli.studies.paper.figure import Figure
-    from hsplat_cli.studies.paper.studio import Studio
+    from hsplat_cli.studies import Figure, Studio
 
 FOLDER = Path("configs/paper")
 PAGE = "index.html"
@@ -91,8 +91,10 @@ def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, .
     FOLDER holds a scene file for each figure, configs/paper by default. The page says, figure by figure, what the paper
     claims, what was measured, and whether the claim was seen.
     """
-    from hsplat_cli.reports.files import check_writable  # noqa: PLC0415
-    from hsplat_cli.reports.html import require_page_packages  # noqa: PLC0415
+    from hsplat_cli.reports import (
+        check_writable,
+        require_page_packages,
+    )
 
     require_page_packages()
     jobs = _jobs(folder, numbers, volume)
@@ -150,11 +152,13 @@ def _job(number: int, path: Path, volume: Path | None) -> _Job:
 
 def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     # Imported here: numpy, numba, matplotlib and GL take longer to load than --help may take to answer.
-    from hsplat_cli.executors.rasterizers import open_rasterizer  # noqa: PLC0415
-    from hsplat_cli.reports.html import plot_style  # noqa: PLC0415
-    from hsplat_cli.scenes.shrinking import read_guarded  # noqa: PLC0415
-    from hsplat_cli.studies.paper.page import paper_page  # noqa: PLC0415
-    from hsplat_cli.studies.paper.studio import Studio  # noqa: PLC0415
+    from hsplat_cli.executors import open_rasterizer
+    from hsplat_cli.reports import plot_style
+    from hsplat_cli.scenes import read_guarded
+    from hsplat_cli.studies import (
+        Studio,
+        paper_page,
+    )
 
     tell_first_run(quiet=quiet)
     num_threads = num_cores()

@@ -7,11 +7,9 @@ from typing import Literal
 
 import click
 
-from hsplat_cli.executors.executor_arguments import CrewSpec, crew_options, require_crew, require_crew_for
-from hsplat_cli.scenes.job import load_job
-from hsplat_cli.terminal.duration import parse_duration
-from hsplat_cli.terminal.first_run import tell_first_run
-from hsplat_cli.terminal.interrupts import terminated_as_interrupted
+from hsplat_cli.executors import CrewSpec, crew_options, require_crew, require_crew_for
+from hsplat_cli.scenes import load_job
+from hsplat_cli.terminal import parse_duration, tell_first_run, terminated_as_interrupted
 from renderer.errors import InputError
 
 
@@ -63,8 +61,7 @@ def render(
     require_crew_for(crew, job.scene, progressive=progressive)
     with terminated_as_interrupted():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
-        from hsplat_cli.films.film import render_once  # noqa: PLC0415
-        from hsplat_cli.films.progressive import render_progressively  # noqa: PLC0415
+        from hsplat_cli.films import render_once, render_progressively
 
         tell_first_run(quiet=quiet)
         if progressive:

@@ -9,16 +9,21 @@ from typing import Any, Literal
 
 import click
 
-from hsplat_cli.executors.executor_arguments import CrewSpec, crew_options, require_crew
-from hsplat_cli.scenes.film_arguments import FILM_NAMES, default_output, film_of, film_options
-from hsplat_cli.scenes.suggested_scene import require_colormap
-from hsplat_cli.scenes.volume_arguments import volume_options, volume_spec
-from hsplat_cli.scenes.volume_names import Named, expand, named
-from hsplat_cli.terminal.interrupts import terminated_as_interrupted
-from hsplat_cli.terminal.output_path import OutputPath
-from hsplat_cli.turntable.batch import run_batch
-from hsplat_cli.turntable.report import BRIEFLY_S, INTERRUPTED, write_report
-from hsplat_cli.turntable.single import Order, make_film, tell_result
+from hsplat_cli.executors import CrewSpec, crew_options, require_crew
+from hsplat_cli.scenes import (
+    FILM_NAMES,
+    Named,
+    default_output,
+    expand,
+    film_of,
+    film_options,
+    named,
+    require_colormap,
+    volume_options,
+    volume_spec,
+)
+from hsplat_cli.terminal import OutputPath, terminated_as_interrupted
+from hsplat_cli.turntable import BRIEFLY_S, INTERRUPTED, Order, make_film, run_batch, tell_result, write_report
 from renderer.errors import HsplatError, InputError
 
 

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.compare.outcome import Comparison, Outcome
 from hsplat_cli.compare.words import limits_text
-from renderer.study.frame_difference import FIGURES
-from renderer.study.strictness import severity
+from renderer.study import FIGURES, severity
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -187,7 +186,7 @@ def _text(words: str, x: float, y: float, *, anchor: str, **attributes: str) -> 
 
 def _element(tag: str, content: str = "", **attributes: str) -> Markup:
     """Everything that is not Markup is escaped; `text_anchor` is `text-anchor`, `class_` is `class`."""
-    from markupsafe import Markup  # noqa: PLC0415
+    from markupsafe import Markup
 
     named = ((name.rstrip("_").replace("_", "-"), value) for name, value in attributes.items())
     written = _joined((Markup(' {}="{}"').format(name, value) for name, value in named), "")
@@ -195,6 +194,6 @@ def _element(tag: str, content: str = "", **attributes: str) -> Markup:
 
 
 def _joined(parts: Iterable[Markup], between: str = "\n") -> Markup:
-    from markupsafe import Markup  # noqa: PLC0415
+    from markupsafe import Markup
 
     return Markup(between).join(parts)

@@ -23,7 +23,7 @@ import numpy as np
 from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.compare.picture_file import MAX_PIXELS, require_file
 from renderer.errors import InputError
-from renderer.film.encode import find_ffmpeg
+from renderer.film import find_ffmpeg
 
 # As exact as ffmpeg converts, and the same on every processor. A GIF may be transparent.
 _TO_RGB = "scale=flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format=rgb24"

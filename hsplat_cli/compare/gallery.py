@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from hsplat_cli.compare.outcome import Outcome
 from hsplat_cli.compare.pair import Pair, Pixels
-from renderer.study.frame_difference import FrameDifference
+from renderer.study import FrameDifference
 
 # The longest side of a picture. Three of them fit side by side on a wide screen without being scaled down there, which
 # would blend a single wrong pixel with those around it.

@@ -11,8 +11,7 @@ from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.compare.words import figure_text
 from renderer.errors import InputError, require_package
-from renderer.study.frame_difference import FIGURES, FrameDifference
-from renderer.study.strictness import Limits, exceeded, severity
+from renderer.study import FIGURES, FrameDifference, Limits, exceeded, severity
 
 # The figures that another package computes, and the extra that brings it.
 _PACKAGES = {"flip": ("flip_evaluator", "compare"), "ssim": ("skimage", "measure")}

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from renderer.study.strictness import Limits, severity
+from renderer.study import Limits, severity
 
 # `same`: pixel by pixel. `close`: within the limits. The others fail.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]

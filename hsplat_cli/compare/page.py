@@ -11,10 +11,8 @@ from hsplat_cli.compare.gallery import PICTURE_PX, Exhibit, Gallery
 from hsplat_cli.compare.outcome import PASSES, Comparison, Outcome
 from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.compare.words import limit_text, printable, share_text, signed_text, value_text
-from hsplat_cli.reports.html import page_of, png_data_uri
-from hsplat_cli.reports.numbers import ABSENT, bytes_text
-from renderer.study.frame_difference import FIGURES
-from renderer.study.strictness import LEVELS, severity
+from hsplat_cli.reports import ABSENT, bytes_text, page_of, png_data_uri
+from renderer.study import FIGURES, LEVELS, severity
 
 # What the pictures of a page may come to, as they are written into it. Where nothing can be compressed those of a frame
 # take 4 MB: seven frames always fit.

@@ -13,12 +13,10 @@ from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.picture_file import file_content, is_picture, picture_in, read_picture
 from hsplat_cli.compare.skipped import folder_notes, template_notes
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal import counted
 from renderer.errors import InputError
-from renderer.film.names import ANY_FRAME_FIELD, frame_path
-from renderer.scene.input_file import is_same_file, nearest_file
-from renderer.scene.schema import listed
-from renderer.scene.spec import FRAME_FIELD
+from renderer.film import ANY_FRAME_FIELD, frame_path
+from renderer.scene import FRAME_FIELD, is_same_file, listed, nearest_file
 
 FILM_SUFFIXES = (".mp4", ".gif")
 

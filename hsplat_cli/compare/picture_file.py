@@ -17,9 +17,8 @@ import imageio.v3
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.film.picture import Pixels
-from renderer.film.png import png_chunks, png_of
-from renderer.scene.input_file import nearest_file
+from renderer.film import Pixels, png_chunks, png_of
+from renderer.scene import nearest_file
 
 # A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 4096, which with alpha
 # take 2 GB to compare.

@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 
 from hsplat_cli.compare.outcome import Comparison, Failure, Outcome, Status
 from hsplat_cli.compare.words import figure_text, printable
-from hsplat_cli.terminal.counts import counted
-from renderer.study.frame_difference import FIGURES
+from hsplat_cli.terminal import counted
+from renderer.study import FIGURES
 
 # The worst of those that fail; a terminal shows them at once. All are in the files.
 MAX_ROWS = 20

@@ -22,13 +22,27 @@ from typing import Any
 
 from hsplat_cli.compare.picture_file import is_picture, require_file
 from hsplat_cli.compare.words import number_text
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal import counted
 from renderer.errors import InputError, Problem, SceneError
-from renderer.scene.input_file import MAX_SCENE_BYTES, read_content
-from renderer.scene.schema import Kind, Node, choice, did_you_mean, fields, join, known, number, section, show
-from renderer.scene.yaml_tree import Tree, excerpt, place_in, tree_of_file
-from renderer.study.frame_difference import FIGURES, Figure
-from renderer.study.strictness import LEVELS, Limits
+from renderer.scene import (
+    MAX_SCENE_BYTES,
+    Kind,
+    Node,
+    Tree,
+    choice,
+    did_you_mean,
+    excerpt,
+    fields,
+    join,
+    known,
+    number,
+    place_in,
+    read_content,
+    section,
+    show,
+    tree_of_file,
+)
+from renderer.study import FIGURES, LEVELS, Figure, Limits
 
 FILE = "compare.yaml"
 _MISTAKEN_FILE = "compare.yml"

@@ -14,10 +14,10 @@ from hsplat_cli.compare.outcome import Comparison, Failure, Outcome
 from hsplat_cli.compare.pair import Pair
 from hsplat_cli.compare.report import json_of, json_of_failure, junit_of, junit_of_failure
 from hsplat_cli.compare.rules import Rules
-from hsplat_cli.terminal.progress_bar import progress
+from hsplat_cli.terminal import progress
 from renderer.errors import InputError, require_package
-from renderer.film.atomic import explained, require_writable, staged_together
-from renderer.scene.input_file import is_same_file
+from renderer.film import explained, require_writable, staged_together
+from renderer.scene import is_same_file
 
 # No report has the name of a frame, a scene or a volume: a slip of the pen costs none of them.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}
@@ -93,7 +93,7 @@ class ReportFiles:
             texts[self.junit] = junit_of(comparison)
         if self.html is not None:
             # Imported where it is used: it needs a package that the rest does without.
-            from hsplat_cli.compare.page import comparison_page  # noqa: PLC0415
+            from hsplat_cli.compare.page import comparison_page
 
             texts[self.html] = comparison_page(comparison, gallery)
         with staged_together() as write:

@@ -14,13 +14,11 @@ from hsplat_cli.compare.pair import Pair
 from hsplat_cli.compare.picture_file import is_picture, read_picture
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.compare.words import printable
-from hsplat_cli.executors.executor_arguments import CrewSpec
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.terminal.counts import counted, first_few
-from hsplat_cli.terminal.first_run import tell_first_run
-from hsplat_cli.terminal.frame_range import parse_frames
+from hsplat_cli.executors import CrewSpec
+from hsplat_cli.scenes import Job
+from hsplat_cli.terminal import counted, first_few, parse_frames, tell_first_run
 from renderer.errors import InputError
-from renderer.film.kept_frames import is_file
+from renderer.film import is_file
 
 _SHOWN_DIGITS = 8
 _MOST_NAMES = 3

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hsplat_cli.compare.picture_file import is_picture
 from hsplat_cli.compare.words import printable
-from hsplat_cli.terminal.counts import first_few
+from hsplat_cli.terminal import first_few
 
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 _MAX_NAMED = 3

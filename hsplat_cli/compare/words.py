@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from renderer.study.frame_difference import FIGURES
+from renderer.study import FIGURES
 
 
 def figure_text(name: str, value: float, limit: float) -> str:

@@ -14,14 +14,12 @@ from hsplat_cli.executors.drawn import Drawer, Drawn, LocalDrawer
 from hsplat_cli.executors.executor_arguments import CrewSpec
 from hsplat_cli.executors.rasterizers import open_lasting_rasterizer
 from hsplat_cli.executors.workers.pool import Pool, open_pool
-from hsplat_cli.films.goals import Plan
-from hsplat_cli.terminal.cores import num_cores
-from renderer.draw.brick_memory import most_bytes
-from renderer.draw.gl.raster import is_software
-from renderer.draw.recovery import LastingRasterizer
+from hsplat_cli.scenes import Plan
+from hsplat_cli.terminal import num_cores
+from renderer.draw import LastingRasterizer, is_software, most_bytes
 from renderer.errors import RenderError
-from renderer.frame.frame import Stage
-from renderer.scene.spec import AccuracyGoal, Scene
+from renderer.frame import Stage
+from renderer.scene import AccuracyGoal, Scene
 
 # A device is shared by the processes; what they do beside drawing is not.
 _MOST_ON_DEVICE = 4

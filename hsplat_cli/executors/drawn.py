@@ -9,10 +9,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from renderer.film.picture import Picture
-from renderer.frame.frame import Frame, Rasterizer, Stage
-from renderer.frame.pacing import Guide, Scheduled
-from renderer.frame.pipeline import render_frames
+from renderer.film import Picture
+from renderer.frame import Frame, Guide, Rasterizer, Scheduled, Stage, render_frames
 
 _LEAST_SEEN = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
 

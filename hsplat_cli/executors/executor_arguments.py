@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from renderer.errors import InputError, require_package
-from renderer.scene.schema import show
-from renderer.scene.spec import Scene, TimeBudget
+from renderer.scene import Scene, TimeBudget, show
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 from functools import partial
 
-from hsplat_cli.terminal.cores import num_cores
-from renderer.draw.cpu.raster import CPURasterizer
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.draw.recovery import LastingRasterizer
+from hsplat_cli.terminal import num_cores
+from renderer.draw import CPURasterizer, GLRasterizer, LastingRasterizer
 from renderer.errors import RenderError
 
 

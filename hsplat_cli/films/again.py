@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.scenes.sidecar_file import Original
-from hsplat_cli.terminal.versions import package_versions, sources_digest
-from renderer.scene.parse import schedule_to_dict
-from renderer.scene.schema import show
+from hsplat_cli.scenes import Job, Original
+from hsplat_cli.terminal import package_versions, sources_digest
+from renderer.scene import schedule_to_dict, show
 
 _LONGEST_NAME = 200
 

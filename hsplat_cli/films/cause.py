@@ -8,19 +8,20 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.scenes.sidecar_file import is_shallow
-from hsplat_cli.terminal.counts import first_few
-from hsplat_cli.terminal.versions import package_versions, sources_digest
-from renderer.film.atomic import explained
-from renderer.film.frame_record import Record, is_record
-from renderer.film.kept_frames import file_digest, is_file, is_frame, mark_of
-from renderer.film.names import frame_path, has_frame_files
-from renderer.scene.input_file import MAX_SIDECAR_BYTES
-from renderer.scene.parse import scene_to_dict, schedule_to_dict
-from renderer.scene.schedule import in_order
-from renderer.scene.schema import join, show
-from renderer.scene.spec import OutputSpec
+from hsplat_cli.scenes import Job, is_shallow
+from hsplat_cli.terminal import first_few, package_versions, sources_digest
+from renderer.film import (
+    Record,
+    explained,
+    file_digest,
+    frame_path,
+    has_frame_files,
+    is_file,
+    is_frame,
+    is_record,
+    mark_of,
+)
+from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, in_order, join, scene_to_dict, schedule_to_dict, show
 
 # How the frames become a film; not what is in them.
 _OF_THE_FILM = ("file", "frames_per_second", "quality")

@@ -11,13 +11,11 @@ import click
 
 from hsplat_cli.films.again import maker_notes
 from hsplat_cli.films.cause import Cause, cause_record, with_digests
-from hsplat_cli.films.goals import Plan, shortfall_of
+from hsplat_cli.films.goals import shortfall_of
 from hsplat_cli.films.record import driver_notes, film_record, schedule_record, summary, visibility_notes
-from hsplat_cli.scenes.job import Job
+from hsplat_cli.scenes import Job, Plan
 from renderer.errors import RenderError
-from renderer.film.frame_record import Record
-from renderer.film.names import sidecar_path
-from renderer.film.sidecar import write_sidecar
+from renderer.film import Record, sidecar_path, write_sidecar
 
 
 @dataclass(frozen=True)

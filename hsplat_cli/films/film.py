@@ -8,9 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from hsplat_cli.executors.crew import open_crew
-from hsplat_cli.executors.drawn import Drawer, Drawn
-from hsplat_cli.executors.executor_arguments import CrewSpec
+from hsplat_cli.executors import CrewSpec, Drawer, Drawn, open_crew
 from hsplat_cli.films.behind import in_turn, one_behind
 from hsplat_cli.films.done import Done, record, tell
 from hsplat_cli.films.goals import make_plan
@@ -18,17 +16,20 @@ from hsplat_cli.films.kept import find_kept, tell_kept, tell_left
 from hsplat_cli.films.place import taken
 from hsplat_cli.films.record import makers, with_seconds
 from hsplat_cli.films.start import start_film
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.terminal.counts import counted
-from hsplat_cli.terminal.interrupts import deferrable_interrupts
-from hsplat_cli.terminal.progress_bar import progress
+from hsplat_cli.scenes import Job
+from hsplat_cli.terminal import counted, deferrable_interrupts, progress
 from renderer.errors import RenderError
-from renderer.film.frame_record import Record
-from renderer.film.kept_frames import KeptFrames, forget_frames
-from renderer.film.names import has_frame_files, sidecar_path
-from renderer.film.writer import FilmWriter, open_film, require_encoder
-from renderer.frame.costs import CostLog
-from renderer.frame.pacing import Details
+from renderer.film import (
+    FilmWriter,
+    KeptFrames,
+    Record,
+    forget_frames,
+    has_frame_files,
+    open_film,
+    require_encoder,
+    sidecar_path,
+)
+from renderer.frame import CostLog, Details
 
 
 def render_once(

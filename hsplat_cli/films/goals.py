@@ -5,46 +5,20 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 from hsplat_cli.films.record import IN_TIME, drawing_seconds, seconds_for, span
-from hsplat_cli.scenes.job import Job
+from hsplat_cli.scenes import Job, Plan
 from renderer.errors import RenderError
-from renderer.film.frame_record import Record
-from renderer.frame.frame import Rasterizer, Stage, Stopwatch, bring
-from renderer.frame.pacing import Details, Guide, Pacer, try_drawings
-from renderer.scene.schedule import at_tolerance, at_tolerances, value_at
-from renderer.scene.schema import show
-from renderer.scene.spec import AccuracyGoal, SplatBudget, TimeBudget
-from renderer.scene.want import Want
-
-if TYPE_CHECKING:
-    from renderer.study.trials import Found
+from renderer.film import Record
+from renderer.frame import Details, Pacer, Rasterizer, Stage, Stopwatch, bring, try_drawings
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, Want, at_tolerance, at_tolerances, show, value_at
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _ENOUGH = 0.3
 # Frames that may be late without a word.
 MOST_LATE = 0.1
 BEST_EFFORT = "with --best-effort it is good enough"
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How frames get their tolerances: from the schedule of the stage's scene, whose goal is resolved, or from a guide.
-
-    shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
-    is_unfinished: finer passes are to follow.
-    by_clock: its tolerances depend on how quick the machine was.
-    found: what the search for an accuracy came to.
-    """
-
-    stage: Stage
-    guide: Guide | None = None
-    shortfall: RenderError | None = None
-    is_unfinished: bool = False
-    by_clock: bool = False
-    found: Found | None = None
 
 
 def make_plan(
@@ -90,8 +64,8 @@ def _plan_accuracy(
 ) -> Plan:
     """One tolerance for the whole film; 0 where none is good enough."""
     # Imported where they are used: other films need no ray integral, which takes a while to load.
-    from hsplat_cli.films.search import beyond_full_resolution, search_tolerance  # noqa: PLC0415
-    from renderer.study.truths import TRUTH_TOLERANCE  # noqa: PLC0415
+    from hsplat_cli.films.search import beyond_full_resolution, search_tolerance
+    from renderer.study import TRUTH_TOLERANCE
 
     want = Want(goal.metric, goal.value)
     found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)

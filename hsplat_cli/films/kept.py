@@ -8,13 +8,10 @@ from pathlib import Path
 import click
 
 from hsplat_cli.films.cause import Cause, Made, made_before, reason
-from hsplat_cli.films.goals import Plan
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.terminal.counts import counted
-from renderer.film.frame_record import Record
-from renderer.film.kept_frames import KeptFrames
-from renderer.film.names import has_frame_files, sidecar_path
-from renderer.scene.schedule import tolerance_at
+from hsplat_cli.scenes import Job, Plan
+from hsplat_cli.terminal import counted
+from renderer.film import KeptFrames, Record, has_frame_files, sidecar_path
+from renderer.scene import tolerance_at
 
 
 def find_kept(job: Job, plan: Plan, folder: Path, cause: Cause, before: Made | None, *, force: bool) -> KeptFrames:

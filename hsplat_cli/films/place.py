@@ -6,10 +6,8 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.film.atomic import require_writable
-from renderer.film.lock import locked
-from renderer.film.names import frame_path, is_numbered, unfinished_folder
-from renderer.scene.spec import OutputSpec
+from renderer.film import frame_path, is_numbered, locked, require_writable, unfinished_folder
+from renderer.scene import OutputSpec
 
 
 @contextlib.contextmanager

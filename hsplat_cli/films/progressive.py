@@ -19,31 +19,33 @@ from typing import Any, NamedTuple
 
 import click
 
-from hsplat_cli.executors.drawn import Drawn, LocalDrawer
-from hsplat_cli.executors.rasterizers import open_lasting_rasterizer
+from hsplat_cli.executors import Drawn, LocalDrawer, open_lasting_rasterizer
 from hsplat_cli.films.behind import in_turn, one_behind
 from hsplat_cli.films.cause import Cause
 from hsplat_cli.films.difference import Difference, Differences
 from hsplat_cli.films.done import Done, record, tell
-from hsplat_cli.films.goals import Plan, make_plan
+from hsplat_cli.films.goals import make_plan
 from hsplat_cli.films.place import taken
 from hsplat_cli.films.record import limits, span, with_seconds
 from hsplat_cli.films.start import start_film
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.terminal.counts import counted, counted_span
-from hsplat_cli.terminal.interrupts import deferrable_interrupts
-from hsplat_cli.terminal.progress_bar import Progress, progress
-from renderer.draw.recovery import LastingRasterizer
+from hsplat_cli.scenes import Job, Plan
+from hsplat_cli.terminal import Progress, counted, counted_span, deferrable_interrupts, progress
+from renderer.draw import LastingRasterizer
 from renderer.errors import RenderError
-from renderer.film.frame_record import Record
-from renderer.film.kept_frames import forget_frames
-from renderer.film.names import sidecar_path
-from renderer.film.writer import FilmWriter, open_film, require_encoder
-from renderer.frame.costs import CostLog, Load, load_of
-from renderer.frame.frame import Rasterizer, Stopwatch
-from renderer.frame.pacing import Details, Pacer, Scheduled, finest_within, try_drawings
-from renderer.scene.schedule import at_tolerances, tolerance_at, value_at
-from renderer.scene.spec import AccuracyGoal, SplatBudget, TimeBudget
+from renderer.film import FilmWriter, Record, forget_frames, open_film, require_encoder, sidecar_path
+from renderer.frame import (
+    CostLog,
+    Details,
+    Load,
+    Pacer,
+    Rasterizer,
+    Scheduled,
+    Stopwatch,
+    finest_within,
+    load_of,
+    try_drawings,
+)
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, at_tolerances, tolerance_at, value_at
 
 # Of the first frame that shows what it is, the first pass may take so many times as long. It has few cells, whose
 # pixels, not their number, are what it costs, so that there are far more cells in the first pass.

@@ -8,19 +8,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.films.again import plain_name, recorded_schedule
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.terminal.counts import counted, counted_span
-from hsplat_cli.terminal.versions import package_versions
+from hsplat_cli.scenes import Job, Plan
+from hsplat_cli.terminal import counted, counted_span, package_versions
 from renderer.errors import RenderError
-from renderer.film.frame_record import Record
-from renderer.frame.frame import Stage, finest_level_at
-from renderer.scene.parse import scene_to_dict
-from renderer.scene.schedule import at_tolerances, value_at
-from renderer.scene.spec import TimeBudget
+from renderer.film import Record
+from renderer.frame import Stage, finest_level_at
+from renderer.scene import TimeBudget, at_tolerances, scene_to_dict, value_at
 
 if TYPE_CHECKING:
-    from hsplat_cli.films.goals import Plan
-    from renderer.study.trials import Found
+    from renderer.study import Found
 
 # A frame is in time when it takes no longer and no shorter than its budget by more than this part.
 IN_TIME = 0.2

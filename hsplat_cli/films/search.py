@@ -8,13 +8,11 @@ from collections.abc import Callable, Sequence
 import click
 
 from hsplat_cli.films.truths import find_truths
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal import counted
 from renderer.errors import RenderError
-from renderer.frame.frame import Rasterizer, Stage
-from renderer.scene.spec import Scene
-from renderer.scene.want import Want
-from renderer.study.trials import Found, Trial, TruthOf, find_tolerance
-from renderer.study.truths import KeptTruths, Truth
+from renderer.frame import Rasterizer, Stage
+from renderer.scene import Scene, Want
+from renderer.study import Found, KeptTruths, Trial, Truth, TruthOf, find_tolerance
 
 
 def search_tolerance(

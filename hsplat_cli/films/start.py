@@ -9,15 +9,12 @@ from pathlib import Path
 import click
 
 from hsplat_cli.films.cause import Cause, Made, cause_of, made_before
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.scenes.shrinking import read_guarded
-from hsplat_cli.terminal.cores import num_cores
-from renderer.film.kept_frames import forget_frames
-from renderer.film.names import sidecar_path
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare
-from renderer.scene.parse import schedule_to_dict
-from renderer.volume.volume import Volume
+from hsplat_cli.scenes import Job, read_guarded
+from hsplat_cli.terminal import num_cores
+from renderer.film import forget_frames, sidecar_path
+from renderer.frame import Stage, prepare
+from renderer.scene import schedule_to_dict
+from renderer.volume import Volume
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from hsplat_cli.terminal.cores import num_cores
-from hsplat_cli.terminal.progress_bar import progress
+from hsplat_cli.terminal import num_cores, progress
 from renderer.errors import InputError
-from renderer.frame.frame import Stage
-from renderer.study.study import TruthRecord
-from renderer.study.thumbnails import thumbnail
-from renderer.study.truths import Truth, find_truth
+from renderer.frame import Stage
+from renderer.study import Truth, TruthRecord, find_truth, thumbnail
 
 
 def find_truths(

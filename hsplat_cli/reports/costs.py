@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from renderer.study.pareto import cost_at, pareto_front
-from renderer.study.sweep import Measurement, Setting
+from renderer.study import Measurement, Setting, cost_at, pareto_front
 
 OWN = "hsplat"
 PEER = "vtk"

@@ -10,8 +10,8 @@ from hsplat_cli.reports.html import require_page_packages
 from hsplat_cli.reports.page import study_page
 from hsplat_cli.reports.tables import csv_text, json_text
 from renderer.errors import InputError
-from renderer.film.atomic import require_writable, write_staged
-from renderer.study.study import Study
+from renderer.film import require_writable, write_staged
+from renderer.study import Study
 
 # The page comes last: where it is, the others are.
 FILES = ("measure.csv", "measure.json", "index.html")

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import require_package
-from renderer.film.png import encode_png
+from renderer.film import encode_png
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -79,7 +79,7 @@ def page_of(template: str, *, title: str, **values: object) -> str:
 
     values: what the template asks for; asking for more is a jinja2.UndefinedError.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
+    from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("hsplat_cli.reports"),
@@ -95,7 +95,7 @@ def page_of(template: str, *, title: str, **values: object) -> str:
 @contextmanager
 def plot_style() -> Iterator[None]:
     """Figures made and turned into SVG inside look like the page."""
-    from matplotlib import rc_context, rcParamsDefault  # noqa: PLC0415
+    from matplotlib import rc_context, rcParamsDefault
 
     # From matplotlib's defaults, not from what a user's matplotlibrc says. The backend is nobody's business here.
     defaults: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if not key.startswith("backend")}
@@ -109,7 +109,7 @@ def svg_of(figure: Figure, *, name: str, alt: str) -> Markup:
     name: a word that is used once on the page; all ids begin with it. alt: what the figure shows, for those who cannot
     see it. Inside `plot_style`.
     """
-    from markupsafe import Markup, escape  # noqa: PLC0415
+    from markupsafe import Markup, escape
 
     stream = io.StringIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})

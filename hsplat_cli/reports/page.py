@@ -27,11 +27,8 @@ from hsplat_cli.reports.html import facts_of, page_of, plot_style, png_data_uri,
 from hsplat_cli.reports.numbers import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.reports.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, trade_figure
 from hsplat_cli.reports.tables import plain
-from renderer.bricks.bricks import BRICK
-from renderer.study.metrics import METRICS, Metric
-from renderer.study.study import Study, TruthRecord
-from renderer.study.sweep import Measurement
-from renderer.study.thumbnails import DIFFERENCE_GAIN
+from renderer.bricks import BRICK
+from renderer.study import DIFFERENCE_GAIN, METRICS, Measurement, Metric, Study, TruthRecord
 
 if TYPE_CHECKING:
     from markupsafe import Markup

@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from hsplat_cli.reports.costs import OWN, PEER, by_series, splats_front, time_front, tool_of
 from hsplat_cli.reports.html import LIGHT
-from renderer.study.metrics import METRICS
-from renderer.study.sweep import Measurement
+from renderer.study import METRICS, Measurement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,7 +66,7 @@ def plottable(measurements: Sequence[Measurement], axis: Axis) -> list[int]:
 
 def trade_figure(measurements: Sequence[Measurement], axis: Axis) -> Figure:
     """PSNR over cost: what is not `plottable` is left out; the points of the fronts bear their labels."""
-    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, 5.2), layout="constrained")
     axes = figure.subplots()
@@ -85,7 +84,7 @@ def trade_figure(measurements: Sequence[Measurement], axis: Axis) -> Figure:
 
 def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
     """Further metrics over the time of a frame, a small plot for each."""
-    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, 6.8), layout="constrained")
     panels = (("psnr", "on_volume"), ("ssim", "everywhere"), ("flip", "everywhere"), ("delta_e_share", "everywhere"))
@@ -188,7 +187,7 @@ def _peer_styles() -> Iterator[dict[str, Any]]:
 
 
 def _finish(axes: Axes, axis: Axis, title: str, *, many_ticks: bool) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: PLC0415
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_xscale("log")
     low, high = axes.get_xlim()

@@ -14,9 +14,7 @@ import numpy as np
 
 from hsplat_cli.reports.costs import by_series, cells_title, fronts_of, has_bricks, has_splats
 from hsplat_cli.reports.numbers import bytes_text, metric_text, ms_text, short_count_text
-from renderer.study.metrics import METRICS, Accuracy, Metric
-from renderer.study.study import Study, TruthRecord
-from renderer.study.sweep import Measurement, Sample
+from renderer.study import METRICS, Accuracy, Measurement, Metric, Sample, Study, TruthRecord
 
 FORMAT = 1
 TERMINAL_COLUMNS = 120

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hsplat_cli.scenes.volume_names import data_files
 from renderer.errors import InputError
-from renderer.scene.spec import FileSource, ProceduralSource, VolumeSpec
+from renderer.scene import FileSource, ProceduralSource, VolumeSpec
 
 _TIFF = (".tif", ".tiff")
 # How pictures, films and sidecars begin, which may lie among the slices of a volume; that of MP4 is behind a length.

@@ -11,16 +11,21 @@ from typing import Any, Literal
 
 from hsplat_cli.scenes.inputs import files_of, require_no_input
 from hsplat_cli.scenes.sidecar_file import Original, Sidecar, sidecar_in
-from hsplat_cli.terminal.frame_range import is_one_frame, parse_frames
+from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film.names import film_beside, picture_files, sidecar_path
-from renderer.scene.editor import Editor
-from renderer.scene.input_file import is_same_file, read_content
-from renderer.scene.parse import schedule_to_dict, splats_as_asked
-from renderer.scene.scene_file import scene_in
-from renderer.scene.schedule import is_met_as_a_whole, tolerance_at
-from renderer.scene.spec import Scene
-from renderer.scene.yaml_tree import Tree
+from renderer.film import film_beside, picture_files, sidecar_path
+from renderer.scene import (
+    Editor,
+    Scene,
+    Tree,
+    is_met_as_a_whole,
+    is_same_file,
+    read_content,
+    scene_in,
+    schedule_to_dict,
+    splats_as_asked,
+    tolerance_at,
+)
 
 # What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
 _MOVED = {

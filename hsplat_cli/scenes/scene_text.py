@@ -8,11 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from renderer.scene.spec import Color, ColormapSpec, FileSource, RawSource, ShadingSpec, TransferSpec, VolumeSpec
-from renderer.scene.yaml_tree import NotYamlError, read_tree
+from renderer.scene import (
+    Color,
+    ColormapSpec,
+    FileSource,
+    NotYamlError,
+    RawSource,
+    ShadingSpec,
+    TransferSpec,
+    VolumeSpec,
+    read_tree,
+)
 
 if TYPE_CHECKING:
-    from renderer.suggest.suggestion import Suggestion
+    from renderer.suggest import Suggestion
 
 # Where comments begin, if the line is not longer.
 _COMMENT_COLUMN = 30

@@ -25,10 +25,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.readers.read import read_volume
-from renderer.scene.spec import VolumeSpec
-from renderer.volume.mapped_file import MappedFile
-from renderer.volume.volume import Volume
+from renderer.readers import read_volume
+from renderer.scene import VolumeSpec
+from renderer.volume import MappedFile, Volume
 
 Array = npt.NDArray[Any]
 
@@ -116,8 +115,8 @@ def _of_libc(name: str, num_arguments: int, result: Any = ctypes.c_int64) -> Any
 
 
 def _compiled(regions_address: int, before_address: int) -> Any:
-    import numba  # noqa: PLC0415  compiled where a large volume stays in its file only
-    from numba.extending import intrinsic  # noqa: PLC0415
+    import numba
+    from numba.extending import intrinsic
 
     types: Any = numba.types
     words = types.CPointer(types.int64)

@@ -15,12 +15,26 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import InputError, Problem, SceneError
-from renderer.scene.input_file import MAX_SIDECAR_BYTES, decode, may_be_json
-from renderer.scene.parse_camera import FRAME_NUMBER, MAX_FRAMES
-from renderer.scene.parse_error import ERROR
-from renderer.scene.schema import INVALID, MAPPING, TEXT, Kind, Node, Table, fields, join, show
-from renderer.scene.spec import ErrorSpec
-from renderer.scene.yaml_tree import Mark, excerpt
+from renderer.scene import (
+    ERROR,
+    FRAME_NUMBER,
+    INVALID,
+    MAPPING,
+    MAX_FRAMES,
+    MAX_SIDECAR_BYTES,
+    TEXT,
+    ErrorSpec,
+    Kind,
+    Mark,
+    Node,
+    Table,
+    decode,
+    excerpt,
+    fields,
+    join,
+    may_be_json,
+    show,
+)
 
 # What the record of a film's schedule has of its own, whatever the film was made from.
 _OWN = ("asked", "tolerance", "cells", "made_from")

@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING
 from hsplat_cli.scenes.scene_text import FilmOptions, scene_text
 from hsplat_cli.scenes.volume_arguments import read_as_told
 from renderer.errors import InputError, SceneError
-from renderer.scene.colormaps import is_colormap, nearest_colormap
-from renderer.scene.limits import extent_of, require_proportion, volume_problems
-from renderer.scene.scene_file import scene_in
-from renderer.scene.schema import show
-from renderer.scene.spec import VolumeSpec
+from renderer.scene import (
+    VolumeSpec,
+    extent_of,
+    is_colormap,
+    nearest_colormap,
+    require_proportion,
+    scene_in,
+    show,
+    volume_problems,
+)
 
 if TYPE_CHECKING:
-    from renderer.suggest.suggestion import Suggestion
+    from renderer.suggest import Suggestion
 
 # Where the values of a scene came from.
 _OPTIONS = {
@@ -116,12 +121,10 @@ class _Tried:
 
 
 def _try(volume: VolumeSpec, colormap: str | None) -> _Tried:
-    import numpy as np  # noqa: PLC0415  (for which --help does not wait)
+    import numpy as np
 
-    from renderer.suggest.histogram import measure  # noqa: PLC0415
-    from renderer.suggest.suggestion import suggest  # noqa: PLC0415
-    from renderer.suggest.unseen import unseen_value  # noqa: PLC0415
-    from renderer.transfer.transfer_function import make_transfer  # noqa: PLC0415
+    from renderer.suggest import measure, suggest, unseen_value
+    from renderer.transfer import make_transfer
 
     read = read_as_told(volume)
     require_proportion(volume_problems(extent_of(read), read.name))

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import click
 
 from renderer.errors import InputError
-from renderer.readers.sniff import UnknownFormatError
-from renderer.scene.spec import LONGEST, SHORTEST, FileSource, RawSource, VolumeSpec
+from renderer.readers import UnknownFormatError
+from renderer.scene import LONGEST, SHORTEST, FileSource, RawSource, VolumeSpec
 
 if TYPE_CHECKING:
-    from renderer.volume.volume import Volume
+    from renderer.volume import Volume
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -141,7 +141,7 @@ def volume_spec(
 def read_as_told(volume: VolumeSpec) -> Volume:
     """The volume that the options ask for; what there is to say of how it was read is said. Raises InputError, with
     hints about these options, not a scene."""
-    from hsplat_cli.scenes.shrinking import read_guarded  # noqa: PLC0415  (numpy, for which --help does not wait)
+    from hsplat_cli.scenes.shrinking import read_guarded
 
     try:
         read = read_guarded(volume)

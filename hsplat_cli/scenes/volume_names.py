@@ -80,7 +80,7 @@ def data_files(header: Path) -> list[Path]:
         return [header.with_suffix(ending).resolve() for ending in (".img", ".IMG")]
     if suffix not in _NRRD + _METAIMAGE or not header.is_file():
         return []
-    from renderer.readers.headers import metaimage_voxels, nrrd_voxels  # noqa: PLC0415  (numpy)
+    from renderer.readers import metaimage_voxels, nrrd_voxels
 
     try:
         stored = nrrd_voxels(header) if suffix in _NRRD else metaimage_voxels(header)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from renderer.errors import InputError
-from renderer.scene.schema import show
+from renderer.scene import show
 
 _NUMBER = r"(\d+(?:\.\d*)?)"
 _LAST_ALONE_HAS_A_FRACTION = r"(?!.*\..*[hms].)"

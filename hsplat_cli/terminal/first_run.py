@@ -7,7 +7,7 @@ import click
 
 def tell_first_run(*, quiet: bool) -> None:
     """Say on the standard error stream that kernels are going to be compiled, if they are."""
-    from renderer.jit import has_compiled_before  # noqa: PLC0415  takes longer to load than --help may take to answer
+    from renderer.jit import has_compiled_before
 
     if not (quiet or has_compiled_before()):
         click.echo("compiling for this machine: the first run takes some seconds longer", err=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from renderer.errors import InputError
-from renderer.scene.schema import show
+from renderer.scene import show
 
 
 def is_one_frame(text: str | None) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from renderer.errors import InputError
-from renderer.scene.schema import NO_HOME, in_no_home
+from renderer.scene import NO_HOME, in_no_home
 
 
 class OutputPath(click.Path):

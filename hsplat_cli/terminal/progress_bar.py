@@ -39,7 +39,7 @@ def progress(steps: int | Sequence[float], *, label: str, quiet: bool, unit: str
         yield _Silence()
     elif sys.stderr.isatty():
         # Imported only where a bar is drawn: a plain log does not need it.
-        from tqdm import tqdm  # noqa: PLC0415
+        from tqdm import tqdm
 
         if isinstance(steps, int):
             with tqdm(total=steps, desc=label, unit=f" {unit}", file=sys.stderr, dynamic_ncols=True) as bar:

@@ -1,0 +1,9 @@
+"""Many volumes to as many films.
+
+In: file names and patterns. Out: a suggested scene and a film for each, a table and turntable.json. A volume that fails
+does not stop the others.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,14 +17,13 @@ from typing import Any
 
 import click
 
-from hsplat_cli.executors.workers.lifeline import Lifeline
-from hsplat_cli.scenes.film_arguments import as_arguments
-from hsplat_cli.scenes.scene_text import volume_file
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.executors import Lifeline
+from hsplat_cli.scenes import as_arguments, volume_file
+from hsplat_cli.terminal import counted
 from hsplat_cli.turntable.report import BRIEFLY_S, DONE, FILE, INTERRUPTED, NOT_BEGUN, Record, table, write_report
 from hsplat_cli.turntable.single import Order
 from renderer.errors import HsplatError, RenderError
-from renderer.film.atomic import require_writable
+from renderer.film import require_writable
 
 # A process that was interrupted removes what is unfinished. One that does not end within this time is asked again, as
 # an interrupt can get lost in a library that is being loaded, so many times in all; then it is killed.

@@ -17,10 +17,9 @@ from typing import Any
 
 import click
 
-from hsplat_cli.scenes.sidecar_file import is_shallow
+from hsplat_cli.scenes import is_shallow
 from renderer.errors import RenderError
-from renderer.film.atomic import explained, write_staged
-from renderer.film.lock import alone
+from renderer.film import alone, explained, write_staged
 
 Record = dict[str, Any]
 

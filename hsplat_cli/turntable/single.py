@@ -11,22 +11,23 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.executors.executor_arguments import CrewSpec
-from hsplat_cli.films.place import taken
-from hsplat_cli.scenes.inputs import files_of, require_no_input
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.scenes.patterns import matches
-from hsplat_cli.scenes.scene_text import FilmOptions, volume_file
-from hsplat_cli.scenes.suggested_scene import SuggestedScene, suggest_scene
-from hsplat_cli.terminal.first_run import tell_first_run
+from hsplat_cli.executors import CrewSpec
+from hsplat_cli.films import taken
+from hsplat_cli.scenes import (
+    FilmOptions,
+    Job,
+    SuggestedScene,
+    files_of,
+    matches,
+    require_no_input,
+    suggest_scene,
+    volume_file,
+)
+from hsplat_cli.terminal import tell_first_run
 from hsplat_cli.turntable.report import BEGUN, DONE, NOT_BEGUN, OF, Record, Report, Written, held_report, write_report
 from renderer.errors import HsplatError, InputError, TakenError
-from renderer.film.atomic import explained, require_writable, write_staged
-from renderer.film.frame_record import is_record
-from renderer.film.names import picture_files, sidecar_path
-from renderer.scene.parse import schedule_to_dict
-from renderer.scene.scene_file import scene_in
-from renderer.scene.spec import VolumeSpec
+from renderer.film import explained, is_record, picture_files, require_writable, sidecar_path, write_staged
+from renderer.scene import VolumeSpec, scene_in, schedule_to_dict
 
 _MOST = 2**53  # larger numbers of splats or seconds are none
 
@@ -99,7 +100,7 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         write_scene(order, suggested)
         tell_first_run(quiet=quiet)
         # Imported here: numba and GL take longer to load than --help may take to answer.
-        from hsplat_cli.films.film import render_once  # noqa: PLC0415
+        from hsplat_cli.films import render_once
 
         tell = partial(write_report, order.scene.parent, [order.record(BEGUN)])
         shortfall = render_once(job, order.crew, place=place, on_begin=tell, force=order.force, quiet=quiet)
@@ -120,7 +121,7 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
 
     Raises InputError where there is a scene already that this program did not write like that, or of another volume.
     """
-    from renderer.film.kept_frames import digest  # noqa: PLC0415  (numpy, for which --help does not wait)
+    from renderer.film import digest
 
     content = suggested.text.encode()
     with held_report(order.scene.parent) as report:
@@ -141,7 +142,7 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
 
 def require_own_scene(order: Order, suggested: SuggestedScene) -> None:
     """Raise what `write_scene` would about a scene that is there, before anything is made for the film."""
-    from renderer.film.kept_frames import digest  # noqa: PLC0415  (numpy, for which --help does not wait)
+    from renderer.film import digest
 
     there = _there(order.scene)
     if there is not None and there != suggested.text.encode() and not order.force:

@@ -25,13 +25,10 @@ from renderer.bricks import kernels
 from renderer.bricks.kernels import APRON, BRICK, BRICK_LEVELS
 from renderer.bricks.subvoxel import distances_in_bricks, line_of_scalars, make_polyline
 from renderer.bricks.sums import NodeSums, ToldSums, grid_of, places_in
-from renderer.pyramid.cut import children, node_errors
-from renderer.pyramid.pyramid import Pyramid, build_pyramid, error_scale
-from renderer.scene.spec import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer.classify import FAINTEST, voxel_codes
-from renderer.transfer.piecewise import FARTHEST, OpticalPieces, optical_pieces
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume
+from renderer.pyramid import Pyramid, build_pyramid, children, error_scale, node_errors
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import FAINTEST, FARTHEST, OpticalPieces, TransferFunction, optical_pieces, voxel_codes
+from renderer.volume import Volume
 
 __all__ = [
     "APRON",

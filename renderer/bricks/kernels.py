@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.transfer.classify import Codes
+from renderer.transfer import Codes
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]

@@ -14,13 +14,19 @@ import numpy.typing as npt
 
 from renderer.bricks.kernels import APRON, BRICK, SIDE
 from renderer.jit import jit
-from renderer.pyramid.blocks import classify_blocks, opacities_to_depths, store
-from renderer.pyramid.empty_space import visible_blocks
-from renderer.pyramid.kernels import BLOCK, PLACES
-from renderer.pyramid.memory import BLOCKS_PER_TASK, Scratch
-from renderer.pyramid.pyramid import Pyramid
+from renderer.pyramid import (
+    BLOCK,
+    BLOCKS_PER_TASK,
+    PLACES,
+    Pyramid,
+    Scratch,
+    classify_blocks,
+    opacities_to_depths,
+    store,
+    visible_blocks,
+)
 from renderer.threads import Threads
-from renderer.transfer.classify import voxel_codes
+from renderer.transfer import voxel_codes
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]

@@ -31,8 +31,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks.bricks import BrickCut, Bricks
-from renderer.scene.spec import ShadingSpec
-from renderer.transfer.piecewise import OpticalPieces
+from renderer.scene import ShadingSpec
+from renderer.transfer import OpticalPieces
 
 Float64 = npt.NDArray[np.float64]
 

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks.bricks import Bricks
-from renderer.pyramid.cut_size import CutSizes
-from renderer.scene.spec import LEAST_TOLERANCE
+from renderer.pyramid import CutSizes
+from renderer.scene import LEAST_TOLERANCE
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]

@@ -48,8 +48,7 @@ import numpy.typing as npt
 
 from renderer.bricks.kernels import APRON, BRICK, SIDE
 from renderer.jit import jit
-from renderer.transfer.classify import Channels, Codes, scalar_at
-from renderer.transfer.transfer_function import LARGEST_EXPONENT, TransferFunction
+from renderer.transfer import LARGEST_EXPONENT, Channels, Codes, TransferFunction, scalar_at
 
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]

@@ -14,9 +14,8 @@ import numpy.typing as npt
 
 from renderer.bricks import kernels
 from renderer.bricks.kernels import BRICK, BRICK_LEVELS
-from renderer.pyramid.cut import cell_sizes
-from renderer.pyramid.pyramid import TOLD_LEVELS
-from renderer.volume.volume import Volume
+from renderer.pyramid import TOLD_LEVELS, cell_sizes
+from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -28,9 +28,8 @@ from renderer.bricks.bricks import APRON, BRICK, Bricks
 from renderer.bricks.kernels import SIDE, apron_part, slot_at
 from renderer.bricks.means import MadeMeans
 from renderer.jit import jit
-from renderer.pyramid.pyramid import TOLD_LEVELS
-from renderer.transfer.classify import Codes, Float64, scalar_at, voxel_codes
-from renderer.transfer.piecewise import range_width, relative
+from renderer.pyramid import TOLD_LEVELS
+from renderer.transfer import Codes, Float64, range_width, relative, scalar_at, voxel_codes
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.kernels import SIDE
+from renderer.bricks import SIDE
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from renderer.bricks.bricks import Bricks
-from renderer.bricks.means import MOST_KEPT_BYTES
+from renderer.bricks import MOST_KEPT_BYTES, Bricks
 from renderer.draw.cpu.atlas import most_atlas_bytes
 
 

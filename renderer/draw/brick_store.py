@@ -9,13 +9,11 @@ from typing import Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import Bricks
-from renderer.bricks.means import MadeMeans
-from renderer.bricks.sampling import BrickBatch
+from renderer.bricks import BrickBatch, Bricks, MadeMeans
 from renderer.draw.brick_atlas import Atlas, Texels
 from renderer.draw.brick_view import BrickPicture, make_brick_picture, means_of, scalars_of
 from renderer.threads import Threads
-from renderer.view.camera import View
+from renderer.view import View
 
 A = TypeVar("A", bound=Atlas)
 # An atlas, which bricks of a picture belong there, and what makes them ready.

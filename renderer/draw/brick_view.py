@@ -8,13 +8,9 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.kernels import BRICK, SIDE
-from renderer.bricks.means import LEAST_BRICKS, MadeMeans
-from renderer.bricks.sampling import BrickBatch
-from renderer.bricks.texels import mean_texels, scalar_texels
+from renderer.bricks import BRICK, LEAST_BRICKS, SIDE, BrickBatch, MadeMeans, mean_texels, scalar_texels
 from renderer.threads import Threads
-from renderer.view.brick_projection import box_rectangles
-from renderer.view.camera import View
+from renderer.view import View, box_rectangles
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]

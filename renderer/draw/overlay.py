@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import BRICK_LEVELS, BrickCut
+from renderer.bricks import BRICK_LEVELS, BrickCut
 from renderer.jit import jit
-from renderer.pyramid.cut import Cut
-from renderer.volume.volume import Volume
+from renderer.pyramid import Cut
+from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]

@@ -18,12 +18,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import APRON, BRICK
-from renderer.bricks.sampling import DITHER, PHASE_PER_PX, BrickBatch
-from renderer.bricks.texels import mean_texels, scalar_texels
-from renderer.scene.spec import ShadingSpec
-from renderer.view.camera import View
-from renderer.volume.volume import Volume
+from renderer.bricks import APRON, BRICK, DITHER, PHASE_PER_PX, BrickBatch, mean_texels, scalar_texels
+from renderer.scene import ShadingSpec
+from renderer.view import View
+from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]

@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.splats.splats import GaussianFootprint, GouraudFootprint, SplatBatch
-from renderer.view.camera import View
-from renderer.view.splat_projection import SLOPE_LIMIT
+from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
+from renderer.view import SLOPE_LIMIT, View
 
 Float64 = npt.NDArray[np.float64]
 

@@ -9,13 +9,13 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.sampling import BrickBatch
+from renderer.bricks import BrickBatch
 from renderer.draw.cpu.raster import CPURasterizer
 from renderer.draw.gl.raster import GLRasterizer, Image
 from renderer.draw.overlay import CellEdges
 from renderer.errors import ContextLostError, RenderError
-from renderer.splats.splats import SplatBatch
-from renderer.view.camera import View
+from renderer.splats import SplatBatch
+from renderer.view import View
 
 Result = TypeVar("Result")
 

@@ -21,7 +21,7 @@ from renderer.film.frame_record import Record, is_record
 from renderer.film.names import frame_path, has_frame_files, is_numbered, picture_shape
 from renderer.film.picture import Picture
 from renderer.film.png import png_shape
-from renderer.scene.spec import OutputSpec
+from renderer.scene import OutputSpec
 
 _FILE = re.compile(r"([0-9]{6,9})\.(json|png)")
 _MARK = re.compile(r"[0-9a-f]{32}")

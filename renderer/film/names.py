@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.scene.spec import FRAME_FIELD, OutputSpec, Scene
+from renderer.scene import FRAME_FIELD, OutputSpec, Scene
 
 # What is meant for FRAME_FIELD, well-formed or not: names that nobody has checked yet may have it.
 ANY_FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.errors import RenderError
 from renderer.jit import jit
-from renderer.scene.spec import Color
+from renderer.scene import Color
 
 # float32 throughout: numba would go on in float64 from a plain number.
 _ZERO, _HALF, _ONE, _LARGEST = (np.float32(value) for value in (0.0, 0.5, 1.0, 255.0))

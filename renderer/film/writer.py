@@ -15,7 +15,7 @@ from renderer.film.atomic import require_writable, staged, staged_together
 from renderer.film.encode import Encoder, find_ffmpeg, gif_delay_cs, gif_options, mp4_options, open_encoder
 from renderer.film.names import frame_path, has_frame_files, picture_shape
 from renderer.film.png import encode_png
-from renderer.scene.spec import OutputSpec
+from renderer.scene import OutputSpec
 
 
 class FilmWriter(ABC):

@@ -8,17 +8,22 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import ERRORS_ON_A_RAY, BrickCut, Bricks, cut_bricks, num_bricks_at
-from renderer.bricks.sampling import BrickBatch, Thrift, make_brick_batch
-from renderer.bricks.sizes import brick_sizes
-from renderer.draw.overlay import CellEdges, make_brick_edges
+from renderer.bricks import (
+    ERRORS_ON_A_RAY,
+    BrickBatch,
+    BrickCut,
+    Bricks,
+    Thrift,
+    brick_sizes,
+    cut_bricks,
+    make_brick_batch,
+    num_bricks_at,
+)
+from renderer.draw import CellEdges, make_brick_edges
 from renderer.frame.primitives import Lap, Orders
-from renderer.pyramid.cut import root_error
-from renderer.pyramid.cut_size import CutSizes
-from renderer.scene.spec import LEAST_TOLERANCE, ShadingSpec
-from renderer.view.brick_projection import visible_bricks
-from renderer.view.camera import View
-from renderer.view.splat_projection import model_view
+from renderer.pyramid import CutSizes, root_error
+from renderer.scene import LEAST_TOLERANCE, ShadingSpec
+from renderer.view import View, model_view, visible_bricks
 
 Float64 = npt.NDArray[np.float64]
 

@@ -9,20 +9,17 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import Bricks
-from renderer.bricks.sampling import BrickBatch
-from renderer.draw.overlay import CellEdges
-from renderer.film.quantization import quantize
+from renderer.bricks import BrickBatch, Bricks
+from renderer.draw import CellEdges
+from renderer.film import quantize
 from renderer.frame.brick_family import BrickFamily
 from renderer.frame.primitives import Detail, Family, Orders
 from renderer.frame.splat_family import SplatFamily
-from renderer.pyramid.pyramid import Pyramid
-from renderer.scene.spec import Scene, Vector
-from renderer.splats.splats import SplatBatch
-from renderer.view.camera import View
-from renderer.view.depth_order import Turning
-from renderer.view.paths import make_view
-from renderer.volume.volume import Volume
+from renderer.pyramid import Pyramid
+from renderer.scene import Scene, Vector
+from renderer.splats import SplatBatch
+from renderer.view import Turning, View, make_view
+from renderer.volume import Volume
 
 Clock = Callable[[], float]
 

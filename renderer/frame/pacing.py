@@ -26,7 +26,7 @@ from renderer.frame.frame import (
     make_pose,
 )
 from renderer.frame.primitives import Detail
-from renderer.scene.schedule import tolerance_at
+from renderer.scene import tolerance_at
 
 # How many trial drawings there are at least: of one size alone they would not tell splats from pixels.
 _FEWEST_TRIALS = 3

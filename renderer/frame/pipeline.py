@@ -8,20 +8,33 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from renderer.bricks.bricks import make_bricks
+from renderer.bricks import make_bricks
 from renderer.errors import InputError
 from renderer.frame.frame import Clock, Frame, Rasterizer, Stage, Stopwatch, draw
 from renderer.frame.pacing import Guide, Scheduled
-from renderer.pyramid.pyramid import build_pyramid
-from renderer.readers.read import read_volume
-from renderer.scene.limits import camera_problems, extent_of, require_proportion, volume_problems
-from renderer.scene.schedule import in_order, least_tolerance
-from renderer.scene.spec import Scene, Vector
-from renderer.transfer.transfer_function import make_transfer
-from renderer.view.depth_order import make_turning
-from renderer.view.framing import finest_useful_level, fit_distance, smallest_voxel_px, visible_centre, visible_points
-from renderer.view.paths import axes_in_runs
-from renderer.volume.volume import Float64, Volume
+from renderer.pyramid import build_pyramid
+from renderer.readers import read_volume
+from renderer.scene import (
+    Scene,
+    Vector,
+    camera_problems,
+    extent_of,
+    in_order,
+    least_tolerance,
+    require_proportion,
+    volume_problems,
+)
+from renderer.transfer import make_transfer
+from renderer.view import (
+    axes_in_runs,
+    finest_useful_level,
+    fit_distance,
+    make_turning,
+    smallest_voxel_px,
+    visible_centre,
+    visible_points,
+)
+from renderer.volume import Float64, Volume
 
 
 def prepare(

@@ -10,10 +10,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.sampling import BrickBatch
-from renderer.draw.overlay import CellEdges
-from renderer.splats.splats import SplatBatch
-from renderer.view.camera import View
+from renderer.bricks import BrickBatch
+from renderer.draw import CellEdges
+from renderer.splats import SplatBatch
+from renderer.view import View
 
 # In which order a rasteriser draws, uint32 [k] of the batch, and its share of the picture; the shares' sum is 1.
 Orders = Sequence[tuple[float, npt.NDArray[np.uint32]]]

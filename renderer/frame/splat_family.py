@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from renderer.draw.overlay import CellEdges, make_cell_edges
+from renderer.draw import CellEdges, make_cell_edges
 from renderer.frame.primitives import Lap, Orders
-from renderer.pyramid.cut import Cut, cut_pyramid
-from renderer.pyramid.cut_size import CutSizes, cut_sizes
-from renderer.pyramid.pyramid import Pyramid
-from renderer.scene.spec import SplatSpec
-from renderer.splats.splats import SplatBatch, make_splats
-from renderer.view.camera import View
-from renderer.view.depth_order import Turning
-from renderer.view.splat_projection import model_view, square_px, visible_orders
+from renderer.pyramid import Cut, CutSizes, Pyramid, cut_pyramid, cut_sizes
+from renderer.scene import SplatSpec
+from renderer.splats import SplatBatch, make_splats
+from renderer.view import Turning, View, model_view, square_px, visible_orders
 
 # Sizes of cuts are looked up to so many times the number of cells that is asked for, because more will be.
 _LOOK_AHEAD = 4

@@ -21,16 +21,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import BrickLevel, Bricks
+from renderer.bricks import BrickLevel, Bricks
 from renderer.frame.frame import Stage
-from renderer.pyramid.pyramid import Level, Pyramid
-from renderer.scene import spec as scene
-from renderer.transfer.classify import Classifier, Lighting, Segments
-from renderer.transfer.piecewise import OpticalPieces
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.view.depth_order import Turning
-from renderer.volume.mapped_file import MappedFile, OnMapped
-from renderer.volume.volume import Volume
+from renderer.pyramid import Level, Pyramid
+from renderer.scene import SPECS
+from renderer.transfer import Classifier, Lighting, OpticalPieces, Segments, TransferFunction
+from renderer.view import Turning
+from renderer.volume import MappedFile, OnMapped, Volume
 
 Array = npt.NDArray[Any]
 
@@ -39,12 +36,11 @@ ALIGNMENT = 64
 _LENGTH = struct.Struct("<Q")
 # Everything that a stage is made of, by name. A scene is taken as it is and not read again from plain data: the
 # schedule of one whose goal was resolved need not be one that a user may write.
-_OF_SCENE = [kind for kind in vars(scene).values() if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
 _OF_STAGE = (
     Stage, Volume, MappedFile, Pyramid, Level, Classifier, Segments, Lighting, Turning, Bricks, BrickLevel,
     OpticalPieces, TransferFunction,
 )  # fmt: skip
-_RECORDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_OF_STAGE, *_OF_SCENE)}
+_RECORDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_OF_STAGE, *SPECS)}
 
 
 def pack(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:

@@ -1,0 +1,9 @@
+"""The pyramid of averages and errors, and the octree that is cut from it.
+
+In: `Volume` and `Classifier`. Out: `Pyramid`; `Cut`, the coarsest nodes whose error is below a tolerance (Laur and
+Hanrahan 1991). Means and variances of children are merged as in Chan, Golub and LeVeque 1979.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.pyramid import kernels
 from renderer.pyramid.memory import Groups
-from renderer.transfer.classify import Classifier
+from renderer.transfer import Classifier
 
 Array = npt.NDArray[Any]
 

@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from renderer.jit import jit
 from renderer.pyramid.pyramid import Pyramid, cell_extents, error_scale
-from renderer.transfer.classify import Codes, Lighting, Segments, classify_voxel, voxel_codes
-from renderer.volume.volume import Volume
+from renderer.transfer import Codes, Lighting, Segments, classify_voxel, voxel_codes
+from renderer.volume import Volume
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from renderer.pyramid.cut import children, node_errors, num_visible_voxels
 from renderer.pyramid.pyramid import Pyramid
-from renderer.scene.spec import LEAST_TOLERANCE
+from renderer.scene import LEAST_TOLERANCE
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from renderer.jit import jit
 from renderer.pyramid.kernels import BLOCK
-from renderer.transfer.classify import FAINTEST, Classifier, Codes, Segments, evaluate
+from renderer.transfer import FAINTEST, Classifier, Codes, Segments, evaluate
 
 UInt64 = npt.NDArray[np.uint64]
 

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.transfer.classify import Codes, Lighting, Segments, classify_voxel, evaluate, scalar_at
+from renderer.transfer import Codes, Lighting, Segments, classify_voxel, evaluate, scalar_at
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]

@@ -47,10 +47,9 @@ from renderer.pyramid.memory import (
     Stored,
     empty_stored,
 )
-from renderer.scene.spec import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer.classify import FAINTEST, Classifier, make_classifier, voxel_codes
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import FAINTEST, Classifier, TransferFunction, make_classifier, voxel_codes
+from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

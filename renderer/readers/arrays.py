@@ -11,8 +11,8 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_dtype, check_size, choose, describe_shape, existing, unreadable
-from renderer.scene.spec import RawSource
-from renderer.volume.volume import Array
+from renderer.scene import RawSource
+from renderer.volume import Array
 
 # Of numpy's arrays of all versions; a volume has fewer.
 _MAX_AXES = 32

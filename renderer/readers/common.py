@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, nearest
-from renderer.scene.spec import LONGEST, SHORTEST
-from renderer.volume.mapped_file import MappedFile, slabs
-from renderer.volume.volume import Array, Float64
+from renderer.scene import LONGEST, SHORTEST
+from renderer.volume import Array, Float64, MappedFile, slabs
 
 # No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
 MAX_VOLUME_BYTES = 2**40

@@ -29,7 +29,7 @@ from renderer.readers.itk import (
     read_itk,
     view_of,
 )
-from renderer.volume.volume import Array, Float64
+from renderer.volume import Array, Float64
 
 # Slices may lie this part of the spacing away from even steps. Positions are written with few digits and gantries are
 # not perfect; a missing slice is off by a whole step.

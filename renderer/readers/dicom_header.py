@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import InputError
-from renderer.scene.schema import show
+from renderer.scene import show
 
 # Where a file says how far apart pixels are, down and across: PixelSpacing and, for some kinds of images,
 # ImagerPixelSpacing, NominalScannedPixelSpacing and ImagePlanePixelSpacing.

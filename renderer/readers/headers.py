@@ -20,7 +20,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import StoredVoxels, existing
-from renderer.scene.schema import show
+from renderer.scene import show
 
 # No header comes near this, even if it lists a file for each slice; a file without the end-of-header mark is not read
 # whole in search of it.

@@ -43,8 +43,8 @@ from renderer.readers.headers import (
     vtk_voxels,
 )
 from renderer.readers.sniff import UnknownFormatError
-from renderer.scene.schema import show
-from renderer.volume.volume import Array
+from renderer.scene import show
+from renderer.volume import Array
 
 # What no sentence has, but conditions of a program that were not met, and its own exceptions.
 _CODE = re.compile(r"::|\(\)|bad_alloc")
@@ -64,7 +64,7 @@ _LOCATED: dict[str, Callable[[Path], Stored | None]] = {
 @contextmanager
 def quiet_simpleitk() -> Iterator[Any]:
     """The SimpleITK module, imported on first use, its warnings kept off the terminal within the block."""
-    import SimpleITK  # noqa: PLC0415  (0.1 s and 270 MB that other formats do not need)
+    import SimpleITK
 
     sitk: Any = SimpleITK  # it has no types
     shown = sitk.ProcessObject.GetGlobalWarningDisplay()

@@ -36,7 +36,7 @@ from renderer.readers.common import (
     stays_mapped,
     unreadable,
 )
-from renderer.volume.volume import Array, Float64
+from renderer.volume import Array, Float64
 
 # The lengths of the headers of NIfTI-1 and NIfTI-2, by which they begin.
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
@@ -162,7 +162,7 @@ def _head(path: Path) -> tuple[bytes, bool]:
 
 
 def _open(path: Path) -> Any:
-    import nibabel as nib  # noqa: PLC0415  (0.2 s that other formats do not need)
+    import nibabel as nib
 
     _check_offset(path)
     try:
@@ -196,7 +196,7 @@ def _open(path: Path) -> Any:
 
 def _stored_values(proxy: Any, data_file: Path, last: tuple[int, int]) -> Array:
     """[z, y, x] of one time step and component as they are stored, nothing else being read from the file."""
-    import nibabel  # noqa: PLC0415
+    import nibabel
 
     nib: Any = nibabel
 

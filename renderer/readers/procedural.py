@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.errors import InputError, nearest
-from renderer.scene.spec import PROCEDURAL_NAMES, ProceduralSource
-from renderer.volume.volume import Array, Float64
+from renderer.scene import PROCEDURAL_NAMES, ProceduralSource
+from renderer.volume import Array, Float64
 
 # Working memory is a few float arrays of this many voxels: slabs of whole planes, or blocks of rows of larger planes.
 _SLAB_VOXELS = 2**20

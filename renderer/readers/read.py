@@ -22,9 +22,8 @@ from renderer.readers.common import (
     unreadable,
     with_spacing,
 )
-from renderer.scene.spec import FileSource, ProceduralSource, RawSource, VolumeSpec
-from renderer.volume.mapped_file import MappedFile, OnMapped, file_behind, slabs
-from renderer.volume.volume import Array, Volume, make_volume
+from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.volume import Array, MappedFile, OnMapped, Volume, file_behind, make_volume, slabs
 
 Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 
@@ -81,10 +80,10 @@ def _load(spec: VolumeSpec, name: str) -> Image:
     choose("time", spec.time, 1, name)
     choose("component", spec.component, 1, name)
     if isinstance(source, RawSource):
-        from renderer.readers.arrays import read_raw  # noqa: PLC0415
+        from renderer.readers.arrays import read_raw
 
         return read_raw(source)
-    from renderer.readers.procedural import procedural_affine, procedural_values  # noqa: PLC0415
+    from renderer.readers.procedural import procedural_affine, procedural_values
 
     return Image(procedural_values(source), procedural_affine(source))
 
@@ -95,25 +94,25 @@ def _load_file(path: Path, time: int | None, component: int | None, any_lengths:
     if path.is_dir():
         return _load_folder(path, time, component, any_lengths)
     if name.endswith((".nii", ".nii.gz", ".hdr", ".img")):
-        from renderer.readers.nifti import read_nifti  # noqa: PLC0415
+        from renderer.readers.nifti import read_nifti
 
         return read_nifti(path, time, component)
     if name.endswith(".npy"):
-        from renderer.readers.arrays import read_npy  # noqa: PLC0415
+        from renderer.readers.arrays import read_npy
 
         return read_npy(path, time, component)
     if name.endswith((".tif", ".tiff")):
-        from renderer.readers.tiff import read_tiff  # noqa: PLC0415
+        from renderer.readers.tiff import read_tiff
 
         return read_tiff(path, time, component, any_lengths=any_lengths)
-    from renderer.readers.itk import read_itk  # noqa: PLC0415
+    from renderer.readers.itk import read_itk
 
     return read_itk(path, time, component, any_lengths=any_lengths)
 
 
 def _load_folder(folder: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
-    from renderer.readers.headers import has_dicom_mark  # noqa: PLC0415
-    from renderer.readers.tiff import SUFFIXES, read_tiff_folder  # noqa: PLC0415
+    from renderer.readers.headers import has_dicom_mark
+    from renderer.readers.tiff import SUFFIXES, read_tiff_folder
 
     names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     tiffs = [entry for entry in names if entry.suffix.lower() in SUFFIXES]
@@ -130,7 +129,7 @@ def _load_folder(folder: Path, time: int | None, component: int | None, any_leng
             )
         choose("time", time, 1, str(folder))
         return read_tiff_folder(folder, tiffs, component, any_lengths=any_lengths)
-    from renderer.readers.dicom import read_dicom  # noqa: PLC0415
+    from renderer.readers.dicom import read_dicom
 
     return read_dicom(folder, time, component, any_lengths=any_lengths)
 

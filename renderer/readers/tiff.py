@@ -29,7 +29,7 @@ from renderer.readers.tiff_directory import (
     Page,
     read_pages,
 )
-from renderer.volume.volume import Array, Float64
+from renderer.volume import Array, Float64
 
 SUFFIXES = (".tif", ".tiff")
 

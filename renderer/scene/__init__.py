@@ -1,0 +1,9 @@
+"""The scene: what to render and how, frozen and checked.
+
+In: YAML text or a parsed tree. Out: `Scene`, or one `SceneError` that lists every problem with its line and column.
+Nothing here imports numpy but on request, so that `hsplat check` answers at once.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -38,7 +38,7 @@ def colormap_points(name: str, count: int) -> list[tuple[float, float, float]]:
 
     `name` must be one that `is_colormap` accepts. Imports cmap, and with it numpy.
     """
-    import cmap  # noqa: PLC0415  (heavy, and not needed to check a scene)
+    import cmap
 
     base = _base(name)
     # The full name: a short one that several collections share is reported on stderr.

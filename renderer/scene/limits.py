@@ -20,7 +20,7 @@ from renderer.errors import Problem, SceneError
 from renderer.scene.spec import CameraSpec, FileSource, KeyframePath, RawSource, Scene, Vector
 
 if TYPE_CHECKING:
-    from renderer.volume.volume import Volume
+    from renderer.volume import Volume
 
 # Longest side of a voxel by its shortest.
 MAX_SPACING_RATIO = 1e5

@@ -8,8 +8,7 @@ Defaults are those of the dataclasses in `renderer.scene.spec`. Nothing here imp
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import fields as dataclass_fields
-from dataclasses import is_dataclass
+from dataclasses import fields as dataclass_fields, is_dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any

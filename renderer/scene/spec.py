@@ -9,9 +9,9 @@ points and sizes in (x, y, z) and (width, height) order.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 Vector = tuple[float, float, float]
 Color = tuple[float, float, float]
@@ -267,3 +267,9 @@ class Scene:
     def needs_opengl(self) -> bool:
         """Whether it has splats or lines; bricks are drawn without it, too."""
         return self.splat.footprint != "integrated" or self.overlay != "none"
+
+
+# Everything that a scene is made of, for those who send scenes to other processes.
+SPECS: tuple[type[Any], ...] = tuple(
+    kind for kind in list(vars().values()) if isinstance(kind, type) and is_dataclass(kind)
+)

@@ -1,0 +1,9 @@
+"""The cells of a cut to splats.
+
+In: `Cut`. Out: `SplatBatch`: centres, sizes, colours and optical depths, and the footprint that spreads each over
+pixels: Gaussian without ripple, or Gouraud-shaded triangles (Laur and Hanrahan 1991).
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from renderer.errors import RenderError
 from renderer.jit import jit
-from renderer.pyramid.cut import Cut
-from renderer.scene.spec import SplatSpec
+from renderer.pyramid import Cut
+from renderer.scene import SplatSpec
 
 Float64 = npt.NDArray[np.float64]
 

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import require_package
-from renderer.film.quantization import require_finite
-from renderer.scene.spec import Color
+from renderer.film import require_finite
+from renderer.scene import Color
 
 Picture = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -186,7 +186,7 @@ def _error_map(picture: Picture, truth: Picture) -> _Map:
 
 def _ssim_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: structural similarity, mean of the channels."""
-    from skimage.metrics import structural_similarity  # noqa: PLC0415
+    from skimage.metrics import structural_similarity
 
     if min(picture.shape[:2]) < SSIM_WINDOW_PX:
         return np.full(picture.shape[:2], np.nan)
@@ -208,7 +208,7 @@ def _ssim_map(picture: Picture, truth: Picture) -> _Map:
 
 def _flip_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: the perceived difference."""
-    import flip_evaluator  # noqa: PLC0415
+    import flip_evaluator
 
     difference, _, _ = flip_evaluator.evaluate(
         _for_flip(truth),
@@ -229,7 +229,7 @@ def _for_flip(picture: Picture) -> npt.NDArray[np.float32]:
 
 def _delta_e_map(picture: Picture, truth: Picture) -> _Map:
     """[h, w]: CIE 1976 colour difference."""
-    from skimage.color import deltaE_cie76, rgb2lab  # noqa: PLC0415
+    from skimage.color import deltaE_cie76, rgb2lab
 
     # float32 resolves a colour difference to 1e-4, and takes half the time.
     return np.asarray(deltaE_cie76(*(rgb2lab(each.astype(np.float32)) for each in (truth, picture))))

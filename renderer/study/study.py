@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.study.sweep import Measurement
-from renderer.truth.integrator import Convergence
+from renderer.truth import Convergence
 
 
 @dataclass(frozen=True)

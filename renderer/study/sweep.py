@@ -14,9 +14,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.frame.frame import Clock, Frame, Rasterizer, Stage
-from renderer.frame.pipeline import render_frames
-from renderer.scene.spec import ErrorSpec, SplatSpec
+from renderer.frame import Clock, Frame, Rasterizer, Stage, render_frames
+from renderer.scene import ErrorSpec, SplatSpec
 from renderer.study.metrics import Accuracy, compare, over_background, pooled
 from renderer.study.thumbnails import difference_thumbnail, thumbnail
 from renderer.study.truths import Truth

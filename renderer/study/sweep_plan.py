@@ -6,9 +6,8 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from renderer.frame.frame import Stage, family_of
-from renderer.scene.schedule import at_tolerance
-from renderer.scene.spec import ErrorSpec, Scene, SplatSpec
+from renderer.frame import Stage, family_of
+from renderer.scene import ErrorSpec, Scene, SplatSpec, at_tolerance
 from renderer.study.tolerances import spread_tolerances
 
 # Tolerances of a series when none are asked for.

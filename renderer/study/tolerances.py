@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from renderer.pyramid.cut import root_error
-from renderer.pyramid.pyramid import Pyramid
-from renderer.scene.spec import LEAST_TOLERANCE
+from renderer.pyramid import Pyramid, root_error
+from renderer.scene import LEAST_TOLERANCE
 
 # How much is drawn at a tolerance, as in `renderer.frame.primitives.Family`: cells, or samples of them.
 Work = Callable[[float], float]

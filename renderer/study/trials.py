@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from renderer.frame.frame import Clock, Rasterizer, Stage, family_of
-from renderer.frame.pipeline import render_frames
-from renderer.scene.schedule import at_tolerance
-from renderer.scene.want import Want
+from renderer.frame import Clock, Rasterizer, Stage, family_of, render_frames
+from renderer.scene import Want, at_tolerance
 from renderer.study.metrics import over_background, single
 from renderer.study.search import coarsest_good
 from renderer.study.tolerances import distinct_rungs

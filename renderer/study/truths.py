@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.frame.frame import Clock, Rasterizer, Stage, view_of
-from renderer.frame.pipeline import render_frames
-from renderer.scene.schedule import at_tolerance
-from renderer.scene.spec import KeyframePath, RockerPath, TurntablePath
+from renderer.frame import Clock, Rasterizer, Stage, render_frames, view_of
+from renderer.scene import KeyframePath, RockerPath, TurntablePath, at_tolerance
 from renderer.study.metrics import Mask, Picture, over_background
-from renderer.transfer.transfer_function import make_transfer
-from renderer.truth.integrator import Convergence, Progress, converged_image
+from renderer.transfer import make_transfer
+from renderer.truth import Convergence, Progress, converged_image
 
 # How well a truth converges, in every channel: to a thousandth of the RMSE of a picture with 40 dB.
 TRUTH_TOLERANCE = 1e-5

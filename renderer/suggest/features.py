@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.suggest.histogram import HALF_OF_LARGEST, Statistics
-from renderer.volume.volume import Array, Float64, Volume
+from renderer.volume import Array, Float64, Volume
 
 Mask = npt.NDArray[np.bool_]
 

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from renderer.suggest.nodata import Apart, FarValue, Group, end_ranks, set_apart
 from renderer.suggest.percentiles import Chunks, Counts, Ranking, ranking, values_at
-from renderer.volume.mapped_file import MappedFile
-from renderer.volume.volume import Array, Float64
+from renderer.volume import Array, Float64, MappedFile
 
 # Every value of 16-bit data has a bin of its own, and wider types are resolved as finely.
 MAX_BINS = 2**16

@@ -8,13 +8,12 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.spec import Color, ColormapSpec, ControlPoint
+from renderer.scene import Color, ColormapSpec, ControlPoint
 from renderer.suggest.features import Sample, evenness, faces, gentleness, transition
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.opacity import Layer, expose, opacity_of, unit_for, whole
 from renderer.suggest.presets import CRISP, GLASS, SOLID
-from renderer.volume.mapped_file import slabs
-from renderer.volume.volume import Volume
+from renderer.volume import Volume, slabs
 
 _MOST_LABELS = 4096
 # Up to so many values are labels wherever they are; more are if that part of the neighbours of voxels, those of the

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.suggest.features import Mask, Sample, coherence
-from renderer.volume.volume import Float64
+from renderer.volume import Float64
 
 # The border of a level set has one sign, here and there excepted.
 _ONE_SIGN = 0.97

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.suggest.features import Sample
-from renderer.volume.volume import Float64
+from renderer.volume import Float64
 
 # Rays with less than this part of the largest depth do not meet the layer.
 _FAINT = 1e-3

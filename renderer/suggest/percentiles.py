@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.volume.volume import Array
+from renderer.volume import Array
 
 Chunks = Callable[[], Iterator[Array]]
 Counts = npt.NDArray[np.int64]

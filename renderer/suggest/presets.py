@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from renderer.scene.colormaps import colormap_points
-from renderer.scene.spec import Color, ShadingSpec
+from renderer.scene import Color, ShadingSpec, colormap_points
 from renderer.suggest.features import Background, Sample, Split, coherence, split
 from renderer.suggest.opacity import Layer, covers
-from renderer.volume.volume import Float64
+from renderer.volume import Float64
 
 # Mean opacities of rays through a layer: one that is hardly there, one to look through, one to look at; and of those
 # through a field, which is dense here and thin there.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from renderer.scene.spec import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
+from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
 from renderer.suggest import presets as looks
 from renderer.suggest.features import (
     ONE_SIDED,
@@ -32,7 +32,7 @@ from renderer.suggest.level_sets import lies_inside
 from renderer.suggest.opacity import expose, opacity_of, unit_for, whole
 from renderer.suggest.presets import Look
 from renderer.suggest.unseen import unseen_value
-from renderer.volume.volume import Float64, Volume
+from renderer.volume import Float64, Volume
 
 
 @dataclass(frozen=True)

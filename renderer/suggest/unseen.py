@@ -8,7 +8,7 @@ from renderer.suggest.features import Sample, faces, find_background, has_much_b
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import label_values
 from renderer.suggest.level_sets import lies_inside
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 
 def unseen_value(volume: Volume, statistics: Statistics) -> float | None:

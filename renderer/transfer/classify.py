@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.scene.spec import ShadingSpec
+from renderer.scene import ShadingSpec
 from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 Codes = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.spec import ColormapSpec, TransferSpec
+from renderer.scene import ColormapSpec, TransferSpec
 
 Float64 = npt.NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def _exponent(values: npt.ArrayLike) -> int:
 
 def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tuple[Float64, Float64, Float64]:
     """Control points wherever the colormap or the extinction (given at the values `at`) has one."""
-    from renderer.scene.colormaps import colormap_points  # noqa: PLC0415  the package behind it is loaded only when it is used
+    from renderer.scene import colormap_points
 
     first, last = spec.range
     scale = math.ldexp(1.0, min(-1 - _exponent(spec.range), 1000))  # to [-1/2, 1/2], where slopes are finite, too

@@ -25,10 +25,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import RenderError
-from renderer.scene.spec import ShadingSpec
+from renderer.scene import ShadingSpec
 from renderer.truth.kernel import GROUP, Intervals, Lighting, integrate_rays
-from renderer.view.camera import View
-from renderer.volume.volume import Float64, Volume
+from renderer.view import View
+from renderer.volume import Float64, Volume
 
 Int64 = npt.NDArray[np.int64]
 Progress = Callable[[float], None]

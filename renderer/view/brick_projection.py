@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import BRICK_LEVELS
-from renderer.bricks.sampling import BrickBatch
+from renderer.bricks import BRICK_LEVELS, BrickBatch
 from renderer.jit import jit
 from renderer.view.camera import View
 from renderer.view.visibility import box_order
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 

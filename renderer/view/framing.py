@@ -16,11 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError
-from renderer.pyramid.pyramid import Pyramid
-from renderer.scene.spec import CameraSpec, Vector
+from renderer.pyramid import Pyramid
+from renderer.scene import CameraSpec, Vector
 from renderer.view.camera import Float64
 from renderer.view.paths import CameraPath, Poses, camera_poses, focal_length_px
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 Int64 = npt.NDArray[np.int64]
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.scene.spec import CameraSpec, KeyframePath, RockerPath, TurntablePath, Vector
+from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath, Vector
 from renderer.view.camera import Float64, View
 
 # Looked at together, for bounded memory.

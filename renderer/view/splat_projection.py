@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.pyramid.cut import Cut
-from renderer.splats.splats import SplatBatch
+from renderer.pyramid import Cut
+from renderer.splats import SplatBatch
 from renderer.view.camera import View
 from renderer.view.depth_order import Turning, depth_directions
 from renderer.view.visibility import box_order, depth_order

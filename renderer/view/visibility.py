@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from renderer.jit import jit
 from renderer.view.camera import View
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 # Three passes over a 32-bit key, with counters that stay in the first-level cache.
 RADIX_BITS = 11

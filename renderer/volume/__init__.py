@@ -1,0 +1,9 @@
+"""A scalar volume and its place in the world.
+
+In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large files stay in their file
+(`MappedFile`) and are read as they are needed.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare
-from renderer.pyramid.cut import cut_pyramid
-from renderer.scene.spec import (
+from renderer.draw import GLRasterizer
+from renderer.frame import Stage, prepare
+from renderer.pyramid import cut_pyramid
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -25,11 +24,10 @@ from renderer.scene.spec import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats.splats import make_splats
-from renderer.transfer.transfer_function import make_transfer
-from renderer.truth.integrator import integrate
-from renderer.view.camera import View
-from renderer.view.paths import make_view
+from renderer.splats import make_splats
+from renderer.transfer import make_transfer
+from renderer.truth import integrate
+from renderer.view import View, make_view
 from renderer.view.splat_projection import visible_order
 
 SOFT_AND_SOLID = TransferSpec(

@@ -21,8 +21,7 @@ from dense_bricks import (
 )
 from number_types import TYPES, limits
 
-from renderer.bricks.bricks import BRICK, Bricks, cut_bricks
-from renderer.bricks.sampling import make_brick_batch
+from renderer.bricks import BRICK, Bricks, cut_bricks, make_brick_batch
 from renderer.bricks.subvoxel import (
     NARROWEST,
     NEARLY_LINEAR,
@@ -35,12 +34,10 @@ from renderer.bricks.subvoxel import (
     squared_distance,
 )
 from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
-from renderer.transfer.classify import make_classifier, voxel_codes
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.truth.integrator import integrate
-from renderer.view.brick_projection import visible_bricks
-from renderer.view.camera import View
-from renderer.volume.volume import Volume, make_volume
+from renderer.transfer import TransferFunction, make_classifier, voxel_codes
+from renderer.truth import integrate
+from renderer.view import View, visible_bricks
+from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

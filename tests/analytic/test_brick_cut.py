@@ -12,21 +12,13 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_bricks, patches
 
-from renderer.bricks.bricks import (
-    BRICK,
-    BRICK_LEVELS,
-    BrickCut,
-    Bricks,
-    cut_bricks,
-    make_bricks,
-    num_bricks_at,
-)
-from renderer.readers.read import read_volume
-from renderer.scene.spec import ErrorSpec, FileSource, PyramidSpec, VolumeSpec
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.view.camera import View
+from renderer.bricks import BRICK, BRICK_LEVELS, BrickCut, Bricks, cut_bricks, make_bricks, num_bricks_at
+from renderer.readers import read_volume
+from renderer.scene import ErrorSpec, FileSource, PyramidSpec, VolumeSpec
+from renderer.transfer import TransferFunction
+from renderer.view import View
 from renderer.view.visibility import box_order
-from renderer.volume.volume import make_volume
+from renderer.volume import make_volume
 
 Float64 = npt.NDArray[np.float64]
 

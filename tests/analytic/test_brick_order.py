@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, bricks_of, ordered, placed, random_cut, transfer_of
 
-from renderer.bricks.bricks import BrickCut
-from renderer.view.camera import View
-from renderer.volume.volume import Float64
+from renderer.bricks import BrickCut
+from renderer.view import View
+from renderer.volume import Float64
 
 NUM_VIEWS = 12
 RAYS_PER_VIEW = 40

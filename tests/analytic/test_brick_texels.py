@@ -10,13 +10,10 @@ import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches, random_transfer
 from number_types import TYPES, limits
 
-from renderer.bricks.bricks import APRON, BRICK, Bricks, make_bricks
-from renderer.bricks.texels import mean_texels, scalar_texels
-from renderer.scene.spec import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer.classify import FAINTEST
-from renderer.transfer.piecewise import FARTHEST
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume, make_volume
+from renderer.bricks import APRON, BRICK, Bricks, make_bricks, mean_texels, scalar_texels
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import FAINTEST, FARTHEST, TransferFunction
+from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

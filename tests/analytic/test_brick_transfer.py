@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from brickwork import batch_of, bricks_of, level_cut, ordered
 
-from renderer.bricks.bricks import Bricks
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.scene.spec import ColormapSpec, TransferSpec
-from renderer.transfer.transfer_function import TransferFunction, make_transfer
-from renderer.view.camera import View
-from renderer.volume.volume import Float64, make_volume
+from renderer.bricks import Bricks
+from renderer.draw import GLRasterizer
+from renderer.scene import ColormapSpec, TransferSpec
+from renderer.transfer import TransferFunction, make_transfer
+from renderer.view import View
+from renderer.volume import Float64, make_volume
 
 
 @pytest.fixture(scope="module", params=["device", "processor"])

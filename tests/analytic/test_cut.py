@@ -9,11 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.pyramid.cut import Cut, cut_pyramid
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
-from renderer.scene.spec import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume, make_volume
+from renderer.pyramid import Cut, Pyramid, build_pyramid, cut_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -12,20 +12,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
-from renderer.frame.frame import finest_level_at
-from renderer.frame.pipeline import prepare
-from renderer.pyramid.cut import children, cut_pyramid, node_errors
-from renderer.pyramid.cut_size import CutSizes, cut_sizes
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
+from renderer.frame import finest_level_at, prepare
+from renderer.pyramid import CutSizes, Pyramid, build_pyramid, children, cut_pyramid, cut_sizes, node_errors
 from renderer.readers.procedural import procedural_values
+from renderer.scene import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec, load_scene
 from renderer.scene.parse import parse_scene
-from renderer.scene.scene_file import load_scene
-from renderer.scene.spec import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume, make_volume
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

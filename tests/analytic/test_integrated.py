@@ -28,14 +28,12 @@ from brickwork import (
 )
 from ray_integrals import ray_spans
 
-from renderer.bricks.bricks import cut_bricks
-from renderer.bricks.sampling import make_brick_batch
+from renderer.bricks import cut_bricks, make_brick_batch
 from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
-from renderer.scene.spec import ErrorSpec, ShadingSpec
-from renderer.truth.integrator import integrate
-from renderer.view.brick_projection import visible_bricks
-from renderer.view.camera import View
-from renderer.volume.volume import Float64, Volume
+from renderer.scene import ErrorSpec, ShadingSpec
+from renderer.truth import integrate
+from renderer.view import View, visible_bricks
+from renderer.volume import Float64, Volume
 
 LEVEL = 1 / 255  # of an image of 8 bits
 COLOR = (0.2, 0.7, 1.0)

@@ -6,25 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ray_integrals import (
-    COLORFUL,
-    EXACT,
-    Transfer,
-    along_z,
-    look,
-    oblique,
-    ray_spans,
-    transfer,
-    volume,
-)
+from ray_integrals import COLORFUL, EXACT, Transfer, along_z, look, oblique, ray_spans, transfer, volume
 
-from renderer.scene.spec import (
-    ShadingSpec,
-    TurntablePath,
-)
-from renderer.truth.integrator import converged_image, integrate
+from renderer.scene import ShadingSpec, TurntablePath
+from renderer.truth import converged_image, integrate
 from renderer.view.camera import Float64
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])

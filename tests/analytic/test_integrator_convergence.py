@@ -13,28 +13,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ray_integrals import (
-    COLORFUL,
-    look,
-    oblique,
-    riemann,
-    transfer,
-    volume,
-)
+from ray_integrals import COLORFUL, look, oblique, riemann, transfer, volume
 from scipy.ndimage import map_coordinates
 
 from renderer.errors import RenderError
+from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
-from renderer.readers.read import read_volume
-from renderer.scene.spec import (
-    FileSource,
-    ProceduralSource,
-    ShadingSpec,
-    VolumeSpec,
-)
-from renderer.truth.integrator import PiecewiseLinear, converged_image, integrate
-from renderer.view.camera import Float64, View
-from renderer.volume.volume import Volume
+from renderer.scene import FileSource, ProceduralSource, ShadingSpec, VolumeSpec
+from renderer.truth import converged_image, integrate
+from renderer.truth.integrator import PiecewiseLinear
+from renderer.view import View
+from renderer.view.camera import Float64
+from renderer.volume import Volume
 
 
 @pytest.mark.parametrize("distance", [9.0, 1.3])

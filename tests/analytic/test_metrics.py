@@ -12,17 +12,8 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
-from renderer.study.metrics import (
-    FLIP_PIXELS_PER_DEGREE,
-    METRICS,
-    Accuracy,
-    Difference,
-    compare,
-    over_background,
-    pooled,
-    require_measuring_packages,
-    single,
-)
+from renderer.study import METRICS, Accuracy, compare, over_background, pooled, require_measuring_packages, single
+from renderer.study.metrics import FLIP_PIXELS_PER_DEGREE, Difference
 
 Float64 = npt.NDArray[np.float64]
 

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from renderer.pyramid import Level, Pyramid, build_pyramid
 from renderer.pyramid.kernels import store_halves
-from renderer.pyramid.pyramid import Level, Pyramid, build_pyramid
-from renderer.scene.spec import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume, make_volume
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -6,16 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from renderer.pyramid.cut import cut_pyramid
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
-from renderer.scene.schedule import least_tolerance, tolerance_at
-from renderer.scene.spec import ErrorSpec, PyramidSpec
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.view.framing import visible_points
-from renderer.volume.volume import Volume, make_volume
+from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec, least_tolerance, tolerance_at
+from renderer.transfer import TransferFunction
+from renderer.view import visible_points
+from renderer.volume import Volume, make_volume
 
 MEASURES = {
     "optical": ErrorSpec(),

@@ -14,13 +14,13 @@ import numpy.typing as npt
 import pytest
 from splatting import cut_of, in_order, look, optical_depth, place_splats, point_at, splats_of, volume_of
 
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.scene.spec import SplatSpec
-from renderer.splats.splats import SplatBatch, make_splats
+from renderer.draw import GLRasterizer
+from renderer.scene import SplatSpec
+from renderer.splats import SplatBatch, make_splats
 from renderer.truth.integrator import rays_about
-from renderer.view.camera import View
+from renderer.view import View
 from renderer.view.splat_projection import visible_order
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.scene.colormaps import colormap_points
-from renderer.scene.spec import ColormapSpec, ControlPoint, TransferSpec
-from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES, TransferFunction, make_transfer
+from renderer.scene import ColormapSpec, ControlPoint, TransferSpec, colormap_points
+from renderer.transfer import TransferFunction, make_transfer
+from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
 
 Float64 = npt.NDArray[np.float64]
 Point = tuple[float, tuple[float, float, float], float]

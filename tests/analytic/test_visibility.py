@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.pyramid.cut import Cut
-from renderer.view.camera import View
+from renderer.pyramid import Cut
+from renderer.view import View
 from renderer.view.visibility import box_order, depth_order
-from renderer.volume.volume import Volume, make_volume
+from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.terminal.cores import num_cores
+from hsplat_cli.terminal import num_cores
 from hsplat_cli.terminal.versions import commit
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,13 +17,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.terminal.machine import describe_machine
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.frame import finest_level_at
-from renderer.frame.pipeline import prepare
-from renderer.pyramid.cut import cut_pyramid
-from renderer.pyramid.cut_size import cut_sizes
-from renderer.scene.scene_file import load_scene
+from hsplat_cli.terminal import describe_machine
+from renderer.draw import GLRasterizer
+from renderer.frame import finest_level_at, prepare
+from renderer.pyramid import cut_pyramid, cut_sizes
+from renderer.scene import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "budgets.md"

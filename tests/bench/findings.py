@@ -22,7 +22,7 @@ from kept_study import kept_study
 matplotlib.use("agg")
 from matplotlib import pyplot
 
-from renderer.study.pareto import cost_at
+from renderer.study import cost_at
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "findings.md"

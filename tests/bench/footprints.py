@@ -22,17 +22,22 @@ from typing import Any, NamedTuple
 import imageio.v3 as iio
 import numpy as np
 
-from hsplat_cli.scenes.scene_text import FilmOptions
-from hsplat_cli.scenes.suggested_scene import suggest_scene
-from hsplat_cli.terminal.machine import describe_machine
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.scene.scene_file import load_scene, scene_in
-from renderer.scene.schedule import at_tolerance
-from renderer.scene.spec import FileSource, RawSource, Scene, ShadingSpec, SplatSpec, VolumeSpec
-from renderer.study.metrics import over_background
-from renderer.study.truths import TRUTH_TOLERANCE, Truth, find_truth
+from hsplat_cli.scenes import FilmOptions, suggest_scene
+from hsplat_cli.terminal import describe_machine
+from renderer.draw import GLRasterizer
+from renderer.frame import Stage, prepare, render_frames
+from renderer.scene import (
+    FileSource,
+    RawSource,
+    Scene,
+    ShadingSpec,
+    SplatSpec,
+    VolumeSpec,
+    at_tolerance,
+    load_scene,
+    scene_in,
+)
+from renderer.study import TRUTH_TOLERANCE, Truth, find_truth, over_background
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, PICTURE = (ROOT / "docs" / name for name in ("footprints.md", "trade.png"))

@@ -18,16 +18,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.terminal.machine import describe_machine
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare, render_frames
+from hsplat_cli.terminal import describe_machine
+from renderer.draw import GLRasterizer
+from renderer.frame import Stage, prepare, render_frames
+from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
-from renderer.readers.read import read_volume
-from renderer.scene.scene_file import load_scene
-from renderer.scene.schedule import at_tolerance
-from renderer.scene.spec import ProceduralSource, Scene
-from renderer.volume.volume import make_volume
+from renderer.scene import ProceduralSource, Scene, at_tolerance, load_scene
+from renderer.volume import make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "growth.md"

@@ -18,19 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from hsplat_cli.terminal.machine import describe_machine
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.frame import Stage, view_of
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.pyramid.cut import cut_pyramid
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
-from renderer.readers.read import read_volume
-from renderer.scene.scene_file import load_scene
-from renderer.scene.spec import ControlPoint, ErrorSpec, PyramidSpec, Scene, TransferSpec
-from renderer.splats.splats import make_splats
-from renderer.transfer.transfer_function import TransferFunction, make_transfer
+from hsplat_cli.terminal import describe_machine
+from renderer.draw import GLRasterizer
+from renderer.frame import Stage, prepare, render_frames, view_of
+from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
+from renderer.readers import read_volume
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, Scene, TransferSpec, load_scene
+from renderer.splats import make_splats
+from renderer.transfer import TransferFunction, make_transfer
 from renderer.view.splat_projection import visible_order
-from renderer.volume.volume import Volume, make_volume
+from renderer.volume import Volume, make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "required.md"

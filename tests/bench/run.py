@@ -20,14 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from hsplat_cli.terminal.versions import commit
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.frame import finest_level_at
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.pyramid.cut import cut_pyramid
-from renderer.pyramid.cut_size import CutSizes, cut_sizes
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
-from renderer.scene.scene_file import load_scene
-from renderer.scene.spec import (
+from renderer.draw import GLRasterizer
+from renderer.frame import finest_level_at, prepare, render_frames
+from renderer.pyramid import CutSizes, Pyramid, build_pyramid, cut_pyramid, cut_sizes
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -39,12 +35,13 @@ from renderer.scene.spec import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    load_scene,
 )
-from renderer.splats.splats import make_splats
-from renderer.transfer.transfer_function import TransferFunction, make_transfer
-from renderer.view.paths import make_view
+from renderer.splats import make_splats
+from renderer.transfer import TransferFunction, make_transfer
+from renderer.view import make_view
 from renderer.view.splat_projection import visible_order
-from renderer.volume.volume import Volume, make_volume
+from renderer.volume import Volume, make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -159,7 +156,7 @@ def bench_memory() -> None:
 
 
 def _memory_child(path: Path) -> None:
-    from hsplat_cli.main import run  # noqa: PLC0415
+    from hsplat_cli.main import run
 
     scene = path.with_suffix(".yaml")
     scene.write_text(

@@ -23,16 +23,14 @@ import imageio.v3 as iio
 import numpy as np
 
 from hsplat_cli.studies.peers.vtk_peer import with_transparent_border
-from hsplat_cli.terminal.machine import describe_machine
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.frame import Stage, view_of
-from renderer.frame.pipeline import prepare
-from renderer.readers.read import read_volume
-from renderer.scene.scene_file import load_scene
-from renderer.study.metrics import Picture
-from renderer.study.truths import find_truth
-from renderer.transfer.transfer_function import TransferFunction, make_transfer
-from renderer.volume.volume import Volume
+from hsplat_cli.terminal import describe_machine
+from renderer.draw import GLRasterizer
+from renderer.frame import Stage, prepare, view_of
+from renderer.readers import read_volume
+from renderer.scene import load_scene
+from renderer.study import Picture, find_truth
+from renderer.transfer import TransferFunction, make_transfer
+from renderer.volume import Volume
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "turntables.md"

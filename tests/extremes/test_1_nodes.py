@@ -13,12 +13,10 @@ import numpy.typing as npt
 import pytest
 from extremes import Extreme, Section
 
-from renderer.pyramid.cut import root_error
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
-from renderer.scene.spec import ErrorSpec, PyramidSpec
-from renderer.transfer.classify import classify_voxel, make_classifier, voxel_codes
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume, make_volume
+from renderer.pyramid import Pyramid, build_pyramid, root_error
+from renderer.scene import ErrorSpec, PyramidSpec
+from renderer.transfer import TransferFunction, classify_voxel, make_classifier, voxel_codes
+from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -14,15 +14,15 @@ import pytest
 from extremes import Extreme, Section
 from splatting import in_order, look
 
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.draw.raster_reference import rasterize_reference
-from renderer.film.quantization import quantize
-from renderer.pyramid.cut import Cut, cut_pyramid
-from renderer.pyramid.pyramid import build_pyramid
-from renderer.scene.spec import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
-from renderer.splats.splats import make_splats
-from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, make_transfer
-from renderer.volume.volume import Volume, make_volume
+from renderer.film import quantize
+from renderer.pyramid import Cut, build_pyramid, cut_pyramid
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
+from renderer.splats import make_splats
+from renderer.transfer import make_transfer
+from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH
+from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

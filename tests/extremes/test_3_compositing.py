@@ -10,11 +10,11 @@ import numpy.typing as npt
 import pytest
 from extremes import Extreme, Section
 
+from renderer.draw import GLRasterizer
 from renderer.draw.compositing import LEAST_CHUNK, MEAN_LAYERS
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.scene.spec import SplatSpec
-from renderer.splats.splats import GaussianFootprint, SplatBatch, make_footprint
-from renderer.view.camera import View
+from renderer.scene import SplatSpec
+from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
+from renderer.view import View
 
 Float64 = npt.NDArray[np.float64]
 

@@ -14,19 +14,15 @@ import pytest
 from extremes import Extreme, Section
 from splatting import Float64, volume_of
 
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.draw.raster_reference import rasterize_reference
 from renderer.errors import SceneError
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.pyramid.cut import cut_pyramid
-from renderer.scene.parse import parse_scene
-from renderer.scene.parse_camera import MAX_ZOOM, NARROWEST_VIEW
-from renderer.scene.spec import (
+from renderer.frame import Stage, prepare, render_frames
+from renderer.pyramid import cut_pyramid
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
-    Keyframe,
     KeyframePath,
     OutputSpec,
     ProceduralSource,
@@ -38,13 +34,15 @@ from renderer.scene.spec import (
     Vector,
     VolumeSpec,
 )
-from renderer.splats.splats import make_splats
-from renderer.transfer.transfer_function import make_transfer
-from renderer.truth.integrator import integrate
-from renderer.view.camera import View
-from renderer.view.paths import make_view
+from renderer.scene.parse import parse_scene
+from renderer.scene.parse_camera import MAX_ZOOM, NARROWEST_VIEW
+from renderer.scene.spec import Keyframe
+from renderer.splats import make_splats
+from renderer.transfer import make_transfer
+from renderer.truth import integrate
+from renderer.view import View, make_view
 from renderer.view.splat_projection import visible_order
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 SIZE = (32, 32)
 SHAPE = (4, 3, 5)  # z, y, x

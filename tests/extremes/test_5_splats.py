@@ -15,15 +15,13 @@ import pytest
 from extremes import Extreme, Section
 from splatting import look, optical_depth, place_splats, point_at, volume_of
 
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.draw.raster_reference import rasterize_reference
-from renderer.pyramid.cut import Cut, cut_pyramid
-from renderer.pyramid.pyramid import build_pyramid
-from renderer.scene.spec import (
+from renderer.pyramid import Cut, build_pyramid, cut_pyramid
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
-    Keyframe,
     KeyframePath,
     PyramidSpec,
     SplatSpec,
@@ -31,12 +29,10 @@ from renderer.scene.spec import (
     TurntablePath,
     Vector,
 )
-from renderer.splats.splats import SplatBatch, make_splats
-from renderer.transfer.transfer_function import make_transfer
-from renderer.view.camera import View
-from renderer.view.depth_order import Turning, make_turning
-from renderer.view.paths import axes_in_runs, make_view
-from renderer.view.splat_projection import visible_orders
+from renderer.scene.spec import Keyframe
+from renderer.splats import SplatBatch, make_splats
+from renderer.transfer import make_transfer
+from renderer.view import Turning, View, axes_in_runs, make_turning, make_view, visible_orders
 
 Float64 = npt.NDArray[np.float64]
 

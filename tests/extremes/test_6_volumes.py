@@ -22,12 +22,11 @@ from ray_integrals import along_z, transfer
 from splatting import in_order, look, optical_depth
 from volume_files import write_volume
 
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.draw.raster_reference import rasterize_reference
-from renderer.pyramid.cut import cut_pyramid
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
-from renderer.readers.read import read_volume
-from renderer.scene.spec import (
+from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
+from renderer.readers import read_volume
+from renderer.scene import (
     ColormapSpec,
     ControlPoint,
     ErrorSpec,
@@ -39,13 +38,13 @@ from renderer.scene.spec import (
     TransferSpec,
     VolumeSpec,
 )
-from renderer.splats.splats import SplatBatch, make_splats
-from renderer.suggest.histogram import measure as measure_statistics
-from renderer.transfer.transfer_function import TransferFunction, make_transfer
-from renderer.truth.integrator import integrate
-from renderer.view.camera import View
+from renderer.splats import SplatBatch, make_splats
+from renderer.suggest import measure as measure_statistics
+from renderer.transfer import TransferFunction, make_transfer
+from renderer.truth import integrate
+from renderer.view import View
 from renderer.view.splat_projection import visible_order
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -13,12 +13,10 @@ from extremes import Extreme, Section
 from splatting import volume_of
 
 from renderer.errors import SceneError
-from renderer.pyramid.cut import cut_pyramid
-from renderer.pyramid.pyramid import build_pyramid
+from renderer.pyramid import build_pyramid, cut_pyramid
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec, tolerance_at
 from renderer.scene.parse import parse_scene
-from renderer.scene.schedule import tolerance_at
-from renderer.scene.spec import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
-from renderer.transfer.transfer_function import make_transfer
+from renderer.transfer import make_transfer
 
 Keys = tuple[tuple[int, float], ...]
 

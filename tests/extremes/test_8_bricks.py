@@ -11,12 +11,10 @@ import pytest
 from extremes import Extreme, Section
 from number_types import random_ranges
 
-from renderer.bricks.bricks import APRON, BRICK, BRICK_LEVELS, Bricks, make_bricks
-from renderer.bricks.texels import mean_texels, scalar_texels
-from renderer.scene.spec import ErrorSpec, PyramidSpec
-from renderer.transfer.piecewise import FARTHEST
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import make_volume
+from renderer.bricks import APRON, BRICK, BRICK_LEVELS, Bricks, make_bricks, mean_texels, scalar_texels
+from renderer.scene import ErrorSpec, PyramidSpec
+from renderer.transfer import FARTHEST, TransferFunction
+from renderer.volume import make_volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -93,7 +93,7 @@ def main() -> None:
     plan, report, *arguments = sys.argv[1:]
     hook = Hook(json.loads(plan), Path(report).parent / "out")
     sys.addaudithook(hook)
-    from hsplat_cli.main import run  # noqa: PLC0415  that the imports belong to the start
+    from hsplat_cli.main import run
 
     code = run(arguments)
     ends = [*hook.begins[1:], time.monotonic()]

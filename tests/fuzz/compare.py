@@ -11,16 +11,13 @@ import numpy.typing as npt
 from oracle import FLOAT32, Leaf, classify, drawn, require_cut
 from oracle_splats import Order, Picture, centers, make_picture
 
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.draw.overlay import make_cell_edges
-from renderer.frame.frame import Frame, Stage, finest_level_at
-from renderer.frame.pipeline import render_frames
-from renderer.pyramid.cut import Cut, cut_pyramid
-from renderer.scene.spec import Color
-from renderer.splats.splats import make_splats
-from renderer.view.camera import View
+from renderer.draw import GLRasterizer, make_cell_edges
+from renderer.frame import Frame, Stage, finest_level_at, render_frames
+from renderer.pyramid import Cut, cut_pyramid
+from renderer.scene import Color
+from renderer.splats import make_splats
+from renderer.view import View, visible_orders
 from renderer.view.depth_order import FADE_ANGLE, LEAST_SLOPE, DepthDirection, depth_directions
-from renderer.view.splat_projection import visible_orders
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -10,14 +10,13 @@ import numpy as np
 import numpy.typing as npt
 from compare import WrongError
 
-from renderer.bricks.sampling import BrickBatch
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.bricks import BrickBatch
+from renderer.draw import GLRasterizer
 from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
-from renderer.film.quantization import quantize
+from renderer.film import quantize
+from renderer.frame import Frame, Stage, family_of, render_frames
 from renderer.frame.brick_family import BrickFamily
-from renderer.frame.frame import Frame, Stage, family_of
-from renderer.frame.pipeline import render_frames
-from renderer.view.camera import View
+from renderer.view import View
 
 Float64 = npt.NDArray[np.float64]
 

@@ -24,17 +24,12 @@ from spoil import spoil
 
 from hsplat_cli.films.goals import make_plan
 from hsplat_cli.main import run
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.errors import InputError
-from renderer.film.png import encode_png
-from renderer.frame.costs import CostLog
-from renderer.frame.frame import Frame, Stage, finest_level_at, view_of
-from renderer.frame.pacing import Details
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.pyramid.cut import cut_pyramid
-from renderer.scene.scene_file import load_scene
-from renderer.scene.schedule import value_at
-from renderer.scene.spec import Scene, SplatBudget
+from renderer.film import encode_png
+from renderer.frame import CostLog, Details, Frame, Stage, finest_level_at, prepare, render_frames, view_of
+from renderer.pyramid import cut_pyramid
+from renderer.scene import Scene, SplatBudget, load_scene, value_at
 
 # Of a scene of this size, in any state.
 PATIENCE_S = 60

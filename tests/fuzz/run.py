@@ -28,8 +28,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" /
 
 from judge import Verdict, judge, make_case, write_case  # noqa: E402
 
-from hsplat_cli.terminal.progress_bar import progress  # noqa: E402
-from renderer.draw.gl.raster import GLRasterizer  # noqa: E402
+from hsplat_cli.terminal import progress  # noqa: E402
+from renderer.draw import GLRasterizer  # noqa: E402
 
 
 def main() -> int:

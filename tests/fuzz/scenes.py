@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.volume.volume import Volume, make_volume
+from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from judge import judge, make_case, write_case
 
+from renderer.draw import GLRasterizer
 from renderer.draw.gl import raster as raster_gl
-from renderer.draw.gl.raster import GLRasterizer
 from renderer.frame import splat_family
-from renderer.splats.splats import SplatBatch, make_splats
+from renderer.splats import SplatBatch, make_splats
 
 SEED = 2
 # Kernels are compiled for every type of voxel, which takes longer than all scenes here; the whole run has them all.

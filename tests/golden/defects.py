@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from subjects import Pixels, Shot
 
-from renderer.film.quantization import quantize
-from renderer.scene.spec import ControlPoint
-from renderer.splats.splats import GaussianFootprint, SplatBatch
-from renderer.study.frame_difference import FrameDifference
+from renderer.film import quantize
+from renderer.scene import ControlPoint
+from renderer.splats import GaussianFootprint, SplatBatch
+from renderer.study import FrameDifference
 
 Order = npt.NDArray[np.uint32]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from hsplat_cli import main
 from renderer.readers.procedural import procedural_values
-from renderer.scene.spec import ProceduralSource
+from renderer.scene import ProceduralSource
 
 FOLDER = Path(__file__).parent
 SCENE = FOLDER / "scene.yaml"

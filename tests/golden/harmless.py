@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from subjects import SUBJECTS, Pixels, Shot
 
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.draw.raster_reference import rasterize_reference
-from renderer.splats.splats import SplatBatch
-from renderer.view.camera import View
+from renderer.splats import SplatBatch
+from renderer.view import View
 from tests.support.machines import NothingLasting
 
 # The reference draws one splat after the other: some ten thousand take half a minute.

@@ -11,8 +11,7 @@ from harmless import HARMLESS, Machine, drawn_by
 from subjects import Pixels, Shot
 from windows import WINDOWS
 
-from renderer.study.frame_difference import FIGURES, FrameDifference
-from renderer.study.strictness import LEVELS, exceeded
+from renderer.study import FIGURES, LEVELS, FrameDifference, exceeded
 
 
 @dataclass(frozen=True)

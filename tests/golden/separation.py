@@ -28,9 +28,8 @@ from subjects import SUBJECTS, Shot  # noqa: E402
 from windows import WINDOWS  # noqa: E402
 
 from hsplat_cli.terminal.versions import commit  # noqa: E402
-from renderer.draw.gl.raster import GLRasterizer  # noqa: E402
-from renderer.study.frame_difference import FIGURES  # noqa: E402
-from renderer.study.strictness import LEVELS  # noqa: E402
+from renderer.draw import GLRasterizer  # noqa: E402
+from renderer.study import FIGURES, LEVELS  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"
 

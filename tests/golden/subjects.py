@@ -11,26 +11,14 @@ import numpy as np
 import numpy.typing as npt
 from golden_cases import SCENE
 
-from renderer.frame.frame import (
-    Frame,
-    Pose,
-    Rasterizer,
-    Stage,
-    Stopwatch,
-    draw,
-    finest_level_at,
-    make_detail,
-    make_pose,
-)
-from renderer.frame.pipeline import prepare
+from renderer.frame import Frame, Rasterizer, Stage, Stopwatch, draw, finest_level_at, make_detail, make_pose, prepare
+from renderer.frame.frame import Pose
 from renderer.frame.primitives import Detail
 from renderer.frame.splat_family import SplatDetail
-from renderer.pyramid.cut import Cut, cut_pyramid
-from renderer.scene.scene_file import load_scene
-from renderer.scene.schedule import tolerance_at
-from renderer.scene.spec import Scene
-from renderer.splats.splats import SplatBatch
-from renderer.view.camera import View
+from renderer.pyramid import Cut, cut_pyramid
+from renderer.scene import Scene, load_scene, tolerance_at
+from renderer.splats import SplatBatch
+from renderer.view import View
 
 CONFIGS = SCENE.parents[2] / "configs"
 

@@ -20,13 +20,12 @@ from golden_cases import CASES, FOLDER, FRAMES, Case
 from hsplat_cli.compare.golden.provenance import read_provenance
 from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.compare.picture_file import read_picture
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.frame import splat_family
-from renderer.pyramid.cut import Cut
-from renderer.scene.spec import SplatSpec
-from renderer.splats.splats import SplatBatch
-from renderer.study.frame_difference import FrameDifference
-from renderer.study.strictness import LEVELS, exceeded
+from renderer.pyramid import Cut
+from renderer.scene import SplatSpec
+from renderer.splats import SplatBatch
+from renderer.study import LEVELS, FrameDifference, exceeded
 
 FAILED = FOLDER / "failed"
 

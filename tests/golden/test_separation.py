@@ -9,9 +9,8 @@ from defects import DEFECTS, SEEN_LEVELS, Defect
 from harmless import HARMLESS, Harmless
 from subjects import SUBJECTS, Pixels, Shot
 
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.study.frame_difference import FrameDifference
-from renderer.study.strictness import LEVELS, exceeded
+from renderer.draw import GLRasterizer
+from renderer.study import LEVELS, FrameDifference, exceeded
 
 SHOTS = ("coarse", "transparent")
 

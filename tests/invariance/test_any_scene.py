@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.errors import InputError
-from renderer.frame.pipeline import prepare, render_frames
+from renderer.frame import prepare, render_frames
+from renderer.scene import LEAST_TOLERANCE, LONGEST, PROCEDURAL_NAMES, SHORTEST
 from renderer.scene.parse import parse_scene
 from renderer.scene.parse_camera import MAX_ANGLE, MAX_ZOOM, MIN_ZOOM, NARROWEST_VIEW, WIDEST_VIEW
-from renderer.scene.spec import LEAST_TOLERANCE, LONGEST, PROCEDURAL_NAMES, SHORTEST
 
 Numbers = st.SearchStrategy[float]
 

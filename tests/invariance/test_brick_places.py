@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, random_cut, transfer_of, view_of
 
-from renderer.bricks.kernels import SIDE
-from renderer.bricks.sampling import BrickBatch
-from renderer.draw import brick_atlas
-from renderer.draw.gl.raster import BricksOn, GLRasterizer
+from renderer.bricks import SIDE, BrickBatch
+from renderer.draw import GLRasterizer, brick_atlas
+from renderer.draw.gl.raster import BricksOn
+from renderer.scene import ShadingSpec
 from renderer.scene.parse_camera import WIDEST_VIEW
 from renderer.scene.parse_output import MAX_SIDE
-from renderer.scene.spec import ShadingSpec
-from renderer.view.camera import View
+from renderer.view import View
 
 
 def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:

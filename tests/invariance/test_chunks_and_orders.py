@@ -10,12 +10,11 @@ import numpy.typing as npt
 import pytest
 from splatting import cut_of, in_order, look, place_splats, volume_of
 
+from renderer.draw import GLRasterizer
 from renderer.draw.compositing import LEAST_CHUNK, MEAN_LAYERS, splats_at_once
 from renderer.draw.gl import raster as raster_gl
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.frame import view_of
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.scene.spec import (
+from renderer.frame import prepare, render_frames, view_of
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -27,17 +26,11 @@ from renderer.scene.spec import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats.splats import make_splats
-from renderer.view.depth_order import (
-    FADE_ANGLE,
-    LEAST_SHARE,
-    NEIGHBOURS,
-    DepthDirection,
-    depth_directions,
-    make_turning,
-)
-from renderer.view.paths import axes_in_runs, camera_pose
-from renderer.view.splat_projection import Region, mean_footprint_px, model_view, visible_order, visible_orders
+from renderer.splats import make_splats
+from renderer.view import Region, axes_in_runs, make_turning, mean_footprint_px, model_view, visible_orders
+from renderer.view.depth_order import FADE_ANGLE, LEAST_SHARE, NEIGHBOURS, DepthDirection, depth_directions
+from renderer.view.paths import camera_pose
+from renderer.view.splat_projection import visible_order
 
 Float64 = npt.NDArray[np.float64]
 

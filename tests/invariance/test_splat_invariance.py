@@ -11,16 +11,15 @@ import numpy.typing as npt
 import pytest
 from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
+from renderer.draw import GLRasterizer
 from renderer.draw.gl import raster as raster_gl
-from renderer.draw.gl.raster import GLRasterizer
 from renderer.errors import RenderError
-from renderer.pyramid.cut import Cut
-from renderer.pyramid.kernels import BLOCK
-from renderer.pyramid.pyramid import BLOCKS_PER_TASK, Level, build_pyramid
-from renderer.scene.spec import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
-from renderer.splats.splats import make_splats
-from renderer.transfer.transfer_function import make_transfer
-from renderer.view.camera import View
+from renderer.pyramid import BLOCK, Cut, Level, build_pyramid
+from renderer.pyramid.pyramid import BLOCKS_PER_TASK
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
+from renderer.splats import make_splats
+from renderer.transfer import make_transfer
+from renderer.view import View
 from renderer.view.splat_projection import visible_order
 
 FOOTPRINTS = ("gaussian", "gouraud")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from film_stages import KINDS, stage_of_kind
 
-from hsplat_cli.executors.drawn import LocalDrawer
+from hsplat_cli.executors import LocalDrawer
 from hsplat_cli.executors.workers.pool import open_pool
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 
 NUMBERS = [*range(8), 2]
 

@@ -9,7 +9,7 @@ import pytest
 
 from hsplat_cli import main
 from hsplat_cli.studies.measure.notes import scene_notes
-from renderer.scene.scene_file import load_scene
+from renderer.scene import load_scene
 
 SMALL = ["--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]"]
 # What full resolution reaches is in the last digits the driver's affair.

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
-from renderer.film.kept_frames import digest
-from renderer.film.png import encode_png
+from renderer.film import digest, encode_png
 
 DRAW = "hsplat render parts/frames.0-2.json --frames"
 TO = "--output 'parts/{frame:04}.png'"

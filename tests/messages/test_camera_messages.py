@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError, RenderError
-from renderer.scene.spec import CameraSpec, TurntablePath
-from renderer.truth.integrator import converged_image
-from renderer.view.framing import fit_distance
-from renderer.view.paths import make_view
-from renderer.volume.volume import Volume
+from renderer.scene import CameraSpec, TurntablePath
+from renderer.truth import converged_image
+from renderer.view import fit_distance, make_view
+from renderer.volume import Volume
 
 CAMERA = CameraSpec(TurntablePath(4))
 ORIGIN = (0.0, 0.0, 0.0)

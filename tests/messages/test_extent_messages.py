@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.frame.pipeline import prepare
+from renderer.frame import prepare
 from renderer.readers.common import check_lengths
-from renderer.scene.spec import (
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     FileSource,
@@ -22,7 +22,7 @@ from renderer.scene.spec import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.volume.volume import make_volume
+from renderer.volume import make_volume
 
 IN_SCENES = {
     "target": (

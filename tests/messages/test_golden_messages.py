@@ -16,8 +16,8 @@ import pytest
 from hsplat_cli import main
 from hsplat_cli.compare.golden.plan import Change, Plan, described
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
-from renderer.film.png import encode_png
-from renderer.study.frame_difference import FIGURES
+from renderer.film import encode_png
+from renderer.study import FIGURES
 
 FORMAT = "hsplat golden 1"
 DIGEST = "0" * 32

@@ -9,9 +9,9 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
+from renderer.readers import read_volume
 from renderer.readers.itk import distill
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.scene import FileSource, VolumeSpec
 
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from renderer.errors import InputError
-from renderer.scene.scene_file import load_scene
+from renderer.scene import load_scene
 
 # What is replaced in the scene, by what, and what is said about it.
 YAML_CASES = {

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
+from renderer.readers import read_volume
 from renderer.readers.headers import check_nrrd_header
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.scene import FileSource, VolumeSpec
 
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 START = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\n"

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from renderer.errors import HsplatError
-from renderer.film.atomic import require_writable, write_error
+from renderer.film import open_film, quantize, require_writable
+from renderer.film.atomic import write_error
 from renderer.film.encode import open_encoder
-from renderer.film.quantization import quantize
-from renderer.film.writer import open_film
-from renderer.scene.spec import OutputSpec
+from renderer.scene import OutputSpec
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.frame import frame as drawing
-from renderer.view.camera import View
-from renderer.view.paths import make_view
+from renderer.view import View, make_view
 
 SMALL = ["--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]"]
 CONSTANT = ["--set", "volume.procedural.name=constant"]

@@ -15,10 +15,9 @@ import pytest
 
 from hsplat_cli import main
 from hsplat_cli.executors import drawn
-from hsplat_cli.films.cause import differences
-from renderer.film.kept_frames import digest
-from renderer.film.png import png_chunks, png_of
-from renderer.frame.frame import Frame
+from hsplat_cli.films import differences
+from renderer.film import digest, png_chunks, png_of
+from renderer.frame import Frame
 
 SMALL = [
     "--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]",

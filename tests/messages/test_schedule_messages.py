@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from renderer.errors import InputError
-from renderer.scene.scene_file import load_scene
-from renderer.scene.spec import SplatBudget
+from renderer.scene import SplatBudget, load_scene
 
 # In place of `tolerance: 0.1`: what is said.
 CASES = {

@@ -12,8 +12,8 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, RawSource, VolumeSpec
+from renderer.readers import read_volume
+from renderer.scene import FileSource, RawSource, VolumeSpec
 from tests.support.tiff_files import COMPRESSION, SHORT, tiff
 
 KNOWN = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"

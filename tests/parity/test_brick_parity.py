@@ -36,14 +36,12 @@ from brickwork import (
     view_of,
 )
 
-from renderer.bricks.bricks import Bricks
-from renderer.bricks.sampling import BrickBatch, Thrift
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.bricks import BrickBatch, Bricks, Thrift
+from renderer.draw import GLRasterizer
 from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
-from renderer.scene.spec import CameraSpec, ShadingSpec, TurntablePath
-from renderer.view.camera import View
-from renderer.view.paths import make_view
-from renderer.volume.volume import make_volume
+from renderer.scene import CameraSpec, ShadingSpec, TurntablePath
+from renderer.view import View, make_view
+from renderer.volume import make_volume
 
 PRECISION = 6e-5
 STEP = 1e-5

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from splatting import cut_of, look, volume_of
 
-from renderer.bricks.bricks import BRICK_LEVELS, BrickCut
-from renderer.draw.gl.raster import LEAST_SIDE_PX, LINE_COVER, LINE_OPACITY, GLRasterizer
-from renderer.draw.overlay import LEVEL_COLORS, CellEdges, level_colors, make_brick_edges, make_cell_edges
-from renderer.pyramid.cut import Cut
-from renderer.view.camera import View
+from renderer.bricks import BRICK_LEVELS, BrickCut
+from renderer.draw import CellEdges, GLRasterizer, make_brick_edges, make_cell_edges
+from renderer.draw.gl.raster import LEAST_SIDE_PX, LINE_COVER, LINE_OPACITY
+from renderer.draw.overlay import LEVEL_COLORS, level_colors
+from renderer.pyramid import Cut
+from renderer.view import View
 
 # Positions are float32: a vertex is 1e-5 px off on these images and alpha as much, once for each line at a pixel.
 PRECISION = 2e-4

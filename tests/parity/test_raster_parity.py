@@ -23,11 +23,11 @@ import numpy.typing as npt
 import pytest
 from splatting import in_order, look, place_splats, point_at, splats_of, volume_of
 
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.draw.raster_reference import _rasterized_triangle, rasterize_reference
-from renderer.scene.spec import SplatSpec
-from renderer.splats.splats import GaussianFootprint, SplatBatch
-from renderer.view.camera import View
+from renderer.scene import SplatSpec
+from renderer.splats import GaussianFootprint, SplatBatch
+from renderer.view import View
 
 PRECISION = 4e-5
 EDGE = 1e-4

@@ -10,13 +10,12 @@ import numpy.typing as npt
 import pytest
 from splatting import look
 
-from renderer.bricks.bricks import BRICK, BRICK_LEVELS, BrickCut, Bricks, make_bricks
-from renderer.bricks.sampling import BrickBatch, Thrift
-from renderer.scene.spec import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.view.camera import View
+from renderer.bricks import BRICK, BRICK_LEVELS, BrickBatch, BrickCut, Bricks, Thrift, make_bricks
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.view import View
 from renderer.view.visibility import box_order
-from renderer.volume.volume import Volume, make_volume
+from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

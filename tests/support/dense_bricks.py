@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import ERRORS_ON_A_RAY
-from renderer.transfer.classify import FAINTEST
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume
+from renderer.bricks import ERRORS_ON_A_RAY
+from renderer.transfer import FAINTEST, TransferFunction
+from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from number_types import INTEGERS, limits
 
-from renderer.transfer.classify import classify_voxel, make_classifier, voxel_codes
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume, make_volume
+from renderer.transfer import TransferFunction, classify_voxel, make_classifier, voxel_codes
+from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]

@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hsplat_cli.executors.drawn import Drawn, LocalDrawer
+from hsplat_cli.executors import Drawn, LocalDrawer
 from hsplat_cli.executors.workers import worker
 from hsplat_cli.executors.workers.messages import Message
 from renderer.errors import InputError, RenderError

@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare
-from renderer.scene.spec import (
+from renderer.frame import Stage, prepare
+from renderer.scene import (
     CameraSpec,
     ColormapSpec,
     ControlPoint,
     ErrorSpec,
-    Keyframe,
     KeyframePath,
     OutputSpec,
     ProceduralSource,
@@ -27,7 +25,8 @@ from renderer.scene.spec import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.volume.volume import Volume, make_volume
+from renderer.scene.spec import Keyframe
+from renderer.volume import Volume, make_volume
 
 POINTS = (
     ControlPoint(60.0, (0.2, 0.3, 0.9), 0.0),

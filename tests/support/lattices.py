@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.volume.volume import Volume, make_volume
+from renderer.volume import Volume, make_volume
 
 # One voxel, a row along each axis, 2^k + 1, primes. x, y, z.
 SHAPES = [(1, 1, 1), (1, 1, 40), (40, 1, 1), (1, 23, 1), (2, 1, 3), (9, 17, 5), (7, 13, 11), (16, 16, 16), (33, 3, 2)]

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.sampling import BrickBatch
-from renderer.draw.overlay import CellEdges
+from renderer.bricks import BrickBatch
+from renderer.draw import CellEdges
 from renderer.frame.brick_family import num_samples
-from renderer.splats.splats import SplatBatch
-from renderer.view.camera import View
-from renderer.view.splat_projection import model_view, square_px
+from renderer.splats import SplatBatch
+from renderer.view import View, model_view, square_px
 
 
 class NothingLasting:

@@ -19,11 +19,10 @@ from fractions import Fraction
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.colormaps import colormap_points
-from renderer.scene.spec import ColormapSpec, Scene, ShadingSpec, TransferSpec
-from renderer.transfer.classify import FAINTEST
+from renderer.scene import ColormapSpec, Scene, ShadingSpec, TransferSpec, colormap_points
+from renderer.transfer import FAINTEST
 from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
-from renderer.volume.volume import Volume
+from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 Leaf = tuple[int, int, int, int]  # level, and x, y, z in units of the cell's own width

@@ -24,10 +24,10 @@ import numpy.typing as npt
 from oracle import FLOAT32, Cells, DisagreementError, Field
 from scipy.special import erfc, erfcx
 
-from renderer.scene.spec import Scene, SplatSpec
-from renderer.splats.splats import GAUSSIAN_CUTOFF, GaussianFootprint, GouraudFootprint
-from renderer.view.camera import View
-from renderer.view.splat_projection import SLOPE_LIMIT
+from renderer.scene import Scene, SplatSpec
+from renderer.splats import GaussianFootprint, GouraudFootprint
+from renderer.splats.splats import GAUSSIAN_CUTOFF
+from renderer.view import SLOPE_LIMIT, View
 
 Float64 = npt.NDArray[np.float64]
 Order = tuple[float, npt.NDArray[np.int64]]  # a share of the picture, and the cells back to front

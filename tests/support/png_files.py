@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.film.png import encode_png
-from renderer.film.writer import open_film
-from renderer.scene.spec import OutputSpec
+from renderer.film import encode_png, open_film
+from renderer.scene import OutputSpec
 
 Pixels = npt.NDArray[np.uint8]
 Chunks = Sequence[tuple[bytes, bytes]]

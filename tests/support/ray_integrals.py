@@ -7,16 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.spec import (
-    CameraSpec,
-    ShadingSpec,
-    TurntablePath,
-    Vector,
-)
-from renderer.truth.integrator import integrate, rays_about
-from renderer.view.camera import Float64, View
-from renderer.view.paths import make_view
-from renderer.volume.volume import Volume
+from renderer.scene import CameraSpec, ShadingSpec, TurntablePath, Vector
+from renderer.truth import integrate
+from renderer.truth.integrator import rays_about
+from renderer.view import View, make_view
+from renderer.view.camera import Float64
+from renderer.volume import Volume
 
 # float64 sums over a few hundred cells.
 EXACT = 1e-13

@@ -12,7 +12,7 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.executors import drawn
-from renderer.frame.frame import Frame
+from renderer.frame import Frame
 
 NUM_FRAMES = 5
 

@@ -8,22 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from renderer.pyramid.cut import Cut, cut_pyramid
-from renderer.pyramid.pyramid import build_pyramid
-from renderer.scene.spec import (
-    CameraSpec,
-    ControlPoint,
-    ErrorSpec,
-    PyramidSpec,
-    SplatSpec,
-    TransferSpec,
-    TurntablePath,
-)
-from renderer.splats.splats import SplatBatch, make_footprint, make_splats
-from renderer.transfer.transfer_function import make_transfer
-from renderer.view.camera import View
-from renderer.view.paths import make_view
-from renderer.volume.volume import Volume, make_volume
+from renderer.pyramid import Cut, build_pyramid, cut_pyramid
+from renderer.scene import CameraSpec, ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec, TurntablePath
+from renderer.splats import SplatBatch, make_footprint, make_splats
+from renderer.transfer import make_transfer
+from renderer.view import View, make_view
+from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

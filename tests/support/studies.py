@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from renderer.study.metrics import Accuracy, Difference
-from renderer.study.study import Study, TruthRecord
-from renderer.study.sweep import Measurement, Sample, Setting
-from renderer.truth.integrator import Convergence
+from renderer.study import Accuracy, Measurement, Sample, Setting, Study, TruthRecord
+from renderer.study.metrics import Difference
+from renderer.truth import Convergence
 
 NAN = float("nan")
 INFINITE = float("inf")

@@ -17,9 +17,8 @@ from small_scene import small_scene
 from hsplat_cli import main
 from hsplat_cli.films import place
 from hsplat_cli.films.assemble import film, merged
-from hsplat_cli.terminal.versions import package_versions
-from renderer.film.kept_frames import digest
-from renderer.film.png import encode_png, png_chunks, png_of
+from hsplat_cli.terminal import package_versions
+from renderer.film import digest, encode_png, png_chunks, png_of
 
 SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.

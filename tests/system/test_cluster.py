@@ -20,14 +20,13 @@ from processes import wait_until
 
 import renderer
 from hsplat_cli import main
+from hsplat_cli.executors import LocalDrawer
 from hsplat_cli.executors.cluster import drawer as cluster_drawer
 from hsplat_cli.executors.cluster.drawer import Cluster
-from hsplat_cli.executors.drawn import LocalDrawer
-from hsplat_cli.terminal.versions import package_versions
-from renderer.draw.gl.raster import GLRasterizer
+from hsplat_cli.terminal import package_versions
+from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare
+from renderer.frame import Stage, prepare
 from renderer.scene.parse import parse_scene
 
 NUM_FRAMES = 24
@@ -87,7 +86,7 @@ def worker_pids(client: Client) -> list[int]:
 def test_the_same_bytes_and_nothing_left(client: Client, stage: Stage, expected: list[bytes]) -> None:
     def studio_threads() -> list[str]:
         """Those of hsplat's in a worker: sent as it stands, for workers do not find this file."""
-        import threading  # noqa: PLC0415
+        import threading
 
         return [thread.name for thread in threading.enumerate() if thread.name.startswith("hsplat")]
 

@@ -18,7 +18,7 @@ from processes import MARK, marked, new_mark
 from hsplat_cli import main
 from hsplat_cli.compare import judge
 from renderer.errors import RenderError
-from renderer.film.png import encode_png
+from renderer.film import encode_png
 
 CODE = Path(main.__file__).parents[1]
 REPORTS = ("reports/compare.json", "reports/compare.xml", "reports/compare.html")

@@ -13,7 +13,7 @@ from small_scene import small_scene
 from hsplat_cli import main
 from hsplat_cli.compare import scene as compare_scene
 from hsplat_cli.compare.rules import Rules
-from renderer.film.png import encode_png
+from renderer.film import encode_png
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")

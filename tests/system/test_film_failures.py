@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.film.atomic import staged, write_staged
+from renderer.film import open_film, write_staged
+from renderer.film.atomic import staged
 from renderer.film.encode import gif_options, mp4_options, open_encoder
-from renderer.film.writer import open_film
-from renderer.scene.spec import OutputSpec
+from renderer.scene import OutputSpec
 
 PICTURE = np.zeros((64, 64, 3), np.uint8)
 

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from renderer.film import open_film
 from renderer.film.encode import gif_delay_cs, mp4_options
-from renderer.film.writer import open_film
-from renderer.scene.spec import OutputSpec
+from renderer.scene import OutputSpec
 
 WIDTH, HEIGHT, NUM_FRAMES = 160, 64, 12
 SATURATED = [

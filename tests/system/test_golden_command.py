@@ -20,7 +20,7 @@ from hsplat_cli import main
 from hsplat_cli.commands import golden as command
 from hsplat_cli.compare.picture_file import read_picture
 from hsplat_cli.executors import drawn
-from renderer.frame.frame import Frame
+from renderer.frame import Frame
 
 CODE = Path(main.__file__).parents[1]
 
@@ -286,7 +286,8 @@ def test_what_a_kill_leaves_of_the_first_goldens(num_done: int, monkeypatch: pyt
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from hsplat_cli import drawn, main
+from hsplat_cli import main
+from hsplat_cli.executors import drawn
 
 replace = os.replace
 

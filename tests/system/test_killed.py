@@ -47,8 +47,8 @@ KILLER = """\
 import hashlib, json, os, signal, sys
 from pathlib import Path
 from hsplat_cli import main
-from hsplat_cli.render import film
-from renderer import raster_gl
+from hsplat_cli.films import film
+from renderer.draw.gl import raster as raster_gl
 first, step, arguments = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
 EVENTS = ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "fcntl.lockf", "subprocess.Popen")
 

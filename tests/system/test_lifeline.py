@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
-from hsplat_cli.executors.workers.lifeline import Lifeline
+from hsplat_cli.executors import Lifeline
 
 # What the program promises.
 LONGEST_S = 5.0

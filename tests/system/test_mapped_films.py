@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from hsplat_cli.main import run
-from renderer.film.kept_frames import KeptFrames
-from renderer.readers.read import read_volume
-from renderer.scene.spec import RawSource, VolumeSpec
+from renderer.film import KeptFrames
+from renderer.readers import read_volume
+from renderer.scene import RawSource, VolumeSpec
 
 SHAPE = (512, 512, 256)  # 64 MiB, of which a film needs little: the rest of the file has no blocks on the disk
 

@@ -17,7 +17,7 @@ from hsplat_cli import main
 from hsplat_cli.studies.measure import study
 from hsplat_cli.studies.peers.vtk_peer import describe_vtk, vtk_settings
 from renderer.errors import RenderError
-from renderer.study.sweep import Measurement
+from renderer.study import Measurement
 
 SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="tolerance: 0.1")
 QUICK = ("--repeats", "1", "--frames", "0:8:4")

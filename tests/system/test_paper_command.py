@@ -10,7 +10,7 @@ import pytest
 
 from hsplat_cli import main
 from hsplat_cli.commands.paper import RECIPES
-from renderer.scene.scene_file import load_scene
+from renderer.scene import load_scene
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
 
@@ -67,7 +67,7 @@ def test_a_volume_of_ones_own(folder: Path) -> None:
 
 
 def _volume(folder: Path) -> Path:
-    import numpy as np  # noqa: PLC0415
+    import numpy as np
 
     path = folder / "scan.npy"
     values = np.zeros((12, 16, 20), np.uint8)

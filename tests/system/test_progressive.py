@@ -16,8 +16,8 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.executors import drawn
-from renderer.film.kept_frames import file_digest
-from renderer.frame.frame import Frame
+from renderer.film import file_digest
+from renderer.frame import Frame
 
 NUM_FRAMES = 4
 
@@ -194,7 +194,7 @@ def test_coarse_frames_are_not_taken_for_fine_ones(on_frame: Callable[[Hook], No
 def test_when_time_is_up_in_the_middle_of_a_pass_it_is_given_up(
     folder: Path, on_frame: Callable[[Hook], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from hsplat_cli.films import progressive  # noqa: PLC0415
+    from hsplat_cli.films import progressive
 
     now = progressive.time.perf_counter
 

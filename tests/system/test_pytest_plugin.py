@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
-from renderer.film.png import encode_png
+from renderer.film import encode_png
 
 CODE = Path(main.__file__).parents[1]
 PLUGIN = "hsplat_cli.compare.pytest_plugin"

@@ -17,13 +17,10 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.films import search
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.scene.scene_file import load_scene
-from renderer.scene.schedule import at_tolerance
-from renderer.scene.spec import Scene
-from renderer.study.metrics import over_background, single
-from renderer.study.truths import TRUTH_TOLERANCE, find_truth
+from renderer.draw import GLRasterizer
+from renderer.frame import prepare, render_frames
+from renderer.scene import Scene, at_tolerance, load_scene
+from renderer.study import TRUTH_TOLERANCE, find_truth, over_background, single
 
 ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24

@@ -14,9 +14,9 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
+from renderer.scene import load_scene
 from renderer.scene.parse import parse_scene
-from renderer.scene.scene_file import load_scene
-from renderer.volume.volume import Array
+from renderer.volume import Array
 
 SCENE = small_scene(frames=6, size="48, 32", error="tolerance: 0.1")
 

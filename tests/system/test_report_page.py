@@ -18,12 +18,12 @@ import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
-from hsplat_cli.reports.files import FILES, check_writable, write_study
-from hsplat_cli.reports.html import PALETTE, facts_of, plot_style, png_data_uri, svg_of
+from hsplat_cli.reports import FILES, check_writable, facts_of, plot_style, png_data_uri, svg_of, write_study
+from hsplat_cli.reports.html import PALETTE
 from hsplat_cli.reports.page import study_page
 from hsplat_cli.reports.plots import TIME, metrics_figure, short_labels, tick_text, trade_figure
 from renderer.errors import InputError, RenderError
-from renderer.study.study import Study
+from renderer.study import Study
 
 DATE = "2030-01-02"
 EVIL = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
@@ -223,7 +223,7 @@ def test_colours_follow_the_page() -> None:
 
 
 def test_a_users_matplotlib_settings_change_nothing() -> None:
-    from matplotlib import rc_context  # noqa: PLC0415
+    from matplotlib import rc_context
 
     def draw() -> str:
         with plot_style():

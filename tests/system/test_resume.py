@@ -28,9 +28,8 @@ from resuming import (
 
 from hsplat_cli import main
 from hsplat_cli.films import cause
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.film.kept_frames import digest
-from renderer.film.png import encode_png
+from renderer.draw import GLRasterizer
+from renderer.film import digest, encode_png
 
 
 @pytest.fixture(autouse=True)

@@ -26,7 +26,7 @@ from resuming import (
 
 from hsplat_cli import main
 from hsplat_cli.films import cause
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.draw import GLRasterizer
 
 
 @pytest.fixture(autouse=True)

@@ -83,10 +83,10 @@ HSPLAT, WORKER = "hsplat_cli", "hsplat_cli.executors.workers.worker"
         ("integrated", "1", HSPLAT, "volume.make_volume"),
         ("integrated", "1", HSPLAT, "pyramid.work"),
         ("integrated", "1", HSPLAT, "bricks.work"),
-        ("integrated", "1", HSPLAT, "brick_texels.scalar_texels"),
-        ("gaussian", "1", HSPLAT, "octree._joined"),
+        ("integrated", "1", HSPLAT, "texels.scalar_texels"),
+        ("gaussian", "1", HSPLAT, "cut._joined"),
         ("integrated", "2", HSPLAT, "pyramid.work"),
-        ("integrated", "2", WORKER, "brick_texels.scalar_texels"),
+        ("integrated", "2", WORKER, "texels.scalar_texels"),
     ],
 )
 def test_between_a_look_and_the_reading(footprint: str, workers: str, program: str, caller: str, folder: Path) -> None:

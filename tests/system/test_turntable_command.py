@@ -22,10 +22,10 @@ from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
-from hsplat_cli.executors.workers.lifeline import Lifeline
+from hsplat_cli.executors import Lifeline
 from hsplat_cli.films import film
 from hsplat_cli.turntable import batch, single
-from renderer.scene.scene_file import load_scene
+from renderer.scene import load_scene
 
 CODE = Path(main.__file__).parents[1]
 SMALL = ["--frames", "3", "--size", "32", "--quiet"]

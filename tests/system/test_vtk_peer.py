@@ -26,16 +26,13 @@ from hsplat_cli.studies.peers.vtk_peer import (
 )
 from renderer.errors import InputError, RenderError
 from renderer.readers.procedural import procedural_values
+from renderer.scene import CameraSpec, ProceduralSource, Scene, ShadingSpec, TurntablePath
 from renderer.scene.parse import parse_scene
-from renderer.scene.spec import CameraSpec, ProceduralSource, Scene, ShadingSpec, TurntablePath
-from renderer.study.metrics import over_background
-from renderer.study.sweep import Measurement, Setting
-from renderer.study.truths import Truth
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.truth.integrator import Convergence, integrate
-from renderer.view.camera import View
-from renderer.view.paths import make_view
-from renderer.volume.volume import Float64, Volume, make_volume
+from renderer.study import Measurement, Setting, Truth, over_background
+from renderer.transfer import TransferFunction
+from renderer.truth import Convergence, integrate
+from renderer.view import View, make_view
+from renderer.volume import Float64, Volume, make_volume
 
 SHAPE = (36, 30, 24)
 BACKGROUND = (0.2, 0.4, 0.6)  # whole levels of 8 bits
@@ -416,7 +413,7 @@ def test_a_full_disk(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_vtk_is_and_draws_with() -> None:
-    from vtkmodules.vtkCommonCore import vtkVersion  # noqa: PLC0415
+    from vtkmodules.vtkCommonCore import vtkVersion
 
     found = describe_vtk()
     assert found.keys() == {"version", "driver"}

@@ -12,7 +12,8 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from renderer.draw.gl.raster import WITHOUT_OPENGL, GLRasterizer, is_software
+from renderer.draw import GLRasterizer, is_software
+from renderer.draw.gl.raster import WITHOUT_OPENGL
 
 # Where libglvnd looks for drivers: there are none.
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}

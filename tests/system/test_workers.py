@@ -15,17 +15,15 @@ from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, LONG_S, START_FAULTS
 from film_stages import INTEGRATED, PLAIN, stage_of, waves
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
+from hsplat_cli.executors import CrewSpec, LocalDrawer
 from hsplat_cli.executors.crew import Crew
-from hsplat_cli.executors.drawn import LocalDrawer
-from hsplat_cli.executors.executor_arguments import CrewSpec
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.executors.workers.process import Patience
-from hsplat_cli.films.goals import Plan
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.draw.recovery import LastingRasterizer
+from hsplat_cli.scenes import Plan
+from renderer.draw import GLRasterizer, LastingRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.frame.frame import Stage
+from renderer.frame import Stage
 
 NUMBERS = [0, 1, 2, 3, 4, 5, 6, 7, 2, 1]  # some twice, and backwards
 

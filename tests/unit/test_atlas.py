@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from renderer.bricks.kernels import SIDE
+from renderer.bricks import SIDE
 from renderer.draw import brick_atlas
 from renderer.draw.gl.atlas import GLAtlas
 from renderer.errors import ContextLostError, InputError, RenderError

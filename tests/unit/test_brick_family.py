@@ -11,15 +11,12 @@ import pytest
 from film_stages import INTEGRATED, stage_of, waves
 from splatting import look
 
-from renderer.bricks.bricks import BRICK, Bricks, num_bricks_at
-from renderer.bricks.sampling import Thrift
-from renderer.bricks.sizes import brick_sizes
+from renderer.bricks import BRICK, Bricks, Thrift, brick_sizes, num_bricks_at
+from renderer.frame import Stage, family_of
 from renderer.frame.brick_family import BrickDetail, BrickFamily, num_samples
-from renderer.frame.frame import Stage, family_of
-from renderer.scene.spec import ControlPoint, ErrorSpec, TransferSpec
-from renderer.view.brick_projection import ray_frame
-from renderer.view.camera import View
-from renderer.volume.volume import Volume, make_volume
+from renderer.scene import ControlPoint, ErrorSpec, TransferSpec
+from renderer.view import View, ray_frame
+from renderer.volume import Volume, make_volume
 
 SIZE = 70  # voxels along the longest side: bricks of three levels, some of which the border cuts
 

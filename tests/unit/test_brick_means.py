@@ -7,15 +7,13 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, patches
 
-from renderer.bricks import means as brick_means
-from renderer.bricks.bricks import make_bricks
-from renderer.bricks.kernels import APRON, BRICK, BRICK_LEVELS, SIDE
-from renderer.bricks.means import MadeMeans, made_means
-from renderer.pyramid.cut import children
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
-from renderer.scene.spec import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume, make_volume
+from renderer.bricks import BRICK, SIDE, MadeMeans, make_bricks, means as brick_means
+from renderer.bricks.kernels import APRON, BRICK_LEVELS
+from renderer.bricks.means import made_means
+from renderer.pyramid import Pyramid, build_pyramid, children
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
 
 SOFT = TransferFunction(np.array([0.0, 100, 250]), np.eye(3), np.array([0.0, 0.0, 1.5]), 1.0)
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from renderer.bricks.bricks import BRICK
-from renderer.bricks.sampling import DITHER, SHORTEST_STEP, steps_at
+from renderer.bricks import BRICK, DITHER
+from renderer.bricks.sampling import SHORTEST_STEP, steps_at
 
 # From corner to corner of a brick, in the shortest steps; docs/architecture.md states it.
 MOST_SAMPLES = 3814

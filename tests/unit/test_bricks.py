@@ -30,12 +30,12 @@ from dense_bricks import (
 )
 from number_types import TYPES, limits
 
-from renderer.bricks.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
+from renderer.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
 from renderer.bricks.subvoxel import STEEPNESS
-from renderer.pyramid.pyramid import TOLD_LEVELS
-from renderer.scene.spec import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume, make_volume
+from renderer.pyramid import TOLD_LEVELS
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 

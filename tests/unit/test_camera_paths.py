@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from renderer.scene.spec import CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath
-from renderer.view.paths import CameraPath, Pose, camera_pose, make_view
+from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath
+from renderer.scene.spec import Keyframe
+from renderer.view import make_view
+from renderer.view.paths import CameraPath, Pose, camera_pose
 
 # Sines, cosines and a 3 x 3 product of float64: a few units in the last place.
 EXACT = 1e-14

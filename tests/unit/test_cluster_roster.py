@@ -10,7 +10,7 @@ import pytest
 from hsplat_cli.executors.cluster import roster
 from hsplat_cli.executors.cluster.roster import Roster
 from hsplat_cli.executors.cluster.worker import describe
-from hsplat_cli.terminal.versions import package_versions, sources_digest
+from hsplat_cli.terminal import package_versions, sources_digest
 from renderer.errors import RenderError
 
 HERE = package_versions()["hsplat"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import cmap
 import pytest
 
-from renderer.scene.colormaps import colormap_names, colormap_points, is_colormap, nearest_colormap
+from renderer.scene import colormap_points, is_colormap, nearest_colormap
+from renderer.scene.colormaps import colormap_names
 
 
 def test_the_names_are_those_of_the_package() -> None:

@@ -14,8 +14,7 @@ import click
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.commands import check
-from hsplat_cli.commands import compare as command
+from hsplat_cli.commands import check, compare as command
 from renderer.errors import InputError, RenderError
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -15,7 +15,7 @@ from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.compare.words import figure_text
 from renderer.errors import InputError
-from renderer.study.strictness import LEVELS
+from renderer.study import LEVELS
 
 LIMITS = {"largest": 2.0, "p99": 1.0, "densest": 1.0, "bias": 0.5}
 GREY = np.full((16, 16, 3), 100, np.uint8)

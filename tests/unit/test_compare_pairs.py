@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from png_files import noise, smooth, write_film, write_frames
 from processes import MARK, marked, new_mark
 
@@ -16,7 +15,7 @@ from hsplat_cli.compare import film_file
 from hsplat_cli.compare.film_file import decoded_film, num_frames
 from hsplat_cli.compare.pairs import frame_numbers, natural_order, open_pairs
 from renderer.errors import InputError
-from renderer.film.png import encode_png
+from renderer.film import encode_png
 
 PICTURES = [noise(seed) for seed in range(3)]
 

@@ -13,8 +13,8 @@ from png_files import SIGNATURE, chunk, interlaced, noise, png_file, unfiltered
 
 from hsplat_cli.compare.picture_file import MAX_PIXELS, read_picture
 from renderer.errors import InputError
-from renderer.film.png import encode_png
-from renderer.scene.input_file import nearest_file
+from renderer.film import encode_png
+from renderer.scene import nearest_file
 
 RGB, RGBA = noise(1, 13, 9), noise(2, 13, 9, 4)
 

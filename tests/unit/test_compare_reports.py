@@ -9,11 +9,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
+from hsplat_cli.compare import table_of
 from hsplat_cli.compare.outcome import Comparison, Outcome
-from hsplat_cli.compare.report import MAX_ROWS, json_of, junit_of, table_of
+from hsplat_cli.compare.report import MAX_ROWS, json_of, junit_of
 from hsplat_cli.compare.words import printable
 
 LIMITS = {"largest": 1.0, "flip": 0.01}

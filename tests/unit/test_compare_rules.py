@@ -8,14 +8,12 @@ from pathlib import Path
 
 import click
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from hsplat_cli.commands.compare import compare
 from hsplat_cli.compare.rules import Rules, load_rules
 from renderer.errors import InputError, SceneError
-from renderer.study.frame_difference import FIGURES
-from renderer.study.strictness import LEVELS
+from renderer.study import FIGURES, LEVELS
 
 SAME_MACHINE, CROSS_DRIVER = LEVELS["same-machine"].limits, LEVELS["cross-driver"].limits
 

@@ -15,8 +15,7 @@ import numpy.typing as npt
 import pytest
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 
-from hsplat_cli.compare import gallery as gallery_module
-from hsplat_cli.compare import page as page_module
+from hsplat_cli.compare import gallery as gallery_module, page as page_module
 from hsplat_cli.compare.curve import error_curve
 from hsplat_cli.compare.gallery import DETAIL_PX, FEW, PICTURE_PX, Exhibit, Gallery
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status

@@ -8,16 +8,16 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from splatting import look, place_splats
 
-from renderer.frame.costs import CostLog, CostModel, Load, fit_costs, load_of
+from renderer.frame import CostLog, Load, load_of
+from renderer.frame.costs import CostModel, fit_costs
 from renderer.frame.frame import Pose
 from renderer.frame.splat_family import SplatDetail
-from renderer.pyramid.cut import Cut
-from renderer.splats.splats import SplatBatch
-from renderer.view.depth_order import make_turning
+from renderer.pyramid import Cut
+from renderer.splats import SplatBatch
+from renderer.view import make_turning
 from renderer.view.splat_projection import visible_order
 
 RATES = CostModel(per_frame=4e-3, per_splat=5e-7, per_pixel=2e-9, per_written=8e-3)

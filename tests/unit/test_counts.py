@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hsplat_cli.terminal.counts import counted, counted_span
+from hsplat_cli.terminal import counted, counted_span
 
 
 def test_counted() -> None:

@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 
-from renderer.bricks.kernels import SIDE
-from renderer.draw import brick_atlas
-from renderer.draw import subsampling as lattices
+from renderer.bricks import SIDE
+from renderer.draw import GLRasterizer, brick_atlas, is_software, subsampling as lattices
 from renderer.draw.brick_atlas import brick_bytes
 from renderer.draw.cpu.atlas import CPUAtlas, most_atlas_bytes
 from renderer.draw.cpu.bricks import CPUBrickDrawer
 from renderer.draw.cpu.march import _inside, bin_boxes, draw_tiles
 from renderer.draw.cpu.sample import opacity
-from renderer.draw.gl.raster import GLRasterizer, is_software
 from renderer.draw.raster_bricks_reference import _are_alike, _between
 from renderer.draw.subsampling import interpolated, refined
 from renderer.jit import fma, jit

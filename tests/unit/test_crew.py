@@ -9,12 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hsplat_cli.executors import crew
-from hsplat_cli.executors.drawn import Drawn
-from hsplat_cli.terminal import cores
-from hsplat_cli.terminal.cores import num_cores
+from hsplat_cli.executors import Drawn, crew
+from hsplat_cli.terminal import cores, num_cores
 from renderer.errors import RenderError
-from renderer.film.picture import Picture
+from renderer.film import Picture
 
 STAGE = SimpleNamespace(bricks=None)
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
 from tests.support.tiff_files import (
     ASCII,
     BITS,

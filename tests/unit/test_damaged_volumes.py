@@ -12,8 +12,8 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import HsplatError, InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
 from tests.support.tiff_files import described, field_places, ome
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (6, 7, 8)).astype(np.uint16)

@@ -12,10 +12,8 @@ import pytest
 import yaml
 
 from hsplat_cli.commands.compare import compare
-from renderer.scene.parse import scene_to_dict
-from renderer.scene.scene_file import load_scene
-from renderer.study.frame_difference import FIGURES
-from renderer.study.strictness import LEVELS
+from renderer.scene import load_scene, scene_to_dict
+from renderer.study import FIGURES, LEVELS
 
 ROOT = Path(__file__).resolve().parents[2]
 

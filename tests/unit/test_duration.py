@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from hsplat_cli.terminal.duration import parse_duration
+from hsplat_cli.terminal import parse_duration
 from renderer.errors import InputError
 
 

@@ -9,12 +9,11 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import KINDS, axes, head_in_hounsfield_units, two_materials
 
-from renderer.scene.spec import ColormapSpec
-from renderer.suggest.histogram import measure
+from renderer.scene import ColormapSpec
+from renderer.suggest import Suggestion, measure, suggest
 from renderer.suggest.nodata import FarValue
-from renderer.suggest.suggestion import Suggestion, suggest
-from renderer.transfer.transfer_function import make_transfer
-from renderer.volume.volume import make_volume
+from renderer.transfer import make_transfer
+from renderer.volume import make_volume
 
 Array = npt.NDArray[Any]
 

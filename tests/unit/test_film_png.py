@@ -10,10 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
-from renderer.film.names import frame_path
-from renderer.film.png import encode_png
-from renderer.film.writer import open_film
-from renderer.scene.spec import OutputSpec
+from renderer.film import encode_png, frame_path, open_film
+from renderer.scene import OutputSpec
 
 
 def noise(*shape: int) -> npt.NDArray[np.uint8]:

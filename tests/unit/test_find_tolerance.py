@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.draw.overlay import CellEdges
-from renderer.frame.frame import Stage, family_of
-from renderer.frame.pipeline import prepare
-from renderer.scene.spec import (
+from renderer.draw import CellEdges
+from renderer.frame import Stage, family_of, prepare
+from renderer.scene import (
     AccuracyGoal,
     CameraSpec,
     ControlPoint,
@@ -28,14 +27,14 @@ from renderer.scene.spec import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    Want,
 )
-from renderer.scene.want import Want
-from renderer.splats.splats import SplatBatch
+from renderer.splats import SplatBatch
+from renderer.study import Found, KeptTruths, Trial, Truth, find_tolerance
 from renderer.study.tolerances import two_digit_numbers
-from renderer.study.trials import Found, Trial, find_tolerance
-from renderer.study.truths import KeptTruths, Truth, as_kept
-from renderer.truth.integrator import Convergence
-from renderer.view.camera import View
+from renderer.study.truths import as_kept
+from renderer.truth import Convergence
+from renderer.view import View
 from tests.support.machines import NothingLasting
 
 NUM_FRAMES = 24

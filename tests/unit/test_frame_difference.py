@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.study import frame_difference
-from renderer.study.frame_difference import FIGURES, WINDOW_PX, FrameDifference
-from renderer.study.metrics import REACH_PX, SSIM_WINDOW_PX, mapped, single
+from renderer.study import FIGURES, SSIM_WINDOW_PX, FrameDifference, frame_difference, single
+from renderer.study.frame_difference import WINDOW_PX
+from renderer.study.metrics import REACH_PX, mapped
 
 Pixels = npt.NDArray[np.uint8]
 

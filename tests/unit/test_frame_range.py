@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from hsplat_cli.terminal.frame_range import is_one_frame, parse_frames
+from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError
 
 

@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.frame.pipeline import prepare
-from renderer.pyramid.pyramid import build_pyramid
-from renderer.scene.spec import (
+from renderer.frame import prepare
+from renderer.pyramid import build_pyramid
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
-    Keyframe,
     KeyframePath,
     OutputSpec,
     ProceduralSource,
@@ -29,10 +28,12 @@ from renderer.scene.spec import (
     Vector,
     VolumeSpec,
 )
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.view.framing import MARGIN, fit_distance, smallest_voxel_px, visible_centre, visible_points
-from renderer.view.paths import CameraPath, camera_poses, make_view
-from renderer.volume.volume import Float64, make_volume
+from renderer.scene.spec import Keyframe
+from renderer.transfer import TransferFunction
+from renderer.view import fit_distance, make_view, smallest_voxel_px, visible_centre, visible_points
+from renderer.view.framing import MARGIN
+from renderer.view.paths import CameraPath, camera_poses
+from renderer.volume import Float64, make_volume
 
 PATHS: list[CameraPath] = [
     TurntablePath(12, start=7.0, elevation=20.0),

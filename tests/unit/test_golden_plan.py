@@ -14,8 +14,7 @@ from hsplat_cli.compare.golden.draw import Drawing
 from hsplat_cli.compare.golden.plan import Plan, described, make_plan
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
 from renderer.errors import InputError
-from renderer.film.kept_frames import digest, file_digest
-from renderer.film.png import encode_png
+from renderer.film import digest, encode_png, file_digest
 
 Pixels = npt.NDArray[np.uint8]
 

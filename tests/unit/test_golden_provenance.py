@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hsplat_cli.compare import parse_date
 from hsplat_cli.compare.golden import provenance
 from hsplat_cli.compare.golden.provenance import (
     NAME,
@@ -21,7 +22,6 @@ from hsplat_cli.compare.golden.provenance import (
     changes,
     golden_file,
     origin_of,
-    parse_date,
     provenance_bytes,
     read_provenance,
 )

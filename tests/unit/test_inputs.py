@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from hsplat_cli.scenes.inputs import files_of, require_no_input
+from hsplat_cli.scenes import files_of, require_no_input
 from renderer.errors import InputError
-from renderer.scene.spec import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
 
 NRRD = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n"
 

@@ -14,13 +14,22 @@ import numpy as np
 import pytest
 
 from renderer.errors import RenderError
-from renderer.film import atomic as staging
-from renderer.film.frame_record import is_record
-from renderer.film.kept_frames import KeptFrames, digest, file_digest, forget_frames, is_file, is_frame
-from renderer.film.names import frame_path
-from renderer.film.picture import Picture
-from renderer.film.png import encode_png, png_chunks, png_of
-from renderer.scene.spec import OutputSpec
+from renderer.film import (
+    KeptFrames,
+    Picture,
+    atomic as staging,
+    digest,
+    encode_png,
+    file_digest,
+    forget_frames,
+    frame_path,
+    is_file,
+    is_frame,
+    is_record,
+    png_chunks,
+    png_of,
+)
+from renderer.scene import OutputSpec
 
 NUMBERS = range(4)
 CAUSE = {"scene": {"size": (6, 4)}, "versions": {"numpy": "2.0"}}

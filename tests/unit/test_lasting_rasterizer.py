@@ -17,15 +17,11 @@ from film_stages import PLAIN, SCENES, stage_of
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.executors import crew
-from hsplat_cli.executors.drawn import LocalDrawer
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.draw.recovery import LastingRasterizer
+from hsplat_cli.executors import LocalDrawer, crew
+from renderer.draw import GLRasterizer, LastingRasterizer
 from renderer.errors import ContextLostError, RenderError
-from renderer.frame.costs import CostLog
-from renderer.frame.frame import Stage
-from renderer.frame.pacing import Details, Pacer, try_drawings
-from renderer.scene.schedule import at_tolerances
+from renderer.frame import CostLog, Details, Pacer, Stage, try_drawings
+from renderer.scene import at_tolerances
 
 NO_CAPABILITY = 0xFFFF
 LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]

@@ -9,9 +9,8 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import axes, blurred, noise
 
-from renderer.suggest.histogram import measure
-from renderer.suggest.suggestion import suggest
-from renderer.volume.volume import make_volume
+from renderer.suggest import measure, suggest
+from renderer.volume import make_volume
 
 Array = npt.NDArray[Any]
 

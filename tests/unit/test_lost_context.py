@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from splatting import in_order, look, place_splats
 
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.draw.overlay import CellEdges
+from renderer.draw import CellEdges, GLRasterizer
 from renderer.errors import ContextLostError
 
 NO_CAPABILITY = 0xFFFF

@@ -15,20 +15,16 @@ from film_stages import INTEGRATED, PLAIN
 from volume_files import write_volume
 
 from hsplat_cli.executors.workers.shared import SharedStage, map_stage
-from renderer.bricks.bricks import make_bricks
-from renderer.bricks.texels import mean_texels, scalar_texels
-from renderer.draw.gl.raster import GLRasterizer
+from renderer.bricks import make_bricks, mean_texels, scalar_texels
+from renderer.draw import GLRasterizer
 from renderer.errors import InputError
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.frame.transport import pack, packed, unpack
-from renderer.pyramid.pyramid import build_pyramid
-from renderer.readers import common
-from renderer.readers.read import read_volume
-from renderer.scene.spec import ErrorSpec, FileSource, PyramidSpec, RawSource, Scene, VolumeSpec
-from renderer.suggest.histogram import measure
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Volume
+from renderer.frame import Stage, pack, packed, prepare, render_frames, unpack
+from renderer.pyramid import build_pyramid
+from renderer.readers import common, read_volume
+from renderer.scene import ErrorSpec, FileSource, PyramidSpec, RawSource, Scene, VolumeSpec
+from renderer.suggest import measure
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
 

@@ -7,14 +7,11 @@ import pytest
 from brickwork import batch_of, bricks_of, level_cut
 from number_types import random_ranges
 
-from renderer.bricks.bricks import Bricks
-from renderer.bricks.kernels import SIDE
-from renderer.bricks.texels import scalar_texels
+from renderer.bricks import SIDE, Bricks, scalar_texels
 from renderer.draw.cpu.bricks import CPUBrickDrawer
 from renderer.draw.raster_bricks_reference import _classified
-from renderer.transfer.piecewise import GUIDE_SIZE, OpticalPieces, optical_pieces
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.volume.volume import Float64, make_volume
+from renderer.transfer import GUIDE_SIZE, OpticalPieces, TransferFunction, optical_pieces
+from renderer.volume import Float64, make_volume
 
 
 def random_transfer(rng: np.random.Generator, low: float, high: float, num: int = 9) -> TransferFunction:

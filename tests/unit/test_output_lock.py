@@ -17,7 +17,7 @@ import pytest
 
 import renderer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.film.lock import alone, locked
+from renderer.film import alone, locked
 
 CODE = Path(renderer.__file__).parents[1]
 OUTPUT = Path("film.mp4")

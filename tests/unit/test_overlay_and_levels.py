@@ -10,10 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.draw.overlay import CellEdges
-from renderer.frame.frame import Frame, Stage, finest_level_at
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.scene.spec import (
+from renderer.draw import CellEdges
+from renderer.frame import Frame, Stage, finest_level_at, prepare, render_frames
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -25,8 +24,8 @@ from renderer.scene.spec import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats.splats import SplatBatch
-from renderer.view.camera import View
+from renderer.splats import SplatBatch
+from renderer.view import View
 from tests.support.machines import NothingLasting
 
 SCENE = Scene(

@@ -8,11 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from renderer.frame.costs import CostLog
-from renderer.frame.frame import Stage, Stopwatch
-from renderer.frame.pacing import Details, Pacer, try_drawings
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.scene.spec import (
+from renderer.frame import CostLog, Details, Pacer, Stage, Stopwatch, prepare, render_frames, try_drawings
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,

@@ -8,19 +8,8 @@ from itertools import pairwise
 import pytest
 from film_stages import INTEGRATED, stage_of
 
-from renderer.frame.costs import CostLog
-from renderer.frame.frame import Stage
-from renderer.frame.pacing import Details, Pacer, try_drawings
-from renderer.frame.pipeline import render_frames
-from renderer.scene.spec import (
-    CameraSpec,
-    ErrorSpec,
-    OutputSpec,
-    ProceduralSource,
-    TimeBudget,
-    TurntablePath,
-    VolumeSpec,
-)
+from renderer.frame import CostLog, Details, Pacer, Stage, render_frames, try_drawings
+from renderer.scene import CameraSpec, ErrorSpec, OutputSpec, ProceduralSource, TimeBudget, TurntablePath, VolumeSpec
 from tests.support.machines import BringingMachine, SimulatedMachine
 
 NUM_FRAMES = 40

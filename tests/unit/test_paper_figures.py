@@ -12,18 +12,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from hsplat_cli.studies import Studio
 from hsplat_cli.studies.paper import footprints, levels, octrees, one_splat, opacity, refinement
 from hsplat_cli.studies.paper.figure import Claim
-from hsplat_cli.studies.paper.studio import Studio
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.draw.overlay import CellEdges
-from renderer.frame.frame import Rasterizer
-from renderer.pyramid.cut import cut_pyramid
-from renderer.scene.scene_file import load_scene
-from renderer.scene.spec import Scene
-from renderer.splats.splats import SplatBatch
-from renderer.study.truths import TRUTH_TOLERANCE, find_truth
-from renderer.view.camera import View
+from renderer.draw import CellEdges, GLRasterizer
+from renderer.frame import Rasterizer
+from renderer.pyramid import cut_pyramid
+from renderer.scene import Scene, load_scene
+from renderer.splats import SplatBatch
+from renderer.study import TRUTH_TOLERANCE, find_truth
+from renderer.view import View
 from tests.support.machines import NothingLasting
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from film_stages import KINDS, PLAIN, stage_of, stage_of_kind, waves
 
-from renderer.frame.frame import Stage
-from renderer.frame.transport import ALIGNMENT, pack, unpack
-from renderer.scene.schedule import at_tolerances
-from renderer.scene.spec import SplatBudget
+from renderer.frame import Stage, pack, unpack
+from renderer.frame.transport import ALIGNMENT
+from renderer.scene import SplatBudget, at_tolerances
 
 
 def there_and_back(stage: Stage) -> Stage:

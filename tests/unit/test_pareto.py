@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from renderer.study.pareto import cost_at, pareto_front, setbacks
+from renderer.study import cost_at, pareto_front, setbacks
 
 numbers = st.floats(0, 10) | st.just(math.nan)
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.film.picture import Picture
-from renderer.film.png import decode_png, encode_png, png_chunks, png_of
+from renderer.film import Picture, encode_png, png_chunks, png_of
+from renderer.film.png import decode_png
 
 FRAMES = sorted((Path(__file__).parents[1] / "golden" / "frames").glob("*/*.png"))
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
+from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
-from renderer.readers.read import read_volume
-from renderer.scene.spec import PROCEDURAL_NAMES, ProceduralSource, VolumeSpec
-from renderer.suggest.histogram import measure, suggest_ranges
+from renderer.scene import PROCEDURAL_NAMES, ProceduralSource, VolumeSpec
+from renderer.suggest import measure, suggest_ranges
 
 
 @pytest.mark.parametrize("name", PROCEDURAL_NAMES)

@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from hsplat_cli.terminal.progress_bar import Lines, duration, progress
+from hsplat_cli.terminal import progress
+from hsplat_cli.terminal.progress_bar import Lines, duration
 
 
 class Clock:

@@ -9,10 +9,10 @@ import pytest
 from brickwork import AFFINES, EXACTLY, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 from scipy.ndimage import map_coordinates, zoom
 
-from renderer.bricks.sampling import BrickBatch, Thrift
+from renderer.bricks import BrickBatch, Thrift
 from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
-from renderer.view.camera import View
-from renderer.volume.volume import Float64
+from renderer.view import View
+from renderer.volume import Float64
 
 SIZE = (21, 14)
 

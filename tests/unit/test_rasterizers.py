@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hsplat_cli.executors.rasterizers import num_drawing_threads
-from hsplat_cli.terminal.cores import num_cores
+from hsplat_cli.terminal import num_cores
 
 
 @pytest.mark.parametrize(("wanted", "expected"), [("3", 3), ("0", 1), ("1", 1)])

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from renderer.errors import InputError
+from renderer.readers import read_volume
 from renderer.readers.common import Image
-from renderer.readers.read import crop_image, read_volume
-from renderer.scene.spec import FileSource, ProceduralSource, RawSource, VolumeSpec
-from renderer.volume.volume import Volume, make_volume
+from renderer.readers.read import crop_image
+from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.volume import Volume, make_volume
 
 INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 FLOATS = ("float16", "float32", "float64")

@@ -11,9 +11,9 @@ from click.testing import CliRunner
 
 from hsplat_cli.commands.info import info
 from renderer.errors import InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
-from renderer.volume.volume import Volume
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+from renderer.volume import Volume
 
 VALUES = np.arange(60).reshape(3, 4, 5) * 30 - 1000
 PIXEL_SPACING = b"\x28\x00\x30\x00\x06\x00\x00\x00.25\\.5"

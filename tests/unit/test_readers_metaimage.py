@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (4, 7, 8)).astype("<u2")
 RAW, PACKED = VALUES.tobytes(), zlib.compress(VALUES.tobytes())

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hsplat_cli.scenes.volume_names import expand
+from hsplat_cli.scenes import expand
 from renderer.errors import InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (4, 7, 8)).astype("<u2")
 LIST = "LIST\nslice01.raw\nslice02.raw\nslice03.raw\nslice04.raw\n"

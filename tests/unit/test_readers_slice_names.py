@@ -9,8 +9,8 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
 
 
 def write(folder: Path, names: list[str]) -> None:

@@ -10,8 +10,8 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
 
 DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
 FORMATS = {"u": 1, "i": 2, "f": 3}

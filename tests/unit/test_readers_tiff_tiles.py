@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
 
 SHORT, LONG = 3, 4
 WIDTH, HEIGHT = 16, 32  # of a tile; TIFF asks for multiples of 16

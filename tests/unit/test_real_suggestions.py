@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
-from renderer.suggest.histogram import measure
-from renderer.suggest.suggestion import suggest
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+from renderer.suggest import measure, suggest
 
 
 @pytest.mark.real_data

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, RawSource, VolumeSpec
-from renderer.volume.volume import Volume
+from renderer.readers import read_volume
+from renderer.scene import FileSource, RawSource, VolumeSpec
+from renderer.volume import Volume
 
 pytestmark = pytest.mark.real_data
 

@@ -12,20 +12,11 @@ import numpy as np
 import pytest
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
+from hsplat_cli.reports import bytes_text, short_count_text, terminal_table
 from hsplat_cli.reports.costs import fronts_of, prices, splats_front
-from hsplat_cli.reports.numbers import (
-    bytes_text,
-    count_text,
-    metric_text,
-    ms_text,
-    ratio_text,
-    short_count_text,
-)
-from hsplat_cli.reports.tables import TERMINAL_COLUMNS, csv_text, json_text, terminal_table
-from renderer.study.metrics import METRICS
-from renderer.study.pareto import pareto_front
-from renderer.study.study import Study
-from renderer.study.sweep import Measurement
+from hsplat_cli.reports.numbers import count_text, metric_text, ms_text, ratio_text
+from hsplat_cli.reports.tables import TERMINAL_COLUMNS, csv_text, json_text
+from renderer.study import METRICS, Measurement, Study, pareto_front
 
 METRIC = {metric.name: metric for metric in METRICS}
 

@@ -9,14 +9,11 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from renderer.errors import InputError
-from renderer.scene.parse import scene_to_dict
-from renderer.scene.scene_file import load_scene
-from renderer.scene.spec import FileSource, Scene
-from renderer.scene.yaml_tree import MAX_NODES, Mark, NotYamlError, Place, read_tree
+from renderer.scene import FileSource, Mark, NotYamlError, Scene, load_scene, read_tree, scene_to_dict
+from renderer.scene.yaml_tree import MAX_NODES, Place
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))

@@ -11,14 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from renderer.errors import SceneError
-from renderer.scene.limits import proportion_problems
-from renderer.scene.parse import parse_scene, scene_to_dict
-from renderer.scene.parse_error import LONGEST_S, MAX_LEVEL, MOST_PSNR_DB, MOST_SPLATS, SHORTEST_S
-from renderer.scene.spec import (
+from renderer.scene import (
+    MAX_LEVEL,
     PROCEDURAL_NAMES,
     SHORTEST,
     AccuracyGoal,
@@ -28,7 +25,6 @@ from renderer.scene.spec import (
     ControlPoint,
     ErrorSpec,
     FileSource,
-    Keyframe,
     KeyframePath,
     OutputSpec,
     ProceduralSource,
@@ -43,7 +39,12 @@ from renderer.scene.spec import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    scene_to_dict,
 )
+from renderer.scene.limits import proportion_problems
+from renderer.scene.parse import parse_scene
+from renderer.scene.parse_error import LONGEST_S, MOST_PSNR_DB, MOST_SPLATS, SHORTEST_S
+from renderer.scene.spec import Keyframe
 
 HERE = Path(__file__).resolve()
 FILE_BYTES = HERE.stat().st_size

@@ -10,9 +10,7 @@ from typing import Any
 import pytest
 
 from renderer.errors import SceneError
-from renderer.scene.parse import parse_scene, scene_to_dict, splats_as_asked
-from renderer.scene.parse_volume import MAX_VOXELS
-from renderer.scene.spec import (
+from renderer.scene import (
     CameraSpec,
     ControlPoint,
     FileSource,
@@ -23,7 +21,11 @@ from renderer.scene.spec import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    scene_to_dict,
+    splats_as_asked,
 )
+from renderer.scene.parse import parse_scene
+from renderer.scene.parse_volume import MAX_VOXELS
 
 HERE = Path(__file__).resolve()
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from hsplat_cli.scenes.scene_text import FilmOptions, number, plain_text, quoted, scene_text
-from renderer.scene.scene_file import load_scene
-from renderer.scene.spec import (
+from hsplat_cli.scenes import FilmOptions
+from hsplat_cli.scenes.scene_text import number, plain_text, quoted, scene_text
+from renderer.scene import (
     ColormapSpec,
     ControlPoint,
     FileSource,
@@ -22,9 +21,10 @@ from renderer.scene.spec import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    load_scene,
+    read_tree,
 )
-from renderer.scene.yaml_tree import read_tree
-from renderer.suggest.suggestion import Suggestion
+from renderer.suggest import Suggestion
 
 POINTS = (ControlPoint(-1e-7, (0.0, 0.0, 0.0), 0.0), ControlPoint(3.0, (1.0, 0.2, 0.4), 0.999))
 SUGGESTION = Suggestion("scan", "it has edges", TransferSpec(POINTS, 0.5), ("", "the object"), ShadingSpec())

@@ -8,12 +8,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from renderer.scene.parse import parse_scene, scene_to_dict
-from renderer.scene.schedule import at_tolerance, at_tolerances, least_tolerance, tolerance_at, value_at
-from renderer.scene.spec import (
+from renderer.scene import (
     LEAST_TOLERANCE,
     AccuracyGoal,
     CameraSpec,
@@ -27,7 +24,14 @@ from renderer.scene.spec import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    at_tolerance,
+    at_tolerances,
+    least_tolerance,
+    scene_to_dict,
+    tolerance_at,
+    value_at,
 )
+from renderer.scene.parse import parse_scene
 
 MAX_FRAMES = 1_000_000
 SCENE = Scene(

@@ -13,7 +13,7 @@ from film_stages import PLAIN, stage_of
 
 from hsplat_cli.executors.workers.shared import SharedStage, map_stage
 from renderer.errors import RenderError
-from renderer.frame.frame import Stage
+from renderer.frame import Stage
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.film.names import film_beside, sidecar_path
-from renderer.film.sidecar import write_sidecar
+from renderer.film import film_beside, sidecar_path, write_sidecar
 from renderer.scene.parse import parse_scene
 
 SCENE = parse_scene(

@@ -10,13 +10,10 @@ from typing import Any
 
 import pytest
 
-from hsplat_cli.scenes import sidecar_file
-from hsplat_cli.scenes.job import Job, load_job
+from hsplat_cli.scenes import Job, load_job, sidecar_file
 from renderer.errors import InputError
-from renderer.film.names import film_beside
-from renderer.scene import input_file
-from renderer.scene.input_file import MAX_SCENE_BYTES
-from renderer.scene.spec import ErrorSpec
+from renderer.film import film_beside
+from renderer.scene import MAX_SCENE_BYTES, ErrorSpec, input_file
 
 SIDECAR: dict[str, Any] = {
     "scene": {

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from renderer.film.stream_tail import StreamTail
+from renderer.film import StreamTail
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ import math
 
 import pytest
 
-from renderer.study.frame_difference import FIGURES
-from renderer.study.strictness import LEVELS, exceeded, severity
+from renderer.study import FIGURES, LEVELS, exceeded, severity
 
 
 def test_levels_limit_figures_that_there_are() -> None:

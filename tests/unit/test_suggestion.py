@@ -12,11 +12,10 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import KINDS, N, axes, head_in_hounsfield_units, labels, signed, two_materials
 
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.readers import common
-from renderer.readers.read import read_volume
-from renderer.scene.spec import (
+from renderer.draw import GLRasterizer
+from renderer.frame import prepare, render_frames
+from renderer.readers import common, read_volume
+from renderer.scene import (
     CameraSpec,
     ColormapSpec,
     ErrorSpec,
@@ -28,11 +27,10 @@ from renderer.scene.spec import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.suggest import suggestion
-from renderer.suggest.histogram import measure
-from renderer.suggest.suggestion import Suggestion, hounsfield_zero, suggest
-from renderer.transfer.transfer_function import make_transfer
-from renderer.volume.volume import Volume, make_volume
+from renderer.suggest import Suggestion, measure, suggest, suggestion
+from renderer.suggest.suggestion import hounsfield_zero
+from renderer.transfer import make_transfer
+from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
 

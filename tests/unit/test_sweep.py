@@ -11,10 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.draw.overlay import CellEdges
-from renderer.frame.frame import Stage, family_of
-from renderer.frame.pipeline import prepare
-from renderer.scene.spec import (
+from renderer.draw import CellEdges
+from renderer.frame import Stage, family_of, prepare
+from renderer.scene import (
     AccuracyGoal,
     CameraSpec,
     ControlPoint,
@@ -27,13 +26,11 @@ from renderer.scene.spec import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.splats.splats import SplatBatch
-from renderer.study.metrics import compare, pooled
-from renderer.study.sweep import measure_setting
-from renderer.study.sweep_plan import plan_sweep
-from renderer.study.truths import Truth, extreme_frames, spread_frames
-from renderer.truth.integrator import Convergence
-from renderer.view.camera import View
+from renderer.splats import SplatBatch
+from renderer.study import Truth, compare, measure_setting, plan_sweep, pooled, spread_frames
+from renderer.study.truths import extreme_frames
+from renderer.truth import Convergence
+from renderer.view import View
 from tests.support.machines import NothingLasting
 
 FRAMES = (0, 5)

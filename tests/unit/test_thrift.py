@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renderer.bricks.sampling import MOST_SPREAD, MOST_UNSEEN, SPREAD, STRIDES, UNSEEN, Thrift, thrift_at
+from renderer.bricks import Thrift
+from renderer.bricks.sampling import MOST_SPREAD, MOST_UNSEEN, SPREAD, STRIDES, UNSEEN, thrift_at
 
 TOLERANCES = np.geomspace(1e-4, 1e2, 61).tolist()
 CELL_PX = [1e-3, 0.3, 1.0, 2.0, 5.0, 40.0, 1e6]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.study.thumbnails import DIFFERENCE_GAIN, THUMBNAIL_PX, difference_picture, difference_thumbnail, thumbnail
+from renderer.study import DIFFERENCE_GAIN, difference_picture, difference_thumbnail, thumbnail
+from renderer.study.thumbnails import THUMBNAIL_PX
 
 
 @pytest.mark.parametrize(

@@ -6,16 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from renderer.pyramid.cut import cut_pyramid, root_error
-from renderer.pyramid.pyramid import Pyramid, build_pyramid
-from renderer.scene.spec import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
+from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid, root_error
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
 from renderer.study.search import coarsest_good
 from renderer.study.tolerances import distinct_rungs, ladder, spread_tolerances, two_digit_numbers
-from renderer.transfer.transfer_function import make_transfer
-from renderer.volume.volume import make_volume
+from renderer.transfer import make_transfer
+from renderer.volume import make_volume
 
 
 @pytest.fixture(scope="module")

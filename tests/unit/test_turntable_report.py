@@ -12,16 +12,13 @@ from typing import Any
 
 import pytest
 
-from hsplat_cli.executors.executor_arguments import CrewSpec
-from hsplat_cli.scenes.scene_text import FilmOptions
-from hsplat_cli.scenes.suggested_scene import SuggestedScene
-from hsplat_cli.turntable import batch, single
-from hsplat_cli.turntable import report as report_module
-from hsplat_cli.turntable.batch import run_batch
-from hsplat_cli.turntable.report import FILE, held_report, write_report
-from hsplat_cli.turntable.single import Order, write_scene
+from hsplat_cli.executors import CrewSpec
+from hsplat_cli.scenes import FilmOptions, SuggestedScene
+from hsplat_cli.turntable import Order, batch, report as report_module, run_batch, single, write_report
+from hsplat_cli.turntable.report import FILE, held_report
+from hsplat_cli.turntable.single import write_scene
 from renderer.errors import InputError, RenderError
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.scene import FileSource, VolumeSpec
 
 CODE = Path(report_module.__file__).parents[2]
 WRITTEN: dict[str, Any] = {"scene_of": "../scan.npy", "scene_digests": ["0" * 32]}

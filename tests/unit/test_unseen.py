@@ -10,13 +10,10 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import KINDS, N, axes, ball
 
-from hsplat_cli.scenes.scene_text import FilmOptions
-from hsplat_cli.scenes.suggested_scene import suggest_scene
-from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
-from renderer.suggest.histogram import measure
-from renderer.suggest.suggestion import suggest
-from renderer.suggest.unseen import unseen_value
+from hsplat_cli.scenes import FilmOptions, suggest_scene
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+from renderer.suggest import measure, suggest, unseen_value
 
 Array = npt.NDArray[Any]
 

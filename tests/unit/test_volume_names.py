@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsplat_cli.scenes.patterns import matches
-from hsplat_cli.scenes.volume_names import base_name, expand, named
+from hsplat_cli.scenes import base_name, expand, matches, named
 from renderer.errors import InputError
 
 

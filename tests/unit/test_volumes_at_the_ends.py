@@ -17,11 +17,9 @@ from number_types import INTEGERS, RANGES, TYPES, limits, random_ranges
 from hsplat_cli import main
 from hsplat_cli.commands.info import info
 from renderer.errors import InputError, SceneError
-from renderer.pyramid.cut import cut_pyramid
-from renderer.pyramid.pyramid import build_pyramid
-from renderer.readers.read import read_volume
-from renderer.scene.parse import parse_scene
-from renderer.scene.spec import (
+from renderer.pyramid import build_pyramid, cut_pyramid
+from renderer.readers import read_volume
+from renderer.scene import (
     ControlPoint,
     ErrorSpec,
     FileSource,
@@ -31,8 +29,9 @@ from renderer.scene.spec import (
     TransferSpec,
     VolumeSpec,
 )
-from renderer.splats.splats import make_splats
-from renderer.transfer.transfer_function import make_transfer
+from renderer.scene.parse import parse_scene
+from renderer.splats import make_splats
+from renderer.transfer import make_transfer
 
 Array = npt.NDArray[Any]
 

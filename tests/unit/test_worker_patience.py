@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from hsplat_cli.executors import Lifeline
 from hsplat_cli.executors.workers import process
-from hsplat_cli.executors.workers.lifeline import Lifeline
 from hsplat_cli.executors.workers.process import Patience, WorkerProcess
 
 PATIENCE = Patience(num_looks=3)

@@ -12,11 +12,11 @@ from typing import Any
 
 from hsplat_cli.compare.golden.provenance import origin_of
 from hsplat_cli.compare.picture_file import MAX_PIXELS
-from hsplat_cli.executors.executor_arguments import CrewSpec
-from hsplat_cli.scenes.job import Job, load_job
+from hsplat_cli.executors import CrewSpec
+from hsplat_cli.scenes import Job, load_job
 from renderer.errors import InputError, RenderError
-from renderer.film.names import sidecar_path
-from renderer.scene.spec import AccuracyGoal, Scene, TimeBudget
+from renderer.film import sidecar_path
+from renderer.scene import AccuracyGoal, Scene, TimeBudget
 
 _TEMPLATE = Path("frame-{frame}.png")
 
@@ -67,7 +67,7 @@ def drawn(job: Job, frames: Sequence[int], crew: CrewSpec, *, quiet: bool) -> It
     Nothing is said but how far the work is, and not even that when `quiet`.
     """
     # Imported here: who compares files needs neither numba nor GL.
-    from hsplat_cli.films.film import render_once  # noqa: PLC0415
+    from hsplat_cli.films import render_once
 
     with _temporary_folder() as folder:
         output = replace(job.scene.output, file=folder / _TEMPLATE)

@@ -12,11 +12,10 @@ import numpy as np
 from hsplat_cli.compare.golden.draw import Drawing
 from hsplat_cli.compare.golden.provenance import NAME, Golden, Provenance, changes
 from hsplat_cli.compare.picture_file import read_picture
-from hsplat_cli.terminal.counts import counted, first_few
+from hsplat_cli.terminal import counted, first_few
 from renderer.errors import InputError
-from renderer.film.atomic import explained
-from renderer.film.kept_frames import file_digest
-from renderer.study.frame_difference import FIGURES, FrameDifference
+from renderer.film import explained, file_digest
+from renderer.study import FIGURES, FrameDifference
 
 # Those that need no more than numpy; the worst is the one whose first figure is, then by the next.
 _FIGURES = ("largest", "densest", "p99", "bias")

@@ -13,12 +13,25 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.films.cause import differences
-from hsplat_cli.scenes.sidecar_file import load_object
+from hsplat_cli.films import differences
+from hsplat_cli.scenes import load_object
 from renderer.errors import InputError, Problem, SceneError
-from renderer.scene.input_file import decode, may_be_json
-from renderer.scene.parse_camera import FRAME_NUMBER
-from renderer.scene.schema import INVALID, MAPPING, Kind, Node, Table, fields, integer, known, section, sequence, show
+from renderer.scene import (
+    FRAME_NUMBER,
+    INVALID,
+    MAPPING,
+    Kind,
+    Node,
+    Table,
+    decode,
+    fields,
+    integer,
+    known,
+    may_be_json,
+    section,
+    sequence,
+    show,
+)
 
 NAME = "golden.json"
 FORMAT = "hsplat golden 1"

@@ -25,14 +25,12 @@ from hsplat_cli.compare.golden.provenance import (
     provenance_bytes,
     read_provenance,
 )
-from hsplat_cli.executors.executor_arguments import CrewSpec
-from hsplat_cli.scenes.job import Job
-from hsplat_cli.terminal.counts import counted
-from hsplat_cli.terminal.interrupts import deferrable_interrupts
+from hsplat_cli.executors import CrewSpec
+from hsplat_cli.scenes import Job
+from hsplat_cli.terminal import counted, deferrable_interrupts
 from renderer.errors import InputError
-from renderer.film.atomic import explained, staged_together
-from renderer.film.lock import locked
-from renderer.scene.input_file import MAX_SCENE_BYTES
+from renderer.film import explained, locked, staged_together
+from renderer.scene import MAX_SCENE_BYTES
 
 _UNFINISHED = "golden.unfinished"
 _LIMITS = "compare.yaml"  # read by `hsplat compare`, which goldens do without

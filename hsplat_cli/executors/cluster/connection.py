@@ -12,8 +12,7 @@ from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.executors.executor_arguments import ADDRESSES, LOCAL, require_address
-from hsplat_cli.terminal.cores import num_cores
-from hsplat_cli.terminal.interrupts import deferrable_interrupts
+from hsplat_cli.terminal import deferrable_interrupts, num_cores
 from renderer.errors import InputError, RenderError
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
 
 
 def _client(target: Any) -> Client:
-    from distributed import Client  # noqa: PLC0415  an extra, and slow to load
+    from distributed import Client
 
     return Client(target, timeout=_ANSWER_S, set_as_default=False, name="hsplat")
 
@@ -67,9 +66,9 @@ def _require_scheduler(address: str) -> None:
 
 async def _kind_of_server(address: str) -> str:
     """`Scheduler`, `Worker` or `Nanny`."""
-    from distributed import Security  # noqa: PLC0415  an extra, and slow to load
-    from distributed.comm import connect  # noqa: PLC0415
-    from distributed.core import send_recv  # noqa: PLC0415
+    from distributed import Security
+    from distributed.comm import connect
+    from distributed.core import send_recv
 
     comm = await connect(address, timeout=_ANSWER_S, **Security().get_connection_args("client"))
     try:
@@ -81,7 +80,7 @@ async def _kind_of_server(address: str) -> str:
 @contextlib.contextmanager
 def _local_cluster(num_workers: int) -> Iterator[Any]:
     """Processes of one thread each."""
-    from distributed import LocalCluster  # noqa: PLC0415  an extra, and slow to load
+    from distributed import LocalCluster
 
     with contextlib.ExitStack() as stack:
         with deferrable_interrupts() as defer_interrupts, _interrupts_kept_from_children():

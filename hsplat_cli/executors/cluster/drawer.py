@@ -19,11 +19,10 @@ from hsplat_cli.executors.cluster.connection import connect
 from hsplat_cli.executors.cluster.roster import Roster
 from hsplat_cli.executors.cluster.worker import Parcel, draw
 from hsplat_cli.executors.drawn import Drawn
-from hsplat_cli.terminal.versions import package_versions
+from hsplat_cli.terminal import package_versions
 from renderer.errors import ContextLostError, HsplatError, RenderError
-from renderer.film.picture import Picture
-from renderer.frame.frame import Stage
-from renderer.frame.transport import packed
+from renderer.film import Picture
+from renderer.frame import Stage, packed
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -217,7 +216,7 @@ class ClusterDrawer:
 
 def _is_loss(error: BaseException) -> bool:
     """Whether this is what Dask makes of a task whose worker died, once too often by its own settings."""
-    from distributed import KilledWorker  # noqa: PLC0415  an extra, and slow to load
+    from distributed import KilledWorker
 
     return isinstance(error, KilledWorker)
 

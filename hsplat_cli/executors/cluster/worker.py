@@ -18,9 +18,9 @@ import numpy.typing as npt
 
 from hsplat_cli.executors.drawn import Drawn, LocalDrawer
 from hsplat_cli.executors.rasterizers import open_rasterizer
-from hsplat_cli.terminal.versions import package_versions, sources_digest
+from hsplat_cli.terminal import package_versions, sources_digest
 from renderer.errors import ContextLostError
-from renderer.frame.transport import unpack
+from renderer.frame import unpack
 
 
 class Studio:
@@ -108,7 +108,7 @@ _sources_digest = functools.cache(sources_digest)
 
 def draw(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     """A frame's PNG file, what its film's sidecar tells of it, and what it was made with."""
-    from distributed import get_worker  # noqa: PLC0415  an extra
+    from distributed import get_worker
 
     studio = parcel.studio(get_worker().state.nthreads)
     try:

@@ -24,8 +24,8 @@ from hsplat_cli.executors.workers.messages import Message, error_from_plain
 from hsplat_cli.executors.workers.process import Patience, WorkerProcess, worker_environment
 from hsplat_cli.executors.workers.shared import SharedStage
 from renderer.errors import HsplatError, RenderError
-from renderer.film.picture import Picture
-from renderer.frame.frame import Stage
+from renderer.film import Picture
+from renderer.frame import Stage
 
 PROGRAM = ("hsplat_cli.executors.workers.worker",)
 

@@ -17,7 +17,7 @@ from typing import Generic, TypeVar
 from hsplat_cli.executors.workers.lifeline import Lifeline
 from hsplat_cli.executors.workers.messages import Message, incoming, send
 from renderer.errors import RenderError
-from renderer.film.stream_tail import StreamTail
+from renderer.film import StreamTail
 
 Task = TypeVar("Task")
 

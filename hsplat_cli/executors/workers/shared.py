@@ -6,10 +6,9 @@ import mmap
 import os
 import tempfile
 
-from hsplat_cli.scenes.shrinking import guard
+from hsplat_cli.scenes import guard
 from renderer.errors import RenderError
-from renderer.frame.frame import Stage
-from renderer.frame.transport import pack, unpack
+from renderer.frame import Stage, pack, unpack
 
 # What some systems write at most at once.
 _MOST_AT_ONCE = 1 << 30

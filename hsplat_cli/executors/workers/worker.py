@@ -18,7 +18,7 @@ from hsplat_cli.executors.rasterizers import open_rasterizer
 from hsplat_cli.executors.workers.messages import Message, error_to_plain, receive, send
 from hsplat_cli.executors.workers.shared import map_stage
 from renderer.errors import ContextLostError, HsplatError, RenderError
-from renderer.frame.frame import Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
+from renderer.frame import Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -12,13 +12,9 @@ from typing import Any
 
 from hsplat_cli.films.assemble.parts import Part
 from renderer.errors import Problem
-from renderer.film.frame_record import Record
-from renderer.film.kept_frames import digest
-from renderer.film.png import png_shape
+from renderer.film import Record, digest, png_shape
 from renderer.runs import runs
-from renderer.scene.parse import schedule_to_dict
-from renderer.scene.schema import join, show
-from renderer.scene.spec import FRAME_FIELD
+from renderer.scene import FRAME_FIELD, join, schedule_to_dict, show
 
 _MOST_SHOWN = 4
 

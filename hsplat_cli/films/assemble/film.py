@@ -13,16 +13,22 @@ from hsplat_cli.films.assemble.merged import cause_of_parts, merged_record, part
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.cause import Cause, cause_record, made_before
 from hsplat_cli.films.place import taken
-from hsplat_cli.terminal.counts import counted
-from hsplat_cli.terminal.interrupts import deferrable_interrupts
-from hsplat_cli.terminal.progress_bar import progress
+from hsplat_cli.terminal import counted, deferrable_interrupts, progress
 from renderer.errors import InputError, SceneError
-from renderer.film.atomic import explained, staged_together
-from renderer.film.names import frame_path, has_frame_files, picture_shape, sidecar_of
-from renderer.film.picture import Picture, Pixels
-from renderer.film.sidecar import write_sidecar
-from renderer.film.writer import open_film, require_encoder
-from renderer.scene.spec import OutputSpec
+from renderer.film import (
+    Picture,
+    Pixels,
+    explained,
+    frame_path,
+    has_frame_files,
+    open_film,
+    picture_shape,
+    require_encoder,
+    sidecar_of,
+    staged_together,
+    write_sidecar,
+)
+from renderer.scene import OutputSpec
 
 
 def assemble_film(

@@ -11,13 +11,9 @@ from hsplat_cli.films.assemble.agreement import Picked, error_without_schedule, 
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.cause import Cause, told_cause
 from hsplat_cli.films.record import limits, visibility_notes
-from hsplat_cli.terminal.versions import package_versions, sources_digest
-from renderer.film.frame_record import Record
-from renderer.film.kept_frames import digest
-from renderer.film.names import has_frame_files
-from renderer.scene.parse import schedule_to_dict
-from renderer.scene.schedule import is_met_as_a_whole, through
-from renderer.scene.spec import ErrorSpec, OutputSpec
+from hsplat_cli.terminal import package_versions, sources_digest
+from renderer.film import Record, digest, has_frame_files
+from renderer.scene import ErrorSpec, OutputSpec, is_met_as_a_whole, schedule_to_dict, through
 
 
 def merged_record(picked: Sequence[Picked], output: OutputSpec, seconds: float) -> dict[str, Any]:

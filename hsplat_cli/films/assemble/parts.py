@@ -9,16 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.films.assemble.told import told_problems
-from hsplat_cli.scenes.patterns import matches
-from hsplat_cli.scenes.sidecar_file import Sidecar, sidecar_in
+from hsplat_cli.scenes import Sidecar, matches, sidecar_in
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film.frame_record import Record, is_record
-from renderer.film.names import film_beside, frame_path
-from renderer.scene.input_file import read_content
-from renderer.scene.parse_camera import MAX_FRAMES
-from renderer.scene.parse_output import OUTPUT_FILE
-from renderer.scene.schema import Node
-from renderer.scene.spec import ErrorSpec
+from renderer.film import Record, film_beside, frame_path, is_record
+from renderer.scene import MAX_FRAMES, OUTPUT_FILE, ErrorSpec, Node, read_content
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from hsplat_cli.scenes.sidecar_file import is_shallow
+from hsplat_cli.scenes import is_shallow
 from renderer.errors import Problem
-from renderer.scene.schema import BOOLEAN, TEXT, Kind, Node, Table, show
+from renderer.scene import BOOLEAN, TEXT, Kind, Node, Table, show
 
 # Nothing that is measured comes near it, and sums over all parts stay finite.
 _MOST = 1e100

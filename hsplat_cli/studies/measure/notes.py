@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from renderer.scene.parse import schedule_to_dict
-from renderer.scene.spec import Scene
+from renderer.scene import Scene, schedule_to_dict
 
 if TYPE_CHECKING:
-    from renderer.study.sweep import Measurement
+    from renderer.study import Measurement
 
 # Smaller setbacks are not told: they are below the digits that are shown.
 _LEAST_SETBACK = {"psnr": 0.01, "ssim": 1e-4, "flip": 1e-4}
@@ -44,8 +43,7 @@ def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
 
 def monotony_notes(measurements: Sequence[Measurement]) -> list[str]:
     """Which series do not always get better as the tolerance falls, by which metric, and by how much at worst."""
-    from renderer.study.metrics import METRICS  # noqa: PLC0415
-    from renderer.study.pareto import setbacks  # noqa: PLC0415
+    from renderer.study import METRICS, setbacks
 
     series: dict[str, list[Measurement]] = {}
     for measurement in measurements:

@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from renderer.errors import InputError
-from renderer.scene.schema import did_you_mean, listed, show
-from renderer.scene.spec import ErrorSpec, Scene, SplatSpec
-from renderer.scene.want import Want
+from renderer.scene import ErrorSpec, Scene, SplatSpec, Want, did_you_mean, listed, show
 
 T = TypeVar("T")
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 
-from hsplat_cli.terminal.cores import num_cores
-from renderer.frame.frame import Stage
-from renderer.frame.pipeline import prepare
-from renderer.scene.spec import Scene
-from renderer.volume.volume import Volume
+from hsplat_cli.terminal import num_cores
+from renderer.frame import Stage, prepare
+from renderer.scene import Scene
+from renderer.volume import Volume
 
 
 def prepared(scene: Scene, volume: Volume) -> Stage:

@@ -12,12 +12,10 @@ from typing import Any
 
 import click
 
-from hsplat_cli.executors.rasterizers import open_rasterizer
-from hsplat_cli.films.truths import find_truths, nothing_to_measure
-from hsplat_cli.reports.files import check_writable, write_study
-from hsplat_cli.reports.html import require_page_packages
-from hsplat_cli.reports.tables import terminal_table
-from hsplat_cli.scenes.shrinking import read_guarded
+from hsplat_cli.executors import open_rasterizer
+from hsplat_cli.films import find_truths, nothing_to_measure
+from hsplat_cli.reports import check_writable, require_page_packages, terminal_table, write_study
+from hsplat_cli.scenes import read_guarded
 from hsplat_cli.studies.measure.notes import monotony_notes, scene_notes
 from hsplat_cli.studies.measure.options import Sweep
 from hsplat_cli.studies.measure.stage import prepared
@@ -28,22 +26,26 @@ from hsplat_cli.studies.peers.vtk_peer import (
     vtk_settings,
     with_transparent_border,
 )
-from hsplat_cli.terminal.counts import counted
-from hsplat_cli.terminal.first_run import tell_first_run
-from hsplat_cli.terminal.machine import PeakMemory, describe_machine
-from hsplat_cli.terminal.progress_bar import progress
+from hsplat_cli.terminal import PeakMemory, counted, describe_machine, progress, tell_first_run
 from renderer.errors import HsplatError
-from renderer.frame.frame import Stage, view_of
-from renderer.scene.parse import scene_to_dict
-from renderer.scene.spec import Scene
-from renderer.study.metrics import require_measuring_packages
-from renderer.study.study import Study
-from renderer.study.sweep import Measurement, measure_setting, pyramid_seconds, splat_setting
-from renderer.study.sweep_plan import Planned, plan_sweep
-from renderer.study.truths import Truth, is_loop, spread_frames
-from renderer.transfer.transfer_function import make_transfer
-from renderer.view.camera import View
-from renderer.volume.volume import Volume
+from renderer.frame import Stage, view_of
+from renderer.scene import Scene, scene_to_dict
+from renderer.study import (
+    Measurement,
+    Planned,
+    Study,
+    Truth,
+    is_loop,
+    measure_setting,
+    plan_sweep,
+    pyramid_seconds,
+    require_measuring_packages,
+    splat_setting,
+    spread_frames,
+)
+from renderer.transfer import make_transfer
+from renderer.view import View
+from renderer.volume import Volume
 
 # Frames of the path that are measured when none are asked for.
 _NUM_FRAMES = 3

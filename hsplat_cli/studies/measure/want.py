@@ -6,18 +6,14 @@ from collections.abc import Sequence
 
 import click
 
-from hsplat_cli.executors.rasterizers import open_rasterizer
-from hsplat_cli.films.search import beyond_full_resolution, search_tolerance
-from hsplat_cli.films.truths import nothing_to_measure
-from hsplat_cli.scenes.shrinking import read_guarded
+from hsplat_cli.executors import open_rasterizer
+from hsplat_cli.films import beyond_full_resolution, nothing_to_measure, search_tolerance
+from hsplat_cli.scenes import read_guarded
 from hsplat_cli.studies.measure.stage import prepared
-from hsplat_cli.terminal.counts import counted
-from hsplat_cli.terminal.first_run import tell_first_run
+from hsplat_cli.terminal import counted, tell_first_run
 from renderer.errors import InputError
-from renderer.scene.spec import Scene
-from renderer.scene.want import Want
-from renderer.study.metrics import SSIM_WINDOW_PX, require_measuring_packages
-from renderer.study.trials import Found
+from renderer.scene import Scene, Want
+from renderer.study import SSIM_WINDOW_PX, Found, require_measuring_packages
 
 
 def find_wanted(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:

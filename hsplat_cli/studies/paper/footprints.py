@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Pixels, Row, Table
 from hsplat_cli.studies.paper.studio import Studio, transfer_of, with_splat
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal import counted
 from renderer.errors import InputError
-from renderer.frame.frame import Stage, view_of
-from renderer.scene.spec import Scene
-from renderer.splats.splats import GouraudFootprint, make_footprint
+from renderer.frame import Stage, view_of
+from renderer.scene import Scene
+from renderer.splats import GouraudFootprint, make_footprint
 
 Float64 = npt.NDArray[np.float64]
 
@@ -169,7 +169,7 @@ def _caption(item: Footprint) -> str:
 
 
 def _profiles(numbers: Footprints) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot  # noqa: PLC0415
+    from hsplat_cli.studies.paper.plots import SERIES, new_plot
 
     plot, axes = new_plot("distance from the centre, standard deviations", "alpha")
     shown: Sequence[Footprint] = [fan for fan in numbers.fans if fan.name in ("fan 4 x 1", "fan 8 x 3", "fan 32 x 16")]
@@ -187,7 +187,7 @@ def _profiles(numbers: Footprints) -> Chart:
 
 
 def _meshes(scene: Scene) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plots  # noqa: PLC0415
+    from hsplat_cli.studies.paper.plots import SERIES, new_plots
 
     plot, all_axes = new_plots(len(SUBDIVISIONS), side=1.6)
     for axes, (angular, radial) in zip(all_axes, SUBDIVISIONS, strict=True):

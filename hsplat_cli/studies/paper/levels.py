@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.studies.paper.studio import Studio, transfer_of, with_error, with_splat
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal import counted
 from renderer.errors import InputError
-from renderer.frame.frame import Stage, view_of
-from renderer.scene.spec import Scene
-from renderer.study.metrics import over_background
-from renderer.truth.integrator import integrate
+from renderer.frame import Stage, view_of
+from renderer.scene import Scene
+from renderer.study import over_background
+from renderer.truth import integrate
 
 # Pixels whose ray goes through at least this share of the longest way through the volume are its inside.
 INSIDE_SHARE = 0.5
@@ -174,7 +174,7 @@ def _table(caption: str, distances: tuple[Distance, ...]) -> Table:
 
 
 def _chart(levels: Levels) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot  # noqa: PLC0415
+    from hsplat_cli.studies.paper.plots import SERIES, new_plot
 
     plot, axes = new_plot("level", "mean alpha of the inside")
     for distances, color, label in (

@@ -9,17 +9,15 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports.numbers import short_count_text
+from hsplat_cli.reports import short_count_text
 from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.studies.paper.studio import Studio, transfer_of, with_error
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal import counted
 from renderer.errors import InputError
-from renderer.frame.frame import Stage, finest_level_at
-from renderer.pyramid.cut import Cut, cut_pyramid
-from renderer.scene.parse import schedule_to_dict
-from renderer.scene.schema import show
-from renderer.scene.spec import Scene
-from renderer.study.metrics import over_background, single
+from renderer.frame import Stage, finest_level_at
+from renderer.pyramid import Cut, cut_pyramid
+from renderer.scene import Scene, schedule_to_dict, show
+from renderer.study import over_background, single
 
 Float64 = npt.NDArray[np.float64]
 
@@ -215,7 +213,7 @@ def _table(numbers: Octrees) -> Table:
 
 
 def _chart(numbers: Octrees) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot  # noqa: PLC0415
+    from hsplat_cli.studies.paper.plots import SERIES, new_plot
 
     plot, axes = new_plot("level", "cells")
     for color, octree in zip(SERIES, numbers.octrees, strict=False):

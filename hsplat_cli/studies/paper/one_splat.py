@@ -10,11 +10,10 @@ import numpy as np
 
 from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.studies.paper.studio import OPAQUE, Studio, transfer_of, with_error, with_splat
-from hsplat_cli.terminal.counts import counted
+from hsplat_cli.terminal import counted
 from renderer.errors import InputError
-from renderer.frame.frame import Frame
-from renderer.scene.parse_error import MAX_LEVEL
-from renderer.scene.spec import ProceduralSource, Scene
+from renderer.frame import Frame
+from renderer.scene import MAX_LEVEL, ProceduralSource, Scene
 
 SIDES = (1, 2, 4, 8, 16, 32)
 # Of an optical depth: what float16 in the pyramid and float32 in the picture leave, ten times over.
@@ -166,7 +165,7 @@ def _table(splats: Splats) -> Table:
 
 
 def _chart(splats: Splats) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot  # noqa: PLC0415
+    from hsplat_cli.studies.paper.plots import SERIES, new_plot
 
     plot, axes = new_plot("voxels a side", "alpha in the middle")
     expected = [-math.expm1(side * math.log1p(-splats.corrected[0])) for side in SIDES]

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.studies.paper.studio import OPAQUE, Studio, with_error, with_splat
 from renderer.errors import InputError
-from renderer.frame.frame import Stage, view_of
-from renderer.scene.spec import ProceduralSource, Scene
+from renderer.frame import Stage, view_of
+from renderer.scene import ProceduralSource, Scene
 
 Float64 = npt.NDArray[np.float64]
 
@@ -175,7 +175,7 @@ def _table(slab: Slab, caption: str, alphas: Float64, *, corrected: bool) -> Tab
 
 
 def _chart(slab: Slab) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot  # noqa: PLC0415
+    from hsplat_cli.studies.paper.plots import SERIES, new_plot
 
     plot, axes = new_plot("opacity of a voxel", "opacity of a cell")
     fine = np.linspace(0, 0.999, 400)

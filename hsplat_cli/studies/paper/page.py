@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hsplat_cli.reports.html import facts_of, page_of, png_data_uri, svg_of
+from hsplat_cli.reports import facts_of, page_of, png_data_uri, svg_of
 from hsplat_cli.studies.paper.figure import Figure, Row
 
 # Small pictures are shown larger, by whole pixels, and large ones as they are.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hsplat_cli.reports.html import LIGHT
+from hsplat_cli.reports import LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,7 @@ def new_plot(x_label: str, y_label: str) -> tuple[Figure, Axes]:
 
 def new_plots(num: int, *, side: float, aspect: float = 1.0) -> tuple[Figure, list[Axes]]:
     """Several beside each other, `side` inches high and `aspect` times as wide."""
-    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.figure import Figure
 
     plot = Figure(figsize=(num * side * aspect, side), layout="constrained")
     return plot, list(plot.subplots(1, num, squeeze=False)[0])

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 from hsplat_cli.studies.paper.figure import Claim, Figure, Picture, Row, Table
 from hsplat_cli.studies.paper.studio import Studio, with_error
-from hsplat_cli.terminal.counts import counted
-from renderer.frame.frame import Stage
-from renderer.scene.spec import Scene
-from renderer.study.metrics import over_background, single
-from renderer.study.thumbnails import DIFFERENCE_GAIN, difference_picture
+from hsplat_cli.terminal import counted
+from renderer.frame import Stage
+from renderer.scene import Scene
+from renderer.study import DIFFERENCE_GAIN, difference_picture, over_background, single
 
 FIVE_TIMES_A_SECOND, FIVE_SECONDS = 0.2, 5.0
 # What is looked for is a little faster than needed, because no two frames take the same time.

@@ -7,15 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from renderer.frame.frame import Frame, Rasterizer, Stage
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.scene.schedule import at_tolerance
-from renderer.scene.spec import Scene, VolumeSpec
-from renderer.study.metrics import Picture
-from renderer.study.sweep import FRAME_STAGES
-from renderer.study.truths import TRUTH_TOLERANCE, find_truth
-from renderer.transfer.transfer_function import TransferFunction, make_transfer
-from renderer.volume.volume import Volume
+from renderer.frame import Frame, Rasterizer, Stage, prepare, render_frames
+from renderer.scene import Scene, VolumeSpec, at_tolerance
+from renderer.study import FRAME_STAGES, TRUTH_TOLERANCE, Picture, find_truth
+from renderer.transfer import TransferFunction, make_transfer
+from renderer.volume import Volume
 
 # An alpha from here on is too near to 1, in float32 and with ripple, for the optical depth to be found from it.
 OPAQUE = 0.9999

@@ -25,15 +25,23 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError, require_package
-from renderer.film.atomic import explained
-from renderer.scene.spec import Color, Scene
-from renderer.study.metrics import Accuracy, Picture, compare, pooled
-from renderer.study.sweep import Measurement, Sample, Setting
-from renderer.study.thumbnails import difference_thumbnail, thumbnail
-from renderer.study.truths import Truth
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.view.camera import View
-from renderer.volume.volume import Array, Float64, Volume, make_volume
+from renderer.film import explained
+from renderer.scene import Color, Scene
+from renderer.study import (
+    Accuracy,
+    Measurement,
+    Picture,
+    Sample,
+    Setting,
+    Truth,
+    compare,
+    difference_thumbnail,
+    pooled,
+    thumbnail,
+)
+from renderer.transfer import TransferFunction
+from renderer.view import View
+from renderer.volume import Array, Float64, Volume, make_volume
 
 # Sample distances, in units of the finest spacing, and the part of the pixels that are drawn, 1 of n x n.
 _SAMPLE_DISTANCES = (0.5, 1.0, 2.0, 4.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bricks.kernels import SIDE
+from renderer.bricks import SIDE
 from renderer.draw import brick_atlas
 from renderer.draw.brick_atlas import Atlas, Float32, Int64, brick_bytes
 

@@ -15,18 +15,17 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.sampling import BrickBatch, toward_light
+from renderer.bricks import BrickBatch, toward_light
 from renderer.draw.brick_store import BrickStore
 from renderer.draw.brick_view import BrickPicture
 from renderer.draw.cpu.atlas import CPUAtlas
 from renderer.draw.cpu.march import Boxes, Float64, Int64, Rays, bin_boxes, draw_tiles
 from renderer.draw.cpu.sample import Field, Float32
 from renderer.draw.subsampling import interpolated, num_nodes, refined
-from renderer.scene.spec import ShadingSpec
+from renderer.scene import ShadingSpec
 from renderer.threads import Threads
-from renderer.transfer.piecewise import OpticalPieces
-from renderer.view.brick_projection import ray_frame
-from renderer.view.camera import View
+from renderer.transfer import OpticalPieces
+from renderer.view import View, ray_frame
 
 # Nodes along a tile's sides, where every pixel is one, and where few are. Tiles of 16 draw each brick more often, tiles
 # of 64 share their rays with no cache.

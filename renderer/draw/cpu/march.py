@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.kernels import SIDE
-from renderer.bricks.sampling import DITHER, PHASE_PER_PX
+from renderer.bricks import DITHER, PHASE_PER_PX, SIDE
 from renderer.draw.cpu.sample import (
     NUM_TEXELS,
     PIECE,

@@ -7,12 +7,12 @@ from types import TracebackType
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.sampling import BrickBatch
+from renderer.bricks import BrickBatch
 from renderer.draw.cpu.bricks import CPUBrickDrawer
 from renderer.draw.gl.raster import WITHOUT_OPENGL, Image
 from renderer.draw.overlay import CellEdges
-from renderer.splats.splats import SplatBatch
-from renderer.view.camera import View
+from renderer.splats import SplatBatch
+from renderer.view import View
 
 
 class CPURasterizer:

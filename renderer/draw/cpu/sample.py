@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.kernels import SIDE
+from renderer.bricks import SIDE
 from renderer.jit import fma, jit
-from renderer.transfer.piecewise import GUIDE_SIZE
+from renderer.transfer import GUIDE_SIZE
 
 Float32 = npt.NDArray[np.float32]
 Int32 = npt.NDArray[np.int32]

@@ -17,7 +17,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from renderer.bricks.kernels import SIDE
+from renderer.bricks import SIDE
 from renderer.draw import brick_atlas
 from renderer.draw.brick_atlas import Atlas, Float32, Int64
 from renderer.errors import ContextLostError, RenderError

@@ -18,16 +18,14 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import APRON
-from renderer.bricks.sampling import DITHER, PHASE_PER_PX, BrickBatch, toward_light
+from renderer.bricks import APRON, DITHER, PHASE_PER_PX, BrickBatch, toward_light
 from renderer.draw.brick_store import BrickStore
 from renderer.draw.brick_view import BrickPicture
 from renderer.draw.gl.atlas import GLAtlas
 from renderer.draw.subsampling import interpolated, num_nodes
 from renderer.threads import Threads
-from renderer.transfer.piecewise import OpticalPieces
-from renderer.view.brick_projection import ray_frame
-from renderer.view.camera import View
+from renderer.transfer import OpticalPieces
+from renderer.view import View, ray_frame
 
 Image = npt.NDArray[np.float32]
 Programs = Callable[[str, str], Any]

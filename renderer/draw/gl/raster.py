@@ -24,23 +24,15 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.sampling import BrickBatch
+from renderer.bricks import BrickBatch
 from renderer.draw.compositing import LEAST_CHUNK, composite_over, splats_at_once
 from renderer.draw.cpu.bricks import CPUBrickDrawer
 from renderer.draw.gl.bricks import GLBrickDrawer
 from renderer.draw.gl.shaders import load_shader
 from renderer.draw.overlay import CellEdges, level_colors
 from renderer.errors import ContextLostError, RenderError
-from renderer.splats.splats import GaussianFootprint, GouraudFootprint, SplatBatch
-from renderer.view.camera import View
-from renderer.view.splat_projection import (
-    ModelView,
-    Region,
-    covered_region,
-    longest_sigma,
-    mean_footprint_px,
-    model_view,
-)
+from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
+from renderer.view import ModelView, Region, View, covered_region, longest_sigma, mean_footprint_px, model_view
 
 Image = npt.NDArray[np.float32]
 BricksOn = Literal["device", "processor"]

@@ -1,0 +1,30 @@
+"""How the frames of a job get their tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from renderer.errors import RenderError
+from renderer.frame import Guide, Stage
+
+if TYPE_CHECKING:
+    from renderer.study import Found
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How frames get their tolerances: from the schedule of the stage's scene, whose goal is resolved, or from a guide.
+
+    shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
+    is_unfinished: finer passes are to follow.
+    by_clock: its tolerances depend on how quick the machine was.
+    found: what the search for an accuracy came to.
+    """
+
+    stage: Stage
+    guide: Guide | None = None
+    shortfall: RenderError | None = None
+    is_unfinished: bool = False
+    by_clock: bool = False
+    found: Found | None = None

@@ -1,0 +1,13 @@
+from .cores import num_cores as num_cores
+from .counts import counted as counted, counted_span as counted_span, first_few as first_few
+from .duration import parse_duration as parse_duration
+from .first_run import tell_first_run as tell_first_run
+from .frame_range import is_one_frame as is_one_frame, parse_frames as parse_frames
+from .interrupts import (
+    deferrable_interrupts as deferrable_interrupts,
+    terminated_as_interrupted as terminated_as_interrupted,
+)
+from .machine import PeakMemory as PeakMemory, describe_machine as describe_machine
+from .output_path import OutputPath as OutputPath
+from .progress_bar import Progress as Progress, progress as progress
+from .versions import package_versions as package_versions, sources_digest as sources_digest

@@ -1,0 +1,20 @@
+from .blocks import classify_blocks as classify_blocks, opacities_to_depths as opacities_to_depths, store as store
+from .cut import (
+    Cut as Cut,
+    cell_sizes as cell_sizes,
+    children as children,
+    cut_pyramid as cut_pyramid,
+    node_errors as node_errors,
+    root_error as root_error,
+)
+from .cut_size import CutSizes as CutSizes, cut_sizes as cut_sizes
+from .empty_space import visible_blocks as visible_blocks
+from .kernels import BLOCK as BLOCK, PLACES as PLACES
+from .memory import BLOCKS_PER_TASK as BLOCKS_PER_TASK, Scratch as Scratch
+from .pyramid import (
+    TOLD_LEVELS as TOLD_LEVELS,
+    Level as Level,
+    Pyramid as Pyramid,
+    build_pyramid as build_pyramid,
+    error_scale as error_scale,
+)
