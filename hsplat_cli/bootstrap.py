@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 MARK = VENV / "hsplat-bootstrap.json"  # written by this module only; says what was installed
 SOURCES = ("pyproject.toml", "README.md", "LICENSE", "hsplat_cli", "renderer")
-OLDEST_PYTHON = (3, 10)
+MIN_PYTHON = (3, 10)
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
 
 
@@ -72,9 +72,9 @@ def test() -> int:
 
 def require_python(version: "tuple[int, ...]", executable: str) -> None:
     """Raise SetupError on a Python that hsplat does not run on."""
-    if tuple(version) < OLDEST_PYTHON:
+    if tuple(version) < MIN_PYTHON:
         raise SetupError(
-            f"Python {dotted(OLDEST_PYTHON)} or newer is needed, and {executable} is Python {dotted(version)}.\n"
+            f"Python {dotted(MIN_PYTHON)} or newer is needed, and {executable} is Python {dotted(version)}.\n"
             "Run this command again with a newer one, for example `python3.12 -m hsplat_cli.bootstrap`."
         )
 
@@ -136,24 +136,24 @@ def install(extra: str) -> None:
     """Make `.venv` hold a wheel of these sources with the `extra` (such as `[test]`) and its libraries."""
     python = f"{dotted(sys.version_info[:2])} of {sys.base_prefix}"
     wanted = {"python": python, "sources": digest(), "extra": extra}
-    present = read_mark()
+    present = read_install_record()
     if VENV.exists() and present is None:
         raise SetupError(f"{VENV} is there and was not made by this command. Move it away, then run this again.")
-    if present is None or present.get("python") != python or not python_runs():
+    if present is None or present.get("python") != python or not is_python_usable():
         make_venv()
         present = {}
     # What has the libraries of the tests can also render the demo.
     if present.get("sources") == wanted["sources"] and present.get("extra") in (extra, "[test]"):
         return
     # No more than this holds while pip is at work.
-    write_mark({"python": python})
+    write_install_record({"python": python})
     say("installing hsplat and its libraries into .venv")
     with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
         # A copy, because building leaves folders beside the sources, from which the next build takes stale files.
         copy_sources(Path(folder))
         if run(VENV / "bin" / "python", "-m", "pip", "install", folder + extra, PIP_USER="0") != 0:
             raise SetupError("pip could not install hsplat; its reason is above.")
-    write_mark(wanted)
+    write_install_record(wanted)
 
 
 def make_venv() -> None:
@@ -163,14 +163,14 @@ def make_venv() -> None:
         if VENV.exists():
             shutil.rmtree(str(VENV))
         VENV.mkdir()
-        write_mark({})
+        write_install_record({})
     except OSError as error:
         raise SetupError(f"{VENV} cannot be made: {error.strerror}.") from error
     if run(sys.executable, "-m", "venv", VENV) != 0:
         raise SetupError(f"{VENV} cannot be made; the reason is above.")
 
 
-def python_runs() -> bool:
+def is_python_usable() -> bool:
     """Whether the Python of `.venv` is still there."""
     try:
         return run(VENV / "bin" / "python", "-c", "import pip") == 0
@@ -200,7 +200,7 @@ def copy_sources(folder: Path) -> None:
             shutil.copy(str(source), str(folder / name))
 
 
-def read_mark() -> "dict[str, str] | None":
+def read_install_record() -> "dict[str, str] | None":
     """What `.venv` says to hold; None if it was not made here."""
     try:
         mark = json.loads(MARK.read_text(encoding="utf-8"))
@@ -211,7 +211,7 @@ def read_mark() -> "dict[str, str] | None":
     return dict(mark)
 
 
-def write_mark(mark: "dict[str, str]") -> None:
+def write_install_record(mark: "dict[str, str]") -> None:
     """Say what `.venv` holds."""
     MARK.write_text(json.dumps(mark, indent=2) + "\n", encoding="utf-8")
 

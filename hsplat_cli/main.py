@@ -38,7 +38,7 @@ COMMANDS = {
 
 
 # Of the loader of libraries and of Python's threads.
-_NO_ROOM = ("failed to map segment", "annot allocate memory", "can't start new thread")
+_OUT_OF_MEMORY_TEXTS = ("failed to map segment", "annot allocate memory", "can't start new thread")
 
 
 class LazyGroup(click.Group):
@@ -92,7 +92,7 @@ def hsplat() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line, by default that of the process, and exit."""
-    _take_closed_streams()
+    _replace_closed_streams()
     for stream in (sys.stdout, sys.stderr):  # a file name may hold what the terminal's encoding does not
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -111,11 +111,11 @@ def run(arguments: Sequence[str]) -> int:
         _complain("hsplat: interrupted")
         return 130
     except Exception as error:  # the last resort: whatever it was, no traceback reaches a user
-        if _is_want_of_memory(error):
-            _complain(describe("hsplat: out of memory", hint=_address_space()))
+        if _is_out_of_memory(error):
+            _complain(describe("hsplat: out of memory", hint=_address_space_hint()))
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
             _complain(f"hsplat: what is printed cannot be written: {error.strerror}")
-        elif not (isinstance(error, BrokenPipeError) and _reader_is_gone()):
+        elif not (isinstance(error, BrokenPipeError) and _is_stdout_broken()):
             what = " ".join(f"{type(error).__name__}: {error}".split())
             _complain(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
         return failed
@@ -136,7 +136,7 @@ def _invoke(arguments: Sequence[str]) -> int:
     return code
 
 
-def _take_closed_streams() -> None:
+def _replace_closed_streams() -> None:
     """Where standard streams are closed, as by `>&-`, files that are opened later must not take their places."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
@@ -150,7 +150,7 @@ def _complain(text: str) -> None:
             traceback.print_exc()
 
 
-def _is_want_of_memory(error: BaseException) -> bool:
+def _is_out_of_memory(error: BaseException) -> bool:
     """Whether memory was missing, or room for it: libraries and threads that find none are errors of other kinds."""
     chain: list[BaseException] = []
     each: BaseException | None = error
@@ -160,12 +160,15 @@ def _is_want_of_memory(error: BaseException) -> bool:
     return any(
         isinstance(one, MemoryError)
         or (isinstance(one, OSError) and one.errno == errno.ENOMEM)
-        or (isinstance(one, (OSError, ImportError, RuntimeError)) and any(text in str(one) for text in _NO_ROOM))
+        or (
+            isinstance(one, (OSError, ImportError, RuntimeError))
+            and any(text in str(one) for text in _OUT_OF_MEMORY_TEXTS)
+        )
         for one in chain
     )
 
 
-def _address_space() -> str | None:
+def _address_space_hint() -> str | None:
     """A hint, where there is a limit that may be the cause."""
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
@@ -173,7 +176,7 @@ def _address_space() -> str | None:
     return f"address space is limited to {limit / 2**30:.2g} GiB here (ulimit -v); a run takes about 2 GiB"
 
 
-def _reader_is_gone() -> bool:
+def _is_stdout_broken() -> bool:
     """Whether nobody reads the standard output any more, as in `hsplat ... | head`; if so, let Python exit in peace."""
     poll = select.poll()
     try:

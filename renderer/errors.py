@@ -43,7 +43,7 @@ class InputError(HsplatError):
     """The scene, the volume or the command line is wrong (exit code 2)."""
 
 
-class TakenError(InputError):
+class OutputLockedError(InputError):
     """Another job is writing the same output, of which nothing was touched."""
 
 

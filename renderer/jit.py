@@ -27,7 +27,7 @@ _cgutils: Any = cgutils  # has no types
 _IndexDataCacheFile: Any = caching.IndexDataCacheFile
 
 # A folder of the cache; where none of its version has run for 30 days, it goes when another one is made.
-_PREFIX, _LONGEST_UNUSED_S = "kernels-", 30 * 86400.0
+_PREFIX, _MAX_UNUSED_S = "kernels-", 30 * 86400.0
 
 
 def _cache_folder() -> Path | None:
@@ -36,8 +36,8 @@ def _cache_folder() -> Path | None:
     digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for source in sorted(here.rglob("*.py")):
         digest.update(source.read_bytes())
-    asked_for = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
-    for base in (*asked_for, here / "__pycache__", Path("~/.cache/hsplat")):
+    configured_dirs = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
+    for base in (*configured_dirs, here / "__pycache__", Path("~/.cache/hsplat")):
         try:
             folder = base.expanduser() / f"{_PREFIX}{digest.hexdigest()}"
             is_new = not folder.is_dir()
@@ -57,7 +57,7 @@ def _remove_unused(folder: Path) -> None:
     now = folder.stat().st_mtime
     for other in folder.parent.glob(f"{_PREFIX}*"):
         with contextlib.suppress(OSError):
-            if now - other.stat().st_mtime > _LONGEST_UNUSED_S:
+            if now - other.stat().st_mtime > _MAX_UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
 
 
@@ -66,7 +66,7 @@ if _FOLDER is not None:
     _config.CACHE_DIR = str(_FOLDER)
 
 
-def has_compiled_before() -> bool:
+def has_cached_kernels() -> bool:
     """Whether kernels of these sources are in the cache; if not, the first calls take as long as compiling does."""
     return _FOLDER is not None and any(_FOLDER.rglob("*.nbi"))
 

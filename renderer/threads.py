@@ -30,13 +30,13 @@ class Threads:
         for _ in map(work, items) if self._pool is None else self._pool.map(work, items):
             pass
 
-    def in_parts(self, work: Callable[[int, int], object], num: int, least: int) -> None:
+    def for_ranges(self, work: Callable[[int, int], object], num: int, least: int) -> None:
         """Call `work` with the ends of parts of range(num), of at least so many each, as far as there are so many."""
         num_parts = max(1, min(self.num, num // least))
         ends = [num * part // num_parts for part in range(num_parts + 1)]
         self.each(lambda part: work(ends[part], ends[part + 1]), range(num_parts))
 
-    def concatenated(self, make: Callable[[Array], Array], items: Array, least: int) -> Array:
+    def map_concatenated(self, make: Callable[[Array], Array], items: Array, least: int) -> Array:
         """`make(items)`, which is made of items [n, ...] one by one, in parts of at least so many."""
         num_parts = max(1, min(self.num, len(items) // least))
         if self._pool is None or num_parts == 1:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from hsplat_cli.films import Part, find_parts
-from hsplat_cli.terminal import parse_frames, terminated_as_interrupted
+from hsplat_cli.terminal import parse_frames, sigterm_as_interrupt
 from renderer.errors import Problem, SceneError
 from renderer.film import has_frame_files
 from renderer.scene import FRAME_FIELD, OUTPUT, Node, OutputSpec, show
@@ -52,7 +52,7 @@ def assemble(
     if quality is not None:
         options["quality"] = (quality, f"--quality {quality:g}")
     spec = _output_spec(found[0], options, numbers)
-    with terminated_as_interrupted():
+    with sigterm_as_interrupt():
         # Imported here: numpy takes longer to load than --help may take to answer.
         from hsplat_cli.films import assemble_film
 

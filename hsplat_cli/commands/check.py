@@ -8,7 +8,7 @@ import click
 
 from hsplat_cli.scenes import load_job
 from hsplat_cli.terminal import counted
-from renderer.film import first_files, require_no_other, require_possible, unfinished_folder
+from renderer.film import first_output_paths, require_folder_if_exists, require_writable_dry_run, unfinished_folder
 from renderer.readers import require_volume_file
 from renderer.scene import (
     AccuracyGoal,
@@ -23,7 +23,7 @@ from renderer.scene import (
 )
 
 # Of a schedule, values that are listed.
-_MOST_TURNS = 4
+_MAX_TURNS = 4
 
 
 @click.command()
@@ -45,9 +45,9 @@ def check(
     full disk.
     """
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
-    for file in first_files(job.scene, job.frames):
-        require_possible(file)
-    require_no_other(unfinished_folder(job.scene.output))
+    for file in first_output_paths(job.scene, job.frames):
+        require_writable_dry_run(file)
+    require_folder_if_exists(unfinished_folder(job.scene.output))
     if isinstance(job.scene.volume.source, FileSource):
         require_volume_file(job.scene.volume.source.file)
     click.echo(f"{scene}: ok")
@@ -93,18 +93,18 @@ def _path(scene: Scene) -> str:
 def _schedule(scene: Scene) -> str:
     error, goal = scene.error, scene.error.goal
     if goal is None:
-        wanted = f"tolerance {_first_to_last(error.tolerance)}"
+        wanted = f"tolerance {_schedule_text(error.tolerance)}"
     elif isinstance(goal, AccuracyGoal):
         wanted = f"{goal.metric} {goal.value:g}" + " dB" * (goal.metric == "psnr")
     elif isinstance(goal, SplatBudget):
-        num = _first_to_last(goal.by_frame)
+        num = _schedule_text(goal.by_frame)
         wanted = f"at most {num} {scene.splat.noun}{'s' * (num != '1')}"
     else:
-        wanted = f"{_first_to_last(goal.by_frame)} s a frame"
+        wanted = f"{_schedule_text(goal.by_frame)} s a frame"
     return f"{error.measure}, {wanted}"
 
 
-def _first_to_last(by_frame: ByFrame) -> str:
+def _schedule_text(by_frame: ByFrame) -> str:
     """`2 to 0.02 to 2`: the first value, those where a schedule turns back, and the last one; of many turns the range
     alone."""
     turns: list[float] = []
@@ -113,6 +113,6 @@ def _first_to_last(by_frame: ByFrame) -> str:
             turns[-1] = value
         elif not turns or value != turns[-1]:
             turns.append(value)
-    if len(turns) > _MOST_TURNS:
+    if len(turns) > _MAX_TURNS:
         turns = [min(turns), max(turns)]
     return " to ".join(str(value) if isinstance(value, int) else f"{value:g}" for value in turns)

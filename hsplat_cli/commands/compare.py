@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from hsplat_cli.executors import workers_option
-from hsplat_cli.terminal import OutputPath, terminated_as_interrupted
+from hsplat_cli.terminal import OutputPath, sigterm_as_interrupt
 from renderer.errors import InputError
 
 _file = click.Path(path_type=Path)
@@ -69,14 +69,14 @@ def compare(
 
     Or they are a scene and a folder of goldens that `hsplat golden` made: the frames are drawn again and compared.
     """
-    with terminated_as_interrupted():
+    with sigterm_as_interrupt():
         # Imported here: numpy takes longer to load than --help may take to answer.
-        from hsplat_cli.compare import ReportFiles, SceneOptions, compare_frames, table_of
+        from hsplat_cli.compare import ReportFiles, SceneOptions, compare_frames, comparison_table
 
         reports = ReportFiles(json_file, junit_file, html_file)
         drawing = SceneOptions(frames, overrides, volume, workers)
         comparison = compare_frames(golden, actual, reports, drawing, level=level, limits=limits, quiet=quiet)
     if not (quiet and comparison.passes):
-        click.echo(table_of(comparison))
+        click.echo(comparison_table(comparison))
     if not comparison.passes:
         context.exit(1)

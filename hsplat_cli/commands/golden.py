@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.executors import CrewSpec, workers_option
-from hsplat_cli.terminal import OutputPath, parse_frames, tell_first_run, terminated_as_interrupted
+from hsplat_cli.executors import ExecutorSpec, workers_option
+from hsplat_cli.terminal import OutputPath, parse_frames, report_first_run, sigterm_as_interrupt
 from renderer.errors import InputError
 
 
@@ -52,19 +52,19 @@ def golden(
     for option, is_given in (("--yes", yes), ("--prune", prune)):
         if is_given and not update:
             raise InputError("of no use without --update", where=option)
-    with terminated_as_interrupted():
+    with sigterm_as_interrupt():
         # Imported here: numpy takes longer to load than --help may take to answer.
-        from hsplat_cli.compare import Wish, keep_goldens, load_steady_job, parse_date
+        from hsplat_cli.compare import GoldenOptions, load_reproducible_job, parse_date, update_goldens
 
-        told_date = parse_date(date)
-        job = load_steady_job(scene, overrides=overrides, volume=volume)
+        recorded_date = parse_date(date)
+        job = load_reproducible_job(scene, overrides=overrides, volume=volume)
         numbers = None if frames is None else parse_frames(frames, job.scene.camera.path.frames, job.frames)
-        tell_first_run(quiet=quiet)
-        wish = Wish(folder, numbers, told_date, update=update, prune=prune, yes=yes, quiet=quiet)
-        keep_goldens(job, wish, CrewSpec(workers), _may_overwrite)
+        report_first_run(quiet=quiet)
+        golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes, quiet=quiet)
+        update_goldens(job, golden_options, ExecutorSpec(workers), _confirm_overwrite)
 
 
-def _may_overwrite() -> bool:
+def _confirm_overwrite() -> bool:
     """Whether the user says so. Raises InputError where nobody can be asked."""
     if os.environ.get("CI", "").lower() not in ("", "0", "false"):
         reason = "CI is set in the environment"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hsplat_cli.scenes import read_as_told, transfer_dict, transfer_lines, volume_options, volume_spec
+from hsplat_cli.scenes import read_with_options, transfer_dict, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import counted
 
 if TYPE_CHECKING:
@@ -33,14 +33,14 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """
     from renderer.suggest import measure, suggest, suggest_ranges
 
-    read = read_as_told(volume_spec(volume, **reading))
+    read = read_with_options(volume_spec(volume, **reading))
     statistics = measure(read.values, read.source)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)
     if as_json:
         click.echo(json.dumps(facts, indent=2))
     else:
-        click.echo("\n".join([_report(facts, _histogram_marks()), *_suggested(suggestion)]))
+        click.echo("\n".join([_report(facts, _histogram_marks()), *_suggestion_lines(suggestion)]))
 
 
 def _facts(
@@ -123,7 +123,7 @@ def _numbers(values: list[float], between: str = ", ") -> str:
     return between.join(_number(round(value, 9)) for value in values)
 
 
-def _in_place_of(spacing: list[float] | None) -> str:
+def _replaced_spacing_text(spacing: list[float] | None) -> str:
     return "" if spacing is None else f", in place of {_numbers(spacing, ' x ')}"
 
 
@@ -133,7 +133,7 @@ def _report(facts: dict[str, Any], marks: str) -> str:
         f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
         f"  type         {facts['dtype']}, {_room(facts['bytes'])}"
         + (", which stay in the file" if facts["stays_in_file"] else " in memory"),
-        f"  spacing      {_numbers(facts['spacing'], ' x ')}{_in_place_of(facts['replaced_spacing'])}",
+        f"  spacing      {_numbers(facts['spacing'], ' x ')}{_replaced_spacing_text(facts['replaced_spacing'])}",
         f"  world size   {_numbers(facts['world_size'], ' x ')}",
         f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",
         f"  direction    {facts['direction']}",
@@ -160,7 +160,7 @@ def _report(facts: dict[str, Any], marks: str) -> str:
     return "\n".join(lines)
 
 
-def _suggested(suggestion: Suggestion) -> Iterator[str]:
+def _suggestion_lines(suggestion: Suggestion) -> Iterator[str]:
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
     yield from (f"               {far}" for far in suggestion.far)

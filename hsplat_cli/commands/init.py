@@ -9,11 +9,11 @@ from typing import Any
 import click
 
 from hsplat_cli.scenes import (
-    FILM_NAMES,
+    FILM_OPTION_NAMES,
     base_name,
     files_of,
-    film_of,
     film_options,
+    make_film_options,
     require_no_input,
     suggest_scene,
     volume_options,
@@ -21,7 +21,7 @@ from hsplat_cli.scenes import (
 )
 from hsplat_cli.terminal import OutputPath
 from renderer.errors import InputError
-from renderer.film import require_possible, write_staged
+from renderer.film import require_writable_dry_run, write_staged
 
 
 @click.command()
@@ -36,9 +36,9 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     VOLUME is a file, or a folder of slices. The scene is a turntable with a transfer function that suits the values;
     it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
-    film = film_of(**{name: options.pop(name) for name in FILM_NAMES})
+    film = make_film_options(**{name: options.pop(name) for name in FILM_OPTION_NAMES})
     if output is not None:
-        _require_scene_name(output)
+        _require_yaml_suffix(output)
     if output is not None and os.path.exists(output) and not force:  # no error for names that cannot be
         raise InputError(
             "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
@@ -65,7 +65,7 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
         click.echo(f"{output}: written; `hsplat render {output}` makes the film", err=True)
 
 
-def _require_scene_name(output: Path) -> None:
+def _require_yaml_suffix(output: Path) -> None:
     """Raise InputError for a name such as film.mp4, by which the scene would not be found."""
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(
@@ -78,7 +78,7 @@ def _require_scene_name(output: Path) -> None:
 
 def _require_folder(output: Path) -> None:
     """Raise what hinders a file of this name: its folder, too, which is not made for a volume that may not be read."""
-    require_possible(output)
+    require_writable_dry_run(output)
     if not output.parent.is_dir():
         raise InputError(
             "the folder of the output is not there", where=str(output), got=str(output.parent), hint="make it first"

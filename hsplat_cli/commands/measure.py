@@ -9,11 +9,11 @@ import click
 
 from hsplat_cli.scenes import files_of, load_job, require_no_input
 from hsplat_cli.studies import parse_sweep, parse_want
-from hsplat_cli.terminal import OutputPath, terminated_as_interrupted
+from hsplat_cli.terminal import OutputPath, sigterm_as_interrupt
 from renderer.errors import InputError
 
 # They say what to sweep and where to; a search for one tolerance does neither.
-_NOT_BESIDE_WANT = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
+_SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
 
 
 @click.command()
@@ -71,13 +71,13 @@ def measure(
             expected="more than 0 and less than 1",
         )
     sweep = parse_sweep(job, tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections)
-    with terminated_as_interrupted():
+    with sigterm_as_interrupt():
         if want is not None:
             # Imported where it is used: numpy takes longer to load than --help may take to answer.
-            from hsplat_cli.studies import find_wanted
+            from hsplat_cli.studies import print_tolerance
 
-            _refuse_beside_want(context)
-            find_wanted(job, parse_want(want), numbers, truth_tolerance, quiet=quiet)
+            _reject_sweep_options(context)
+            print_tolerance(job, parse_want(want), numbers, truth_tolerance, quiet=quiet)
             return
         from hsplat_cli.reports import FILES
         from hsplat_cli.studies import Request, run_study
@@ -88,12 +88,10 @@ def measure(
         run_study(Request(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder, quiet))
 
 
-def _refuse_beside_want(context: click.Context) -> None:
+def _reject_sweep_options(context: click.Context) -> None:
     """An option without effect would be a promise that is not kept."""
     given = [
-        name
-        for name in _NOT_BESIDE_WANT
-        if context.get_parameter_source(name) == click.core.ParameterSource.COMMANDLINE
+        name for name in _SWEEP_OPTIONS if context.get_parameter_source(name) == click.core.ParameterSource.COMMANDLINE
     ]
     if given:
         raise InputError(

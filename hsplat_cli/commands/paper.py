@@ -17,8 +17,8 @@ from hsplat_cli.terminal import (
     describe_machine,
     num_cores,
     progress,
-    tell_first_run,
-    terminated_as_interrupted,
+    report_first_run,
+    sigterm_as_interrupt,
 )
 from renderer.errors import InputError, SceneError
 from renderer.film import write_staged
@@ -32,7 +32,7 @@ PAGE = "index.html"
 
 
 @dataclass(frozen=True)
-class _Recipe:
+class _FigureSpec:
     """Where a figure's scene is, which module makes it, and how long that takes beside the others.
 
     takes_volume: it is of any volume, such as a scan.
@@ -45,16 +45,16 @@ class _Recipe:
 
 
 RECIPES = {
-    1: _Recipe("1_footprints.yaml", "footprints", 4.0),
-    2: _Recipe("2_opacity.yaml", "opacity", 8.0),
-    3: _Recipe("3_one_splat.yaml", "one_splat", 2.0),
-    4: _Recipe("4_levels.yaml", "levels", 6.0),
-    5: _Recipe("5_octrees.yaml", "octrees", 20.0, takes_volume=True),
-    6: _Recipe("6_engine.yaml", "refinement", 40.0, takes_volume=True),
+    1: _FigureSpec("1_footprints.yaml", "footprints", 4.0),
+    2: _FigureSpec("2_opacity.yaml", "opacity", 8.0),
+    3: _FigureSpec("3_one_splat.yaml", "one_splat", 2.0),
+    4: _FigureSpec("4_levels.yaml", "levels", 6.0),
+    5: _FigureSpec("5_octrees.yaml", "octrees", 20.0, takes_volume=True),
+    6: _FigureSpec("6_engine.yaml", "refinement", 40.0, takes_volume=True),
 }
 
 # Takes the place of a scan that is not there.
-_STAND_IN = "volume={procedural: {name: engine_block, shape: [128, 128, 64], seed: 1}}"
+_FALLBACK_VOLUME = "volume={procedural: {name: engine_block, shape: [128, 128, 64], seed: 1}}"
 
 
 @dataclass(frozen=True)
@@ -92,16 +92,16 @@ def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, .
     claims, what was measured, and whether the claim was seen.
     """
     from hsplat_cli.reports import (
-        check_writable,
         require_page_packages,
+        require_writable_files,
     )
 
     require_page_packages()
     jobs = _jobs(folder, numbers, volume)
-    check_writable(output, [PAGE])
+    require_writable_files(output, [PAGE])
     path = output / PAGE
     require_no_input([path], [file for job in jobs for file in (job.path, *files_of(job.scene.volume))])
-    with terminated_as_interrupted():
+    with sigterm_as_interrupt():
         figures, text = _page(jobs, quiet=quiet)
         write_staged(path, text.encode())
     if not quiet:
@@ -147,20 +147,20 @@ def _job(number: int, path: Path, volume: Path | None) -> _Job:
         f"There is no {Path(missing or '').name} beside the scene file: an engine block made up by a formula stands in "
         "for it. Give --volume FILE to have the scan."
     )
-    return _Job(number, path, load_scene(path, overrides=[_STAND_IN]), (note,))
+    return _Job(number, path, load_scene(path, overrides=[_FALLBACK_VOLUME]), (note,))
 
 
 def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
     # Imported here: numpy, numba, matplotlib and GL take longer to load than --help may take to answer.
     from hsplat_cli.executors import open_rasterizer
     from hsplat_cli.reports import plot_style
-    from hsplat_cli.scenes import read_guarded
+    from hsplat_cli.scenes import read_volume_guarded
     from hsplat_cli.studies import (
         Studio,
         paper_page,
     )
 
-    tell_first_run(quiet=quiet)
+    report_first_run(quiet=quiet)
     num_threads = num_cores()
     work = [RECIPES[job.number].work for job in jobs]
     figures: list[Figure] = []
@@ -170,7 +170,7 @@ def _page(jobs: Sequence[_Job], *, quiet: bool) -> tuple[list[Figure], str]:
         progress(work, label="paper", quiet=quiet, unit="figures") as bar,
     ):
         # Before any figure is drawn, so that a volume that cannot be read costs no wait.
-        volumes = {job.scene.volume: read_guarded(job.scene.volume) for job in jobs}
+        volumes = {job.scene.volume: read_volume_guarded(job.scene.volume) for job in jobs}
         studio = Studio(rasterizer, volumes, time.perf_counter, num_threads)
         for job in jobs:
             figures.append(job.make(studio))

@@ -7,9 +7,9 @@ from typing import Literal
 
 import click
 
-from hsplat_cli.executors import CrewSpec, crew_options, require_crew, require_crew_for
+from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor, require_executor_for
 from hsplat_cli.scenes import load_job
-from hsplat_cli.terminal import parse_duration, tell_first_run, terminated_as_interrupted
+from hsplat_cli.terminal import parse_duration, report_first_run, sigterm_as_interrupt
 from renderer.errors import InputError
 
 
@@ -29,7 +29,7 @@ from renderer.errors import InputError
 @click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even where less than what was asked for can be had.")
-@crew_options
+@executor_options
 @click.option("--force", is_flag=True, help="Draw again what is there already.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def render(
@@ -51,23 +51,23 @@ def render(
     SCENE is a YAML file. Beside the output comes a JSON file that says how it was made; in place of SCENE it makes the
     same again.
     """
-    crew = CrewSpec(workers, scheduler)
-    require_crew(crew)
+    executor = ExecutorSpec(workers, scheduler)
+    require_executor(executor)
     draws: Literal["passes", "film"] = "passes" if progressive else "film"
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output, draws=draws)
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
     if limit is not None and not progressive:
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
-    require_crew_for(crew, job.scene, progressive=progressive)
-    with terminated_as_interrupted():
+    require_executor_for(executor, job.scene, progressive=progressive)
+    with sigterm_as_interrupt():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
         from hsplat_cli.films import render_once, render_progressively
 
-        tell_first_run(quiet=quiet)
+        report_first_run(quiet=quiet)
         if progressive:
             shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, force=force, quiet=quiet)
         else:
-            shortfall = render_once(job, crew, force=force, quiet=quiet)
+            shortfall = render_once(job, executor, force=force, quiet=quiet)
     if shortfall is not None and not best_effort:
         raise shortfall
     if shortfall is not None and not quiet:

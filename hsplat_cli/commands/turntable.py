@@ -9,21 +9,29 @@ from typing import Any, Literal
 
 import click
 
-from hsplat_cli.executors import CrewSpec, crew_options, require_crew
+from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
 from hsplat_cli.scenes import (
-    FILM_NAMES,
+    FILM_OPTION_NAMES,
     Named,
     default_output,
     expand,
-    film_of,
     film_options,
+    make_film_options,
     named,
     require_colormap,
     volume_options,
     volume_spec,
 )
-from hsplat_cli.terminal import OutputPath, terminated_as_interrupted
-from hsplat_cli.turntable import BRIEFLY_S, INTERRUPTED, Order, make_film, run_batch, tell_result, write_report
+from hsplat_cli.terminal import OutputPath, sigterm_as_interrupt
+from hsplat_cli.turntable import (
+    INTERRUPTED,
+    SHORT_LOCK_TIMEOUT_S,
+    Order,
+    make_film,
+    print_film_record,
+    run_batch,
+    update_manifest,
+)
 from renderer.errors import HsplatError, InputError
 
 
@@ -41,7 +49,7 @@ from renderer.errors import HsplatError, InputError
 @click.option("--format", "kind", type=click.Choice(["mp4", "gif", "png"]), default="mp4", show_default=True)
 @film_options
 @volume_options(nonfinite=None)
-@crew_options
+@executor_options
 @click.option("--force", is_flag=True, help="Draw again, over scenes that were changed by hand, too.")
 @click.option("--quiet", is_flag=True, help="Say nothing but the table and errors.")
 @click.option("--name", hidden=True, help="Of the one volume's film, which another process has settled.")
@@ -65,8 +73,8 @@ def turntable(
     became of each. One that fails does not stop the others, and makes the exit code 1.
     """
     require_colormap(colormap)
-    crew = CrewSpec(workers, scheduler)
-    require_crew(crew)
+    executor = ExecutorSpec(workers, scheduler)
+    require_executor(executor)
     if options["background"] == "transparent" and kind != "png":
         raise InputError(
             f"a transparent background in .{kind}",
@@ -74,8 +82,8 @@ def turntable(
             expected="a color",
             hint="only PNG frames can be transparent: --format png",
         )
-    film = film_of(**{key: options[key] for key in FILM_NAMES})
-    reading = {key: value for key, value in options.items() if key not in FILM_NAMES}
+    film = make_film_options(**{key: options[key] for key in FILM_OPTION_NAMES})
+    reading = {key: value for key, value in options.items() if key not in FILM_OPTION_NAMES}
     orders = [
         Order(
             volume=volume_spec(one.volume, **reading),
@@ -83,15 +91,15 @@ def turntable(
             colormap=colormap,
             scene=folder / f"{one.name}.yaml",
             output=default_output(one.name, kind, folder),
-            crew=crew,
+            executor=executor,
             force=force,
             hides_nonfinite=options["nonfinite"] is None,
         )
         for one in _films(volumes, name, quiet)
     ]
-    with terminated_as_interrupted():
+    with sigterm_as_interrupt():
         if name is not None:
-            tell_result(orders[0], quiet=quiet)
+            print_film_record(orders[0], quiet=quiet)
             return
         if len(orders) > 1:
             # All but what names one volume: a child is told that last.
@@ -99,10 +107,10 @@ def turntable(
             passed |= {"workers": workers, "scheduler": scheduler}
             run_batch(orders, passed, folder, quiet=quiet)
             return
-        _make_one(orders[0], quiet=quiet)
+        _make_single_film(orders[0], quiet=quiet)
 
 
-def _make_one(order: Order, *, quiet: bool) -> None:
+def _make_single_film(order: Order, *, quiet: bool) -> None:
     """The only film of a command, which fails as the film does."""
     folder = order.scene.parent
     missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
@@ -116,11 +124,11 @@ def _make_one(order: Order, *, quiet: bool) -> None:
             raise
         with suppress(HsplatError):  # what went wrong first is what is said
             if isinstance(error, HsplatError):
-                write_report(folder, [order.failed(error)], BRIEFLY_S)
+                update_manifest(folder, [order.failed(error)], SHORT_LOCK_TIMEOUT_S)
             else:
-                write_report(folder, [order.record(INTERRUPTED)], patience_s=0.0)
+                update_manifest(folder, [order.record(INTERRUPTED)], patience_s=0.0)
         raise
-    write_report(folder, [result])
+    update_manifest(folder, [result])
 
 
 def _films(volumes: tuple[str, ...], name: str | None, quiet: bool) -> list[Named]:

@@ -1,7 +1,7 @@
-from .golden.draw import load_steady_job as load_steady_job
+from .api import compare_frames as compare_frames
 from .golden.provenance import parse_date as parse_date
-from .golden.update import Wish as Wish, keep_goldens as keep_goldens
-from .matching import compare_frames as compare_frames
-from .report import table_of as table_of
+from .golden.render import load_reproducible_job as load_reproducible_job
+from .golden.update import GoldenOptions as GoldenOptions, update_goldens as update_goldens
 from .run import ReportFiles as ReportFiles
-from .scene import SceneOptions as SceneOptions
+from .scene_pairs import SceneOptions as SceneOptions
+from .text_reports import comparison_table as comparison_table

@@ -16,15 +16,15 @@ from renderer.study import FrameDifference
 # would blend a single wrong pixel with those around it.
 PICTURE_PX = 512
 # The longest side of what is shown enlarged: what is around the pixel that is most off.
-DETAIL_PX = 48
+CROP_PX = 48
 # How many of the frames that pass, but are not the same, are shown where none fails.
-FEW = 6
+NUM_PASSING_SHOWN = 6
 
 _Levels = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Plate:
+class ImageTriple:
     """golden, actual: uint8 [h, w, 3 or 4]; None where one side has no such frame.
 
     difference: uint8 [h, w, 3]: red, the levels by which the most different channel of a pixel is brighter than in the
@@ -37,21 +37,21 @@ class Plate:
 
 
 @dataclass(frozen=True)
-class Exhibit:
+class GalleryFrame:
     """A frame that is shown.
 
     whole: at most PICTURE_PX wide and high. pixels_per_side: how many of the frame's pixels a pixel of it is wide and
     high; golden and actual have their means, the difference the largest of them.
     worst: (x, y) of the frame's pixel that is most off, the first of them; None where nothing can be compared.
-    detail: what is around that pixel, DETAIL_PX wide and high, or as far as the frame goes; None where the frame is
+    detail: what is around that pixel, CROP_PX wide and high, or as far as the frame goes; None where the frame is
     little larger, or nothing can be compared. corner: (x, y) of the detail's first pixel.
     """
 
     outcome: Outcome
-    whole: Plate
+    whole: ImageTriple
     pixels_per_side: int
     worst: tuple[int, int] | None = None
-    detail: Plate | None = None
+    detail: ImageTriple | None = None
     corner: tuple[int, int] = (0, 0)
 
 
@@ -60,48 +60,52 @@ class Gallery:
 
     def __init__(self, most: int = 24) -> None:
         self._most = most
-        self._kept: list[tuple[tuple[bool, float, int], Exhibit]] = []  # sorted, worst first
-        self._num_seen = 0
+        self._kept: list[tuple[tuple[bool, float, int], GalleryFrame]] = []  # sorted, worst first
+        self._num_added = 0
 
     def see(self, outcome: Outcome, pair: Pair) -> None:
         """Frames of one rank go by the order in which they are seen."""
-        place = (*outcome.rank, self._num_seen)
-        self._num_seen += 1
+        place = (*outcome.rank, self._num_added)
+        self._num_added += 1
         if outcome.status == "same" or (len(self._kept) == self._most and place > self._kept[-1][0]):
             return
-        bisect.insort(self._kept, (place, _exhibit(outcome, pair)))  # places are unique: exhibits are never compared
+        bisect.insort(
+            self._kept, (place, _make_gallery_frame(outcome, pair))
+        )  # places are unique: exhibits are never compared
         del self._kept[self._most :]
 
     @property
-    def exhibits(self) -> list[Exhibit]:
-        """Those that fail, worst first; where none does, the FEW that came nearest to it."""
-        exhibits = [exhibit for _, exhibit in self._kept]
-        return [exhibit for exhibit in exhibits if not exhibit.outcome.passes] or exhibits[:FEW]
+    def gallery_frames(self) -> list[GalleryFrame]:
+        """Those that fail, worst first; where none does, the NUM_PASSING_SHOWN that came nearest to it."""
+        gallery_frames = [gallery_frame for _, gallery_frame in self._kept]
+        return [
+            gallery_frame for gallery_frame in gallery_frames if not gallery_frame.outcome.passes
+        ] or gallery_frames[:NUM_PASSING_SHOWN]
 
 
-def _exhibit(outcome: Outcome, pair: Pair) -> Exhibit:
+def _make_gallery_frame(outcome: Outcome, pair: Pair) -> GalleryFrame:
     golden, actual = pair.golden, pair.actual
     shapes = [picture.shape for picture in (golden, actual) if picture is not None]
     side = -(-max(length for height, width, _ in shapes for length in (height, width)) // PICTURE_PX)
     small, other = (None if picture is None else _means(picture, side) for picture in (golden, actual))
     if golden is None or actual is None or golden.shape != actual.shape:
-        return Exhibit(outcome, Plate(small, other, None), side)
+        return GalleryFrame(outcome, ImageTriple(small, other, None), side)
     levels = FrameDifference(golden, actual).signed_levels
-    whole = Plate(small, other, _difference_picture(_largest(levels, side)))
+    whole = ImageTriple(small, other, _difference_picture(_largest(levels, side)))
     y, x = (int(place) for place in np.unravel_index(np.abs(levels).argmax(), levels.shape))
-    if max(levels.shape) <= 2 * DETAIL_PX:
-        return Exhibit(outcome, whole, side, (x, y))
-    rows, columns = (_around(place, length) for place, length in zip((y, x), levels.shape, strict=True))
+    if max(levels.shape) <= 2 * CROP_PX:
+        return GalleryFrame(outcome, whole, side, (x, y))
+    rows, columns = (_crop_range(place, length) for place, length in zip((y, x), levels.shape, strict=True))
     # Copies: a view would keep all of a large frame in memory.
     around = golden[rows, columns].copy(), actual[rows, columns].copy()
-    detail = Plate(*around, _difference_picture(levels[rows, columns]))
-    return Exhibit(outcome, whole, side, (x, y), detail, (columns.start, rows.start))
+    detail = ImageTriple(*around, _difference_picture(levels[rows, columns]))
+    return GalleryFrame(outcome, whole, side, (x, y), detail, (columns.start, rows.start))
 
 
-def _around(place: int, length: int) -> slice:
-    """DETAIL_PX of a length, or all of it, as nearly around a place as they are inside."""
-    start = min(max(place - DETAIL_PX // 2, 0), max(length - DETAIL_PX, 0))
-    return slice(start, min(start + DETAIL_PX, length))
+def _crop_range(place: int, length: int) -> slice:
+    """CROP_PX of a length, or all of it, as nearly around a place as they are inside."""
+    start = min(max(place - CROP_PX // 2, 0), max(length - CROP_PX, 0))
+    return slice(start, min(start + CROP_PX, length))
 
 
 def _difference_picture(levels: _Levels) -> Pixels:

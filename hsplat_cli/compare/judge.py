@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from hsplat_cli.compare.figure_format import figure_text
 from hsplat_cli.compare.outcome import Outcome, Status
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.rules import Rules
-from hsplat_cli.compare.words import figure_text
 from renderer.errors import InputError, require_package
-from renderer.study import FIGURES, FrameDifference, Limits, exceeded, severity
+from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded, severity
 
 # The figures that another package computes, and the extra that brings it.
 _PACKAGES = {"flip": ("flip_evaluator", "compare"), "ssim": ("skimage", "measure")}
@@ -27,7 +27,7 @@ def judge(pairs: Iterable[Pair], rules: Rules, see: Callable[[Outcome, Pair], No
     require_packages(rules)
     outcomes = []
     for pair in pairs:
-        outcome = outcome_of(pair, rules.limits_for(pair.name))
+        outcome = compare_pair(pair, rules.limits_for(pair.name))
         see(outcome, pair)
         outcomes.append(outcome)
     return outcomes
@@ -41,24 +41,24 @@ def require_packages(rules: Rules) -> None:
             require_package(package, extra=extra)
 
 
-def outcome_of(pair: Pair, limits: Limits) -> Outcome:
+def compare_pair(pair: Pair, limits: Limits) -> Outcome:
     """What came of one pair. Raises InputError where a limited figure cannot be taken."""
     if pair.golden is None or pair.actual is None:
-        status: Status = "missing" if pair.actual is None or pair.lost_golden else "extra"
+        status: Status = "missing" if pair.actual is None or pair.is_golden_missing else "extra"
         side = "ACTUAL" if pair.actual is None else "GOLDEN"
         return Outcome(pair.name, status, f"{side} has no such frame", limits=limits, number=pair.number)
     if pair.golden.shape != pair.actual.shape:
-        return _of_other_shapes(pair, pair.golden, pair.actual, limits)
+        return _mismatched_outcome(pair, pair.golden, pair.actual, limits)
     if pair.golden is pair.actual or np.array_equal(pair.golden, pair.actual):
-        figures = {name: float(FIGURES[name].higher_is_better) for name in limits}
+        figures = {name: float(COMPARISON_METRICS[name].higher_is_better) for name in limits}
         channels = pair.golden.shape[2]
         return Outcome(
             pair.name, "same", "the same pixels", figures, limits, bias=(0.0,) * channels, number=pair.number
         )
-    return _of_difference(pair, FrameDifference(pair.golden, pair.actual), limits)
+    return _difference_outcome(pair, FrameDifference(pair.golden, pair.actual), limits)
 
 
-def _of_other_shapes(pair: Pair, golden: Pixels, actual: Pixels, limits: Limits) -> Outcome:
+def _mismatched_outcome(pair: Pair, golden: Pixels, actual: Pixels, limits: Limits) -> Outcome:
     (height, width, channels), (other_height, other_width, other_channels) = golden.shape, actual.shape
     if (height, width) != (other_height, other_width):
         why = f"{other_width} x {other_height} pixels, the golden has {width} x {height}"
@@ -67,12 +67,12 @@ def _of_other_shapes(pair: Pair, golden: Pixels, actual: Pixels, limits: Limits)
     return Outcome(pair.name, "other channels", why, limits=limits, number=pair.number)
 
 
-def _of_difference(pair: Pair, difference: FrameDifference, limits: Limits) -> Outcome:
+def _difference_outcome(pair: Pair, difference: FrameDifference, limits: Limits) -> Outcome:
     figures = difference.figures(limits)
     for name in limits:
         if name not in figures:
             hint = f"take the limit away for this frame: {name}: none"
-            raise InputError(f"too small a picture for {FIGURES[name].label}", where=pair.name, hint=hint)
+            raise InputError(f"too small a picture for {COMPARISON_METRICS[name].label}", where=pair.name, hint=hint)
     over = exceeded(figures, limits)
     worst = max(limits, key=lambda name: severity(figures, {name: limits[name]}))
     name = over[0] if over else worst

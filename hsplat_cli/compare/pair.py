@@ -15,11 +15,11 @@ class Pair:
     """name: as in Outcome. golden, actual: uint8 [h, w, 3 or 4], straight alpha; None where one side has no such frame.
 
     number: of the frame, where its name tells, for the curve over the loop.
-    lost_golden: that there is no golden, though it is known that there was one.
+    is_golden_missing: that there is no golden, though it is known that there was one.
     """
 
     name: str
     golden: Pixels | None
     actual: Pixels | None
     number: int | None = None
-    lost_golden: bool = False
+    is_golden_missing: bool = False

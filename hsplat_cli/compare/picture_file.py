@@ -17,8 +17,8 @@ import imageio.v3
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.film import Pixels, png_chunks, png_of
-from renderer.scene import nearest_file
+from renderer.film import Pixels, join_png_chunks, png_chunks
+from renderer.scene import nearest_file_hint
 
 # A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 4096, which with alpha
 # take 2 GB to compare.
@@ -35,7 +35,7 @@ _REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animatio
 # Other ones may be skipped if their names begin with a small letter (ISO/IEC 15948, 5.4).
 _KNOWN_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
 # First column and row, and steps, of the parts of an interlaced picture (ISO/IEC 15948, 8.2).
-_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
+_ADAM7_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 _BLOCK = 2**20
 
 _OTHER_FILES = (
@@ -60,7 +60,7 @@ def read_picture(path: Path) -> Pixels:
     Raises InputError for anything else: another format under this name, 16 bits, a palette, grey, a file that is cut
     off or damaged, more than MAX_PIXELS.
     """
-    return picture_in(file_content(path), path)
+    return decode_picture(file_content(path), path)
 
 
 def file_content(path: Path) -> bytes:
@@ -83,7 +83,7 @@ def require_file(path: Path, expected: str) -> None:
     except FileNotFoundError as error:
         if path.is_symlink():
             raise InputError("a link that leads nowhere", where=str(path), got=str(path.readlink())) from error
-        raise InputError("no such file", where=str(path), hint=nearest_file(path)) from error
+        raise InputError("no such file", where=str(path), hint=nearest_file_hint(path)) from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else None
         raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
@@ -92,24 +92,24 @@ def require_file(path: Path, expected: str) -> None:
         raise InputError("not a file", where=str(path), got=got, expected=expected)
 
 
-def picture_in(content: bytes, path: Path) -> Pixels:
+def decode_picture(content: bytes, path: Path) -> Pixels:
     """The picture in the content of the file `path`; as `read_picture`."""
     try:
         chunks = png_chunks(content)
     except ValueError as error:
-        raise _unreadable(str(error), content, path) from error
-    header = _header_in(chunks, path)
+        raise _unreadable_error(str(error), content, path) from error
+    header = _parse_header(chunks, path)
     data = b"".join(content for name, content in chunks if name == b"IDAT")
     if not _is_complete(data, header):
-        raise _damaged(path)
+        raise _damaged_error(path)
     # Nothing else in the file is looked at: what a decoder made of it would be another picture, or cost more.
-    plain = png_of([chunks[0], (b"IDAT", data), chunks[-1]])
+    plain = join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]])
     try:
         pixels = np.asarray(imageio.v3.imread(plain, extension=_SUFFIX, plugin="pillow"))
     except (OSError, SyntaxError, ValueError) as error:  # SyntaxError is how Pillow says that a PNG is broken
-        raise _damaged(path) from error
+        raise _damaged_error(path) from error
     if pixels.shape != (header.height, header.width, header.channels) or pixels.dtype != np.uint8:
-        raise _damaged(path)
+        raise _damaged_error(path)
     return pixels
 
 
@@ -120,15 +120,15 @@ class _Header(NamedTuple):
     is_interlaced: bool
 
 
-def _header_in(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
+def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
     """What a file says of its picture, if such a one may be read. Raises InputError."""
     content, names = chunks[0][1], [name for name, _ in chunks]
     strange = [name for name in names if name[:1].isupper() and name not in _KNOWN_CHUNKS]
     if len(content) != 13 or names.count(b"IHDR") > 1 or strange:
-        raise _damaged(path)
+        raise _damaged_error(path)
     width, height, depth, color_type, compression, filtering, interlace = struct.unpack(">IIBBBBB", content)
     if not (width and height) or compression or filtering or interlace > 1 or color_type not in _COLOR_TYPES:
-        raise _damaged(path)
+        raise _damaged_error(path)
     if width * height > MAX_PIXELS:
         got, expected = f"{width} x {height} pixels", f"at most {MAX_PIXELS} pixels, as 8192 x 4096"
         raise InputError("too large a picture", where=str(path), got=got, expected=expected)
@@ -147,7 +147,7 @@ def _header_in(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
 def _is_complete(data: bytes, header: _Header) -> bool:
     """Whether compressed rows are as many bytes as the picture takes, which decoders do not insist on."""
     expected = 0
-    for x, y, dx, dy in _PASSES if header.is_interlaced else ((0, 0, 1, 1),):
+    for x, y, dx, dy in _ADAM7_PASSES if header.is_interlaced else ((0, 0, 1, 1),):
         columns, rows = -(-(header.width - x) // dx), -(-(header.height - y) // dy)
         expected += rows * (1 + columns * header.channels) if columns > 0 else 0
     unpacker, found = zlib.decompressobj(), 0
@@ -162,7 +162,7 @@ def _is_complete(data: bytes, header: _Header) -> bool:
     return unpacker.eof and found == expected
 
 
-def _unreadable(reason: str, content: bytes, path: Path) -> InputError:
+def _unreadable_error(reason: str, content: bytes, path: Path) -> InputError:
     if not content:
         return InputError("an empty file", where=str(path), expected=_EXPECTED)
     if content.startswith(_LFS_POINTER):
@@ -174,5 +174,5 @@ def _unreadable(reason: str, content: bytes, path: Path) -> InputError:
     return InputError(f"the PNG file is {reason}", where=str(path), got=f"{len(content)} bytes", expected=_EXPECTED)
 
 
-def _damaged(path: Path) -> InputError:
+def _damaged_error(path: Path) -> InputError:
     return InputError("the PNG file is damaged", where=str(path), got="what cannot be decoded", expected=_EXPECTED)

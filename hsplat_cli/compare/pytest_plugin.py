@@ -39,6 +39,6 @@ def assert_frames_match() -> AssertFramesMatch:
     Raises AssertionError where frames differ, and InputError where they cannot be compared.
     """
     # Imported here: who has installed hsplat and tests something else does not wait for numpy.
-    from hsplat_cli.compare.matching import require_match
+    from hsplat_cli.compare.api import require_match
 
     return require_match

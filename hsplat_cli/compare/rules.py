@@ -20,8 +20,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from hsplat_cli.compare.figure_format import number_text
 from hsplat_cli.compare.picture_file import is_picture, require_file
-from hsplat_cli.compare.words import number_text
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
@@ -33,19 +33,19 @@ from renderer.scene import (
     did_you_mean,
     excerpt,
     fields,
+    format_location,
     join,
     known,
     number,
-    place_in,
+    parse_yaml_file,
     read_content,
     section,
     show,
-    tree_of_file,
 )
-from renderer.study import FIGURES, LEVELS, Figure, Limits
+from renderer.study import COMPARISON_METRICS, LEVELS, Figure, Limits
 
 FILE = "compare.yaml"
-_MISTAKEN_FILE = "compare.yml"
+_MISSPELLED_FILE = "compare.yml"
 DEFAULT_LEVEL = "same-machine"
 
 Changes = Mapping[str, float | None]  # of limits, by the figure's name; None takes one away
@@ -68,9 +68,9 @@ class Rules:
     notes: Sequence[str] = ()
 
     def limits_for(self, name: str) -> Limits:
-        """Of a frame, in the order of FIGURES; at least one."""
+        """Of a frame, in the order of COMPARISON_METRICS; at least one."""
         changed = {**LEVELS[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
-        return {figure: limit for figure in FIGURES if (limit := changed.get(figure)) is not None}
+        return {figure: limit for figure in COMPARISON_METRICS if (limit := changed.get(figure)) is not None}
 
     @property
     def other_limits(self) -> list[str]:
@@ -94,7 +94,7 @@ class Rules:
     def require_frames(self, names: Iterable[str]) -> None:
         """Raise SceneError for the frames with limits of their own that are neither among these nor pictures beside."""
         compared = set(names)
-        strange = [name for name in self.frames if name not in compared and not self._is_beside(name)]
+        strange = [name for name in self.frames if name not in compared and not self._is_golden_beside(name)]
         if strange:
             hints = {name: did_you_mean(name, compared) for name in strange}
             raise SceneError(
@@ -104,7 +104,7 @@ class Rules:
                 ]
             )
 
-    def _is_beside(self, name: str) -> bool:
+    def _is_golden_beside(self, name: str) -> bool:
         return self.file is not None and is_picture(name) and os.path.lexists(self.file.parent / name)
 
 
@@ -112,12 +112,12 @@ def load_rules(
     golden: Path,
     level: str | None = None,
     overrides: Sequence[str] = (),
-    asked_by: tuple[str, str] = ("--level", "--limit"),
+    option_names: tuple[str, str] = ("--level", "--limit"),
 ) -> Rules:
     """The rules for goldens, from the file beside them, if there is one, and from the command line.
 
     golden: a folder, in which it is looked for, or a file, beside which. level: that of the command line.
-    overrides: `FIGURE=VALUE`. asked_by: what says which level and which overrides, for messages.
+    overrides: `FIGURE=VALUE`. option_names: what says which level and which overrides, for messages.
 
     Raises InputError where the file cannot be read, and SceneError with all that is wrong in it or the command line.
     """
@@ -125,14 +125,14 @@ def load_rules(
     if level is not None:
         found: list[Problem] = []
         _LEVEL.read(Node(level, "", found))
-        problems += [replace(problem, place=f"{asked_by[0]} {level}") for problem in found]
+        problems += [replace(problem, place=f"{option_names[0]} {level}") for problem in found]
     changes: dict[str, float | None] = {}
     for text in overrides:
-        changes.update(_override(text, asked_by[1], problems))
+        changes.update(_override(text, option_names[1], problems))
     from_file = _rules_of_file(golden if os.path.isdir(golden) else golden.parent, problems)
     if problems:
         raise SceneError(problems)
-    rules = replace(from_file if level is None else _instead_of(from_file, level), overrides=changes)
+    rules = replace(from_file if level is None else _rules_of_level(from_file, level), overrides=changes)
     for name in ("", *rules.frames):
         if not rules.limits_for(name):
             hint = "a comparison without limits would pass whatever there is"
@@ -140,7 +140,7 @@ def load_rules(
     return rules
 
 
-def _instead_of(from_file: Rules, level: str) -> Rules:
+def _rules_of_level(from_file: Rules, level: str) -> Rules:
     """Rules of a level that is asked for."""
     if not (from_file.limits or from_file.frames):
         return Rules(level)
@@ -160,12 +160,12 @@ def _limit(figure: Figure) -> Kind[Any]:
         return value
 
     words = " ".join(filter(None, (plain.expected, figure.unit)))
-    kind: Kind[Any] = Kind(f"{words}, or none", parse, if_empty="none takes a limit away")
+    kind: Kind[Any] = Kind(f"{words}, or none", parse, empty_hint="none takes a limit away")
     return kind
 
 
 _LEVEL: Kind[Any] = choice(*LEVELS)
-_FIGURES = {name: _limit(figure) for name, figure in FIGURES.items()}
+_FIGURES = {name: _limit(figure) for name, figure in COMPARISON_METRICS.items()}
 _LIMITS: Kind[dict[str, Any]] = section(_FIGURES, lambda _, given: given)
 
 
@@ -181,21 +181,21 @@ def _parse_frames(node: Node) -> dict[str, Any]:
 _FRAMES: Kind[dict[str, Any]] = Kind("a mapping of frames to their limits", _parse_frames)
 
 
-def _override(text: str, asked_by: str, problems: list[Problem]) -> dict[str, float | None]:
+def _override(text: str, option_names: str, problems: list[Problem]) -> dict[str, float | None]:
     """What `FIGURE=VALUE` changes."""
     name, equals, value = (part.strip() for part in text.partition("="))
     found: list[Problem] = []
     if equals:
         changes = _LIMITS.read(Node({name: value or None}, "", found))
     else:
-        changes, found = {}, [Problem("", "not a limit", expected=f"{asked_by} FIGURE=VALUE, such as largest=4")]
-    problems += [replace(problem, place=f"{asked_by} {text}") for problem in found]
+        changes, found = {}, [Problem("", "not a limit", expected=f"{option_names} FIGURE=VALUE, such as largest=4")]
+    problems += [replace(problem, place=f"{option_names} {text}") for problem in found]
     return changes
 
 
 def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     path = folder / FILE
-    mistaken = [name for name in _names_in(folder) if name.lower() in (FILE, _MISTAKEN_FILE) and name != FILE]
+    mistaken = [name for name in _names_in(folder) if name.lower() in (FILE, _MISSPELLED_FILE) and name != FILE]
     if mistaken:
         raise InputError("not read under this name", where=str(folder / min(mistaken)), hint=f"call it {FILE}")
     if not os.path.lexists(path):
@@ -204,7 +204,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     content = read_content(path)
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
-    tree, lines = tree_of_file(content, path)
+    tree, lines = parse_yaml_file(content, path)
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
     given = fields(Node({} if tree.data is None else tree.data, "", found), table)
@@ -215,7 +215,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
         given.get("limits", {}),
         frames,
         file=path,
-        places={name: place_in(path, tree.places[join("frames", name)].key) for name in frames},
+        places={name: format_location(path, tree.places[join("frames", name)].key) for name in frames},
     )
 
 
@@ -233,6 +233,6 @@ def _located(tree: Tree, found: Sequence[Problem], path: Path, lines: Sequence[s
         place = tree.places[problem.path]
         marked.append((place.key if problem.at_key else place.value, problem))
     return [
-        replace(problem, place=place_in(path, mark), what=problem.what + excerpt(lines, mark))
+        replace(problem, place=format_location(path, mark), what=problem.what + excerpt(lines, mark))
         for mark, problem in sorted(marked, key=lambda item: item[0])
     ]

@@ -12,18 +12,18 @@ from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.judge import judge
 from hsplat_cli.compare.outcome import Comparison, Failure, Outcome
 from hsplat_cli.compare.pair import Pair
-from hsplat_cli.compare.report import json_of, json_of_failure, junit_of, junit_of_failure
 from hsplat_cli.compare.rules import Rules
+from hsplat_cli.compare.text_reports import comparison_json, comparison_junit, failure_json, failure_junit
 from hsplat_cli.terminal import progress
 from renderer.errors import InputError, require_package
-from renderer.film import explained, require_writable, staged_together
+from renderer.film import explained, require_writable, staged_files
 from renderer.scene import is_same_file
 
 # No report has the name of a frame, a scene or a volume: a slip of the pen costs none of them.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}
 
 
-class AnyPairs(Protocol):
+class PairSource(Protocol):
     """Pairs of frames, at least one: those of `open_pairs`, or of a scene. facts, notes: as in Comparison."""
 
     @property
@@ -88,30 +88,30 @@ class ReportFiles:
         """Write all of them, whole, or none."""
         texts: dict[Path, str] = {}
         if self.json is not None:
-            texts[self.json] = json_of(comparison)
+            texts[self.json] = comparison_json(comparison)
         if self.junit is not None:
-            texts[self.junit] = junit_of(comparison)
+            texts[self.junit] = comparison_junit(comparison)
         if self.html is not None:
             # Imported where it is used: it needs a package that the rest does without.
-            from hsplat_cli.compare.page import comparison_page
+            from hsplat_cli.compare.comparison_html import comparison_page
 
             texts[self.html] = comparison_page(comparison, gallery)
-        with staged_together() as write:
+        with staged_files() as write:
             for path, text in texts.items():
                 write(path, text.encode())
 
     def write_failure(self, golden: str, actual: str, why: str) -> None:
         """Write that there was no comparison, and why, where JSON or JUnit is asked for."""
         failure = Failure(golden, actual, why)
-        with staged_together() as write:
+        with staged_files() as write:
             if self.json is not None:
-                write(self.json, json_of_failure(failure).encode())
+                write(self.json, failure_json(failure).encode())
             if self.junit is not None:
-                write(self.junit, junit_of_failure(failure).encode())
+                write(self.junit, failure_junit(failure).encode())
 
 
 def run_comparison(
-    pairs: AnyPairs, rules: Rules, *, golden: str, actual: str, reports: ReportFiles, quiet: bool
+    pairs: PairSource, rules: Rules, *, golden: str, actual: str, reports: ReportFiles, quiet: bool
 ) -> Comparison:
     """Judge all pairs and write the reports.
 

@@ -1,11 +1,11 @@
-from .crew import open_crew as open_crew
-from .drawn import Drawer as Drawer, Drawn as Drawn, LocalDrawer as LocalDrawer
-from .executor_arguments import (
-    CrewSpec as CrewSpec,
-    crew_options as crew_options,
-    require_crew as require_crew,
-    require_crew_for as require_crew_for,
+from .executor import open_executor as open_executor
+from .frame_result import Drawn as Drawn, FrameExecutor as FrameExecutor, LocalExecutor as LocalExecutor
+from .options import (
+    ExecutorSpec as ExecutorSpec,
+    executor_options as executor_options,
+    require_executor as require_executor,
+    require_executor_for as require_executor_for,
     workers_option as workers_option,
 )
-from .rasterizers import open_lasting_rasterizer as open_lasting_rasterizer, open_rasterizer as open_rasterizer
-from .workers.lifeline import Lifeline as Lifeline
+from .rasterizers import open_rasterizer as open_rasterizer, open_recovering_rasterizer as open_recovering_rasterizer
+from .workers.child_processes import ChildProcesses as ChildProcesses

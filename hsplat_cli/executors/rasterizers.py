@@ -6,7 +6,7 @@ import os
 from functools import partial
 
 from hsplat_cli.terminal import num_cores
-from renderer.draw import CPURasterizer, GLRasterizer, LastingRasterizer
+from renderer.draw import CPURasterizer, GLRasterizer, RecoveringRasterizer
 from renderer.errors import RenderError
 
 
@@ -23,9 +23,9 @@ def open_rasterizer(*, needs_opengl: bool) -> GLRasterizer | CPURasterizer:
         return CPURasterizer(num_threads=num_drawing_threads())
 
 
-def open_lasting_rasterizer(*, needs_opengl: bool) -> LastingRasterizer:
+def open_recovering_rasterizer(*, needs_opengl: bool) -> RecoveringRasterizer:
     """For films; as `open_rasterizer`."""
-    return LastingRasterizer(partial(open_rasterizer, needs_opengl=needs_opengl))
+    return RecoveringRasterizer(partial(open_rasterizer, needs_opengl=needs_opengl))
 
 
 def num_drawing_threads() -> int:

@@ -8,24 +8,24 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from hsplat_cli.executors import CrewSpec, Drawer, Drawn, open_crew
-from hsplat_cli.films.behind import in_turn, one_behind
-from hsplat_cli.films.done import Done, record, tell
+from hsplat_cli.executors import Drawn, ExecutorSpec, FrameExecutor, open_executor
+from hsplat_cli.films.background import run_overlapped, run_sequentially
+from hsplat_cli.films.checkpoint import report_checkpoint, report_resumable, resume_checkpoint
+from hsplat_cli.films.finished_film import FinishedFilm, record, tell
 from hsplat_cli.films.goals import make_plan
-from hsplat_cli.films.kept import find_kept, tell_kept, tell_left
-from hsplat_cli.films.place import taken
-from hsplat_cli.films.record import makers, with_seconds
-from hsplat_cli.films.start import start_film
+from hsplat_cli.films.output_lock import taken
+from hsplat_cli.films.preparation import prepare_film
+from hsplat_cli.films.sidecar_record import makers, with_seconds
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, deferrable_interrupts, progress
 from renderer.errors import RenderError
 from renderer.film import (
     FilmWriter,
-    KeptFrames,
+    FrameCheckpoint,
     Record,
-    forget_frames,
     has_frame_files,
     open_film,
+    remove_checkpoint_frames,
     require_encoder,
     sidecar_path,
 )
@@ -34,20 +34,20 @@ from renderer.frame import CostLog, Details
 
 def render_once(
     job: Job,
-    crew_spec: CrewSpec,
+    executor_spec: ExecutorSpec,
     *,
     place: Path | None = None,
-    on_begin: Callable[[], None] | None = None,
+    on_start: Callable[[], None] | None = None,
     force: bool = False,
     quiet: bool,
-    in_passing: bool = False,
+    is_auxiliary: bool = False,
 ) -> RenderError | None:
     """The film that the scene asks for, in one pass; what was asked for and not had.
 
     Frames that an earlier job finished are kept; with `force` they are drawn again.
     place: the folder of what is not finished, where the caller has taken the place of the output.
-    on_begin: called where the film is not there yet, before anything of it is.
-    in_passing: the film is a means to another end, in a new folder: nothing is said of it but how far the work is.
+    on_start: called where the film is not there yet, before anything of it is.
+    is_auxiliary: the film is a means to another end, in a new folder: nothing is said of it but how far the work is.
     """
     start, output, frames = time.perf_counter(), job.scene.output, job.frames
     with contextlib.ExitStack() as stack:
@@ -55,50 +55,57 @@ def render_once(
         folder = place or stack.enter_context(taken(output, frames, sidecar_path(job.scene, frames)))
         defer_interrupts = stack.enter_context(deferrable_interrupts())
         require_encoder(output)
-        crew = stack.enter_context(open_crew(crew_spec, job.scene, quiet=quiet))
-        begun = start_film(job, folder, crew.gl, force=force, quiet=quiet)
+        executor = stack.enter_context(open_executor(executor_spec, job.scene, quiet=quiet))
+        begun = prepare_film(job, folder, executor.gl, force=force, quiet=quiet)
         if begun is None:
             return None
-        if on_begin is not None:
-            on_begin()
-        plan = make_plan(Details(begun.stage, CostLog()), frames, crew.rasterizer, quiet=quiet)
+        if on_start is not None:
+            on_start()
+        plan = make_plan(Details(begun.stage, CostLog()), frames, executor.rasterizer, quiet=quiet)
         job, cause, before = begun.job, begun.cause, begun.before
         del begun  # its volume may move
-        kept = find_kept(job, plan, folder, cause, before, force=force)
+        kept = resume_checkpoint(job, plan, folder, cause, before, force=force)
         if not quiet:
-            tell_kept(kept, job, plan)
+            report_checkpoint(kept, job, plan)
         num_kept = len(kept.records)
-        label = "drawing" if in_passing else output.file.name
+        label = "drawing" if is_auxiliary else output.file.name
         try:
-            with crew.drawer(plan, len(frames) - num_kept) as drawer:
-                by_clock = plan.by_clock
+            with executor.drawer(plan, len(frames) - num_kept) as drawer:
+                is_timing_dependent = plan.is_timing_dependent
                 del plan  # its volume may move
                 records, notes = _draw(
-                    job, kept, drawer, folder, defer_interrupts, by_clock=by_clock, label=label, quiet=quiet
+                    job,
+                    kept,
+                    drawer,
+                    folder,
+                    defer_interrupts,
+                    is_timing_dependent=is_timing_dependent,
+                    label=label,
+                    quiet=quiet,
                 )
                 plan = drawer.plan
                 notes = [*notes, *drawer.notes]
-                made_by = list(dict.fromkeys([*makers(records), *drawer.made_by])) or [crew.gl]
+                made_by = list(dict.fromkeys([*makers(records), *drawer.made_by])) or [executor.gl]
             seconds = time.perf_counter() - start
-            done = Done(job, plan, records, notes, made_by, seconds, num_kept)
+            done = FinishedFilm(job, plan, records, notes, made_by, seconds, num_kept)
             record(done, folder, cause)
         except BaseException:
-            if not (quiet or in_passing):
-                tell_left(kept, job, folder, cause, force=force)
+            if not (quiet or is_auxiliary):
+                report_resumable(kept, job, folder, cause, force=force)
             raise
-        forget_frames(folder, output, frames)
-    tell(done, quiet=quiet or in_passing)
+        remove_checkpoint_frames(folder, output, frames)
+    tell(done, quiet=quiet or is_auxiliary)
     return done.shortfall
 
 
 def _draw(
     job: Job,
-    kept: KeptFrames,
-    drawer: Drawer,
+    kept: FrameCheckpoint,
+    drawer: FrameExecutor,
     folder: Path,
     finishing: Callable[[], None],
     *,
-    by_clock: bool,
+    is_timing_dependent: bool,
     label: str,
     quiet: bool,
 ) -> tuple[list[Record], Sequence[str]]:
@@ -116,7 +123,7 @@ def _draw(
         drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
         missed = frozenset(missing)
         tasks = (partial(_store, kept, film, n, next(drawing) if n in missed else None) for n in job.frames)
-        stored = in_turn(tasks) if by_clock else one_behind(tasks)
+        stored = run_sequentially(tasks) if is_timing_dependent else run_overlapped(tasks)
         for record in stack.enter_context(contextlib.closing(stored)):
             records.append(record)
             if record["frame"] in missed:
@@ -126,7 +133,7 @@ def _draw(
     return records, notes
 
 
-def _store(kept: KeptFrames, film: FilmWriter | None, number: int, drawn: Drawn | None) -> Record:
+def _store(kept: FrameCheckpoint, film: FilmWriter | None, number: int, drawn: Drawn | None) -> Record:
     """Keep a frame that was drawn, or take the one that is kept, for the film, too; its record."""
     before = time.perf_counter()
     record = kept.records[number] if drawn is None else kept.keep(number, drawn.picture.png, drawn.record)

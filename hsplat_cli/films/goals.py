@@ -7,18 +7,18 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from hsplat_cli.films.record import IN_TIME, drawing_seconds, seconds_for, span
+from hsplat_cli.films.sidecar_record import TIME_BUDGET_MARGIN, budget_seconds, drawing_seconds, span
 from hsplat_cli.scenes import Job, Plan
 from renderer.errors import RenderError
 from renderer.film import Record
-from renderer.frame import Details, Pacer, Rasterizer, Stage, Stopwatch, bring, try_drawings
-from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, Want, at_tolerance, at_tolerances, show, value_at
+from renderer.frame import BudgetController, Details, Rasterizer, Stage, Stopwatch, bring, calibrate_costs
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, Want, show, value_at, with_tolerance, with_tolerances
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
-_ENOUGH = 0.3
+_MAX_TRIAL_FRACTION = 0.3
 # Frames that may be late without a word.
-MOST_LATE = 0.1
-BEST_EFFORT = "with --best-effort it is good enough"
+MAX_LATE_FRACTION = 0.1
+BEST_EFFORT_HINT = "with --best-effort it is good enough"
 
 
 def make_plan(
@@ -43,14 +43,16 @@ def make_plan(
         return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
     if isinstance(goal, SplatBudget):
         tolerances = {frame: details.family.within(value_at(goal.by_frame, frame)) for frame in frames}
-        return Plan(replace(stage, scene=at_tolerances(stage.scene, tolerances)))
+        return Plan(replace(stage, scene=with_tolerances(stage.scene, tolerances)))
     assert rasterizer is not None
     least = min(value_at(goal.by_frame, frame) for frame in frames)
-    try_drawings(details, frames[0], _ENOUGH * least, rasterizer, clock=time.perf_counter, on_step=on_step)
-    pacer = Pacer(details, lambda frame: value_at(goal.by_frame, frame))
+    calibrate_costs(
+        details, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=time.perf_counter, on_step=on_step
+    )
+    pacer = BudgetController(details, lambda frame: value_at(goal.by_frame, frame))
     pose, _ = pacer.choose(frames[0], Stopwatch(time.perf_counter))
     bring(pose, rasterizer)
-    return Plan(stage, pacer, by_clock=True)
+    return Plan(stage, pacer, is_timing_dependent=True)
 
 
 def _plan_accuracy(
@@ -64,16 +66,16 @@ def _plan_accuracy(
 ) -> Plan:
     """One tolerance for the whole film; 0 where none is good enough."""
     # Imported where they are used: other films need no ray integral, which takes a while to load.
-    from hsplat_cli.films.search import beyond_full_resolution, search_tolerance
+    from hsplat_cli.films.tolerance_search import search_tolerance, unreachable_accuracy_error
     from renderer.study import TRUTH_TOLERANCE
 
     want = Want(goal.metric, goal.value)
     found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)
     shortfall = None
     if found.tolerance is None:
-        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT}"
-        shortfall = beyond_full_resolution(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
-    exact = replace(stage, scene=at_tolerance(stage.scene, found.tolerance or 0.0))
+        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
+        shortfall = unreachable_accuracy_error(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
+    exact = replace(stage, scene=with_tolerance(stage.scene, found.tolerance or 0.0))
     return Plan(exact, shortfall=shortfall, found=found)
 
 
@@ -86,17 +88,19 @@ def shortfall_of(job: Job, plan: Plan, frames: Sequence[Record]) -> RenderError 
             where=str(job.scene.output.file),
             got=f"tolerance {span([frame['tolerance'] for frame in frames])}",
             expected=", ".join(f"{name} {show(value)}" for name, value in job.asked.items()),
-            hint=f"it needs more time; {BEST_EFFORT}",
+            hint=f"it needs more time; {BEST_EFFORT_HINT}",
         )
     return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[Record]) -> RenderError | None:
     """Frames that even the quickest cut was too slow for, if they are many; or a machine that became slower."""
-    late = [frame for frame in frames if frame["predicted_seconds"] > (1 + IN_TIME) * seconds_for(goal, frame)]
-    if len(late) <= MOST_LATE * len(frames):
-        shares = [drawing_seconds(frame) / seconds_for(goal, frame) for frame in frames]
-        if statistics.median(shares) <= 1 + IN_TIME:
+    late = [
+        frame for frame in frames if frame["predicted_seconds"] > (1 + TIME_BUDGET_MARGIN) * budget_seconds(goal, frame)
+    ]
+    if len(late) <= MAX_LATE_FRACTION * len(frames):
+        shares = [drawing_seconds(frame) / budget_seconds(goal, frame) for frame in frames]
+        if statistics.median(shares) <= 1 + TIME_BUDGET_MARGIN:
             return None
         late = list(frames)
     taken = statistics.median(map(drawing_seconds, late))
@@ -105,6 +109,6 @@ def _time_shortfall(goal: TimeBudget, frames: Sequence[Record]) -> RenderError |
         f"{which} took longer than there was time for",
         where="error.seconds",
         got=f"{taken:.3g} s a frame in the median, at tolerance {span([frame['tolerance'] for frame in late])}",
-        expected=f"{span([seconds_for(goal, frame) for frame in late])} s",
-        hint=f"a smaller output.size is drawn sooner; {BEST_EFFORT}",
+        expected=f"{span([budget_seconds(goal, frame) for frame in late])} s",
+        hint=f"a smaller output.size is drawn sooner; {BEST_EFFORT_HINT}",
     )

@@ -19,48 +19,48 @@ from typing import Any, NamedTuple
 
 import click
 
-from hsplat_cli.executors import Drawn, LocalDrawer, open_lasting_rasterizer
-from hsplat_cli.films.behind import in_turn, one_behind
-from hsplat_cli.films.cause import Cause
-from hsplat_cli.films.difference import Difference, Differences
-from hsplat_cli.films.done import Done, record, tell
+from hsplat_cli.executors import Drawn, LocalExecutor, open_recovering_rasterizer
+from hsplat_cli.films.background import run_overlapped, run_sequentially
+from hsplat_cli.films.fingerprint import JobFingerprint
+from hsplat_cli.films.finished_film import FinishedFilm, record, tell
 from hsplat_cli.films.goals import make_plan
-from hsplat_cli.films.place import taken
-from hsplat_cli.films.record import limits, span, with_seconds
-from hsplat_cli.films.start import start_film
+from hsplat_cli.films.output_lock import taken
+from hsplat_cli.films.pass_difference import Difference, Differences
+from hsplat_cli.films.preparation import prepare_film
+from hsplat_cli.films.sidecar_record import limits, span, with_seconds
 from hsplat_cli.scenes import Job, Plan
-from hsplat_cli.terminal import Progress, counted, counted_span, deferrable_interrupts, progress
-from renderer.draw import LastingRasterizer
+from hsplat_cli.terminal import Progress, counted, deferrable_interrupts, pluralize_range, progress
+from renderer.draw import RecoveringRasterizer
 from renderer.errors import RenderError
-from renderer.film import FilmWriter, Record, forget_frames, open_film, require_encoder, sidecar_path
+from renderer.film import FilmWriter, Record, open_film, remove_checkpoint_frames, require_encoder, sidecar_path
 from renderer.frame import (
+    BudgetController,
     CostLog,
     Details,
-    Load,
-    Pacer,
     Rasterizer,
-    Scheduled,
+    ScheduleController,
     Stopwatch,
-    finest_within,
-    load_of,
-    try_drawings,
+    Workload,
+    calibrate_costs,
+    find_finest_in_time,
+    workload_of,
 )
-from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, at_tolerances, tolerance_at, value_at
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, tolerance_at, value_at, with_tolerances
 
 # Of the first frame that shows what it is, the first pass may take so many times as long. It has few cells, whose
 # pixels, not their number, are what it costs, so that there are far more cells in the first pass.
-_FIRST_PART = 1.3
+_FIRST_PASS_FACTOR = 1.3
 # Each pass takes so many times as long as the one before; the second one, to be worth the while, at least so many.
-_STEP, _LEAST_STEP = 8.0, 3.0
+_PASS_FACTOR, _MIN_PASS_FACTOR = 8.0, 3.0
 # Trial drawings, which tell what more cells cost, go up to this part of a frame of the last pass, and up to so long.
-_TRIAL_PART, _LONGEST_TRIAL_S = 0.1, 0.5
+_TRIAL_FRACTION, _MAX_TRIAL_S = 0.1, 0.5
 # Of the time that remains a pass may be predicted to take this part.
-_SAFE_PART = 0.9
+_SAFE_FRACTION = 0.9
 # Frames from which the time of a pass is predicted.
-_NUM_LOOKED_AT = 3
+_NUM_SAMPLED_FRAMES = 3
 
 
-class _TimeIsUp(Exception):  # noqa: N818  no error
+class _DeadlineReached(Exception):  # noqa: N818  no error
     """The deadline has come; the pass is given up."""
 
 
@@ -83,39 +83,39 @@ def render_progressively(
     """
     start = time.perf_counter()
     place = taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames))
-    with place as folder, open_lasting_rasterizer(needs_opengl=job.scene.needs_opengl) as rasterizer:
+    with place as folder, open_recovering_rasterizer(needs_opengl=job.scene.needs_opengl) as rasterizer:
         require_encoder(job.scene.output)
-        begun = start_film(job, folder, rasterizer.renderer_name, force=force, quiet=quiet)
+        begun = prepare_film(job, folder, rasterizer.renderer_name, force=force, quiet=quiet)
         if begun is None:
             return None
         job = begun.job
-        maker = _Maker(job, begun.cause, folder, rasterizer, start, time_limit, quiet=quiet)
-        planner = _Planner(job, Details(begun.stage, CostLog()), rasterizer, quiet=quiet)
+        maker = _PassRenderer(job, begun.cause, folder, rasterizer, start, time_limit, quiet=quiet)
+        planner = _PassPlanner(job, Details(begun.stage, CostLog()), rasterizer, quiet=quiet)
         try:
             for each in planner.passes(maker):
                 maker.make(each)
-        except _TimeIsUp:
+        except _DeadlineReached:
             pass
         except KeyboardInterrupt:
-            maker.tell_interrupted()
+            maker.report_interrupted()
             if not (maker.done and best_effort):
                 raise
         assert maker.done is not None
         if not maker.done.plan.is_unfinished:
-            forget_frames(folder, job.scene.output, job.frames, begun.cause.of)
+            remove_checkpoint_frames(folder, job.scene.output, job.frames, begun.cause.of)
     tell(maker.done, quiet=quiet)
     return maker.done.shortfall
 
 
-class _Maker:
+class _PassRenderer:
     """Makes one film after the other under the same name, each complete before it takes the place of the one before."""
 
     def __init__(
         self,
         job: Job,
-        cause: Cause,
+        cause: JobFingerprint,
         folder: Path,
-        rasterizer: LastingRasterizer,
+        rasterizer: RecoveringRasterizer,
         start: float,
         time_limit: float | None,
         *,
@@ -127,9 +127,9 @@ class _Maker:
         output = job.scene.output
         self._differences = Differences(job.frames, math.prod(output.size) * (4 if output.background is None else 3))
         self._passes: list[dict[str, Any]] = []
-        self.done: Done | None = None
+        self.done: FinishedFilm | None = None
 
-    def time_left(self) -> float:
+    def remaining_seconds(self) -> float:
         """Seconds."""
         return self._deadline - time.perf_counter()
 
@@ -149,7 +149,7 @@ class _Maker:
         return float(self._passes[-1]["tolerance"][1])
 
     def make(self, each: _Pass) -> None:
-        """One pass. Raises _TimeIsUp where there has been one before."""
+        """One pass. Raises _DeadlineReached where there has been one before."""
         with deferrable_interrupts() as defer_interrupts:
             self._make(each, defer_interrupts)
 
@@ -160,11 +160,13 @@ class _Maker:
             open_film(job.scene.output, job.frames, within=self._folder, finishing=finishing) as film,
             progress(len(job.frames), label=label, quiet=self._quiet) as bar,
         ):
-            tasks = (partial(self._write, drawn, film) for drawn in self._drawer(each.plan).draw(job.frames))
-            with contextlib.closing(in_turn(tasks) if each.plan.by_clock else one_behind(tasks)) as written:
+            tasks = (partial(self._write, drawn, film) for drawn in self._executor(each.plan).draw(job.frames))
+            with contextlib.closing(
+                run_sequentially(tasks) if each.plan.is_timing_dependent else run_overlapped(tasks)
+            ) as written:
                 frames = [self._count(record, bar) for record in written]
         now = time.perf_counter()
-        difference = self._differences.of_pass()
+        difference = self._differences.finish_pass()
         made = {
             "tolerance": limits(frame["tolerance"] for frame in frames),
             "cells": limits(frame["cells"] for frame in frames),
@@ -175,7 +177,7 @@ class _Maker:
         }
         self._passes.append(made)
         notes = [*film.notes, *self._rasterizer.notes]
-        self.done = Done(job, each.plan, frames, notes, [self._rasterizer.renderer_name], now - self._start)
+        self.done = FinishedFilm(job, each.plan, frames, notes, [self._rasterizer.renderer_name], now - self._start)
         record(self.done, self._folder, self._cause, passes=self._passes)
         if not self._quiet:
             click.echo(f"pass {number}: {', '.join(_facts(made, frames, job.scene.splat.noun, difference))}")
@@ -187,18 +189,18 @@ class _Maker:
         self.done = replace(self.done, plan=met)
         record(self.done, self._folder, self._cause, passes=self._passes)
 
-    def tell_interrupted(self) -> None:
+    def report_interrupted(self) -> None:
         """Say what there is now, if there is something."""
         if self.done and not self._quiet:
             click.echo(f"{self._job.scene.output.file} is whole, as pass {len(self._passes)} made it")
 
     def require_time(self) -> None:
-        """Raise _TimeIsUp where it is, and there is a film."""
-        if self.done and self.time_left() < 0:
-            raise _TimeIsUp
+        """Raise _DeadlineReached where it is, and there is a film."""
+        if self.done and self.remaining_seconds() < 0:
+            raise _DeadlineReached
 
-    def _drawer(self, plan: Plan) -> LocalDrawer:
-        return LocalDrawer(plan.stage, self._rasterizer, plan.guide)
+    def _executor(self, plan: Plan) -> LocalExecutor:
+        return LocalExecutor(plan.stage, self._rasterizer, plan.guide)
 
     def _write(self, drawn: Drawn, film: FilmWriter) -> Record:
         before = time.perf_counter()
@@ -216,7 +218,7 @@ class _Maker:
 
 def _facts(made: Record, frames: Sequence[Record], noun: str, difference: Difference | None) -> Iterator[str]:
     yield f"tolerance {span(made['tolerance'])}"
-    yield f"{counted_span([frame['splats'] for frame in frames], noun)} a frame"
+    yield f"{pluralize_range([frame['splats'] for frame in frames], noun)} a frame"
     yield f"{made['seconds']:.1f} s (predicted: {made['predicted_seconds']:.1f} s)"
     if difference:
         yield str(difference)
@@ -225,42 +227,47 @@ def _facts(made: Record, frames: Sequence[Record], noun: str, difference: Differ
 class _Work(NamedTuple):
     """What there is to do in a frame. order_seconds: of its order. size: as in Family."""
 
-    load: Load
+    load: Workload
     order_seconds: float
     size: float
 
 
-class _Planner:
+class _PassPlanner:
     """Decides what the next pass is, by what frames took in the passes before."""
 
     def __init__(self, job: Job, details: Details, rasterizer: Rasterizer, *, quiet: bool) -> None:
         self._details, self._frames, self._error = details, job.frames, job.scene.error
         self._rasterizer, self._quiet = rasterizer, quiet
 
-    def passes(self, maker: _Maker) -> Iterator[_Pass]:
+    def passes(self, maker: _PassRenderer) -> Iterator[_Pass]:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
-        few = self._details.pose(self._frames[0], self._details.family.at_size(self._details.family.few), _watch())
-        first = _FIRST_PART * self._details.predict(few)
-        if self._may_be_quick(first):
-            plan = self._last_plan(maker)
+        few = self._details.pose(
+            self._frames[0], self._details.family.tolerance_for_size(self._details.family.few), _stopwatch()
+        )
+        first = _FIRST_PASS_FACTOR * self._details.predict(few)
+        if self._may_skip_first_pass(first):
+            plan = self._final_plan(maker)
             last = self._seconds(self._work(plan))
-            if last < _LEAST_STEP * first:
+            if last < _MIN_PASS_FACTOR * first:
                 yield _Pass(plan, last)
                 return
         yield self._pass_within(first)
         maker.require_time()
-        plan = self._last_plan(maker)
+        plan = self._final_plan(maker)
         if plan.found is not None and (plan.found.tolerance or 0.0) >= maker.tolerance:
             maker.accept(plan)
             return
         maker.require_time()
         work = self._work(plan)
-        self._try_more(maker, work)
+        self._calibrate_costs(maker, work)
         while True:
             before, last = maker.frame_seconds, self._seconds(work)
-            wanted, affordable = _next_step(before, last), _SAFE_PART * maker.time_left() / len(self._frames)
+            wanted, affordable = (
+                _next_frame_seconds(before, last),
+                _SAFE_FRACTION * maker.remaining_seconds() / len(self._frames),
+            )
             if wanted > affordable:
-                if affordable >= _LEAST_STEP * before:
+                if affordable >= _MIN_PASS_FACTOR * before:
                     yield self._pass_within(affordable, plan)
                 return
             if wanted == last:
@@ -268,7 +275,7 @@ class _Planner:
                 return
             yield self._pass_within(wanted, plan)
 
-    def _may_be_quick(self, first: float) -> bool:
+    def _may_skip_first_pass(self, first: float) -> bool:
         """Whether the last pass may have so few cells that the first, of so many seconds a frame, is not worth it.
 
         Told without the last pass's cut, which may take long. An accuracy takes long to look for in any case.
@@ -277,48 +284,50 @@ class _Planner:
         if isinstance(goal, AccuracyGoal):
             return False
         per_splat = self._details.log.model.per_splat
-        most_cells = _LEAST_STEP * first / per_splat if per_splat > 0 else math.inf
+        max_cells = _MIN_PASS_FACTOR * first / per_splat if per_splat > 0 else math.inf
         if isinstance(goal, SplatBudget):
-            return max(value_at(goal.by_frame, frame) for frame in frames) <= most_cells
+            return max(value_at(goal.by_frame, frame) for frame in frames) <= max_cells
         if (
             isinstance(goal, TimeBudget)
-            and max(value_at(goal.by_frame, frame) for frame in frames) < _LEAST_STEP * first
+            and max(value_at(goal.by_frame, frame) for frame in frames) < _MIN_PASS_FACTOR * first
         ):
             return True
         finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
-        return not self._details.family.is_larger(finest, most_cells)
+        return not self._details.family.has_more_cells(finest, max_cells)
 
-    def _last_plan(self, maker: _Maker) -> Plan:
+    def _final_plan(self, maker: _PassRenderer) -> Plan:
         frames, quiet = self._frames, self._quiet
         plan = make_plan(self._details, frames, self._rasterizer, quiet=quiet, on_step=maker.require_time)
-        return plan if plan.guide else replace(plan, guide=Scheduled(plan.stage, self._details))
+        return plan if plan.guide else replace(plan, guide=ScheduleController(plan.stage, self._details))
 
     def _work(self, plan: Plan) -> list[_Work]:
         """What there is to do in some frames of the last pass."""
-        goal, num = self._error.goal, min(_NUM_LOOKED_AT, len(self._frames))
+        goal, num = self._error.goal, min(_NUM_SAMPLED_FRAMES, len(self._frames))
         looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
         if isinstance(goal, TimeBudget):
             each = {value_at(goal.by_frame, frame): frame for frame in looked_at}  # one of each budget
-            poses = (finest_within(self._details, frame, seconds, _watch())[0] for seconds, frame in each.items())
+            poses = (
+                find_finest_in_time(self._details, frame, seconds, _stopwatch())[0] for seconds, frame in each.items()
+            )
         else:
-            guide = Scheduled(plan.stage)
-            poses = (guide.ready(frame, _watch())[0] for frame in looked_at)
-        return [_Work(load_of(pose), pose.order_seconds, self._details.size(pose.detail)) for pose in poses]
+            guide = ScheduleController(plan.stage)
+            poses = (guide.ready(frame, _stopwatch())[0] for frame in looked_at)
+        return [_Work(workload_of(pose), pose.order_seconds, self._details.size(pose.detail)) for pose in poses]
 
     def _seconds(self, work: Sequence[_Work]) -> float:
         """What a frame of the last pass is predicted to take, in the mean."""
         return statistics.fmean(self._details.log.predict(each.load) + each.order_seconds for each in work)
 
-    def _try_more(self, maker: _Maker, work: Sequence[_Work]) -> None:
+    def _calibrate_costs(self, maker: _PassRenderer, work: Sequence[_Work]) -> None:
         """Learn what more cells cost than the first pass had, where the last one has many more and not only a frame."""
         growth = self._details.family.growth
         first_size = growth * self._details.family.size(*maker.finest)
         if len(self._frames) == 1 or max(each.size for each in work) < growth * first_size:
             return
-        try_drawings(
+        calibrate_costs(
             self._details,
             self._frames[0],
-            min(_TRIAL_PART * self._seconds(work), _LONGEST_TRIAL_S),
+            min(_TRIAL_FRACTION * self._seconds(work), _MAX_TRIAL_S),
             self._rasterizer,
             clock=time.perf_counter,
             first_size=first_size,
@@ -330,25 +339,27 @@ class _Planner:
         goal, stage = self._error.goal, self._details.stage
         if isinstance(goal, TimeBudget):
             budgets = {frame: min(seconds, value_at(goal.by_frame, frame)) for frame in self._frames}
-            pacer = Pacer(self._details, budgets.__getitem__)
-            return _Pass(Plan(stage, pacer, is_unfinished=True, by_clock=True), statistics.fmean(budgets.values()))
-        pose, predicted = finest_within(self._details, self._frames[0], seconds, _watch())
+            pacer = BudgetController(self._details, budgets.__getitem__)
+            return _Pass(
+                Plan(stage, pacer, is_unfinished=True, is_timing_dependent=True), statistics.fmean(budgets.values())
+            )
+        pose, predicted = find_finest_in_time(self._details, self._frames[0], seconds, _stopwatch())
         coarsest, error = pose.detail.tolerance, plan.stage.scene.error if plan else self._error
         tolerances = dict.fromkeys(self._frames, coarsest)
         if error.goal is None:
             tolerances = {frame: max(coarsest, tolerance_at(error, frame)) for frame in self._frames}
-        stage = replace(stage, scene=at_tolerances(stage.scene, tolerances))
-        guide = Scheduled(stage, self._details)
-        return _Pass(Plan(stage, guide, is_unfinished=True, by_clock=True), predicted)
+        stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
+        guide = ScheduleController(stage, self._details)
+        return _Pass(Plan(stage, guide, is_unfinished=True, is_timing_dependent=True), predicted)
 
 
-def _next_step(before: float, last: float) -> float:
+def _next_frame_seconds(before: float, last: float) -> float:
     """Seconds a frame of the pass after one: `last`, or an eighth of it, or of that, as long as it is worth it."""
     wanted = last
-    while wanted / _STEP >= _LEAST_STEP * before:
-        wanted /= _STEP
+    while wanted / _PASS_FACTOR >= _MIN_PASS_FACTOR * before:
+        wanted /= _PASS_FACTOR
     return wanted
 
 
-def _watch() -> Stopwatch:
+def _stopwatch() -> Stopwatch:
     return Stopwatch(time.perf_counter)

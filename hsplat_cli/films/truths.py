@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from hsplat_cli.terminal import num_cores, progress
 from renderer.errors import InputError
 from renderer.frame import Stage
-from renderer.study import Truth, TruthRecord, find_truth, thumbnail
+from renderer.study import Truth, TruthRecord, compute_truth, thumbnail
 
 
 def find_truths(
@@ -40,7 +40,7 @@ def find_truths(
 
         for frame in frames:
             start = time.perf_counter()
-            truth = find_truth(stage, frame, tolerance, num_threads=num_cores(), on_progress=show)
+            truth = compute_truth(stage, frame, tolerance, num_threads=num_cores(), on_progress=show)
             seconds = time.perf_counter() - start
             truths.append(truth)
             show(0.0)
@@ -49,7 +49,7 @@ def find_truths(
     return truths, records
 
 
-def nothing_to_measure(num_frames: int) -> InputError:
+def nothing_visible_error(num_frames: int) -> InputError:
     """The error where nothing of the volume is seen on any of so many frames."""
     return InputError(
         "the scene draws nothing, so there is nothing to measure",

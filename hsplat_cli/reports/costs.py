@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from renderer.study import Measurement, Setting, cost_at, pareto_front
+from renderer.study import Measurement, Setting, cost_at_psnr, pareto_front
 
 OWN = "hsplat"
 PEER = "vtk"
@@ -16,7 +16,7 @@ _FIRST_DB = 25
 _STEP_DB = 5
 
 
-def tool_of(measurement: Measurement) -> str:
+def program_of(measurement: Measurement) -> str:
     """The program that drew the pictures: OWN or PEER."""
     return str(measurement.setting.options.get("tool", OWN))
 
@@ -38,7 +38,7 @@ def cells_title(measurements: Sequence[Measurement]) -> str:
     return "bricks or cells" if has_splats(measurements) else "bricks"
 
 
-def by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]:
+def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]:
     """Numbers of the measurements of each series, series and members in the order in which they come."""
     members: dict[str, list[int]] = {}
     for number, measurement in enumerate(measurements):
@@ -48,7 +48,7 @@ def by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]:
 
 def time_front(measurements: Sequence[Measurement], tool: str) -> list[int]:
     """Those of a tool than which no other one of the same tool is as fast and has as high a PSNR, by rising time."""
-    return _front(measurements, [m.frame_seconds if tool_of(m) == tool else math.nan for m in measurements])
+    return _front(measurements, [m.frame_seconds if program_of(m) == tool else math.nan for m in measurements])
 
 
 def splats_front(measurements: Sequence[Measurement]) -> list[int]:
@@ -56,7 +56,7 @@ def splats_front(measurements: Sequence[Measurement]) -> list[int]:
     return _front(measurements, [math.nan if m.num_splats is None else m.num_splats for m in measurements])
 
 
-def fronts_of(measurements: Sequence[Measurement]) -> tuple[frozenset[int], frozenset[int]]:
+def pareto_fronts(measurements: Sequence[Measurement]) -> tuple[frozenset[int], frozenset[int]]:
     """Numbers of the measurements on the Pareto front of time, each tool having its own, and on that of splats."""
     time = frozenset(time_front(measurements, OWN)) | frozenset(time_front(measurements, PEER))
     return time, frozenset(splats_front(measurements))
@@ -76,7 +76,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Price:
+class CostAtPsnr:
     """What a PSNR (dB) costs: time of a frame (s) and splats, interpolated on the front; `setting` is the fastest of
     those measured that reach it; `peer` the peer's time. splats, peer: None where nothing with them was measured."""
 
@@ -94,11 +94,11 @@ class Price:
         return math.nan if self.peer.is_bound and self.time.is_bound else self.peer.value / self.time.value
 
 
-def prices(measurements: Sequence[Measurement]) -> list[Price]:
+def prices(measurements: Sequence[Measurement]) -> list[CostAtPsnr]:
     """One for every 5 dB as far as anything that was measured reaches."""
-    own = [m for m in measurements if tool_of(m) == OWN]
-    peers = [m for m in measurements if tool_of(m) == PEER]
-    return [_price(float(psnr), own, peers) for psnr in _levels(measurements)]
+    own = [m for m in measurements if program_of(m) == OWN]
+    peers = [m for m in measurements if program_of(m) == PEER]
+    return [_cost_at_psnr(float(psnr), own, peers) for psnr in _levels(measurements)]
 
 
 def _levels(measurements: Sequence[Measurement]) -> range:
@@ -109,10 +109,10 @@ def _levels(measurements: Sequence[Measurement]) -> range:
     return range(min(_FIRST_DB, highest), highest + 1, _STEP_DB)
 
 
-def _price(wanted: float, own: Sequence[Measurement], peers: Sequence[Measurement]) -> Price:
+def _cost_at_psnr(wanted: float, own: Sequence[Measurement], peers: Sequence[Measurement]) -> CostAtPsnr:
     with_splats = [(m, m.num_splats) for m in own if m.num_splats is not None]
     enough = [m for m in own if m.overall.everywhere.psnr >= wanted]
-    return Price(
+    return CostAtPsnr(
         wanted,
         _cost(own, [m.frame_seconds for m in own], wanted),
         _cost([m for m, _ in with_splats], [count for _, count in with_splats], wanted) if with_splats else None,
@@ -124,4 +124,4 @@ def _price(wanted: float, own: Sequence[Measurement], peers: Sequence[Measuremen
 def _cost(measurements: Sequence[Measurement], costs: Sequence[float], wanted: float) -> Cost:
     psnrs = [m.overall.everywhere.psnr for m in measurements]
     front = _front(measurements, costs)
-    return Cost(cost_at(psnrs, costs, wanted), bool(front) and psnrs[front[0]] > wanted)
+    return Cost(cost_at_psnr(psnrs, costs, wanted), bool(front) and psnrs[front[0]] > wanted)

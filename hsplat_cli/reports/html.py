@@ -1,7 +1,7 @@
 """What every page of the program shares: its frame, its colours, and pictures that are part of the file.
 
 A page is one file that loads nothing. Its colours follow the reader's choice of light or dark, those of its plots too:
-matplotlib draws with the light ones, and `svg_of` replaces each by the CSS variable of the same name.
+matplotlib draws with the light ones, and `figure_to_svg` replaces each by the CSS variable of the same name.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ PALETTE = {
     "series-7": ("#857a00", "#f0e442"),
     "series-8": ("#6b6f76", "#b4b7bb"),
 }
-LIGHT = {name: light for name, (light, _) in PALETTE.items()}
+LIGHT_PALETTE = {name: light for name, (light, _) in PALETTE.items()}
 
 _STYLE: dict[str, Any] = {
     "svg.fonttype": "none",  # text stays text: it can be searched, read aloud, and is small
@@ -50,20 +50,20 @@ _STYLE: dict[str, Any] = {
     "font.size": 10.0,
     "figure.facecolor": "none",
     "axes.facecolor": "none",
-    "axes.edgecolor": LIGHT["muted"],
-    "axes.labelcolor": LIGHT["ink"],
+    "axes.edgecolor": LIGHT_PALETTE["muted"],
+    "axes.labelcolor": LIGHT_PALETTE["ink"],
     "axes.titlesize": 11.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": LIGHT["line"],
+    "grid.color": LIGHT_PALETTE["line"],
     "grid.linewidth": 0.6,
-    "text.color": LIGHT["ink"],
-    "xtick.color": LIGHT["muted"],
-    "ytick.color": LIGHT["muted"],
-    "xtick.labelcolor": LIGHT["ink"],
-    "ytick.labelcolor": LIGHT["ink"],
+    "text.color": LIGHT_PALETTE["ink"],
+    "xtick.color": LIGHT_PALETTE["muted"],
+    "ytick.color": LIGHT_PALETTE["muted"],
+    "xtick.labelcolor": LIGHT_PALETTE["ink"],
+    "ytick.labelcolor": LIGHT_PALETTE["ink"],
     "legend.frameon": False,
 }
 
@@ -74,7 +74,7 @@ def require_page_packages() -> None:
         require_package(package, extra="measure")
 
 
-def page_of(template: str, *, title: str, **values: object) -> str:
+def render_page(template: str, *, title: str, **values: object) -> str:
     """The whole page of a template of this package, which extends `base.html`; every value is escaped but Markup.
 
     values: what the template asks for; asking for more is a jinja2.UndefinedError.
@@ -103,7 +103,7 @@ def plot_style() -> Iterator[None]:
         yield
 
 
-def svg_of(figure: Figure, *, name: str, alt: str) -> Markup:
+def figure_to_svg(figure: Figure, *, name: str, alt: str) -> Markup:
     """A figure as an `<svg>` element: the same bytes for the same figure, in the page's colours, as wide as its place.
 
     name: a word that is used once on the page; all ids begin with it. alt: what the figure shows, for those who cannot
@@ -120,7 +120,7 @@ def svg_of(figure: Figure, *, name: str, alt: str) -> Markup:
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL).replace("xlink:href", "href")
     body = re.sub(r'\bid="', f'id="{name}-', body)
     body = body.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")
-    for variable, color in LIGHT.items():
+    for variable, color in LIGHT_PALETTE.items():
         body = body.replace(color, f"var(--{variable})")
     return Markup(f'<svg {view_box} role="img" aria-label="{escape(alt)}">{body}')
 
@@ -130,14 +130,14 @@ def png_data_uri(pixels: npt.NDArray[np.uint8]) -> str:
     return f"data:image/png;base64,{base64.b64encode(encode_png(pixels)).decode('ascii')}"
 
 
-def facts_of(mapping: Mapping[str, Any]) -> list[tuple[str, str]]:
+def format_facts(mapping: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Name and text of each entry, for the list at the head of a page."""
-    return [(name.replace("_", " "), _fact(value)) for name, value in mapping.items()]
+    return [(name.replace("_", " "), _format_fact(value)) for name, value in mapping.items()]
 
 
-def _fact(value: object) -> str:
+def _format_fact(value: object) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_fact(item)}" for name, item in value.items())
+        return ", ".join(f"{name} {_format_fact(item)}" for name, item in value.items())
     if isinstance(value, (list, tuple, np.ndarray)):
-        return " x ".join(map(_fact, value))
+        return " x ".join(map(_format_fact, value))
     return "unknown" if value is None else str(value)

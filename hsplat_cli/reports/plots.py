@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports.costs import OWN, PEER, by_series, splats_front, time_front, tool_of
-from hsplat_cli.reports.html import LIGHT
+from hsplat_cli.reports.costs import OWN, PEER, group_by_series, program_of, splats_front, time_front
+from hsplat_cli.reports.html import LIGHT_PALETTE
 from renderer.study import METRICS, Measurement
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Float64 = npt.NDArray[np.float64]
 
-_COLORS = [LIGHT[f"series-{number}"] for number in range(1, 9)]
+_COLORS = [LIGHT_PALETTE[f"series-{number}"] for number in range(1, 9)]
 _MARKERS = "osD^vP<>"
 _PEER_MARKERS = "x+1234"
 _LABEL_PT = 8.5
@@ -64,7 +64,7 @@ def plottable(measurements: Sequence[Measurement], axis: Axis) -> list[int]:
     return [i for i, m in enumerate(measurements) if 0 < axis.of(m) < math.inf and math.isfinite(_psnr(m))]
 
 
-def trade_figure(measurements: Sequence[Measurement], axis: Axis) -> Figure:
+def tradeoff_figure(measurements: Sequence[Measurement], axis: Axis) -> Figure:
     """PSNR over cost: what is not `plottable` is left out; the points of the fronts bear their labels."""
     from matplotlib.figure import Figure
 
@@ -101,7 +101,7 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
         _finish(axes, TIME, f"{title}, {unit}" if unit else title, many_ticks=False)
         axes.set_title(
             f"{'higher' if metric.higher_is_better else 'lower'} is better",
-            color=LIGHT["muted"],
+            color=LIGHT_PALETTE["muted"],
             fontsize=_LABEL_PT,
             loc="right",
         )
@@ -110,10 +110,10 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
 
 
 def _draw_fronts(axes: Axes, measurements: Sequence[Measurement], axis: Axis, fronts: dict[str, list[int]]) -> None:
-    """Straight between its points, as `pareto.cost_at` interpolates: the logarithm of the cost over PSNR."""
+    """Straight between its points, as `pareto.cost_at_psnr` interpolates: the logarithm of the cost over PSNR."""
     styles: dict[str, dict[str, Any]] = {
-        OWN: {"color": LIGHT["front"], "linewidth": 9.0, "solid_capstyle": "round", "zorder": 1.0},
-        PEER: {"color": LIGHT["muted"], "linewidth": 1.4, "linestyle": "--", "zorder": 1.5},
+        OWN: {"color": LIGHT_PALETTE["front"], "linewidth": 9.0, "solid_capstyle": "round", "zorder": 1.0},
+        PEER: {"color": LIGHT_PALETTE["muted"], "linewidth": 1.4, "linestyle": "--", "zorder": 1.5},
     }
     names = {OWN: "Pareto front of hsplat", PEER: "front of VTK, between its settings"}
     for tool, front in fronts.items():
@@ -131,8 +131,8 @@ def _draw_series(
     with_spread: bool,
 ) -> None:
     styles = {OWN: _own_styles(), PEER: _peer_styles()}
-    for series, members in by_series(measurements).items():
-        style = next(styles[tool_of(measurements[members[0]])])
+    for series, members in group_by_series(measurements).items():
+        style = next(styles[program_of(measurements[members[0]])])
         name: str | None = series
         for curve in _curves(measurements, members):
             shown = [
@@ -176,7 +176,7 @@ def _peer_styles() -> Iterator[dict[str, Any]]:
     number = 0
     while True:
         yield {
-            "color": LIGHT["ink"],
+            "color": LIGHT_PALETTE["ink"],
             "marker": _PEER_MARKERS[number % len(_PEER_MARKERS)],
             "markersize": 7.0,
             "linewidth": 0.7,
@@ -236,7 +236,7 @@ def _label_points(
     """Beside each point of a front its label, where it covers as little as possible of all that is drawn."""
     scale = axes.figure.dpi / 72
     frame = axes.get_window_extent()
-    taken = _drawn_px(axes, measurements, axis, fronts, shown)
+    taken = _drawn_points_px(axes, measurements, axis, fronts, shown)
     for tool, front in fronts.items():
         for i, text in zip(front, short_labels([measurements[i].setting.label for i in front])[1], strict=True):
             size = np.array([0.56 * _LABEL_PT * len(text), 0.9 * _LABEL_PT]) * scale
@@ -250,7 +250,7 @@ def _label_points(
                 ha="center",
                 va="center",
                 fontsize=_LABEL_PT,
-                color=LIGHT["ink" if tool == OWN else "muted"],
+                color=LIGHT_PALETTE["ink" if tool == OWN else "muted"],
                 zorder=5,
             )
             columns, rows = np.meshgrid(*(np.linspace(-0.5, 0.5, 8)[:, None] * size).T)
@@ -258,18 +258,18 @@ def _label_points(
             taken = np.concatenate([taken, np.repeat(best + np.stack([columns, rows], -1).reshape(-1, 2), 4, axis=0)])
 
 
-def _drawn_px(
+def _drawn_points_px(
     axes: Axes, measurements: Sequence[Measurement], axis: Axis, fronts: dict[str, list[int]], shown: Sequence[int]
 ) -> Float64:
     """Float64 [n, 2]: pixels along the curves of series and fronts and along the bars."""
-    curves = [curve for members in by_series(measurements).values() for curve in _curves(measurements, members)]
+    curves = [curve for members in group_by_series(measurements).values() for curve in _curves(measurements, members)]
     lines = [
         [(axis.of(measurements[i]), _psnr(measurements[i])) for i in line if i in shown]
         for line in (*curves, *fronts.values())
     ]
     if axis.spread:
         lines += [[(cost, _psnr(measurements[i])) for cost in axis.spread(measurements[i])] for i in shown]
-    return np.concatenate([_along(axes.transData.transform(line)) for line in lines if line])
+    return np.concatenate([_sample_polyline(axes.transData.transform(line)) for line in lines if line])
 
 
 def _offsets(size: Float64, scale: float) -> list[Float64]:
@@ -286,7 +286,7 @@ def _num_covered(taken: Float64, center: Float64, size: Float64) -> int:
     return int(np.sum(np.all(np.abs(taken - center) <= size / 2, axis=1)))
 
 
-def _along(points: Float64) -> Float64:
+def _sample_polyline(points: Float64) -> Float64:
     """Float64 [n, 2]: points about 2 px apart on the line through some [m, 2], and these themselves several times."""
     parts = [np.repeat(points, 4, axis=0)]
     for start, end in itertools.pairwise(points):

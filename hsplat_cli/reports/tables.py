@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from hsplat_cli.reports.costs import by_series, cells_title, fronts_of, has_bricks, has_splats
-from hsplat_cli.reports.numbers import bytes_text, metric_text, ms_text, short_count_text
+from hsplat_cli.reports.costs import cells_title, group_by_series, has_bricks, has_splats, pareto_fronts
+from hsplat_cli.reports.number_format import bytes_text, metric_text, ms_text, short_count_text
 from renderer.study import METRICS, Accuracy, Measurement, Metric, Sample, Study, TruthRecord
 
 FORMAT = 1
 TERMINAL_COLUMNS = 120
 
 _GAP = "  "
-_NULL_MEANS = (
+_NULL_MEANING = (
     "what is not defined, not known or infinite; a psnr is infinite where the rmse is 0, "
     "num_cells, num_splats and pyramid_seconds are null for a program that has none, num_splats for bricks, "
     "which num_cells counts"
@@ -63,12 +63,12 @@ def terminal_table(study: Study) -> str:
     """
     measurements = study.measurements
     columns = _terminal_columns(measurements)
-    time, splats = fronts_of(measurements)
+    time, splats = pareto_fronts(measurements)
     marks = [f"{'T' if i in time else ' '} {'S' if i in splats else ' '}" for i in range(len(measurements))]
     texts = [[column.text(m) for column in columns] for m in measurements]
     widths = [max(map(len, [*column.heading, *(row[k] for row in texts)])) for k, column in enumerate(columns)]
     room = TERMINAL_COLUMNS - sum(width + len(_GAP) for width in widths) - len(_GAP) - len("front")
-    labels = [_fitted(f"{_GAP}{m.setting.label}", room) for m in measurements]
+    labels = [_truncate(f"{_GAP}{m.setting.label}", room) for m in measurements]
     label_width = max(map(len, ["setting", *labels]))
 
     def line(label: str, cells: Iterable[str], mark: str) -> str:
@@ -77,8 +77,8 @@ def terminal_table(study: Study) -> str:
 
     above, headings = zip(*(column.heading for column in columns), strict=True)
     lines = [line("", above, ""), line("setting", headings, "front")]
-    for series, members in by_series(measurements).items():
-        lines.append(_fitted(series, TERMINAL_COLUMNS))
+    for series, members in group_by_series(measurements).items():
+        lines.append(_truncate(series, TERMINAL_COLUMNS))
         lines += [line(labels[i], texts[i], marks[i]) for i in members]
     legend = "T: no other setting of the same program is as fast and as exact."
     lines.append(f"{legend} S: none is with as few splats." if splats else legend)
@@ -93,7 +93,7 @@ def _terminal_columns(measurements: Sequence[Measurement]) -> list[_Column]:
     return [cells, *splats, *_COLUMNS]
 
 
-def _fitted(text: str, width: int) -> str:
+def _truncate(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
@@ -109,7 +109,7 @@ def csv_text(study: Study) -> str:
     their value to the last digit, `nan` and `inf` included; what does not exist is empty. The fronts are those of the
     measurement, over all its frames.
     """
-    time, splats = fronts_of(study.measurements)
+    time, splats = pareto_fronts(study.measurements)
     rows = [
         _identity(m, sample)
         | {"on_time_front": number in time, "on_splats_front": number in splats}
@@ -191,11 +191,11 @@ def _csv_value(value: object) -> object:
 
 def json_text(study: Study, *, date: str) -> str:
     """Everything of the study but its pictures; seconds, bytes and dB. `null_means` says what a null stands for."""
-    time, splats = fronts_of(study.measurements)
+    time, splats = pareto_fronts(study.measurements)
     record = {
         "format": FORMAT,
         "date": date,
-        "null_means": _NULL_MEANS,
+        "null_means": _NULL_MEANING,
         "scene": study.scene,
         "volume": study.volume,
         "machine": study.machine,

@@ -1,9 +1,9 @@
 from .film_arguments import (
-    FILM_NAMES as FILM_NAMES,
+    FILM_OPTION_NAMES as FILM_OPTION_NAMES,
     as_arguments as as_arguments,
     default_output as default_output,
-    film_of as film_of,
     film_options as film_options,
+    make_film_options as make_film_options,
 )
 from .inputs import files_of as files_of, require_no_input as require_no_input
 from .job import Job as Job, load_job as load_job
@@ -15,18 +15,22 @@ from .scene_text import (
     transfer_lines as transfer_lines,
     volume_file as volume_file,
 )
-from .shrinking import guard as guard, read_guarded as read_guarded
 from .sidecar_file import (
     Original as Original,
     Sidecar as Sidecar,
     is_shallow as is_shallow,
-    load_object as load_object,
-    sidecar_in as sidecar_in,
+    load_json_object as load_json_object,
+    parse_sidecar as parse_sidecar,
 )
 from .suggested_scene import (
     SuggestedScene as SuggestedScene,
     require_colormap as require_colormap,
     suggest_scene as suggest_scene,
 )
-from .volume_arguments import read_as_told as read_as_told, volume_options as volume_options, volume_spec as volume_spec
+from .truncation_guard import guard_mapping as guard_mapping, read_volume_guarded as read_volume_guarded
+from .volume_arguments import (
+    read_with_options as read_with_options,
+    volume_options as volume_options,
+    volume_spec as volume_spec,
+)
 from .volume_names import Named as Named, base_name as base_name, expand as expand, named as named

@@ -14,8 +14,8 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 _DEFAULT = FilmOptions()
 
-# Options that `film_of` takes.
-FILM_NAMES = ("frames", "size", "elevation", "axis", "fps", "background", "tolerance")
+# Options that `make_film_options` takes.
+FILM_OPTION_NAMES = ("frames", "size", "elevation", "axis", "fps", "background", "tolerance")
 
 
 def _size(_context: click.Context, _parameter: click.Parameter, text: str) -> tuple[int, int]:
@@ -73,7 +73,7 @@ def film_options(command: _Command) -> _Command:
     return command
 
 
-def film_of(
+def make_film_options(
     *,
     frames: int,
     size: tuple[int, int],

@@ -10,25 +10,25 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hsplat_cli.scenes.inputs import files_of, require_no_input
-from hsplat_cli.scenes.sidecar_file import Original, Sidecar, sidecar_in
+from hsplat_cli.scenes.sidecar_file import Original, Sidecar, parse_sidecar
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film import film_beside, picture_files, sidecar_path
+from renderer.film import film_path_of_sidecar, picture_files, sidecar_path
 from renderer.scene import (
     Editor,
     Scene,
     Tree,
-    is_met_as_a_whole,
+    is_film_wide_goal,
     is_same_file,
+    parse_scene_content,
     read_content,
-    scene_in,
     schedule_to_dict,
-    splats_as_asked,
+    splat_section_without_defaults,
     tolerance_at,
 )
 
 # What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
-_MOVED = {
+_MOVED_FILE_HINTS = {
     "volume.file": "if it was moved, --volume names it",
     "volume.raw.file": "if it was moved, --set volume.raw.file=FILE names it",
 }
@@ -63,9 +63,9 @@ def load_job(
     """
     content = read_content(path)
     still = is_one_frame(frames)
-    sidecar = sidecar_in(content, path)
+    sidecar = parse_sidecar(content, path)
     if sidecar is None:
-        scene = scene_in(content, path, overrides=overrides, volume=volume, output=output, still=still)
+        scene = parse_scene_content(content, path, overrides=overrides, volume=volume, output=output, still=still)
         picked = parse_frames(frames, scene.camera.path.frames)
         if draws != "nothing":
             _require_no_input(path, scene, picked, sidecar_path(scene, picked))
@@ -76,7 +76,7 @@ def load_job(
     _require_in_path(sidecar, scene)
     recorded = None if frames is not None and _has_whole_schedule(sidecar, editor) else sidecar.frames
     picked = parse_frames(frames, scene.camera.path.frames, recorded)
-    is_changed = any(key not in ("output.file", *_MOVED) for key in editor.changed)
+    is_changed = any(key not in ("output.file", *_MOVED_FILE_HINTS) for key in editor.changed)
     is_beside = is_same_file(path, sidecar_path(scene, picked))
     is_elsewhere = ("output.file" in editor.changed or "output" in editor.changed) and not is_beside
     is_whole = [*picked] == [*sidecar.frames]
@@ -89,9 +89,9 @@ def load_job(
     if draws != "nothing":
         _require_no_input(path, scene, picked, *([] if is_beside else [sidecar_path(scene, picked)]))
     original, asked = sidecar.original, sidecar.original.asked or scene.error
-    if is_changed or not _is_as_drawn(sidecar, scene):
-        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}, made_with={}))
-    if not is_whole and is_met_as_a_whole(asked):
+    if is_changed or not _has_recorded_tolerances(sidecar, scene):
+        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}, tool_versions={}))
+    if not is_whole and is_film_wide_goal(asked):
         return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}))
     return Job(scene, picked, schedule_to_dict(asked), original)
 
@@ -101,7 +101,7 @@ def _require_no_input(path: Path, scene: Scene, frames: Sequence[int], *sidecar:
     require_no_input(chain(picture_files(scene.output, frames), sidecar), chain([path], files_of(scene.volume)))
 
 
-def _is_as_drawn(sidecar: Sidecar, scene: Scene) -> bool:
+def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:
     """Whether the recorded scene has the tolerances at which the frames were drawn, and not others put in by hand."""
     drawn = zip(sidecar.frames, sidecar.tolerances, strict=True)
     return scene.error.goal is None and all(tolerance_at(scene.error, frame) == told for frame, told in drawn)
@@ -119,11 +119,11 @@ def _editor(sidecar: Sidecar) -> Editor:
     scene, path = sidecar.scene, sidecar.original.path
     output = scene.get("output")
     if isinstance(output, dict) and isinstance(output.get("file"), str):
-        output["file"] = str(film_beside(path, Path(output["file"])))
+        output["file"] = str(film_path_of_sidecar(path, Path(output["file"])))
     splat = scene.get("splat")
     if isinstance(splat, dict):  # so that --set may name another footprint
-        scene["splat"] = splats_as_asked(splat)
-    return Editor(Tree(scene), path, within="scene", hints=_MOVED)
+        scene["splat"] = splat_section_without_defaults(splat)
+    return Editor(Tree(scene), path, within="scene", hints=_MOVED_FILE_HINTS)
 
 
 def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:

@@ -18,7 +18,7 @@ class Plan:
 
     shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
     is_unfinished: finer passes are to follow.
-    by_clock: its tolerances depend on how quick the machine was.
+    is_timing_dependent: its tolerances depend on how quick the machine was.
     found: what the search for an accuracy came to.
     """
 
@@ -26,5 +26,5 @@ class Plan:
     guide: Guide | None = None
     shortfall: RenderError | None = None
     is_unfinished: bool = False
-    by_clock: bool = False
+    is_timing_dependent: bool = False
     found: Found | None = None

@@ -17,7 +17,7 @@ from renderer.scene import (
     ShadingSpec,
     TransferSpec,
     VolumeSpec,
-    read_tree,
+    parse_yaml,
 )
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Where comments begin, if the line is not longer.
 _COMMENT_COLUMN = 30
 # The last characters of Latin 1 and of the basic plane.
-_LATIN, _BASIC = 0xFF, 0xFFFF
+_MAX_LATIN_1, _MAX_BMP = 0xFF, 0xFFFF
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def _splat_lines(suggestion: Suggestion) -> Iterator[str]:
         yield "# those of all numbers between its own and its neighbour's. Where labels to look through have blurred"
         yield "# edges, a smaller tolerance makes them sharp."
         yield f"splat: {{footprint: {suggestion.splat.footprint}}}"
-    elif suggestion.are_names:
+    elif suggestion.is_categorical:
         yield ""
         yield "# The skin of a label has the colours of all numbers between its own and its neighbour's, for what is"
         yield "# interpolated are numbers. `splat: {footprint: gaussian}` gives each voxel its own colour, but takes"
@@ -222,7 +222,7 @@ def quoted(text: str | Path) -> str:
 
 def _reads_as(yaml_text: str, expected: str) -> bool:
     try:
-        return bool(read_tree(f"key: {yaml_text}").data == {"key": expected})
+        return bool(parse_yaml(f"key: {yaml_text}").data == {"key": expected})
     except NotYamlError:
         return False
 
@@ -233,9 +233,9 @@ def _escaped(char: str) -> str:
     if char == " " or char.isprintable():
         return char
     code = ord(char)
-    if code <= _LATIN:
+    if code <= _MAX_LATIN_1:
         return f"\\x{code:02x}"
-    return f"\\u{code:04x}" if code <= _BASIC else f"\\U{code:08x}"
+    return f"\\u{code:04x}" if code <= _MAX_BMP else f"\\U{code:08x}"
 
 
 def plain_text(text: str) -> str:

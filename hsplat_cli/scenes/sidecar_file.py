@@ -48,15 +48,15 @@ class Original:
     fingerprint: of the film's volume.
     asked: how exact the film was to be, as a section `error` says it; None where it is not told.
     told: what else its schedule's record says, but for what a new film has its own of.
-    made_with: the versions of what made it by their names, the OpenGL as `GL`, the digest of what drew as `sources`.
-    cause: the mark of what its frames depended on; None where it is not told.
+    tool_versions: the versions of what made it by their names, the OpenGL as `GL`, the digest of what drew as
+    `sources`. cause: the mark of what its frames depended on; None where it is not told.
     """
 
     path: Path
     fingerprint: str
     asked: ErrorSpec | None
     told: Mapping[str, Any]
-    made_with: Mapping[str, Any]
+    tool_versions: Mapping[str, Any]
     cause: str | None
 
 
@@ -75,18 +75,18 @@ class Sidecar:
     problems: tuple[Problem, ...]
 
 
-def sidecar_in(content: bytes, path: Path) -> Sidecar | None:
+def parse_sidecar(content: bytes, path: Path) -> Sidecar | None:
     """The sidecar in the content of a file, or None if it is none: its mark is an object with the key `scene`.
 
     Raises InputError, or SceneError with what is wrong, where there is not even a scene in it.
     """
     if not may_be_json(content):
         return None
-    is_marked = _BEGINNING.match(content) is not None
+    is_marked = _SIDECAR_START.match(content) is not None
     if len(content) > MAX_SIDECAR_BYTES:
         raise InputError("too large for a sidecar", where=str(path), expected=f"at most {MAX_SIDECAR_BYTES} bytes")
     try:
-        data = load_object(decode(content, path), path)
+        data = load_json_object(decode(content, path), path)
     except InputError:
         if is_marked:
             raise
@@ -94,14 +94,14 @@ def sidecar_in(content: bytes, path: Path) -> Sidecar | None:
     return _read(data, path) if "scene" in data else None
 
 
-_BEGINNING = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"scene"\s*:')
+_SIDECAR_START = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"scene"\s*:')
 
 
 # JSON
 
 
 @dataclass(frozen=True)
-class _Refused:
+class _RejectedValue:
     """Stands in the data for what should not be there; with a key, for the object that has it."""
 
     what: str
@@ -109,29 +109,29 @@ class _Refused:
     key: str | None = None
 
 
-def load_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[str, Any]:
+def load_json_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[str, Any]:
     """The object in a text that begins with a brace, without what JSON does not have and keys that are there twice.
 
     kind: of the file, for messages. Raises InputError, or SceneError with all that is refused.
     """
-    refused: list[_Refused] = []
+    refused: list[_RejectedValue] = []
 
-    def refuse(what: str, got: str | None = None, key: str | None = None) -> _Refused:
-        refused.append(_Refused(what, got, key))
+    def refuse(what: str, got: str | None = None, key: str | None = None) -> _RejectedValue:
+        refused.append(_RejectedValue(what, got, key))
         return refused[-1]
 
-    def make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any] | _Refused:
+    def make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any] | _RejectedValue:
         found = dict(pairs)
         if len(found) == len(pairs):
             return found
         ordered = sorted(key for key, _ in pairs)
         return refuse("the same key twice", key=next(key for key, other in pairwise(ordered) if key == other))
 
-    def make_float(digits: str) -> float | _Refused:
+    def make_float(digits: str) -> float | _RejectedValue:
         number = float(digits)
         return refuse("not a finite number", got=show(digits)) if math.isinf(number) else number
 
-    def make_integer(digits: str) -> int | float | _Refused:
+    def make_integer(digits: str) -> int | float | _RejectedValue:
         return int(digits) if len(digits) < _MOST_DIGITS else make_float(digits)
 
     try:
@@ -166,7 +166,7 @@ def _problems_in(data: object) -> Iterator[Problem]:
     left: list[tuple[str, object]] = [("", data)]
     while left:
         path, item = left.pop()
-        if isinstance(item, _Refused):
+        if isinstance(item, _RejectedValue):
             yield Problem(path if item.key is None else join(path, item.key), item.what, got=item.got)
         elif isinstance(item, dict):
             left += [(join(path, key), value) for key, value in reversed(item.items())]
@@ -190,21 +190,21 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
         fingerprint=given["volume"],
         asked=schedule.get("asked"),
         told={key: value for key, value in schedule.items() if key not in _OWN},
-        made_with=given.get("versions", {})
+        tool_versions=given.get("versions", {})
         | ({"GL": given["gl"]} if "gl" in given else {})
-        | _sources_in(data.get("cause")),
-        cause=_mark_in(data.get("cause")),
+        | _recorded_sources(data.get("cause")),
+        cause=_frames_fingerprint_in(data.get("cause")),
     )
     tolerances = () if problems else tuple(record.get("tolerance") for record in data["frames"])
     return Sidecar(given["scene"], given["frames"], tolerances, original, tuple(problems))
 
 
-def _mark_in(cause: Any) -> str | None:
+def _frames_fingerprint_in(cause: Any) -> str | None:
     mark = cause.get("frames") if isinstance(cause, dict) else None
     return mark if isinstance(mark, str) else None
 
 
-def _sources_in(cause: Any) -> dict[str, str]:
+def _recorded_sources(cause: Any) -> dict[str, str]:
     of = cause.get("of") if isinstance(cause, dict) else None
     sources = of.get("sources") if isinstance(of, dict) else None
     return {"sources": sources} if isinstance(sources, str) else {}

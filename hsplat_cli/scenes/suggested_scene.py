@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hsplat_cli.scenes.scene_text import FilmOptions, scene_text
-from hsplat_cli.scenes.volume_arguments import read_as_told
+from hsplat_cli.scenes.volume_arguments import read_with_options
 from renderer.errors import InputError, SceneError
 from renderer.scene import (
     VolumeSpec,
     extent_of,
     is_colormap,
     nearest_colormap,
-    require_proportion,
-    scene_in,
+    parse_scene_content,
+    raise_problems,
     show,
     volume_problems,
 )
@@ -84,9 +84,9 @@ def suggest_scene(
     cannot be in a scene.
     """
     require_colormap(colormap)
-    tried = _try(volume, colormap)
+    tried = _attempt(volume, colormap)
     if hides_nonfinite and tried.unseen is not None:
-        other = _try(replace(volume, nonfinite=tried.unseen), colormap)
+        other = _attempt(replace(volume, nonfinite=tried.unseen), colormap)
         # That is another volume, in which the value may show against all expectation.
         if tried.shows or not other.shows:
             tried = other
@@ -105,7 +105,7 @@ def suggest_scene(
 
 
 @dataclass(frozen=True)
-class _Tried:
+class _Attempt:
     """What comes of a volume, whose voxels are in memory no longer.
 
     unseen: the value to try for NaN and infinities, or None. shows: whether what they are now is seen. nonfinite: as in
@@ -120,27 +120,27 @@ class _Tried:
     nonfinite: str | None = None
 
 
-def _try(volume: VolumeSpec, colormap: str | None) -> _Tried:
+def _attempt(volume: VolumeSpec, colormap: str | None) -> _Attempt:
     import numpy as np
 
-    from renderer.suggest import measure, suggest, unseen_value
-    from renderer.transfer import make_transfer
+    from renderer.suggest import measure, suggest, suggest_nonfinite_fill
+    from renderer.transfer import make_transfer_function
 
-    read = read_as_told(volume)
-    require_proportion(volume_problems(extent_of(read), read.name))
+    read = read_with_options(volume)
+    raise_problems(volume_problems(extent_of(read), read.name))
     statistics = measure(read.values, read.source)
-    tried = _Tried(volume, suggest(read, statistics, colormap), read.values.dtype.kind == "f")
+    tried = _Attempt(volume, suggest(read, statistics, colormap), read.values.dtype.kind == "f")
     if not read.num_nonfinite:
         return tried
     is_lowest = volume.nonfinite == "lowest"
-    transfer = make_transfer(tried.suggestion.transfer, read.finest_spacing)
+    transfer = make_transfer_function(tried.suggestion.transfer, read.finest_spacing)
     shows = bool(transfer.classify(np.array([read.stand_in]))[1][0] > 0)
     told = (
         f"{read.num_nonfinite} of {read.values.size} voxels are NaN or infinite; they are drawn as "
         f"{'the lowest value, ' if is_lowest else ''}{read.stand_in:.7g}, which "
         f"{'can be seen' if shows else 'is not seen'}"
     )
-    unseen = unseen_value(read, statistics) if is_lowest else None
+    unseen = suggest_nonfinite_fill(read, statistics) if is_lowest else None
     return replace(tried, unseen=unseen, shows=shows, nonfinite=told)
 
 
@@ -148,7 +148,7 @@ def _check(text: str, scene: Path) -> None:
     """Raise SceneError for values that cannot be in a scene, such as odd sizes of an MP4, with the options that they
     came from. Nothing has been written yet, so that there is no line to show."""
     try:
-        scene_in(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
+        parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
     except SceneError as error:
         raise SceneError(
             [

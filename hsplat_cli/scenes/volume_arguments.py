@@ -12,7 +12,7 @@ import click
 
 from renderer.errors import InputError
 from renderer.readers import UnknownFormatError
-from renderer.scene import LONGEST, SHORTEST, FileSource, RawSource, VolumeSpec
+from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, FileSource, RawSource, VolumeSpec
 
 if TYPE_CHECKING:
     from renderer.volume import Volume
@@ -25,7 +25,7 @@ _KEY = re.compile(r"`(time|component|nonfinite|spacing)(?:: ([^`]*))?`")
 _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
 
-def _three(
+def _three_numbers(
     kind: type[int] | type[float], example: str, least: float = 0.0, most: float = math.inf
 ) -> Callable[[click.Context, click.Parameter, str | None], Any]:
     """A callback that makes three positive numbers, in a range, of `128,96,114`, or `128x96x114` as sizes have it."""
@@ -78,13 +78,13 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[_Command], _
         click.option(
             "--spacing",
             metavar="X,Y,Z",
-            callback=_three(float, "0.1,0.1,0.5", SHORTEST, LONGEST),
+            callback=_three_numbers(float, "0.1,0.1,0.5", MIN_WORLD_LENGTH, MAX_WORLD_LENGTH),
             help="Lengths of a voxel, in place of what the file says.",
         ),
         click.option(
             "--shape",
             metavar="X,Y,Z",
-            callback=_three(int, "128,96,114"),
+            callback=_three_numbers(int, "128,96,114"),
             help="Read a headerless file of this shape; needs --dtype.",
         ),
         click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),
@@ -138,13 +138,13 @@ def volume_spec(
     return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=instead)
 
 
-def read_as_told(volume: VolumeSpec) -> Volume:
+def read_with_options(volume: VolumeSpec) -> Volume:
     """The volume that the options ask for; what there is to say of how it was read is said. Raises InputError, with
     hints about these options, not a scene."""
-    from hsplat_cli.scenes.shrinking import read_guarded
+    from hsplat_cli.scenes.truncation_guard import read_volume_guarded
 
     try:
-        read = read_guarded(volume)
+        read = read_volume_guarded(volume)
     except UnknownFormatError as error:
         raise InputError(
             error.what,

@@ -99,7 +99,7 @@ def named(volumes: Sequence[Path]) -> list[Named]:
     alike: dict[str, list[Path]] = {}
     for volume in volumes:
         alike.setdefault(base_name(volume).lower(), []).append(volume)
-    form = {base: _telling_form(group) for base, group in alike.items()}
+    form = {base: _distinguishing_form(group) for base, group in alike.items()}
     taken: set[str] = set()
     result = []
     for volume in volumes:
@@ -113,7 +113,7 @@ def named(volumes: Sequence[Path]) -> list[Named]:
     return result
 
 
-def _telling_form(group: Sequence[Path]) -> Callable[[Path], str]:
+def _distinguishing_form(group: Sequence[Path]) -> Callable[[Path], str]:
     """The first way to name volumes that tells these apart."""
     forms = (base_name, _with_folder, _with_ending, _with_both)
     return next((form for form in forms if len({form(volume).lower() for volume in group}) == len(group)), _with_folder)

@@ -1,11 +1,11 @@
 from .cores import num_cores as num_cores
-from .counts import counted as counted, counted_span as counted_span, first_few as first_few
+from .counts import counted as counted, first_few as first_few, pluralize_range as pluralize_range
 from .duration import parse_duration as parse_duration
-from .first_run import tell_first_run as tell_first_run
+from .first_run import report_first_run as report_first_run
 from .frame_range import is_one_frame as is_one_frame, parse_frames as parse_frames
 from .interrupts import (
     deferrable_interrupts as deferrable_interrupts,
-    terminated_as_interrupted as terminated_as_interrupted,
+    sigterm_as_interrupt as sigterm_as_interrupt,
 )
 from .machine import PeakMemory as PeakMemory, describe_machine as describe_machine
 from .output_path import OutputPath as OutputPath

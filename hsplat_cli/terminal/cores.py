@@ -6,7 +6,7 @@ import math
 import os
 from pathlib import Path
 
-_GROUPS, _OWN = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+_CGROUP_ROOT, _OWN = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 
 def num_cores() -> int:
@@ -15,7 +15,7 @@ def num_cores() -> int:
     return max(1, math.ceil(min(allowed, _quota())))
 
 
-def _quota(groups: Path = _GROUPS, own: Path = _OWN) -> float:
+def _quota(groups: Path = _CGROUP_ROOT, own: Path = _OWN) -> float:
     """Processors' worth of time, by Linux' control groups (cgroups(7)); infinite where nothing limits it.
 
     A group has no more than those that it is in. In a container its own is usually the root of what can be seen, and
@@ -31,10 +31,10 @@ def _quota(groups: Path = _GROUPS, own: Path = _OWN) -> float:
             root = groups / "cpu" if controllers else groups
             inner = root / path.lstrip("/")
             folders.update(folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))
-    return min(map(_quota_of, folders))
+    return min(map(_group_quota, folders))
 
 
-def _quota_of(group: Path) -> float:
+def _group_quota(group: Path) -> float:
     """That of one group, by whichever version it has files of."""
     try:
         if (group / "cpu.max").exists():

@@ -10,7 +10,7 @@ def counted(num: int, one: str) -> str:
     return f"{num} {one if num == 1 else f'{one}s'}"
 
 
-def counted_span(nums: Sequence[int], one: str) -> str:
+def pluralize_range(nums: Sequence[int], one: str) -> str:
     """`190 bricks`, or `1 to 3 bricks`, from the smallest to the largest."""
     low, high = min(nums), max(nums)
     return counted(high, one) if low == high else f"{low} to {counted(high, one)}"

@@ -8,9 +8,9 @@ from renderer.errors import InputError
 from renderer.scene import show
 
 _NUMBER = r"(\d+(?:\.\d*)?)"
-_LAST_ALONE_HAS_A_FRACTION = r"(?!.*\..*[hms].)"
+_FRACTION_ONLY_IN_LAST_PART = r"(?!.*\..*[hms].)"
 _PARTS = f"(?=.)(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?"
-_DURATION = re.compile(f"{_LAST_ALONE_HAS_A_FRACTION}{_PARTS}|{_NUMBER}", re.ASCII)
+_DURATION = re.compile(f"{_FRACTION_ONLY_IN_LAST_PART}{_PARTS}|{_NUMBER}", re.ASCII)
 _MOST_DIGITS = 9
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import click
 
 
-def tell_first_run(*, quiet: bool) -> None:
+def report_first_run(*, quiet: bool) -> None:
     """Say on the standard error stream that kernels are going to be compiled, if they are."""
-    from renderer.jit import has_compiled_before
+    from renderer.jit import has_cached_kernels
 
-    if not (quiet or has_compiled_before()):
+    if not (quiet or has_cached_kernels()):
         click.echo("compiling for this machine: the first run takes some seconds longer", err=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 
 @contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
+def sigterm_as_interrupt() -> Iterator[None]:
     """SIGTERM, as batch systems send it, unwinds like Ctrl-C, so that nothing unfinished is left."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:

@@ -9,7 +9,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.terminal.versions import MEASURING, commit, package_versions
+from hsplat_cli.terminal.versions import MEASURING_PACKAGES, commit, package_versions
 
 
 def describe_machine(driver: str) -> dict[str, Any]:
@@ -20,7 +20,7 @@ def describe_machine(driver: str) -> dict[str, Any]:
         "system": platform.platform(),
         "driver": driver,
         "commit": commit(),
-        "versions": package_versions(*MEASURING),
+        "versions": package_versions(*MEASURING_PACKAGES),
     }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from renderer.errors import InputError
-from renderer.scene import NO_HOME, in_no_home
+from renderer.scene import TILDE_HINT, has_unexpanded_tilde
 
 
 class OutputPath(click.Path):
@@ -20,8 +20,8 @@ class OutputPath(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path; raises InputError for one in a folder `~`."""
-        if in_no_home(str(value)):
+        if has_unexpanded_tilde(str(value)):
             name = "" if param is None else max(param.opts, key=len)
             where = name if name.startswith("-") else name.upper()
-            raise InputError("a folder named ~", where=where, got=str(value), hint=NO_HOME)
+            raise InputError("a folder named ~", where=where, got=str(value), hint=TILDE_HINT)
         return super().convert(value, param, ctx)

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 # A line is due after this part of the work or this time, whichever comes first, but never sooner than the least time:
 # a short film prints a few lines, a long one does not look dead, and neither floods a log.
-_LINE_EVERY_PART = 0.1
-_LINE_EVERY_S = 60.0
-_LINE_AT_LEAST_S = 2.0
+_LINE_EVERY_FRACTION = 0.1
+_MAX_LINE_INTERVAL_S = 60.0
+_MIN_LINE_INTERVAL_S = 2.0
 
 # Of work of unequal steps the bar shows the part that is done; a number of steps a second would mean nothing.
-_BAR_OF_WORK = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
+_WEIGHTED_BAR_FORMAT = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
 
 
 class Progress(Protocol):
@@ -36,7 +36,7 @@ def progress(steps: int | Sequence[float], *, label: str, quiet: bool, unit: str
         not negative and in any unit, by which the time remaining is told. unit: what a step is, in the plural.
     """
     if quiet:
-        yield _Silence()
+        yield _SilentProgress()
     elif sys.stderr.isatty():
         # Imported only where a bar is drawn: a plain log does not need it.
         from tqdm import tqdm
@@ -47,14 +47,14 @@ def progress(steps: int | Sequence[float], *, label: str, quiet: bool, unit: str
         else:
             # Without smoothing: the rate of the last steps tells little where each is of another kind.
             with tqdm(
-                total=sum(steps), bar_format=_BAR_OF_WORK, smoothing=0, file=sys.stderr, dynamic_ncols=True
+                total=sum(steps), bar_format=_WEIGHTED_BAR_FORMAT, smoothing=0, file=sys.stderr, dynamic_ncols=True
             ) as bar:
-                yield _BarOfWork(bar, steps, label, unit)
+                yield _WeightedBar(bar, steps, label, unit)
     else:
         yield Lines(steps, label, sys.stderr, time.monotonic, unit)
 
 
-class _Silence:
+class _SilentProgress:
     def advance(self, note: str = "") -> None:
         pass
 
@@ -68,7 +68,7 @@ class _Bar:
         self._bar.update()
 
 
-class _BarOfWork:
+class _WeightedBar:
     def __init__(self, bar: tqdm[Any], work: Sequence[float], label: str, unit: str) -> None:
         self._bar, self._work, self._label, self._unit = bar, work, label, unit
         self._done = 0
@@ -132,7 +132,7 @@ class Lines:
             return True
         waited = now - self._time_of_line
         part = (self._done_work - self._work_at_line) / max(self._total_work, 1e-9)
-        return waited >= _LINE_AT_LEAST_S and (part >= _LINE_EVERY_PART or waited >= _LINE_EVERY_S)
+        return waited >= _MIN_LINE_INTERVAL_S and (part >= _LINE_EVERY_FRACTION or waited >= _MAX_LINE_INTERVAL_S)
 
 
 def duration(seconds: float) -> str:

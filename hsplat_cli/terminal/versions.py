@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 
 # What the pixels or the files depend on, and what measured numbers do besides.
-MEASURING = ("flip-evaluator", "scikit-image", "vtk")
+MEASURING_PACKAGES = ("flip-evaluator", "scikit-image", "vtk")
 _PACKAGES = ("hsplat", "imageio-ffmpeg", "llvmlite", "moderngl", "nibabel", "numba", "numpy", "SimpleITK")
 
 _ROOT = Path(__file__).resolve().parents[2]

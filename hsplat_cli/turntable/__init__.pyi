@@ -1,3 +1,7 @@
 from .batch import run_batch as run_batch
-from .report import BRIEFLY_S as BRIEFLY_S, INTERRUPTED as INTERRUPTED, write_report as write_report
-from .single import Order as Order, make_film as make_film, tell_result as tell_result
+from .manifest import (
+    INTERRUPTED as INTERRUPTED,
+    SHORT_LOCK_TIMEOUT_S as SHORT_LOCK_TIMEOUT_S,
+    update_manifest as update_manifest,
+)
+from .one_film import Order as Order, make_film as make_film, print_film_record as print_film_record

@@ -17,17 +17,26 @@ from typing import Any
 
 import click
 
-from hsplat_cli.executors import Lifeline
+from hsplat_cli.executors import ChildProcesses
 from hsplat_cli.scenes import as_arguments, volume_file
 from hsplat_cli.terminal import counted
-from hsplat_cli.turntable.report import BRIEFLY_S, DONE, FILE, INTERRUPTED, NOT_BEGUN, Record, table, write_report
-from hsplat_cli.turntable.single import Order
+from hsplat_cli.turntable.manifest import (
+    DONE,
+    FILE,
+    INTERRUPTED,
+    NOT_STARTED,
+    SHORT_LOCK_TIMEOUT_S,
+    Record,
+    table,
+    update_manifest,
+)
+from hsplat_cli.turntable.one_film import Order
 from renderer.errors import HsplatError, RenderError
 from renderer.film import require_writable
 
 # A process that was interrupted removes what is unfinished. One that does not end within this time is asked again, as
 # an interrupt can get lost in a library that is being loaded, so many times in all; then it is killed.
-_PATIENCE_S, _NUM_ASKED = 3.0, 4
+_PATIENCE_S, _NUM_TERMINATES = 3.0, 4
 
 
 def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path, *, quiet: bool) -> None:
@@ -37,7 +46,7 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
     """
     require_writable(folder / FILE)
     records: list[Record] = []
-    unwritten: list[Record] = []  # others are no more this command's to write
+    pending_records: list[Record] = []  # others are no more this command's to write
     missing: list[Record] = []  # but those that are forgotten whenever something is: of volumes that are not there
     try:
         for number, order in enumerate(orders, start=1):
@@ -45,22 +54,24 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
                 click.echo(f"[{number}/{len(orders)}] {volume_file(order.volume)}", err=True)
             record = _made(order, options)
             records.append(record)
-            unwritten.append(record)
+            pending_records.append(record)
             if record["status"] != DONE:
                 click.echo(record["error"], err=True)
                 missing += [] if os.path.exists(volume_file(order.volume)) else [record]
             with suppress(HsplatError):  # the next one may be written, and with it this one
-                write_report(folder, [*missing, *unwritten], BRIEFLY_S)
-                unwritten.clear()
+                update_manifest(folder, [*missing, *pending_records], SHORT_LOCK_TIMEOUT_S)
+                pending_records.clear()
     except KeyboardInterrupt:
         interrupted = [order.record(INTERRUPTED) for order in orders[len(records) :][:1]]
-        click.echo(table([*records, *interrupted, *(order.record(NOT_BEGUN) for order in orders[len(records) + 1 :])]))
+        click.echo(
+            table([*records, *interrupted, *(order.record(NOT_STARTED) for order in orders[len(records) + 1 :])])
+        )
         with suppress(HsplatError):  # the interrupt is what is said
-            write_report(folder, [*missing, *unwritten, *interrupted], patience_s=0.0)
+            update_manifest(folder, [*missing, *pending_records, *interrupted], patience_s=0.0)
         raise
     click.echo(table(records))
-    if unwritten:
-        write_report(folder, [*missing, *unwritten])
+    if pending_records:
+        update_manifest(folder, [*missing, *pending_records])
     num_failed = sum(record["status"] != DONE for record in records)
     if num_failed:
         raise RenderError(
@@ -73,8 +84,8 @@ def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path,
 def _made(order: Order, options: Mapping[str, Any]) -> Record:
     """The record of a film that another process has made, or failed to make."""
     start = time.perf_counter()
-    with Lifeline() as lifeline:
-        process = _process(order, options, lifeline)
+    with ChildProcesses() as child_processes:
+        process = _process(order, options, child_processes)
         try:
             said, _ = process.communicate()
         except KeyboardInterrupt:
@@ -86,18 +97,18 @@ def _made(order: Order, options: Mapping[str, Any]) -> Record:
             return record
     # It did not come to say what was wrong.
     seconds = {"seconds": round(time.perf_counter() - start, 3)}
-    return order.record("failed") | {"exit_code": process.returncode, "error": _epitaph(order, process)} | seconds
+    return order.record("failed") | {"exit_code": process.returncode, "error": _exit_error(order, process)} | seconds
 
 
-def _process(order: Order, options: Mapping[str, Any], lifeline: Lifeline) -> subprocess.Popen[bytes]:
+def _process(order: Order, options: Mapping[str, Any], child_processes: ChildProcesses) -> subprocess.Popen[bytes]:
     arguments = ["turntable", *as_arguments(dict(options)), f"--output={order.scene.parent}"]
     arguments += [f"--name={order.scene.stem}", "--", str(volume_file(order.volume))]
-    return lifeline.start("hsplat_cli", arguments, stdout=subprocess.PIPE)
+    return child_processes.start("hsplat_cli", arguments, stdout=subprocess.PIPE)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
     """Let a process put away what is unfinished; no signal to this one has reached it."""
-    for _ in range(_NUM_ASKED):
+    for _ in range(_NUM_TERMINATES):
         process.terminate()
         with suppress(subprocess.TimeoutExpired):
             process.wait(_PATIENCE_S)
@@ -106,7 +117,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def _epitaph(order: Order, process: subprocess.Popen[bytes]) -> str:
+def _exit_error(order: Order, process: subprocess.Popen[bytes]) -> str:
     code = process.returncode
     if code >= 0:
         got = f"exit code {code}"

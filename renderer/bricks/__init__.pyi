@@ -1,7 +1,7 @@
 from .bricks import (
-    APRON as APRON,
     BRICK_LEVELS as BRICK_LEVELS,
-    ERRORS_ON_A_RAY as ERRORS_ON_A_RAY,
+    HALO as HALO,
+    RAY_ERROR_FACTOR as RAY_ERROR_FACTOR,
     BrickCut as BrickCut,
     BrickLevel as BrickLevel,
     Bricks as Bricks,
@@ -9,15 +9,19 @@ from .bricks import (
     make_bricks as make_bricks,
     num_bricks_at as num_bricks_at,
 )
-from .kernels import BRICK as BRICK, SIDE as SIDE
-from .means import LEAST_BRICKS as LEAST_BRICKS, MOST_KEPT_BYTES as MOST_KEPT_BYTES, MadeMeans as MadeMeans
+from .cut_size import brick_cut_sizes as brick_cut_sizes
+from .kernels import BRICK_SIZE as BRICK_SIZE, PADDED_BRICK_SIZE as PADDED_BRICK_SIZE
+from .means import (
+    MAX_CACHE_BYTES as MAX_CACHE_BYTES,
+    MIN_BRICKS_PER_THREAD as MIN_BRICKS_PER_THREAD,
+    MeanCache as MeanCache,
+)
 from .sampling import (
     DITHER as DITHER,
-    PHASE_PER_PX as PHASE_PER_PX,
+    JITTER_PER_PX as JITTER_PER_PX,
     BrickBatch as BrickBatch,
-    Thrift as Thrift,
+    ScreenSampling as ScreenSampling,
     make_brick_batch as make_brick_batch,
     toward_light as toward_light,
 )
-from .sizes import brick_sizes as brick_sizes
 from .texels import mean_texels as mean_texels, scalar_texels as scalar_texels

@@ -1,4 +1,4 @@
-"""Bricks: cubes of BRICK^3 cells of one level of the pyramid, what the integrated footprint cuts and draws.
+"""Bricks: cubes of BRICK_SIZE^3 cells of one level of the pyramid, what the integrated footprint cuts and draws.
 
 A brick of level l is a node of level l + BRICK_LEVELS of the octree, filled with the nodes of level l in it; one of
 level 0 is filled with voxels. Between the centres of its cells the field is linear, as it is between those of this
@@ -22,19 +22,26 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import kernels
-from renderer.bricks.kernels import APRON, BRICK, BRICK_LEVELS
-from renderer.bricks.subvoxel import distances_in_bricks, line_of_scalars, make_polyline
-from renderer.bricks.sums import NodeSums, ToldSums, grid_of, places_in
+from renderer.bricks.kernels import BRICK_LEVELS, BRICK_SIZE, HALO
+from renderer.bricks.node_statistics import NodeStatistics, StreamedNodeStatistics, brick_grid_shape, grid_cells
+from renderer.bricks.subvoxel import make_polyline, make_scalar_polyline, measure_subvoxel_variation
 from renderer.pyramid import Pyramid, build_pyramid, children, error_scale, node_errors
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer import FAINTEST, FARTHEST, OpticalPieces, TransferFunction, optical_pieces, voxel_codes
+from renderer.transfer import (
+    MAX_NORMALIZED_SCALAR,
+    VISIBILITY_THRESHOLD,
+    PiecewiseTransfer,
+    TransferFunction,
+    make_piecewise_transfer,
+    raw_voxels,
+)
 from renderer.volume import Volume
 
 __all__ = [
-    "APRON",
-    "BRICK",
     "BRICK_LEVELS",
-    "ERRORS_ON_A_RAY",
+    "BRICK_SIZE",
+    "HALO",
+    "RAY_ERROR_FACTOR",
     "BrickCut",
     "BrickLevel",
     "Bricks",
@@ -51,14 +58,15 @@ Int64 = npt.NDArray[np.int64]
 # Errors of the cells that a ray meets, in so many bricks, add up: at random, to the root of their number times that of
 # one. With one brick it takes 1.2 times as long to come to 42 or 45 dB, the mean of 10 volumes, and 1.0 times to others
 # from 30 to 52: cells err more than steps do then.
-BRICKS_ON_A_RAY = 4
-ERRORS_ON_A_RAY = math.sqrt(BRICKS_ON_A_RAY * BRICK)
+BRICKS_PER_RAY = 4
+RAY_ERROR_FACTOR = math.sqrt(BRICKS_PER_RAY * BRICK_SIZE)
 
 # Bricks of one task: enough to hide the dispatch, few enough that what is known of their nodes takes little memory.
 _BRICKS_PER_TASK = 64
 # What the range of texels is at least, of the control values', or of the volume's if there is one only: shares of it
-# that are interpolated have to have digits, and are held to FARTHEST, which moves what lies between two beyond it.
-_LEAST_SHARE = 1 / 64
+# that are interpolated have to have digits, and are held to MAX_NORMALIZED_SCALAR, which moves what lies between two
+# beyond it.
+_MIN_RANGE_SHARE = 1 / 64
 
 
 @dataclass(frozen=True)
@@ -66,10 +74,10 @@ class BrickLevel:
     """All bricks of one level, those that show nothing, too.
 
     boxes: float32 [z, y, x, 2, 3], lowest and highest corner (x, y, z), in cells from the brick's own lowest corner
-        (0 to BRICK), of what may be seen in the brick: where the field, its apron included, is not transparent. Corners
-        lie at cells' centres (k + 1/2) or at the brick's faces or the volume's. The highest is not above the lowest
-        where nothing is.
-    errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: ERRORS_ON_A_RAY times
+        (0 to BRICK_SIZE), of what may be seen in the brick: where the field, its apron included, is not transparent.
+        Corners lie at cells' centres (k + 1/2) or at the brick's faces or the volume's. The highest is not above the
+        lowest where nothing is.
+    errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: RAY_ERROR_FACTOR times
         the largest error of the nodes of this level in it and in its apron, or of what shows between the voxels in it
         only, or of a difference between them (`renderer.bricks.subvoxel`), along a way as long as such a node. 0 on
         level 0, which shows all of it.
@@ -77,9 +85,10 @@ class BrickLevel:
         *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
         seen in the apron. On level 0 the squares of what shows between voxels only, along a way as long, are added. At
         least that of the differences between voxels, along such a way.
-    slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty up to TOLD_LEVELS.
-    means: float16 or float32 [n, BRICK, BRICK, BRICK, 4], cells in the order (z, y, x), stored units; empty up to
-        TOLD_LEVELS, where they are made when they are drawn (`renderer.bricks.means`).
+    slots: int32 [z, y, x], place of the brick in `means`, -1 where all of them are 0; empty up to STREAMED_LEVELS.
+    means: float16 or float32 [n, BRICK_SIZE, BRICK_SIZE, BRICK_SIZE, 4], cells in the order (z, y, x), stored units;
+    empty up to
+        STREAMED_LEVELS, where they are made when they are drawn (`renderer.bricks.means`).
     """
 
     boxes: npt.NDArray[np.float32]
@@ -104,7 +113,7 @@ class Bricks:
     transfer: TransferFunction
     scalar_range: tuple[float, float]
     volume_range: tuple[float, float]
-    pieces: OpticalPieces
+    pieces: PiecewiseTransfer
 
     @property
     def volume(self) -> Volume:
@@ -116,7 +125,8 @@ class Bricks:
 class BrickCut:
     """The bricks drawn, coarse levels first, in Morton order within a level: a brick's place is its id.
 
-    levels: uint8 [n], of their cells. cells: int32 [n, 3], x, y, z in units of the brick's own width, BRICK << level
+    levels: uint8 [n], of their cells. cells: int32 [n, 3], x, y, z in units of the brick's own width, BRICK_SIZE <<
+    level
         voxels.
     boxes: float64 [n, 2, 3], lowest and highest corner (x, y, z) of what may be seen, in index coordinates.
     roughness: float64 [n], as in BrickLevel.
@@ -144,37 +154,39 @@ def make_bricks(
 ) -> Bricks:
     """The bricks of all levels, and the pyramid that they are made of; the result does not depend on `num_threads`.
 
-    The pyramid has no nodes of the levels up to TOLD_LEVELS: what bricks must know of them is added up as they are
+    The pyramid has no nodes of the levels up to STREAMED_LEVELS: what bricks must know of them is added up as they are
     built, and their means are made again from voxels when they are drawn.
 
     Raises InputError where the volume's file was changed.
     """
-    sums = ToldSums.empty(volume)
+    sums = StreamedNodeStatistics.empty(volume)
     pyramid = build_pyramid(
         volume, transfer, spec=spec, error=error, shading=shading, num_threads=num_threads, tell=sums.add
     )
     volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
-    nodes = [_gathered(level) for level in sums.levels[:num_levels]]
-    trees = _trees(pyramid)
-    nodes += [_gather(pyramid, number, trees, num_threads) for number in range(len(nodes) + 1, num_levels + 1)]
-    between, roughness, steepness = _between_voxels(pyramid, transfer, volume_range, num_threads)
-    roughness = np.hypot(nodes[0].roughness_below, _length_of_cells(pyramid, 1) * roughness)
-    np.maximum(roughness, _length_of_cells(pyramid, 1) * steepness, out=roughness)
-    levels = [_level_of_voxels(pyramid, transfer, roughness, num_threads)]
+    nodes = [_summarize(level) for level in sums.levels[:num_levels]]
+    trees = _brick_cells_by_level(pyramid)
+    nodes += [
+        _summarize_stored_level(pyramid, number, trees, num_threads) for number in range(len(nodes) + 1, num_levels + 1)
+    ]
+    between, roughness, steepness = _subvoxel_variation(pyramid, transfer, volume_range, num_threads)
+    roughness = np.hypot(nodes[0].step_errors_below, _cell_error_scale(pyramid, 1) * roughness)
+    np.maximum(roughness, _cell_error_scale(pyramid, 1) * steepness, out=roughness)
+    levels = [_make_voxel_level(pyramid, transfer, roughness, num_threads)]
     for number, gathered in enumerate(nodes[: num_levels - 1], 1):
-        between = _largest_of_children(between)
-        largest = np.maximum(gathered.largest, _length_of_cells(pyramid, number) * between)
-        np.multiply(ERRORS_ON_A_RAY, largest, out=gathered.largest)
+        between = _max_of_children(between)
+        largest = np.maximum(gathered.largest, _cell_error_scale(pyramid, number) * between)
+        np.multiply(RAY_ERROR_FACTOR, largest, out=gathered.largest)
         steepness = _root_mean_square_of_children(steepness)
-        above = nodes[number].roughness_below
-        np.maximum(above, _length_of_cells(pyramid, number + 1) * steepness, out=above)
+        above = nodes[number].step_errors_below
+        np.maximum(above, _cell_error_scale(pyramid, number + 1) * steepness, out=above)
     levels += [
-        _frozen(BrickLevel(below.boxes, below.largest, above.roughness_below, below.slots, below.means))
+        _frozen(BrickLevel(below.boxes, below.largest, above.step_errors_below, below.slots, below.means))
         for below, above in pairwise(nodes)
     ]
     scalar_range = _scalar_range(transfer, *volume_range)
-    pieces = optical_pieces(transfer, volume.finest_spacing, *scalar_range)
+    pieces = make_piecewise_transfer(transfer, volume.finest_spacing, *scalar_range)
     return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces)
 
 
@@ -191,7 +203,7 @@ def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> Br
     boxes, roughness = np.empty((len(cells), 2, 3)), np.empty(len(cells))
     for (number, part), end in zip(parts, np.cumsum(counts).tolist(), strict=True):
         where, level = slice(end - len(part), end), bricks.levels[number]
-        kernels.copy_bricks(part, level.boxes, level.roughness, 2.0**number, boxes[where], roughness[where])
+        kernels.copy_bounds_and_errors(part, level.boxes, level.roughness, 2.0**number, boxes[where], roughness[where])
     for array in (levels, cells, boxes, roughness):
         array.flags.writeable = False
     return BrickCut(levels, cells, boxes, roughness, bricks.volume)
@@ -213,7 +225,7 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tup
         level = bricks.levels[number]
         below = bricks.levels[max(number - 1, 0)].errors.shape
         drawn, divided = np.empty_like(cells), np.empty((8 * len(cells), 3), np.int32)
-        num_drawn, num_divided = kernels.divide_bricks(
+        num_drawn, num_divided = kernels.split_bricks(
             cells,
             level.errors,
             level.boxes,
@@ -238,7 +250,11 @@ def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[
         start, end = float(transfer.values[changing[0]]), float(transfer.values[changing[-1] + 1])
         half, of_all = end / 2 - start / 2, float(transfer.values[-1] / 2 - transfer.values[0] / 2)  # finite, always
         of_volume = high / 2 - low / 2
-        least = max(_LEAST_SHARE * of_all, min(of_volume / FARTHEST, of_all)) if of_all else _LEAST_SHARE * of_volume
+        least = (
+            max(_MIN_RANGE_SHARE * of_all, min(of_volume / MAX_NORMALIZED_SCALAR, of_all))
+            if of_all
+            else _MIN_RANGE_SHARE * of_volume
+        )
         missing = max(least - half, 0.0)
         first, last = max(low, start - missing), min(high, end + missing)
     if not first < last:  # the volume is outside, where all is constant
@@ -249,25 +265,25 @@ def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[
     return (low - width, low) if low > 0 else (low, low + width)
 
 
-def _visibility_flips(transfer: TransferFunction, finest_spacing: float) -> Float64:
+def _visibility_breakpoints(transfer: TransferFunction, finest_spacing: float) -> Float64:
     """float64 [m], ascending: where visibility changes; of visible scalars an odd number is at or below.
 
     A slope that rises from nothing begins to show at the next number, so that what lies at its foot is not seen. Of a
     step the upper side has the value. Two changes at one scalar are none.
     """
-    values, is_shown = transfer.values, transfer.extinctions * finest_spacing >= FAINTEST
+    values, is_shown = transfer.values, transfer.extinctions * finest_spacing >= VISIBILITY_THRESHOLD
     flips = [-math.inf] if is_shown[0] else []
     for k in np.flatnonzero(is_shown[1:] != is_shown[:-1]):
         start, end = float(values[k]), float(values[k + 1])
         low, high = transfer.extinctions[k : k + 2] * finest_spacing
-        share = float((FAINTEST - low) / (high - low))
+        share = float((VISIBILITY_THRESHOLD - low) / (high - low))
         crossing = start * (1 - share) + end * share
         flips.append(min(max(crossing, math.nextafter(start, math.inf)), end))
     different, counts = np.unique(np.array(flips, np.float64), return_counts=True)
     return np.asarray(different[counts % 2 == 1])
 
 
-def _trees(pyramid: Pyramid) -> dict[int, Int32]:
+def _brick_cells_by_level(pyramid: Pyramid) -> dict[int, Int32]:
     """By level, the cells int32 [n, 3] of all visible nodes that are bricks, and of the root: in Morton order."""
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     trees = {pyramid.num_levels: cells}
@@ -278,31 +294,31 @@ def _trees(pyramid: Pyramid) -> dict[int, Int32]:
     return trees
 
 
-class _Gathered(NamedTuple):
+class _LevelSummary(NamedTuple):
     """What the nodes of one level add up to: boxes, largest, slots, means as in the BrickLevel that they fill;
     roughness of the bricks of the level below."""
 
     boxes: npt.NDArray[np.float32]
     largest: Float64
-    roughness_below: Float64
+    step_errors_below: Float64
     slots: Int32
     means: Array
 
 
-def _gathered(sums: NodeSums, slots: Int32 | None = None, means: Array | None = None) -> _Gathered:
+def _summarize(sums: NodeStatistics, slots: Int32 | None = None, means: Array | None = None) -> _LevelSummary:
     if slots is None or means is None:
-        slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK, BRICK, BRICK, 4), np.float32)
-    return _Gathered(sums.boxes(), sums.largest(), sums.roughness_below(), slots, means)
+        slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK_SIZE, BRICK_SIZE, BRICK_SIZE, 4), np.float32)
+    return _LevelSummary(sums.boxes(), sums.largest(), sums.step_errors_below(), slots, means)
 
 
-def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads: int) -> _Gathered:
+def _summarize_stored_level(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads: int) -> _LevelSummary:
     """Of the nodes of level `number`, which are stored, brick by brick."""
     top = min(number + BRICK_LEVELS, pyramid.num_levels)
-    bricks, sums = trees[top], NodeSums.empty(pyramid.volume, number)
-    slots = np.full(grid_of(pyramid.volume, number), -1, np.int32)
+    bricks, sums = trees[top], NodeStatistics.empty(pyramid.volume, number)
+    slots = np.full(brick_grid_shape(pyramid.volume, number), -1, np.int32)
     x, y, z = bricks.T >> (number + BRICK_LEVELS - top)
     slots[z, y, x] = np.arange(len(bricks))
-    means = np.zeros((len(bricks), BRICK, BRICK, BRICK, 4), pyramid.levels[0].means.dtype)
+    means = np.zeros((len(bricks), BRICK_SIZE, BRICK_SIZE, BRICK_SIZE, 4), pyramid.levels[0].means.dtype)
 
     def work(part: slice) -> None:
         cells, nodes = bricks[part], np.arange(part.start, part.stop)
@@ -314,10 +330,10 @@ def _gather(pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads:
         kernels.scatter(_items(means_of_nodes), cells, slots, _items(means))
 
     _in_threads(work, _parts(len(bricks)), num_threads)
-    return _gathered(sums, slots, means)
+    return _summarize(sums, slots, means)
 
 
-def _largest_of_children(of_brick: Float64) -> Float64:
+def _max_of_children(of_brick: Float64) -> Float64:
     """float64 [z, y, x]: the largest of the up to eight bricks of the level below."""
     for axis in range(3):
         of_brick = np.maximum.reduceat(of_brick, np.arange(0, of_brick.shape[axis], 2), axis)
@@ -334,33 +350,33 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
     return np.asarray(largest * np.sqrt(squares / nums))
 
 
-def _level_of_voxels(pyramid: Pyramid, transfer: TransferFunction, roughness: Float64, num_threads: int) -> BrickLevel:
+def _make_voxel_level(pyramid: Pyramid, transfer: TransferFunction, roughness: Float64, num_threads: int) -> BrickLevel:
     volume = pyramid.volume
-    flips = _visibility_flips(transfer, volume.finest_spacing)
-    codes, scalars = voxel_codes(volume), pyramid.classifier.scalars
+    flips = _visibility_breakpoints(transfer, volume.finest_spacing)
+    codes, scalars = raw_voxels(volume), pyramid.classifier.scalars
     numbers = None if scalars is None else np.searchsorted(flips, scalars, side="right").astype(np.uint32)
-    places = places_in(roughness.shape)
+    places = grid_cells(roughness.shape)
     boxes = np.zeros((*roughness.shape, 2, 3), np.float32)
 
     def work(part: slice) -> None:
         volume.require_unchanged()
-        kernels.voxel_boxes(codes, numbers, flips, places[part], boxes)
+        kernels.find_voxel_bounds(codes, numbers, flips, places[part], boxes)
 
     _in_threads(work, _parts(len(places)), num_threads)
     volume.require_unchanged()
-    slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK, BRICK, BRICK, 4), np.float32)
+    slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK_SIZE, BRICK_SIZE, BRICK_SIZE, 4), np.float32)
     return _frozen(BrickLevel(boxes, np.zeros_like(roughness), roughness, slots, means))
 
 
-def _between_voxels(
+def _subvoxel_variation(
     pyramid: Pyramid, transfer: TransferFunction, volume_range: tuple[float, float], num_threads: int
 ) -> tuple[Float64, Float64, Float64]:
-    """float64 [z, y, x] each: of the bricks of voxels, in the channels of errors, what `distances_in_bricks` finds."""
-    shape = grid_of(pyramid.volume, 0)
+    """Return what `measure_subvoxel_variation` finds in the bricks of level 0: three of float64 [z, y, x]."""
+    shape = brick_grid_shape(pyramid.volume, 0)
     largest, roughness, steepness = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     lighting, scalars = pyramid.classifier.lighting, pyramid.classifier.scalars
     if pyramid.of == "scalar":
-        line = line_of_scalars(volume_range)
+        line = make_scalar_polyline(volume_range)
     else:
         line = make_polyline(
             transfer,
@@ -369,11 +385,11 @@ def _between_voxels(
             brightest=lighting.ambient + lighting.diffuse if lighting else 1.0,
             volume_range=volume_range,
         )
-    codes, places = voxel_codes(pyramid.volume), places_in(shape)
+    codes, places = raw_voxels(pyramid.volume), grid_cells(shape)
 
     def work(part: slice) -> None:
         pyramid.volume.require_unchanged()
-        distances_in_bricks(codes, scalars, *line, places[part], largest, roughness, steepness)
+        measure_subvoxel_variation(codes, scalars, *line, places[part], largest, roughness, steepness)
 
     _in_threads(work, _parts(len(places)), num_threads)
     pyramid.volume.require_unchanged()
@@ -383,7 +399,7 @@ def _between_voxels(
     return largest, roughness, steepness
 
 
-def _length_of_cells(pyramid: Pyramid, number: int) -> float:
+def _cell_error_scale(pyramid: Pyramid, number: int) -> float:
     """What errors of whole nodes of a level are times the root of their variance."""
     return float(error_scale(pyramid.volume, pyramid.measure, 8.0**number))
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.transfer import Codes
+from renderer.transfer import RawVoxels
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -24,50 +24,52 @@ UInt8 = npt.NDArray[np.uint8]
 UInt32 = npt.NDArray[np.uint32]
 
 BRICK_LEVELS = 4
-BRICK = 1 << BRICK_LEVELS
-APRON = 1
-SIDE = BRICK + 2 * APRON
+BRICK_SIZE = 1 << BRICK_LEVELS
+HALO = 1
+PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO
 
 # The bit of odd numbers, and the number of flips of corners whose numbers differ.
-_SEEN = np.uint32(1)
+_VISIBLE_BIT = np.uint32(1)
 
 
 @jit
-def voxel_boxes(codes: Codes, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32) -> None:
+def find_voxel_bounds(codes: RawVoxels, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32) -> None:
     """Write the boxes of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0.
 
     numbers: uint32 by bit pattern, of flips at or below the scalar; None where voxels are scalars themselves.
     """
-    field = np.empty((SIDE, SIDE, SIDE), np.uint32)
+    field = np.empty((PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE), np.uint32)
     low, high, end = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3)
     for i in range(len(bricks)):
         x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
-        is_uniform = _fill_numbers(codes, numbers, flips, x, y, z, field)
-        if is_uniform and field[0, 0, 0] & _SEEN == 0:
+        is_uniform = _count_breakpoints(codes, numbers, flips, x, y, z, field)
+        if is_uniform and field[0, 0, 0] & _VISIBLE_BIT == 0:
             continue
         for axis in range(3):
-            end[axis] = min(codes.shape[2 - axis] - BRICK * bricks[i, axis], BRICK)
+            end[axis] = min(codes.shape[2 - axis] - BRICK_SIZE * bricks[i, axis], BRICK_SIZE)
             low[axis], high[axis] = 0, int(end[axis])  # dual cell t lies between the centres of texels t and t + 1
         if not is_uniform:
             _to_dual_cells(field)
-            _bound_odd(field, low, high)
+            _shrink_to_visible(field, low, high)
         for axis in range(3):
             boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
             boxes[z, y, x, 1, axis] = min(high[axis] + 0.5, end[axis])
 
 
 @jit
-def _fill_numbers(codes: Codes, numbers: UInt32 | None, flips: Float64, i: int, j: int, k: int, field: UInt32) -> bool:
+def _count_breakpoints(
+    codes: RawVoxels, numbers: UInt32 | None, flips: Float64, i: int, j: int, k: int, field: UInt32
+) -> bool:
     """Numbers of flips of a brick's voxels with its apron [18, 18, 18], the nearest voxels beyond the border; whether
     they are all the same."""
     num_z, num_y, num_x = codes.shape
     differ = np.uint32(0)
-    for t in range(SIDE):
-        z = min(max(BRICK * k - APRON + t, 0), num_z - 1)
-        for u in range(SIDE):
-            y = min(max(BRICK * j - APRON + u, 0), num_y - 1)
-            for v in range(SIDE):
-                x = min(max(BRICK * i - APRON + v, 0), num_x - 1)
+    for t in range(PADDED_BRICK_SIZE):
+        z = min(max(BRICK_SIZE * k - HALO + t, 0), num_z - 1)
+        for u in range(PADDED_BRICK_SIZE):
+            y = min(max(BRICK_SIZE * j - HALO + u, 0), num_y - 1)
+            for v in range(PADDED_BRICK_SIZE):
+                x = min(max(BRICK_SIZE * i - HALO + v, 0), num_x - 1)
                 if numbers is not None:
                     field[t, u, v] = numbers[codes[z, y, x]]
                 else:
@@ -91,28 +93,35 @@ def _num_at_or_below(flips: Float64, scalar: float) -> int:
 @jit
 def _to_dual_cells(field: UInt32) -> None:
     """From numbers at centres to numbers of dual cells, in place: odd where anything may be seen."""
-    for z in range(SIDE):
-        for y in range(SIDE):
-            for x in range(SIDE - 1):
-                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z, y, x + 1] else _SEEN
-    for z in range(SIDE):
-        for y in range(SIDE - 1):
-            for x in range(SIDE - 1):
-                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z, y + 1, x] else _SEEN
-    for z in range(SIDE - 1):
-        for y in range(SIDE - 1):
-            for x in range(SIDE - 1):
-                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z + 1, y, x] else _SEEN
+    for z in range(PADDED_BRICK_SIZE):
+        for y in range(PADDED_BRICK_SIZE):
+            for x in range(PADDED_BRICK_SIZE - 1):
+                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z, y, x + 1] else _VISIBLE_BIT
+    for z in range(PADDED_BRICK_SIZE):
+        for y in range(PADDED_BRICK_SIZE - 1):
+            for x in range(PADDED_BRICK_SIZE - 1):
+                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z, y + 1, x] else _VISIBLE_BIT
+    for z in range(PADDED_BRICK_SIZE - 1):
+        for y in range(PADDED_BRICK_SIZE - 1):
+            for x in range(PADDED_BRICK_SIZE - 1):
+                field[z, y, x] = field[z, y, x] if field[z, y, x] == field[z + 1, y, x] else _VISIBLE_BIT
 
 
 @jit
-def _bound_odd(field: UInt32, low: Array, high: Array) -> None:
+def _shrink_to_visible(field: UInt32, low: Array, high: Array) -> None:
     """Shrink low..high (x, y, z, both included) to what is odd, of which there must be some."""
-    x0, y0, z0, x1, y1, z1 = SIDE, SIDE, SIDE, -SIDE, -SIDE, -SIDE
+    x0, y0, z0, x1, y1, z1 = (
+        PADDED_BRICK_SIZE,
+        PADDED_BRICK_SIZE,
+        PADDED_BRICK_SIZE,
+        -PADDED_BRICK_SIZE,
+        -PADDED_BRICK_SIZE,
+        -PADDED_BRICK_SIZE,
+    )
     for z in range(high[2] + 1):
         for y in range(high[1] + 1):
             for x in range(high[0] + 1):
-                if field[z, y, x] & _SEEN:
+                if field[z, y, x] & _VISIBLE_BIT:
                     x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
                     x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
     low[0], low[1], low[2] = x0, y0, z0
@@ -120,8 +129,9 @@ def _bound_odd(field: UInt32, low: Array, high: Array) -> None:
 
 
 @jit
-def node_boxes(bounds_near: UInt8, extents: Float64, boxes: Float32) -> None:
-    """Write the boxes of all bricks of a level, with `bounds_near` [z, y, x, 3, 3, 3, 2, 3] as in NodeSums, to `boxes`
+def find_node_bounds(bounds_by_neighbour: UInt8, extents: Float64, boxes: Float32) -> None:
+    """Write the boxes of all bricks of a level, with `bounds_by_neighbour` [z, y, x, 3, 3, 3, 2, 3] as in
+    NodeStatistics, to `boxes`
     [z, y, x, 2, 3], which is 0.
 
     extents: float64 [3], the volume's along x, y, z in cells.
@@ -131,25 +141,27 @@ def node_boxes(bounds_near: UInt8, extents: Float64, boxes: Float32) -> None:
     for z in range(num_z):
         for y in range(num_y):
             for x in range(num_x):
-                low[:], high[:] = BRICK + 1, -BRICK
+                low[:], high[:] = BRICK_SIZE + 1, -BRICK_SIZE
                 brick[0], brick[1], brick[2] = x, y, z
                 for k in range(max(z - 1, 0), min(z + 2, num_z)):
                     for j in range(max(y - 1, 0), min(y + 2, num_y)):
                         for i in range(max(x - 1, 0), min(x + 2, num_x)):
-                            bounds = bounds_near[k, j, i, z - k + 1, y - j + 1, x - i + 1]
-                            _extend(bounds, i - x, j - y, k - z, low, high)
+                            bounds = bounds_by_neighbour[k, j, i, z - k + 1, y - j + 1, x - i + 1]
+                            _extend_bounds(bounds, i - x, j - y, k - z, low, high)
                 if low[0] <= high[0]:
                     for axis in range(3):  # cell k is seen from the centre of k - 1 to that of k + 1
                         boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
-                        boxes[z, y, x, 1, axis] = min(high[axis] + 1.5, BRICK, extents[axis] - BRICK * brick[axis])
+                        boxes[z, y, x, 1, axis] = min(
+                            high[axis] + 1.5, BRICK_SIZE, extents[axis] - BRICK_SIZE * brick[axis]
+                        )
 
 
 @jit
-def _extend(bounds: UInt8, dx: int, dy: int, dz: int, low: Array, high: Array) -> None:
+def _extend_bounds(bounds: UInt8, dx: int, dy: int, dz: int, low: Array, high: Array) -> None:
     """Grow low..high (x, y, z, both included) by the bounds [2, 3] of cells in a neighbour at dx, dy, dz."""
     if bounds[0, 0] <= bounds[1, 0]:
         for axis in range(3):
-            shift = BRICK * (dx, dy, dz)[axis]
+            shift = BRICK_SIZE * (dx, dy, dz)[axis]
             low[axis] = min(low[axis], bounds[0, axis] + shift)
             high[axis] = max(high[axis], bounds[1, axis] + shift)
 
@@ -163,17 +175,17 @@ def slot_at(slots: Int32, x: int, y: int, z: int) -> int:
 
 
 @jit
-def apron_part(step: int) -> tuple[int, int]:
-    """First and last of the cells, in units of a brick's own from -1 to BRICK, that its neighbour at -1, 0, 1 fills."""
+def halo_span(step: int) -> tuple[int, int]:
+    """Return the first and last cell, from -1 to BRICK_SIZE, that the neighbour at -1, 0, 1 fills."""
     if step < 0:
-        return -APRON, -1
-    return (0, BRICK - 1) if step == 0 else (BRICK, BRICK + APRON - 1)
+        return -HALO, -1
+    return (0, BRICK_SIZE - 1) if step == 0 else (BRICK_SIZE, BRICK_SIZE + HALO - 1)
 
 
 @jit
 def scatter(items: Array, cells: Int32, slots: Int32, out: Array) -> None:
-    """Put nodes, items [n], at `cells` [n, 3] (x, y, z) into bricks [., BRICK, BRICK, BRICK]."""
-    inside = BRICK - 1
+    """Put nodes, items [n], at `cells` [n, 3] (x, y, z) into bricks [., BRICK_SIZE, BRICK_SIZE, BRICK_SIZE]."""
+    inside = BRICK_SIZE - 1
     for i in range(len(items)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
         slot = slots[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
@@ -181,7 +193,7 @@ def scatter(items: Array, cells: Int32, slots: Int32, out: Array) -> None:
 
 
 @jit
-def gather_largest(errors: Float64, cells: Int32, shift: int, largest: Float64) -> None:
+def accumulate_max(errors: Float64, cells: Int32, shift: int, largest: Float64) -> None:
     """The largest of errors [n] of nodes at `cells` [n, 3] (x, y, z) in bricks [z, y, x] of 2^shift nodes a side."""
     for i in range(len(errors)):
         x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
@@ -189,18 +201,19 @@ def gather_largest(errors: Float64, cells: Int32, shift: int, largest: Float64) 
 
 
 @jit
-def gather_near(errors: Float64, depths: Array, cells: Int32, largest: Float64, bounds: UInt8) -> None:
+def accumulate_by_neighbour(errors: Float64, depths: Array, cells: Int32, largest: Float64, bounds: UInt8) -> None:
     """The largest of errors [n] of nodes at `cells` [n, 3] (x, y, z), and the bounds of those with depths [n] above 0,
-    by the neighbours whose apron the nodes are in: [z, y, x, 3, 3, 3] and [z, y, x, 3, 3, 3, 2, 3], as in NodeSums."""
-    inside = BRICK - 1
+    by the neighbours whose apron the nodes are in: [z, y, x, 3, 3, 3] and [z, y, x, 3, 3, 3, 2, 3], as in
+    NodeStatistics."""
+    inside = BRICK_SIZE - 1
     for i in range(len(errors)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
         largest_of_brick = largest[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
         bounds_of_brick = bounds[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
         x, y, z = x & inside, y & inside, z & inside
-        for k in range(1 - (z < APRON), 2 + (z > inside - APRON)):
-            for j in range(1 - (y < APRON), 2 + (y > inside - APRON)):
-                for h in range(1 - (x < APRON), 2 + (x > inside - APRON)):
+        for k in range(1 - (z < HALO), 2 + (z > inside - HALO)):
+            for j in range(1 - (y < HALO), 2 + (y > inside - HALO)):
+                for h in range(1 - (x < HALO), 2 + (x > inside - HALO)):
                     largest_of_brick[k, j, h] = max(largest_of_brick[k, j, h], errors[i])
                     if depths[i] > 0:
                         low, high = bounds_of_brick[k, j, h, 0], bounds_of_brick[k, j, h, 1]
@@ -209,7 +222,7 @@ def gather_near(errors: Float64, depths: Array, cells: Int32, largest: Float64, 
 
 
 @jit
-def gather_squares(
+def accumulate_squares(
     errors: Float64, sizes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
 ) -> None:
     """Sums of the squares of errors [n] over the brick's largest, times sizes [n]: they neither overflow nor vanish."""
@@ -221,7 +234,7 @@ def gather_squares(
 
 
 @jit
-def divide_bricks(
+def split_bricks(
     cells: Int32,
     brick_errors: Float64,
     boxes: Float32,
@@ -252,14 +265,14 @@ def divide_bricks(
 
 
 @jit
-def copy_bricks(
-    cells: Int32, boxes: Float32, roughness: Float64, width: float, boxes_out: Float64, roughness_out: Float64
+def copy_bounds_and_errors(
+    cells: Int32, boxes: Float32, roughness: Float64, width: float, bounds_out: Float64, step_errors_out: Float64
 ) -> None:
     """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide,
     and the roughness [n]."""
     for i in range(len(cells)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        roughness_out[i] = roughness[z, y, x]
+        step_errors_out[i] = roughness[z, y, x]
         for axis in range(3):
             for end in range(2):
-                boxes_out[i, end, axis] = (BRICK * cells[i, axis] + boxes[z, y, x, end, axis]) * width - 0.5
+                bounds_out[i, end, axis] = (BRICK_SIZE * cells[i, axis] + boxes[z, y, x, end, axis]) * width - 0.5

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.kernels import APRON, BRICK, SIDE
+from renderer.bricks.kernels import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
 from renderer.jit import jit
 from renderer.pyramid import (
-    BLOCK,
+    BLOCK_SIZE,
     BLOCKS_PER_TASK,
-    PLACES,
+    NODE_OFFSETS,
     Pyramid,
     Scratch,
     classify_blocks,
@@ -26,7 +26,7 @@ from renderer.pyramid import (
     visible_blocks,
 )
 from renderer.threads import Threads
-from renderer.transfer import voxel_codes
+from renderer.transfer import raw_voxels
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -36,12 +36,12 @@ UInt64 = npt.NDArray[np.uint64]
 
 
 # What a cache of made bricks may take.
-MOST_KEPT_BYTES = 256 << 20
+MAX_CACHE_BYTES = 256 << 20
 # Bricks that are worth a thread.
-LEAST_BRICKS = 8
+MIN_BRICKS_PER_THREAD = 8
 
 
-class MadeMeans:
+class MeanCache:
     """Bricks that were made, for pictures of more bricks than the device holds: they would be made again for each.
 
     What the last two pictures did not need goes first. What they did stays: of bricks that are asked for in turns, and
@@ -63,7 +63,7 @@ class MadeMeans:
             self._num_bytes = 0
 
     def of(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
-        """As `made_means`."""
+        """As `recompute_means`."""
         if not self._is_used:
             return self._made(pyramid, level, cells)
         keys = [(level, *cell) for cell in cells.tolist()]
@@ -79,11 +79,11 @@ class MadeMeans:
         return means
 
     def _made(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
-        return self._threads.concatenated(partial(made_means, pyramid, level), cells, LEAST_BRICKS)
+        return self._threads.map_concatenated(partial(recompute_means, pyramid, level), cells, MIN_BRICKS_PER_THREAD)
 
     def _keep(self, key: tuple[int, ...], made: Array) -> None:
         """Keep a brick if there is room."""
-        while self._num_bytes + made.nbytes > MOST_KEPT_BYTES:
+        while self._num_bytes + made.nbytes > MAX_CACHE_BYTES:
             oldest = next(iter(self._last_used), None)
             if oldest is None or self._last_used[oldest] >= self._picture - 1:
                 return
@@ -94,20 +94,20 @@ class MadeMeans:
         self._last_used[key] = self._picture
 
 
-def made_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
+def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     """float16 or float32 [n, 18, 18, 18, 4]: the means that would be stored of bricks of level 1 or 2 at `cells` [n, 3]
     (x, y, z) and of the cells around them; 0 where nothing is visible.
 
     Raises InputError where the volume's file was changed.
     """
-    means = np.zeros((len(cells), SIDE, SIDE, SIDE, 4), np.float32)
-    num_blocks = (-(-(SIDE << level) // BLOCK)) ** 3  # of a brick, at most
+    means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
+    num_blocks = (-(-(PADDED_BRICK_SIZE << level) // BLOCK_SIZE)) ** 3  # of a brick, at most
     num_at_once = max(1, BLOCKS_PER_TASK // num_blocks)
     scratch = Scratch.empty(num_at_once * num_blocks, None)
     for first in range(0, len(cells), num_at_once):
         part = slice(first, first + num_at_once)
         pyramid.volume.require_unchanged()
-        _fill(pyramid, level, BRICK * cells[part].astype(np.int64) - APRON, scratch, means[part])
+        _average_voxels(pyramid, level, BRICK_SIZE * cells[part].astype(np.int64) - HALO, scratch, means[part])
     pyramid.volume.require_unchanged()
     if pyramid.deepest is not None:
         visible = means[..., 3] > 0
@@ -119,10 +119,10 @@ def made_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     return stored
 
 
-def _fill(pyramid: Pyramid, level: int, corners: Int64, scratch: Scratch, out: Float32) -> None:
+def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, scratch: Scratch, out: Float32) -> None:
     """The means of cells from each of `corners` [n, 3] (x, y, z) on, averaged as the pyramid has them, to `out`
     [n, 18, 18, 18, 4]."""
-    codes = voxel_codes(pyramid.volume)
+    codes = raw_voxels(pyramid.volume)
     starts, extents = np.empty((2, scratch.nodes[2][0].shape[0], 3), np.uint64)
     bricks = np.empty(len(starts), np.int64)
     num = _list_blocks(corners, level, codes.shape, starts, extents, bricks)
@@ -144,14 +144,14 @@ def _list_blocks(
     for i in range(len(corners)):
         for axis in range(3):
             first[axis] = max(corners[i, axis], 0) << level
-            end[axis] = min((corners[i, axis] + SIDE) << level, shape[2 - axis])
-        for z in range(first[2], end[2], BLOCK):
-            for y in range(first[1], end[1], BLOCK):
-                for x in range(first[0], end[0], BLOCK):
+            end[axis] = min((corners[i, axis] + PADDED_BRICK_SIZE) << level, shape[2 - axis])
+        for z in range(first[2], end[2], BLOCK_SIZE):
+            for y in range(first[1], end[1], BLOCK_SIZE):
+                for x in range(first[0], end[0], BLOCK_SIZE):
                     starts[num, 0], starts[num, 1], starts[num, 2] = x, y, z
-                    extents[num, 0] = min(end[0] - x, BLOCK)
-                    extents[num, 1] = min(end[1] - y, BLOCK)
-                    extents[num, 2] = min(end[2] - z, BLOCK)
+                    extents[num, 0] = min(end[0] - x, BLOCK_SIZE)
+                    extents[num, 1] = min(end[1] - y, BLOCK_SIZE)
+                    extents[num, 2] = min(end[2] - z, BLOCK_SIZE)
                     bricks[num] = i
                     num += 1
     return num
@@ -162,11 +162,11 @@ def _copy_nodes(nodes: Float32, places: Int64, bricks: Int64, out: Float32) -> N
     """Nodes [g, n, 4] of groups whose first cells belong to `places` [g, 3] (x, y, z) of `bricks` [g] to `out`
     [., z, y, x, 4], as far as they fit."""
     side = 4 if nodes.shape[1] == 64 else 2
-    place = PLACES[:4] if side == 4 else PLACES[4:]
+    place = NODE_OFFSETS[:4] if side == 4 else NODE_OFFSETS[4:]
     for g in range(len(nodes)):
         of_brick = out[bricks[g]]
         x0, y0, z0 = places[g, 0], places[g, 1], places[g, 2]
-        for z in range(min(side, SIDE - z0)):
-            for y in range(min(side, SIDE - y0)):
-                for x in range(min(side, SIDE - x0)):
+        for z in range(min(side, PADDED_BRICK_SIZE - z0)):
+            for y in range(min(side, PADDED_BRICK_SIZE - y0)):
+                for x in range(min(side, PADDED_BRICK_SIZE - x0)):
                     of_brick[z0 + z, y0 + y, x0 + x] = nodes[g, place[x] + 2 * place[y] + 4 * place[z]]

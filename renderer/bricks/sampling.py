@@ -7,9 +7,9 @@ the near plane. In index space, in cells of the brick, that way is L long, and i
 
 equal parts of the world length h; one more where that is a multiple of four: a brick is 16 cells wide, and along an
 axis with 8, 16 or 32 parts all their middles would lie alike in their cells, in brick after brick. The phase, from 0 to
-1, is the pixel's own, (column, row) . PHASE_PER_PX without its whole part: what parts leave out is noise, of a level or
-less, and not rings where n changes, or whole bricks that are off alike. In the middle of each part the field is looked
-up, linear between the centres of cells:
+1, is the pixel's own, (column, row) . JITTER_PER_PX without its whole part: what parts leave out is noise, of a level
+or less, and not rings where n changes, or whole bricks that are off alike. In the middle of each part the field is
+looked up, linear between the centres of cells:
 
     level 0     u, a scalar; then c and tau of u, each linear in the pieces of the transfer function; with light, c
                 times the factor of the interpolated gradient
@@ -32,19 +32,19 @@ import numpy.typing as npt
 
 from renderer.bricks.bricks import BrickCut, Bricks
 from renderer.scene import ShadingSpec
-from renderer.transfer import OpticalPieces
+from renderer.transfer import PiecewiseTransfer
 
 Float64 = npt.NDArray[np.float64]
 
 # Steps, in cells: the longest are for bricks in which nothing changes. At the least, which tolerance 0 has, errors are
 # about 1/256 of the roughness, or of 1 where a cell is an optical depth above 1, down to the shortest of all.
-LEAST_STEP, SHORTEST_STEP, LONGEST_STEP = 1 / 16, 1 / 128, 4.0
+ZERO_TOLERANCE_STEP, MIN_STEP, MAX_STEP = 1 / 16, 1 / 128, 4.0
 # A step is one cell where the roughness is this many tolerances: with 1 thin structures (bonsai) lose 1 to 5 dB of the
 # same time, with 0.3 smooth ones (engine).
-ROUGHNESS_OF_STEP = 0.5
+UNIT_STEP_ERROR = 0.5
 # Errors grow with roughness * step^2, samples with 1 / step: of all choices with the same sum of squared errors the one
 # with the fewest samples has step^5 ~ 1 / roughness^2.
-STEP_POWER = 0.4
+STEP_EXPONENT = 0.4
 
 # From which tolerance on which lattices of pixels are drawn. Below all of them every pixel is: next to all blocks of a
 # finer lattice differ there, and what is thin must not fall between nodes.
@@ -52,26 +52,26 @@ STRIDES = ((2.0, (8, 4)), (1.0, (4, 2)), (0.15, (4, 1)))
 # Nodes of the first lattice lie no further apart than so many of the finest cells for each FINE of the tolerance, four
 # of them at 0.3, and no further than this share of the volume's thinnest side. What is thinner may fall between them: a
 # sheet seen edge-on, or what a steep transfer function cuts out of a cell.
-CELLS_BETWEEN_NODES, FINE, OF_THINNEST = 1.35, 0.1, 0.5
+MAX_STRIDE_CELLS, FINE, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
 # In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
 # With a third, pictures are as exact as those of all pixels, within 2 dB at 0.15 to 0.5, where two of three CT scans
 # take half to three quarters of their time; with 1 a shaded scan lost 10 dB for nothing. Behind 0.08 instead of 0.04
 # two CT scans lose 1 to 1.5 dB, behind 0.15 3 to 5 more, and gain 2 to 4 % of the time.
-SPREAD, MOST_SPREAD, UNSEEN, MOST_UNSEEN = 0.35, 0.35, 0.04, 0.025
+SPREAD, MAX_DIFFERENCE_THRESHOLD, TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.35, 0.35, 0.04, 0.025
 
 # What float32 leaves of a transmittance is less.
-_UNSEEN_IN_FLOAT32 = 2.0**-22
+_MIN_TERMINATION_TRANSMITTANCE = 2.0**-22
 
 # By which share of n the numbers of parts of two pixels differ, beside one part. Over five scans, means of 8 x 8 pixels
 # are 0.35 to 0.7 times as far off, at most, as with one number for all, in 3 to 5 % more time, since lanes of a
 # processor wait for each other; 0.1 leaves more (0.5 to 0.75), 0.3 no less.
 DITHER = 0.15
 # In 2^-32: the plastic number's inverse, and its square.
-PHASE_PER_PX = 3242174889, 2447445414
+JITTER_PER_PX = 3242174889, 2447445414
 
 
 @dataclass(frozen=True)
-class Thrift:
+class ScreenSampling:
     """What a picture need not be exact in.
 
     strides: falling, from which lattices of pixels the picture is made: on the first, every so manieth pixel along both
@@ -81,17 +81,17 @@ class Thrift:
     spread: four nodes differ where a channel (premultiplied RGBA) differs by more than this among them and a channel
         bends by more than this at one of them, along rows or columns: by `|a - 2 b + c|`, b the node and a and c its
         neighbours on the lattice, at the last ones itself.
-    least_transmittance: what lies behind less than this is not drawn.
+    termination_transmittance: what lies behind less than this is not drawn.
     """
 
     strides: tuple[int, ...]
     spread: float
-    least_transmittance: float
+    termination_transmittance: float
 
     @property
     def opaque(self) -> float:
         """The alpha behind which a ray may end: nothing is drawn there, or float32 would not keep it."""
-        return 1 - max(self.least_transmittance, _UNSEEN_IN_FLOAT32)
+        return 1 - max(self.termination_transmittance, _MIN_TERMINATION_TRANSMITTANCE)
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,9 @@ class BrickBatch:
     cut: BrickCut
     bricks: Bricks
     steps: Float64
-    pieces: OpticalPieces
+    pieces: PiecewiseTransfer
     shading: ShadingSpec | None
-    thrift: Thrift
+    screen_sampling: ScreenSampling
     origin: Float64
     length: float
 
@@ -116,7 +116,7 @@ class BrickBatch:
         return len(self.cut)
 
     @property
-    def depth_of_spacing(self) -> float:
+    def spacings_per_model_unit(self) -> float:
         """The finest spacing's worth in model units: what tau times that spacing is multiplied by for tau per unit."""
         return self.length / self.cut.volume.finest_spacing
 
@@ -147,10 +147,10 @@ def make_brick_batch(
     return BrickBatch(
         cut,
         bricks,
-        steps_at(cut.roughness, tolerance, _depths(cut, bricks)),
+        step_sizes(cut.roughness, tolerance, _depths(cut, bricks)),
         bricks.pieces,
         shading,
-        thrift_at(tolerance if change is None else change, voxel_px * 2.0**finest, voxel_px * thinnest),
+        screen_sampling_at(tolerance if change is None else change, voxel_px * 2.0**finest, voxel_px * thinnest),
         volume.centre,
         length,
     )
@@ -163,18 +163,18 @@ def _depths(cut: BrickCut, bricks: Bricks) -> Float64:
     return np.full(len(cut), bricks.transfer.max_extinction * cut.volume.finest_spacing)
 
 
-def steps_at(roughness: Float64, tolerance: float, depths: Float64) -> Float64:
+def step_sizes(roughness: Float64, tolerance: float, depths: Float64) -> Float64:
     """float64 [n]: the step, in cells, in bricks of some roughness, whose cells have these optical depths."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        steps = np.where(roughness > 0, (ROUGHNESS_OF_STEP * tolerance / roughness) ** STEP_POWER, np.inf)
-    least = np.maximum(LEAST_STEP / np.sqrt(np.maximum(depths, 1.0)), SHORTEST_STEP)
-    return np.asarray(np.clip(steps, least, LONGEST_STEP), np.float64)
+        steps = np.where(roughness > 0, (UNIT_STEP_ERROR * tolerance / roughness) ** STEP_EXPONENT, np.inf)
+    least = np.maximum(ZERO_TOLERANCE_STEP / np.sqrt(np.maximum(depths, 1.0)), MIN_STEP)
+    return np.asarray(np.clip(steps, least, MAX_STEP), np.float64)
 
 
-def thrift_at(tolerance: float, cell_px: float, thinnest_px: float = math.inf) -> Thrift:
+def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = math.inf) -> ScreenSampling:
     """What is spared at a tolerance where the finest cells appear `cell_px` pixels wide, and the volume's thinnest side
     `thinnest_px`."""
-    most = min(CELLS_BETWEEN_NODES * cell_px * tolerance / FINE, OF_THINNEST * thinnest_px)
+    most = min(MAX_STRIDE_CELLS * cell_px * tolerance / FINE, MAX_STRIDE_THICKNESS * thinnest_px)
     strides = next((wanted for least, wanted in STRIDES if tolerance >= least and wanted[0] <= most), (1,))
-    spread = min(SPREAD * tolerance, MOST_SPREAD) if len(strides) > 1 else 0.0
-    return Thrift(strides, spread, min(UNSEEN * tolerance, MOST_UNSEEN))
+    spread = min(SPREAD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
+    return ScreenSampling(strides, spread, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE))

@@ -20,7 +20,7 @@ has the mean (d^2 + d e + e^2) / 3 there: nothing is subtracted that is much lar
 Of two peaks with the same D the thinner one takes the shorter steps. With E^2 the mean square of the distance's slope,
 the way through the cell being 1,
 
-    width^2 = 12 D^2 / E^2,    between NARROWEST^2 and 1
+    width^2 = 12 D^2 / E^2,    between MIN_PEAK_WIDTH^2 and 1
 
 is that of a triangle on the line. Steps h that are longer meet it by chance, and are wrong by D h^0.5; shorter ones by
 D h^2 / width^1.5. Steps are chosen as if errors were roughness * h^2.5 (`renderer.bricks.sampling`), which has both
@@ -32,10 +32,10 @@ Nor do nodes tell of a difference between two of them each of which is constant,
 of a phantom, or a mask that was made larger. Coarser cells blur it over their width all the same, and steps must be as
 short as for one in the middle of a node. There it has half of the difference for its error; here, for every dual cell,
 
-    J = STEEPNESS |w(b) - w(a)|
+    J = DIFFERENCE_ERROR_SHARE |w(b) - w(a)|
 
-stands for it, whatever the nodes are. STEEPNESS is less than a half: of noise the eight voxels of a dual cell have a
-range of 2.85 standard deviations in the mean, and are taken for no more than nodes take them for.
+stands for it, whatever the nodes are. DIFFERENCE_ERROR_SHARE is less than a half: of noise the eight voxels of a dual
+cell have a range of 2.85 standard deviations in the mean, and are taken for no more than nodes take them for.
 """
 
 from __future__ import annotations
@@ -46,22 +46,22 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.kernels import APRON, BRICK, SIDE
+from renderer.bricks.kernels import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
 from renderer.jit import jit
-from renderer.transfer import LARGEST_EXPONENT, Channels, Codes, TransferFunction, scalar_at
+from renderer.transfer import LARGEST_EXPONENT, Channels, RawVoxels, TransferFunction, scalar_at
 
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
 
 # Colormaps have hundreds of control values, nearly on a line: those that are within this share of the largest channel
 # of it are left out. D changes by four times as much at most, twice in each of four channels.
-NEARLY_LINEAR = 2.0**-12
+SIMPLIFICATION_TOLERANCE = 2.0**-12
 
 # Peaks and steps count as this wide, at least, in the way through a cell: the longest step at a tolerance of 0.
-NARROWEST = 1 / 16
+MIN_PEAK_WIDTH = 1 / 16
 
 # Of the difference of a dual cell's ends, what counts for its error.
-STEEPNESS = 0.35
+DIFFERENCE_ERROR_SHARE = 0.35
 
 
 class Polyline(NamedTuple):
@@ -94,11 +94,11 @@ def make_polyline(
     is_hidden = np.zeros(len(points), np.bool_)  # between two others at one value
     is_hidden[1:-1] = transfer.values[2:] == transfer.values[:-2]
     values, points = transfer.values[~is_hidden] * scale, points[~is_hidden]
-    kept = _bends(values, points, NEARLY_LINEAR * float(points.max()))
+    kept = _simplify_polyline(values, points, SIMPLIFICATION_TOLERANCE * float(points.max()))
     return Polyline(values[kept], points[kept], scale)
 
 
-def line_of_scalars(volume_range: tuple[float, float]) -> Polyline:
+def make_scalar_polyline(volume_range: tuple[float, float]) -> Polyline:
     """Of scalars themselves, in shares of the volume's range, as the only channel; no scalar is an end of it."""
     low, high = volume_range
     scale = math.ldexp(1.0, min(0, LARGEST_EXPONENT - 1 - math.frexp(max(abs(low), abs(high)))[1]))
@@ -108,7 +108,7 @@ def line_of_scalars(volume_range: tuple[float, float]) -> Polyline:
     return Polyline(np.array([low * scale - width, high * scale + width]), points, scale)
 
 
-def _bends(values: Float64, points: Float64, tolerance: float) -> npt.NDArray[np.int64]:
+def _simplify_polyline(values: Float64, points: Float64, tolerance: float) -> npt.NDArray[np.int64]:
     """int64 [m], ascending: the points that it takes to have all others within the tolerance of the line between them.
 
     Douglas and Peucker 1973, along the axis of values: the farthest one is taken first.
@@ -130,8 +130,8 @@ def _bends(values: Float64, points: Float64, tolerance: float) -> npt.NDArray[np
 
 
 @jit
-def distances_in_bricks(
-    codes: Codes,
+def measure_subvoxel_variation(
+    codes: RawVoxels,
     scalars: Float64 | None,
     values: Float64,
     points: Float64,
@@ -148,24 +148,29 @@ def distances_in_bricks(
     A brick has half of the dual cells between it and its neighbours; beyond the border the nearest voxels are repeated.
     scalars: by bit pattern; None where voxels are scalars themselves. Others as in Polyline.
     """
-    low, high = np.empty((SIDE, SIDE, SIDE)), np.empty((SIDE, SIDE, SIDE))
+    low, high = (
+        np.empty((PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE)),
+        np.empty((PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE)),
+    )
     for i in range(len(bricks)):
         x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
         nums = (
-            min(codes.shape[0] - BRICK * z, BRICK),
-            min(codes.shape[1] - BRICK * y, BRICK),
-            min(codes.shape[2] - BRICK * x, BRICK),
+            min(codes.shape[0] - BRICK_SIZE * z, BRICK_SIZE),
+            min(codes.shape[1] - BRICK_SIZE * y, BRICK_SIZE),
+            min(codes.shape[2] - BRICK_SIZE * x, BRICK_SIZE),
         )
         least, most = _fill_scalars(codes, scalars, scale, x, y, z, nums, low)
         first = _num_at_or_below(values, least, 0)
         if _num_at_or_below(values, most, first) > first or not _is_constant(first, points):
-            _to_ranges(low, high, nums)
-            largest[z, y, x], roughness[z, y, x], steepness[z, y, x] = _over_ranges(low, high, nums, values, points)
+            _to_dual_cell_ranges(low, high, nums)
+            largest[z, y, x], roughness[z, y, x], steepness[z, y, x] = _variation_of_ranges(
+                low, high, nums, values, points
+            )
 
 
 @jit
 def _fill_scalars(
-    codes: Codes,
+    codes: RawVoxels,
     scalars: Float64 | None,
     scale: float,
     i: int,
@@ -178,12 +183,12 @@ def _fill_scalars(
     smallest and the largest."""
     num_z, num_y, num_x = codes.shape
     least, most = np.inf, -np.inf
-    for t in range(nums[0] + 2 * APRON):
-        z = min(max(BRICK * k - APRON + t, 0), num_z - 1)
-        for u in range(nums[1] + 2 * APRON):
-            y = min(max(BRICK * j - APRON + u, 0), num_y - 1)
-            for v in range(nums[2] + 2 * APRON):
-                x = min(max(BRICK * i - APRON + v, 0), num_x - 1)
+    for t in range(nums[0] + 2 * HALO):
+        z = min(max(BRICK_SIZE * k - HALO + t, 0), num_z - 1)
+        for u in range(nums[1] + 2 * HALO):
+            y = min(max(BRICK_SIZE * j - HALO + u, 0), num_y - 1)
+            for v in range(nums[2] + 2 * HALO):
+                x = min(max(BRICK_SIZE * i - HALO + v, 0), num_x - 1)
                 scalar = scale * scalar_at(codes, scalars, z, y, x)
                 field[t, u, v] = scalar
                 least, most = min(least, scalar), max(most, scalar)
@@ -191,7 +196,7 @@ def _fill_scalars(
 
 
 @jit
-def _to_ranges(low: Float64, high: Float64, nums: tuple[int, int, int]) -> None:
+def _to_dual_cell_ranges(low: Float64, high: Float64, nums: tuple[int, int, int]) -> None:
     """From scalars at centres, in `low`, to the smallest and the largest of dual cells [nums + 1]."""
     for z in range(nums[0] + 2):
         for y in range(nums[1] + 2):
@@ -211,11 +216,11 @@ def _to_ranges(low: Float64, high: Float64, nums: tuple[int, int, int]) -> None:
 
 
 @jit
-def _over_ranges(
+def _variation_of_ranges(
     low: Float64, high: Float64, nums: tuple[int, int, int], values: Float64, points: Float64
 ) -> tuple[float, float, float]:
     """The largest D or J, and the root mean squares of D / width^2 and of J."""
-    largest, total, total_steepness, first = 0.0, 0.0, 0.0, 0
+    largest, total, total_difference, first = 0.0, 0.0, 0.0, 0
     for z in range(nums[0] + 1):
         in_z = 0.5 if z == 0 or z == nums[0] else 1.0
         for y in range(nums[1] + 1):
@@ -231,18 +236,18 @@ def _over_ranges(
                     largest = max(largest, square)
                     total += part * square / (width * width)
                 square = squared_difference(low[z, y, x], high[z, y, x], first, last, values, points)
-                square *= STEEPNESS * STEEPNESS
+                square *= DIFFERENCE_ERROR_SHARE * DIFFERENCE_ERROR_SHARE
                 largest = max(largest, square)
-                total_steepness += part * square
+                total_difference += part * square
     num = nums[0] * nums[1] * nums[2]
-    return math.sqrt(largest), math.sqrt(total / num), math.sqrt(total_steepness / num)
+    return math.sqrt(largest), math.sqrt(total / num), math.sqrt(total_difference / num)
 
 
 @jit
 def squared_difference(low: float, high: float, first: int, last: int, values: Float64, points: Float64) -> float:
     """|w(high) - w(low)|^2 of two scaled scalars, at or below which are `first` and `last` values."""
-    r0, g0, b0, a0 = _point_at(low, first, values, points)
-    r1, g1, b1, a1 = _point_at(high, last, values, points)
+    r0, g0, b0, a0 = _channels_at(low, first, values, points)
+    r1, g1, b1, a1 = _channels_at(high, last, values, points)
     return (r1 - r0) ** 2 + (g1 - g0) ** 2 + (b1 - b0) ** 2 + (a1 - a0) ** 2
 
 
@@ -268,8 +273,8 @@ def _is_constant(first: int, points: Float64) -> bool:
 def squared_distance(low: float, high: float, first: int, values: Float64, points: Float64) -> tuple[float, float]:
     """D^2 and width^2 from one scalar to a higher one, both scaled; `first` values are at or below `low`."""
     last = _num_at_or_below(values, high, first)
-    r0, g0, b0, a0 = _point_at(low, first, values, points)
-    r1, g1, b1, a1 = _point_at(high, last, values, points)
+    r0, g0, b0, a0 = _channels_at(low, first, values, points)
+    r1, g1, b1, a1 = _channels_at(high, last, values, points)
     r = g = b = a = 0.0  # the distance at the value before
     before = total = slopes = 0.0
     for k in range(np.uint64(first), np.uint64(last)):
@@ -282,17 +287,17 @@ def squared_distance(low: float, high: float, first: int, values: Float64, point
         squares = r * (r + rk) + rk * rk + g * (g + gk) + gk * gk + b * (b + bk) + bk * bk + a * (a + ak) + ak * ak
         total += (t - before) * squares
         rises = (rk - r) ** 2 + (gk - g) ** 2 + (bk - b) ** 2 + (ak - a) ** 2
-        slopes += rises / max(t - before, NARROWEST)
+        slopes += rises / max(t - before, MIN_PEAK_WIDTH)
         r, g, b, a, before = rk, gk, bk, ak, t
     squares = r * r + g * g + b * b + a * a
     total += (1.0 - before) * squares
-    slopes += squares / max(1.0 - before, NARROWEST)
+    slopes += squares / max(1.0 - before, MIN_PEAK_WIDTH)
     width = 4.0 * total / slopes if slopes > 0 else 1.0
-    return total / 3.0, min(max(width, NARROWEST * NARROWEST), 1.0)
+    return total / 3.0, min(max(width, MIN_PEAK_WIDTH * MIN_PEAK_WIDTH), 1.0)
 
 
 @jit
-def _point_at(scalar: float, num: int, values: Float64, points: Float64) -> Channels:
+def _channels_at(scalar: float, num: int, values: Float64, points: Float64) -> Channels:
     """The channels of a scaled scalar, at or below which are `num` values."""
     # Unsigned indices spare numba asking whether they count from the end.
     below, above = np.uint64(max(num - 1, 0)), np.uint64(min(num, len(values) - 1))

@@ -1,6 +1,6 @@
 """What a rasteriser interpolates in a brick: a texel for each of its cells and for the apron, the cells around them.
 
-Texel (t, u, v) of a brick is the cell `BRICK * brick - APRON + (t, u, v)` of its level. Beyond the volume's border
+Texel (t, u, v) of a brick is the cell `BRICK_SIZE * brick - HALO + (t, u, v)` of its level. Beyond the volume's border
 there are no cells, and the two kinds of field are continued in two ways.
 
 Scalars take the nearest voxel, as the truth does. Means of a level above are not values at a point; that of the last
@@ -24,12 +24,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import APRON, BRICK, Bricks
-from renderer.bricks.kernels import SIDE, apron_part, slot_at
-from renderer.bricks.means import MadeMeans
+from renderer.bricks.bricks import BRICK_SIZE, HALO, Bricks
+from renderer.bricks.kernels import PADDED_BRICK_SIZE, halo_span, slot_at
+from renderer.bricks.means import MeanCache
 from renderer.jit import jit
-from renderer.pyramid import TOLD_LEVELS
-from renderer.transfer import Codes, Float64, range_width, relative, scalar_at, voxel_codes
+from renderer.pyramid import STREAMED_LEVELS
+from renderer.transfer import Float64, RawVoxels, range_width, raw_voxels, relative, scalar_at
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -43,12 +43,12 @@ _LARGEST_EXPONENT = 1000
 _ROUNDING = 1 + 2.0**-9
 
 # Texels from one to the next along x, y, z.
-_STRIDES = (1, SIDE, SIDE * SIDE)
+_STRIDES = (1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE)
 
 
 def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     """float32 [n, 18, 18, 18]: the scalars of bricks of level 0 at `cells` [n, 3] (x, y, z), 0 at the start of
-    `bricks.scalar_range` and 1 at its end, held to +-FARTHEST.
+    `bricks.scalar_range` and 1 at its end, held to +-MAX_NORMALIZED_SCALAR.
 
     lit: [n, 18, 18, 18, 4], (u, gx, gy, gz), with the gradient in world axes: central differences at voxel centres,
     one-sided at the border and 0 along an axis of one voxel; over a number that is the same in the whole volume, and
@@ -58,14 +58,14 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     """
     volume, scalars = bricks.volume, bricks.pyramid.classifier.scalars
     first, last = bricks.scalar_range
-    codes = voxel_codes(volume)
+    codes = raw_voxels(volume)
     volume.require_unchanged()
     if not lit:
-        texels = np.empty((len(cells), SIDE, SIDE, SIDE), np.float32)
+        texels = np.empty((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE), np.float32)
         _fill_scalars(codes, scalars, cells, first, last, texels)
         volume.require_unchanged()
         return texels
-    lit_texels = np.empty((len(cells), SIDE, SIDE, SIDE, 4), np.float32)
+    lit_texels = np.empty((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     world_from_gradient = np.linalg.inv(volume.world_from_index[:3, :3]).T
     world_from_gradient = np.ascontiguousarray(world_from_gradient / np.abs(world_from_gradient).max())
     scale = _unit_scale(*bricks.volume_range)
@@ -74,14 +74,14 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     return lit_texels
 
 
-def mean_texels(bricks: Bricks, level: int, cells: Int32, made: MadeMeans | None = None) -> Float32:
+def mean_texels(bricks: Bricks, level: int, cells: Int32, made: MeanCache | None = None) -> Float32:
     """float32 [n, 18, 18, 18, 4]: (tau c, tau) times the finest spacing, of bricks of a level above 0 at `cells` [n, 3]
     (x, y, z); 0 where nothing is visible. made: where bricks that are made of voxels may be kept.
 
     Raises InputError where voxels are needed and the volume's file was changed.
     """
-    if level <= TOLD_LEVELS:
-        means = (made or MadeMeans()).of(bricks.pyramid, level, cells)
+    if level <= STREAMED_LEVELS:
+        means = (made or MeanCache()).of(bricks.pyramid, level, cells)
         texels = means.astype(np.float32)
         texels *= np.float32(bricks.pyramid.mean_unit)
     else:
@@ -89,7 +89,7 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32, made: MadeMeans | None
     extents = np.array(bricks.volume.shape_xyz) / 2.0**level
     lighting = bricks.pyramid.classifier.lighting
     brightest = max(1.0, float(bricks.transfer.colors.max()) * (lighting.ambient + lighting.diffuse if lighting else 1))
-    _continue_all(texels.reshape(len(cells), SIDE**3, 4), extents, brightest * _ROUNDING, cells)
+    _extrapolate_border(texels.reshape(len(cells), PADDED_BRICK_SIZE**3, 4), extents, brightest * _ROUNDING, cells)
     return texels
 
 
@@ -100,10 +100,10 @@ def _stored_means(bricks: Bricks, level: int, cells: Int32) -> Float32:
     bits, shift = bricks_of_level.means.view(np.uint16 if half else np.uint32), np.uint32(13 if half else 0)
     # Shifted to where float32 has its bits, float16 has another bias of the exponent.
     units = (2.0**112 if half else 1.0, pyramid.mean_unit)
-    bits = bits.reshape(-1, BRICK, BRICK, 4 * BRICK)
-    texels = np.zeros((len(cells), SIDE, SIDE, 4 * SIDE), np.float32)
+    bits = bits.reshape(-1, BRICK_SIZE, BRICK_SIZE, 4 * BRICK_SIZE)
+    texels = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4 * PADDED_BRICK_SIZE), np.float32)
     _fill_means(bits, shift, units, bricks_of_level.slots, cells, texels)
-    return texels.reshape(len(cells), SIDE, SIDE, SIDE, 4)
+    return texels.reshape(len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4)
 
 
 def _unit_scale(low: float, high: float) -> float:
@@ -114,30 +114,34 @@ def _unit_scale(low: float, high: float) -> float:
 @jit
 def _set_nearest(cell: int, num: int, nearest: Array) -> None:
     """Which voxel each texel along an axis takes."""
-    for t in range(SIDE):
-        nearest[t] = min(max(BRICK * cell - APRON + t, 0), num - 1)
+    for t in range(PADDED_BRICK_SIZE):
+        nearest[t] = min(max(BRICK_SIZE * cell - HALO + t, 0), num - 1)
 
 
 @jit
 def _fill_scalars(
-    codes: Codes, scalars: Float64 | None, cells: Int32, first: float, last: float, texels: Float32
+    codes: RawVoxels, scalars: Float64 | None, cells: Int32, first: float, last: float, texels: Float32
 ) -> None:
     width, halves = range_width(first, last)
-    x, y, z = np.empty(SIDE, np.int64), np.empty(SIDE, np.int64), np.empty(SIDE, np.int64)
+    x, y, z = (
+        np.empty(PADDED_BRICK_SIZE, np.int64),
+        np.empty(PADDED_BRICK_SIZE, np.int64),
+        np.empty(PADDED_BRICK_SIZE, np.int64),
+    )
     for i in range(len(cells)):
         _set_nearest(cells[i, 0], codes.shape[2], x)
         _set_nearest(cells[i, 1], codes.shape[1], y)
         _set_nearest(cells[i, 2], codes.shape[0], z)
-        for t in range(SIDE):
-            for u in range(SIDE):
-                for v in range(SIDE):
+        for t in range(PADDED_BRICK_SIZE):
+            for u in range(PADDED_BRICK_SIZE):
+                for v in range(PADDED_BRICK_SIZE):
                     scalar = scalar_at(codes, scalars, z[t], y[u], x[v])
                     texels[i, t, u, v] = relative(scalar, first, width, halves)
 
 
 @jit
 def _fill_lit_scalars(
-    codes: Codes,
+    codes: RawVoxels,
     scalars: Float64 | None,
     cells: Int32,
     first: float,
@@ -148,23 +152,25 @@ def _fill_lit_scalars(
 ) -> None:
     """Texels [n, 18, 18, 18, 4]. scale: of gradients; times it, no difference of two scalars overflows."""
     width, halves = range_width(first, last)
-    around = np.empty((SIDE + 2, SIDE + 2, SIDE + 2))  # the voxels of texels and those next to them
-    nearest, weights = np.empty((3, SIDE), np.int64), np.empty((3, SIDE))
+    around = np.empty(
+        (PADDED_BRICK_SIZE + 2, PADDED_BRICK_SIZE + 2, PADDED_BRICK_SIZE + 2)
+    )  # the voxels of texels and those next to them
+    nearest, weights = np.empty((3, PADDED_BRICK_SIZE), np.int64), np.empty((3, PADDED_BRICK_SIZE))
     m = world_from_gradient
     for i in range(len(cells)):
-        _fill_around(codes, scalars, cells[i], around)
+        _fill_padded_scalars(codes, scalars, cells[i], around)
         for axis in range(3):
             num = codes.shape[2 - axis]
             _set_nearest(cells[i, axis], num, nearest[axis])
-            for t in range(SIDE):
+            for t in range(PADDED_BRICK_SIZE):
                 voxel = nearest[axis, t]
                 weights[axis, t] = 1.0 / max(min(voxel + 1, num - 1) - max(voxel - 1, 0), 1)
-            nearest[axis] -= BRICK * cells[i, axis] - APRON  # as texels
-        for t in range(SIDE):
-            for u in range(SIDE):
+            nearest[axis] -= BRICK_SIZE * cells[i, axis] - HALO  # as texels
+        for t in range(PADDED_BRICK_SIZE):
+            for u in range(PADDED_BRICK_SIZE):
                 z, y = nearest[2, t], nearest[1, u]
                 row = texels[i, t, u]
-                for x in range(SIDE):
+                for x in range(PADDED_BRICK_SIZE):
                     row[x, 0] = relative(around[z + 1, y + 1, x + 1], first, width, halves)
                     gx = (around[z + 1, y + 1, x + 2] * scale - around[z + 1, y + 1, x] * scale) * weights[0, x]
                     gy = (around[z + 1, y + 2, x + 1] * scale - around[z + 1, y, x + 1] * scale) * weights[1, u]
@@ -172,22 +178,22 @@ def _fill_lit_scalars(
                     row[x, 1] = m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz
                     row[x, 2] = m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz
                     row[x, 3] = m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz
-                for x in range(SIDE):
+                for x in range(PADDED_BRICK_SIZE):
                     if nearest[0, x] != x:
                         row[x] = row[nearest[0, x]]
 
 
 @jit
-def _fill_around(codes: Codes, scalars: Float64 | None, cell: Int32, around: Float64) -> None:
+def _fill_padded_scalars(codes: RawVoxels, scalars: Float64 | None, cell: Int32, around: Float64) -> None:
     """The scalars [20, 20, 20] of a brick at `cell` (x, y, z) and of two voxels around it, the nearest ones beyond the
     border."""
     num_z, num_y, num_x = codes.shape
-    x0, y0, z0 = BRICK * cell[0] - APRON - 1, BRICK * cell[1] - APRON - 1, BRICK * cell[2] - APRON - 1
-    for t in range(SIDE + 2):
+    x0, y0, z0 = BRICK_SIZE * cell[0] - HALO - 1, BRICK_SIZE * cell[1] - HALO - 1, BRICK_SIZE * cell[2] - HALO - 1
+    for t in range(PADDED_BRICK_SIZE + 2):
         z = min(max(z0 + t, 0), num_z - 1)
-        for u in range(SIDE + 2):
+        for u in range(PADDED_BRICK_SIZE + 2):
             y = min(max(y0 + u, 0), num_y - 1)
-            for v in range(SIDE + 2):
+            for v in range(PADDED_BRICK_SIZE + 2):
                 around[t, u, v] = scalar_at(codes, scalars, z, y, min(max(x0 + v, 0), num_x - 1))
 
 
@@ -202,7 +208,8 @@ def _fill_means(
 ) -> None:
     """Texels [n, 18, 18, 4 * 18], which are 0.
 
-    bits: of the means [., BRICK, BRICK, 4 * BRICK]; shifted and times the units, one after the other, they are float32.
+    bits: of the means [., BRICK_SIZE, BRICK_SIZE, 4 * BRICK_SIZE]; shifted and times the units, one after the other,
+    they are float32.
     """
     for i in range(len(cells)):
         for dz in range(-1, 2):
@@ -218,57 +225,59 @@ def _copy_means(
     bits: Array, shift: Any, units: tuple[float, float], dx: int, dy: int, dz: int, texels: Float32
 ) -> None:
     """The apron's part of a neighbour [z, y, 4 x] to texels [z, y, 4 x]."""
-    x0, x1 = apron_part(dx)
-    y0, y1 = apron_part(dy)
-    z0, z1 = apron_part(dz)
+    x0, x1 = halo_span(dx)
+    y0, y1 = halo_span(dy)
+    z0, z1 = halo_span(dz)
     to_normal, unit = np.float32(units[0]), np.float32(units[1])
     for z in range(z0, z1 + 1):
         for y in range(y0, y1 + 1):
-            row = bits[z - BRICK * dz, y - BRICK * dy, 4 * (x0 - BRICK * dx) : 4 * (x1 + 1 - BRICK * dx)]
-            texel_row = texels[z + APRON, y + APRON, 4 * (x0 + APRON) : 4 * (x1 + 1 + APRON)]
+            row = bits[
+                z - BRICK_SIZE * dz, y - BRICK_SIZE * dy, 4 * (x0 - BRICK_SIZE * dx) : 4 * (x1 + 1 - BRICK_SIZE * dx)
+            ]
+            texel_row = texels[z + HALO, y + HALO, 4 * (x0 + HALO) : 4 * (x1 + 1 + HALO)]
             for k in range(len(row)):
                 value = np.uint32(np.uint32(row[k]) << shift)
                 texel_row[k] = value.view(np.float32) * to_normal * unit
 
 
 @jit
-def _continue_all(texels: Float32, extents: Float64, brightest: float, cells: Int32) -> None:
+def _extrapolate_border(texels: Float32, extents: Float64, brightest: float, cells: Int32) -> None:
     """Texels [n, 18^3, 4] of cells to texels of the field. extents: float64 [3], the volume's x, y, z in cells."""
     for i in range(len(cells)):
         for axis in range(3):
-            _continue(texels[i], axis, cells[i, axis], extents[axis], brightest)
+            _extrapolate_axis(texels[i], axis, cells[i, axis], extents[axis], brightest)
 
 
 @jit
-def _continue(texels: Float32, axis: int, cell: int, extent: float, brightest: float) -> None:
+def _extrapolate_axis(texels: Float32, axis: int, cell: int, extent: float, brightest: float) -> None:
     """Move the last cells along an axis to their centres, and continue the field beyond the volume's border.
 
     texels: [18^3, 4]. cell: of the brick along the axis. extent: the volume's in cells.
     """
     num_cells = int(np.ceil(extent))
-    last = num_cells - BRICK * cell  # its texel
-    if cell > 0 and last > SIDE - 1:
+    last = num_cells - BRICK_SIZE * cell  # its texel
+    if cell > 0 and last > PADDED_BRICK_SIZE - 1:
         return
     step, other, another = _STRIDES[axis], _STRIDES[(axis + 1) % 3], _STRIDES[(axis + 2) % 3]
     share = extent - num_cells + 1.0
     to_centre = 0.5 - 0.5 * share
-    for a in range(SIDE):
-        for b in range(SIDE):
+    for a in range(PADDED_BRICK_SIZE):
+        for b in range(PADDED_BRICK_SIZE):
             line = a * other + b * another
             at = line + last * step
             if num_cells == 1:
                 texels[at - step], texels[at + step] = texels[at], texels[at]
                 continue
-            if last < SIDE - 1:
-                _set_on_line(texels, at - step, at, share, 1.0 + to_centre, at + step, brightest)
-            if last <= SIDE - 1 and share < 1.0:
-                _set_on_line(texels, at - step, at, share, to_centre, at, brightest)
+            if last < PADDED_BRICK_SIZE - 1:
+                _set_extrapolated(texels, at - step, at, share, 1.0 + to_centre, at + step, brightest)
+            if last <= PADDED_BRICK_SIZE - 1 and share < 1.0:
+                _set_extrapolated(texels, at - step, at, share, to_centre, at, brightest)
             if cell == 0:
-                _set_on_line(texels, line + 2 * step, line + step, 1.0, 1.0, line, brightest)
+                _set_extrapolated(texels, line + 2 * step, line + step, 1.0, 1.0, line, brightest)
 
 
 @jit
-def _set_on_line(
+def _set_extrapolated(
     texels: Float32, before: int, last: int, share: float, distance: float, at: int, brightest: float
 ) -> None:
     """Write, to the texel `at`, the line through `before` and `last`, a mean over `share` of a cell, so many cells

@@ -12,11 +12,13 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import SIDE
+from renderer.bricks import PADDED_BRICK_SIZE
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
-Texels = Callable[[Int64], Float32]  # of the bricks with these keys: float32 [n, SIDE, SIDE, SIDE(, 4)]
+Texels = Callable[
+    [Int64], Float32
+]  # of the bricks with these keys: float32 [n, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE(, 4)]
 
 MOST_BYTES = 256 << 20
 # Bricks that are made ready at a time, before they get their places.
@@ -38,7 +40,7 @@ class Atlas(ABC):
 
     @property
     @abstractmethod
-    def most_places(self) -> int:
+    def max_slots(self) -> int:
         """How many bricks there may be."""
 
     @abstractmethod
@@ -55,7 +57,7 @@ class Atlas(ABC):
 
     def reserve(self, num: int) -> None:
         """Make room for so many bricks, or as many as there may be; whoever draws fewer at a time keeps the others."""
-        if min(num, self.most_places) > len(self._keys):
+        if min(num, self.max_slots) > len(self._keys):
             self._grow(num)
 
     def num_missing(self, keys: Int64) -> int:
@@ -90,4 +92,4 @@ class Atlas(ABC):
 
 def brick_bytes(num_channels: int) -> int:
     """What a brick takes."""
-    return 4 * num_channels * SIDE**3
+    return 4 * num_channels * PADDED_BRICK_SIZE**3

@@ -9,9 +9,9 @@ from typing import Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import BrickBatch, Bricks, MadeMeans
+from renderer.bricks import BrickBatch, Bricks, MeanCache
 from renderer.draw.brick_atlas import Atlas, Texels
-from renderer.draw.brick_view import BrickPicture, make_brick_picture, means_of, scalars_of
+from renderer.draw.brick_view import BrickView, make_brick_view, mean_texels_by_key, scalar_texels_by_key
 from renderer.threads import Threads
 from renderer.view import View
 
@@ -20,25 +20,25 @@ A = TypeVar("A", bound=Atlas)
 Kind = tuple[A, npt.NDArray[np.bool_], Texels]
 
 
-class BrickStore(Generic[A]):
+class BrickCache(Generic[A]):
     """Atlases of scalars and of means; of_scalars, of_means: what makes one, of so many channels for so many keys.
     threads: that make bricks ready."""
 
     def __init__(
         self, of_scalars: Callable[[int, int], A], of_means: Callable[[int, int], A], threads: Threads
     ) -> None:
-        self._of_scalars, self._of_means, self._threads = of_scalars, of_means, threads
+        self._make_scalar_atlas, self._make_mean_atlas, self._threads = of_scalars, of_means, threads
         self._bricks: Bricks | None = None
         self._scalars: A | None = None
         self._means: A | None = None
-        self._made = MadeMeans(threads)
-        self._picture: BrickPicture | None = None  # the last one, which may be brought and then drawn
+        self._made = MeanCache(threads)
+        self._picture: BrickView | None = None  # the last one, which may be brought and then drawn
 
-    def begin(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickPicture:
+    def begin(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
         """A picture for which there is room, as far as there may be: with less, bricks would come every time."""
         self._look_at(batch)
         if self._picture is None or not self._picture.is_of(batch, order, view):
-            self._picture = make_brick_picture(batch, order, view)
+            self._picture = make_brick_view(batch, order, view)
         for atlas, is_chosen, _ in self.kinds(self._picture):
             atlas.reserve(int(np.count_nonzero(is_chosen)))
         return self._picture
@@ -50,7 +50,7 @@ class BrickStore(Generic[A]):
         """
         picture = self.begin(batch, order, view)
         kinds = [(atlas, picture.keys[chosen], texels) for atlas, chosen, texels in self.kinds(picture)]
-        if any(len(keys) > atlas.most_places for atlas, keys, _ in kinds):
+        if any(len(keys) > atlas.max_slots for atlas, keys, _ in kinds):
             return False
         if not any(atlas.num_missing(keys) for atlas, keys, _ in kinds):
             return False
@@ -59,24 +59,24 @@ class BrickStore(Generic[A]):
             atlas.place(keys, texels)
         return True
 
-    def begin_drawing(self, picture: BrickPicture) -> None:
+    def begin_frame(self, picture: BrickView) -> None:
         """Say that a picture is drawn now."""
         _, (means, is_mean, _) = self.kinds(picture)
-        self._made.begin(is_used=int(np.count_nonzero(is_mean)) > means.most_places)
+        self._made.begin(is_used=int(np.count_nonzero(is_mean)) > means.max_slots)
 
-    def kinds(self, picture: BrickPicture) -> tuple[Kind[A], Kind[A]]:
+    def kinds(self, picture: BrickView) -> tuple[Kind[A], Kind[A]]:
         """Of scalars and of means."""
         assert self._scalars is not None
         assert self._means is not None
         return (
-            (self._scalars, ~picture.is_mean, partial(scalars_of, picture.batch, self._threads)),
-            (self._means, picture.is_mean, partial(means_of, picture.batch, self._made)),
+            (self._scalars, ~picture.is_mean, partial(scalar_texels_by_key, picture.batch, self._threads)),
+            (self._means, picture.is_mean, partial(mean_texels_by_key, picture.batch, self._made)),
         )
 
-    def end_of_group(self, picture: BrickPicture, start: int, most: int) -> int:
+    def end_of_group(self, picture: BrickView, start: int, most: int) -> int:
         """Where a group of at most so many bricks ends that begins at `start`; there is room for each kind's."""
         part = slice(start, start + most)
-        fits = [np.cumsum(is_chosen[part]) <= atlas.most_places for atlas, is_chosen, _ in self.kinds(picture)]
+        fits = [np.cumsum(is_chosen[part]) <= atlas.max_slots for atlas, is_chosen, _ in self.kinds(picture)]
         return start + int(np.count_nonzero(fits[0] & fits[1]))
 
     def forget(self) -> None:
@@ -85,7 +85,7 @@ class BrickStore(Generic[A]):
             if atlas is not None:
                 atlas.release()
         self._scalars = self._means = None
-        self._bricks, self._picture, self._made = None, None, MadeMeans(self._threads)
+        self._bricks, self._picture, self._made = None, None, MeanCache(self._threads)
 
     def _look_at(self, batch: BrickBatch) -> None:
         """Let go of what belongs to other bricks."""
@@ -93,6 +93,6 @@ class BrickStore(Generic[A]):
         if self._scalars is None or self._bricks is not batch.bricks or self._scalars.num_channels != num_channels:
             self.forget()
             grids = [level.boxes.shape[:3] for level in batch.bricks.levels]
-            self._scalars = self._of_scalars(num_channels, int(np.prod(grids[0])))
-            self._means = self._of_means(4, sum(int(np.prod(grid)) for grid in grids[1:]))
+            self._scalars = self._make_scalar_atlas(num_channels, int(np.prod(grids[0])))
+            self._means = self._make_mean_atlas(4, sum(int(np.prod(grid)) for grid in grids[1:]))
             self._bricks = batch.bricks

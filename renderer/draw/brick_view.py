@@ -8,20 +8,28 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import BRICK, LEAST_BRICKS, SIDE, BrickBatch, MadeMeans, mean_texels, scalar_texels
+from renderer.bricks import (
+    BRICK_SIZE,
+    MIN_BRICKS_PER_THREAD,
+    PADDED_BRICK_SIZE,
+    BrickBatch,
+    MeanCache,
+    mean_texels,
+    scalar_texels,
+)
 from renderer.threads import Threads
-from renderer.view import View, box_rectangles
+from renderer.view import View, screen_rectangles
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class BrickPicture:
+class BrickView:
     """Some bricks of a batch in a view, front to back; index space relative to the volume's centre.
 
     is_mean: bool [n], those above level 0. keys: int64 [n], numbers of bricks; those of level 0 by themselves, those of
-    all others one level after the other. rectangles_px: float64 [n, 4], as `box_rectangles` has them.
+    all others one level after the other. rectangles_px: float64 [n, 4], as `screen_rectangles` has them.
     bounds: float64 [n, 2, 3], of the boxes. corners: float64 [n, 3], the lowest corner of each brick's first cell.
     cells_per_voxel, steps: float64 [n], the latter in cells.
     """
@@ -42,18 +50,18 @@ class BrickPicture:
         return self.batch is batch and self.order is order and self.view is view
 
 
-def make_brick_picture(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickPicture:
+def make_brick_view(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
     """Of the bricks `order`, uint32 [n], of a batch."""
     cut, centre = batch.cut, batch.cut.volume.centre_index
     levels = cut.levels[order].astype(np.int64)
-    first_voxels = cut.cells[order].astype(np.int64) * BRICK << levels[:, None]
-    return BrickPicture(
+    first_voxels = cut.cells[order].astype(np.int64) * BRICK_SIZE << levels[:, None]
+    return BrickView(
         batch,
         order,
         view,
         is_mean=levels > 0,
         keys=_keys(batch, order),
-        rectangles_px=box_rectangles(batch, order, view),
+        rectangles_px=screen_rectangles(batch, order, view),
         bounds=cut.boxes[order] - centre,
         corners=first_voxels - 0.5 - centre,
         cells_per_voxel=np.ldexp(1.0, -levels),
@@ -62,7 +70,7 @@ def make_brick_picture(batch: BrickBatch, order: npt.NDArray[np.uint32], view: V
 
 
 def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
-    """int64 [n], as in BrickPicture."""
+    """int64 [n], as in BrickView."""
     keys = np.empty(len(chosen), np.int64)
     levels, cells = batch.cut.levels[chosen], batch.cut.cells[chosen]
     first = 0
@@ -80,17 +88,17 @@ def _cells(keys: npt.NDArray[np.int64], grid: tuple[int, ...]) -> npt.NDArray[np
     return np.column_stack([x, y, z]).astype(np.int32)
 
 
-def scalars_of(batch: BrickBatch, threads: Threads, keys: npt.NDArray[np.int64]) -> Float32:
-    """float32 [n, SIDE, SIDE, SIDE(, 4)]: texels of bricks of level 0, by their keys."""
+def scalar_texels_by_key(batch: BrickBatch, threads: Threads, keys: npt.NDArray[np.int64]) -> Float32:
+    """Texels of bricks of level 0, by their keys: float32 [n, p, p, p(, 4)], p = PADDED_BRICK_SIZE."""
     cells = _cells(keys, batch.bricks.levels[0].boxes.shape[:3])
-    return threads.concatenated(
-        partial(scalar_texels, batch.bricks, lit=batch.shading is not None), cells, LEAST_BRICKS
+    return threads.map_concatenated(
+        partial(scalar_texels, batch.bricks, lit=batch.shading is not None), cells, MIN_BRICKS_PER_THREAD
     )  # fmt: skip
 
 
-def means_of(batch: BrickBatch, made: MadeMeans, keys: npt.NDArray[np.int64]) -> Float32:
-    """float32 [n, SIDE, SIDE, SIDE, 4]: texels of bricks above level 0, by their keys."""
-    texels = np.empty((len(keys), SIDE, SIDE, SIDE, 4), np.float32)
+def mean_texels_by_key(batch: BrickBatch, made: MeanCache, keys: npt.NDArray[np.int64]) -> Float32:
+    """Texels of bricks above level 0, by their keys: float32 [n, p, p, p, 4], p = PADDED_BRICK_SIZE."""
+    texels = np.empty((len(keys), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     first = 0
     for level, here in enumerate(batch.bricks.levels[1:], 1):
         grid = here.boxes.shape[:3]

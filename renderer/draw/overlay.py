@@ -56,11 +56,11 @@ def make_cell_edges(cut: Cut) -> CellEdges:
 
 def make_brick_edges(cut: BrickCut) -> CellEdges:
     """All edges of the bricks of a cut, in the colours of their cells."""
-    return _make_edges(cut.levels, cut.cells, cut.volume, levels_around=BRICK_LEVELS)
+    return _make_edges(cut.levels, cut.cells, cut.volume, levels_above=BRICK_LEVELS)
 
 
 def _make_edges(
-    levels: npt.NDArray[np.uint8], boxes: npt.NDArray[np.int32], volume: Volume, *, levels_around: int = 0
+    levels: npt.NDArray[np.uint8], boxes: npt.NDArray[np.int32], volume: Volume, *, levels_above: int = 0
 ) -> CellEdges:
     """Of boxes (x, y, z, in their own width) that are nodes so many levels above the cells of these levels."""
     edges, shape = volume.world_from_index[:3, :3], np.array(volume.shape_xyz)
@@ -70,13 +70,13 @@ def _make_edges(
         cells = boxes[levels == level].astype(np.int64)
         num_corners = cells.max(axis=0) + 2
         for axis in range(3):
-            starts = _starts(cells, num_corners, axis)
+            starts = _edge_starts(cells, num_corners, axis)
             parts.append(np.empty((len(starts), 7), np.float32))
-            _fill_edges(starts, num_corners, axis, level + levels_around, shape, edges / length, parts[-1])
+            _fill_edges(starts, num_corners, axis, level + levels_above, shape, edges / length, parts[-1])
             parts[-1][:, 6] = level
     vertices = np.concatenate(parts)
     vertices.flags.writeable = False
-    side = float(np.linalg.norm(edges, axis=0).min()) / length * 2**levels_around
+    side = float(np.linalg.norm(edges, axis=0).min()) / length * 2**levels_above
     return CellEdges(vertices, side, volume.centre, length)
 
 
@@ -85,7 +85,7 @@ def level_colors() -> Float64:
     return np.array([list(bytes.fromhex(color[1:])) for color in LEVEL_COLORS]) / 255
 
 
-def _starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
+def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
     """int64 [n]: where edges along an axis begin, each place once and in ascending order.
 
     Places are numbered on the lattice of the cells' corners, x fastest; cells are int64 [m, 3] in units of their width.

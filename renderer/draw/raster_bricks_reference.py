@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import APRON, BRICK, DITHER, PHASE_PER_PX, BrickBatch, mean_texels, scalar_texels
+from renderer.bricks import BRICK_SIZE, DITHER, HALO, JITTER_PER_PX, BrickBatch, mean_texels, scalar_texels
 from renderer.scene import ShadingSpec
 from renderer.view import View
 from renderer.volume import Volume
@@ -47,20 +47,20 @@ class _Rays:
 
 def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
     """Composite the bricks `order`, front to back: float64 [height, width, 4], premultiplied RGBA over nothing."""
-    strides = batch.thrift.strides
-    nodes = _lattice(view.size, strides[0])
+    strides = batch.screen_sampling.strides
+    nodes = _pixel_grid(view.size, strides[0])
     image = _radiance(batch, order, _rays(batch.cut.volume, view, *nodes)).reshape(*nodes[0].shape, 4)
     for coarse, stride in pairwise(strides):
         assert coarse % stride == 0, strides
-        nodes = _lattice(view.size, stride)
-        is_alike = _are_alike(image, batch.thrift.spread)[nodes[1] // coarse, nodes[0] // coarse]
+        nodes = _pixel_grid(view.size, stride)
+        is_alike = _are_alike(image, batch.screen_sampling.spread)[nodes[1] // coarse, nodes[0] // coarse]
         is_drawn = ~is_alike & ((nodes[0] % coarse != 0) | (nodes[1] % coarse != 0))
         image = _between(image, coarse, *nodes)
         image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)))
-    return _between(image, strides[-1], *_lattice(view.size, 1))
+    return _between(image, strides[-1], *_pixel_grid(view.size, 1))
 
 
-def _lattice(size: tuple[int, int], stride: int) -> tuple[Int64, Int64]:
+def _pixel_grid(size: tuple[int, int], stride: int) -> tuple[Int64, Int64]:
     """Columns and rows of the pixels whose both are multiples of the stride, [rows, columns] each: as many as it takes
     to have every pixel of the image among them or between them."""
     columns, rows = (stride * np.arange((num - 1 + stride - 1) // stride + 1) for num in size)
@@ -121,7 +121,7 @@ def _rays(volume: Volume, view: View, columns: Int64, rows: Int64) -> _Rays:
 
 def _phases(columns: Int64, rows: Int64) -> Float64:
     """[n]: multiples of 2^-24 from 0 to 1."""
-    whole = columns * PHASE_PER_PX[0] + rows * PHASE_PER_PX[1] & 0xFFFFFFFF
+    whole = columns * JITTER_PER_PX[0] + rows * JITTER_PER_PX[1] & 0xFFFFFFFF
     return np.asarray((whole >> 8) / 2.0**24)
 
 
@@ -130,7 +130,7 @@ def _radiance(batch: BrickBatch, order: npt.NDArray[np.uint32], rays: _Rays) -> 
     total = np.zeros((len(rays.starts), 4))
     for brick in order:
         enter, leave = _span(rays, batch.cut.boxes[brick])
-        is_hit = (enter < leave) & (1 - total[:, 3] >= batch.thrift.least_transmittance)
+        is_hit = (enter < leave) & (1 - total[:, 3] >= batch.screen_sampling.termination_transmittance)
         if is_hit.any():
             of_brick = _of_brick(batch, int(brick), rays[is_hit], enter[is_hit], leave[is_hit])
             total[is_hit] += (1 - total[is_hit, 3:]) * of_brick
@@ -168,7 +168,7 @@ def _of_brick(batch: BrickBatch, brick: int, rays: _Rays, enter: Float64, leave:
     rays_of, numbers = np.nonzero(is_part)
     index = rays[rays_of].at(enter[rays_of] + (numbers + 0.5) * part[rays_of])
     channels = np.zeros((*is_part.shape, 4))
-    channels[is_part] = _field(batch, level, cell)((index + 0.5) / 2**level - BRICK * cell)
+    channels[is_part] = _field(batch, level, cell)((index + 0.5) / 2**level - BRICK_SIZE * cell)
     total = np.zeros((len(enter), 4))
     for k in range(len(number)):
         tau = channels[:, k, 3:]
@@ -190,8 +190,8 @@ def _field(batch: BrickBatch, level: int, cell: npt.NDArray[np.int32]) -> Callab
 
 def _trilinear(texels: Float64, at: Float64) -> Float64:
     """[n, k]: texels [z, y, x, k], whose first one lies in the apron, at points (x, y, z) in cells of the brick."""
-    place = at + APRON - 0.5  # of a texel's centre its index
-    low = np.clip(np.floor(place).astype(int), 0, BRICK + 2 * APRON - 2)
+    place = at + HALO - 0.5  # of a texel's centre its index
+    low = np.clip(np.floor(place).astype(int), 0, BRICK_SIZE + 2 * HALO - 2)
     share = place - low
     total = np.zeros((len(at), texels.shape[-1]))
     for corner in product((0, 1), repeat=3):

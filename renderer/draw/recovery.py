@@ -20,7 +20,7 @@ from renderer.view import View
 Result = TypeVar("Result")
 
 
-class LastingRasterizer:
+class RecoveringRasterizer:
     """A GLRasterizer, and another one when its context is lost; to be used as that is.
 
     A picture whose context is lost is drawn once more, and is the same bytes, for none depends on those before it.
@@ -32,7 +32,7 @@ class LastingRasterizer:
         self._make, self._current, self._num_lost = make, make(), 0
         self.renderer_name = self._current.renderer_name
 
-    def __enter__(self) -> LastingRasterizer:
+    def __enter__(self) -> RecoveringRasterizer:
         return self
 
     def __exit__(
@@ -70,10 +70,10 @@ class LastingRasterizer:
         try:
             return draw(self._current)
         except ContextLostError as error:
-            self._renew(error)
+            self._recreate(error)
         return draw(self._current)
 
-    def _renew(self, lost: ContextLostError) -> None:
+    def _recreate(self, lost: ContextLostError) -> None:
         """Put another one in the place of the current one; raises what was lost where there is none of its kind."""
         self._current.release()  # first: there may be no room for two
         try:

@@ -12,7 +12,7 @@ Bools = npt.NDArray[np.bool_]
 Float32 = npt.NDArray[np.float32]
 
 # Pixels that are worth a thread.
-_LEAST_PIXELS = 1 << 16
+_MIN_PIXELS_PER_THREAD = 1 << 16
 
 
 def num_nodes(size: tuple[int, int], stride: int) -> tuple[int, int]:
@@ -30,12 +30,12 @@ def interpolated(nodes: Float32, stride: int, size: tuple[int, int], threads: Th
     def work(first: int, end: int) -> None:
         _interpolate(nodes, stride, first, end, image)
 
-    threads.in_parts(work, height, _least_rows(width))
+    threads.for_ranges(work, height, _min_rows_per_thread(width))
     return image
 
 
-def _least_rows(num_columns: int) -> int:
-    return -(-_LEAST_PIXELS // num_columns)
+def _min_rows_per_thread(num_columns: int) -> int:
+    return -(-_MIN_PIXELS_PER_THREAD // num_columns)
 
 
 @jit
@@ -69,17 +69,17 @@ def refined(
     """
     image = np.empty((shape[1], shape[0], 4), np.float32)
     is_drawn = np.empty(image.shape[:2], np.bool_)
-    differ = _differing(nodes, np.float32(spread))
+    differ = _needs_refinement(nodes, np.float32(spread))
 
     def work(first: int, end: int) -> None:
         _refine(nodes, factor, differ, first, end, image, is_drawn)
 
-    threads.in_parts(work, shape[1], _least_rows(shape[0]))
+    threads.for_ranges(work, shape[1], _min_rows_per_thread(shape[0]))
     return image, is_drawn
 
 
 @jit
-def _differing(nodes: Float32, spread: np.float32) -> Bools:
+def _needs_refinement(nodes: Float32, spread: np.float32) -> Bools:
     """[h, w]: which four nodes, the lowest of which has this place, differ, and bend, by more than `spread`."""
     num_rows, num_columns, _ = nodes.shape
     bends, differ = np.zeros((num_rows, num_columns), np.float32), np.empty((num_rows, num_columns), np.bool_)

@@ -1,26 +1,26 @@
 from .atomic import (
     explained as explained,
-    require_possible as require_possible,
     require_writable as require_writable,
-    staged_together as staged_together,
+    require_writable_dry_run as require_writable_dry_run,
+    staged_files as staged_files,
     write_staged as write_staged,
 )
 from .encode import find_ffmpeg as find_ffmpeg
-from .frame_record import Record as Record, is_record as is_record
+from .frame_record import Record as Record, is_frame_record as is_frame_record
 from .kept_frames import (
-    KeptFrames as KeptFrames,
+    FrameCheckpoint as FrameCheckpoint,
+    data_digest as data_digest,
     digest as digest,
     file_digest as file_digest,
-    forget_frames as forget_frames,
+    frame_matches_digest as frame_matches_digest,
     is_file as is_file,
-    is_frame as is_frame,
-    mark_of as mark_of,
+    remove_checkpoint_frames as remove_checkpoint_frames,
 )
-from .lock import alone as alone, locked as locked, require_no_other as require_no_other
+from .lock import alone as alone, locked as locked, require_folder_if_exists as require_folder_if_exists
 from .names import (
     ANY_FRAME_FIELD as ANY_FRAME_FIELD,
-    film_beside as film_beside,
-    first_files as first_files,
+    film_path_of_sidecar as film_path_of_sidecar,
+    first_output_paths as first_output_paths,
     frame_path as frame_path,
     has_frame_files as has_frame_files,
     is_numbered as is_numbered,
@@ -31,7 +31,12 @@ from .names import (
     unfinished_folder as unfinished_folder,
 )
 from .picture import Picture as Picture, Pixels as Pixels
-from .png import encode_png as encode_png, png_chunks as png_chunks, png_of as png_of, png_shape as png_shape
+from .png import (
+    encode_png as encode_png,
+    join_png_chunks as join_png_chunks,
+    png_chunks as png_chunks,
+    png_shape as png_shape,
+)
 from .quantization import quantize as quantize, require_finite as require_finite
 from .sidecar import write_sidecar as write_sidecar
 from .stream_tail import StreamTail as StreamTail

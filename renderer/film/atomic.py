@@ -21,7 +21,7 @@ def staged(path: Path, within: Path | None = None) -> Iterator[Path]:
     RenderError (no space, no permission, no folder any more); an OSError raised by the block itself passes unchanged,
     see `explained`.
     """
-    temporary = _temporary_of(path, within)
+    temporary = _temporary_path(path, within)
     try:  # before the file is there: an interrupt may come at any time
         _create(temporary, path, within)
         yield temporary
@@ -40,7 +40,7 @@ def write_staged(path: Path, content: bytes, within: Path | None = None) -> None
 
 
 @contextlib.contextmanager
-def staged_together(within: Path | None = None) -> Iterator[Callable[[Path, bytes], None]]:
+def staged_files(within: Path | None = None) -> Iterator[Callable[[Path, bytes], None]]:
     """A function that writes whole files, which have their final names at the end of the block, one after the other.
 
     When the block raises, none has; as `staged`.
@@ -48,7 +48,7 @@ def staged_together(within: Path | None = None) -> Iterator[Callable[[Path, byte
     written: list[tuple[Path, Path]] = []
 
     def write(path: Path, content: bytes) -> None:
-        temporary = _temporary_of(path, within)
+        temporary = _temporary_path(path, within)
         written.append((temporary, path))
         _create(temporary, path, within)
         with explained(path):
@@ -67,7 +67,7 @@ def staged_together(within: Path | None = None) -> Iterator[Callable[[Path, byte
 
 def require_writable(path: Path, within: Path | None = None) -> None:
     """Make the folder of `path` and try to write there, or `within`, leaving no file; errors as in `staged`."""
-    temporary = _temporary_of(path, within)
+    temporary = _temporary_path(path, within)
     try:
         _create(temporary, path, within)
         with explained(path):
@@ -78,19 +78,21 @@ def require_writable(path: Path, within: Path | None = None) -> None:
             temporary.unlink()
 
 
-def require_possible(path: Path) -> None:
+def require_writable_dry_run(path: Path) -> None:
     """Raise what `require_writable` would, as far as it shows without making a folder or a file."""
     with explained(path):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # fails for a name that is too long
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        folder = _nearest(path)
+        folder = _nearest_existing_parent(path)
         if not folder.is_dir():  # a link that leads nowhere, too
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
-        if _is_of_the_kernel(path):
+        if _is_kernel_filesystem(path):
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
-        longest = max(_temporary_of(path).absolute().relative_to(folder).parts, key=lambda name: len(os.fsencode(name)))
+        longest = max(
+            _temporary_path(path).absolute().relative_to(folder).parts, key=lambda name: len(os.fsencode(name))
+        )
         if len(os.fsencode(longest)) > os.pathconf(folder, "PC_NAME_MAX"):
             raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG), str(path))
         if not os.access(folder, os.W_OK | os.X_OK):
@@ -103,10 +105,10 @@ def explained(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise write_error(error, path) from error
+        raise output_error(error, path) from error
 
 
-def write_error(error: OSError, path: Path) -> HsplatError:
+def output_error(error: OSError, path: Path) -> HsplatError:
     """What to tell about `error`, met while writing `path`."""
     where = str(path)
     if isinstance(error, IsADirectoryError):
@@ -120,7 +122,7 @@ def write_error(error: OSError, path: Path) -> HsplatError:
             return InputError("the folder of the output is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RenderError("the disk is full", where=where, hint="free some space, or write to another disk")
-    if _is_of_the_kernel(path):
+    if _is_kernel_filesystem(path):
         return RenderError("no files can be made here", where=where, hint=_ANOTHER_FOLDER)
     if isinstance(error, FileNotFoundError):
         return RenderError("the folder of the output is gone", where=where, hint="it was there when the work began")
@@ -138,22 +140,22 @@ def remove_temporaries(folder: Path) -> None:
 _MARK = ".partial-"
 _ANOTHER_FOLDER = "choose another folder for the output"
 # Not even the superuser makes a file or folder here, whom `os.access` tells otherwise.
-_OF_THE_KERNEL = (Path("/proc"), Path("/sys"))
+_KERNEL_MOUNTS = (Path("/proc"), Path("/sys"))
 
 
-def _nearest(path: Path) -> Path:
+def _nearest_existing_parent(path: Path) -> Path:
     """The folder that `path` is below, as far as there is one; a link that leads nowhere, or a file, too."""
     return next(parent for parent in path.absolute().parents if os.path.lexists(parent))
 
 
-def _is_of_the_kernel(path: Path) -> bool:
+def _is_kernel_filesystem(path: Path) -> bool:
     with contextlib.suppress(OSError):  # the current folder is gone
-        device = _nearest(path).stat().st_dev
-        return any(place.is_mount() and place.stat().st_dev == device for place in _OF_THE_KERNEL)
+        device = _nearest_existing_parent(path).stat().st_dev
+        return any(place.is_mount() and place.stat().st_dev == device for place in _KERNEL_MOUNTS)
     return False
 
 
-def _temporary_of(path: Path, within: Path | None = None) -> Path:
+def _temporary_path(path: Path, within: Path | None = None) -> Path:
     # Two programs, on two machines, do not share a temporary file; nor do two frames that differ by their folders.
     return (within or path.parent) / f".{path.name}{_MARK}{os.urandom(4).hex()}"
 

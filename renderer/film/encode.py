@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import HsplatError, RenderError
-from renderer.film.atomic import write_error
+from renderer.film.atomic import output_error
 from renderer.film.stream_tail import StreamTail
 
 # ffmpeg converts RGB with the BT.601 matrix unless it is told, whatever the tags say. The chroma position is H.264's
@@ -91,7 +91,7 @@ class Encoder:
         assert process.stdin is not None
         assert process.stderr is not None
         self._process, self._pictures, self._output = process, process.stdin, output
-        self._last_words = StreamTail(process.stderr)
+        self._stderr_tail = StreamTail(process.stderr)
 
     def write(self, image: npt.NDArray[np.uint8]) -> None:
         """Encode one picture, uint8 [h, w, 3]."""
@@ -120,13 +120,13 @@ class Encoder:
 
     def _failure(self, what: str) -> HsplatError:
         status = self._process.wait()
-        words = "\n    ".join(self._last_words.lines())  # to stand in a message
+        words = "\n    ".join(self._stderr_tail.lines())  # to stand in a message
         if os.strerror(errno.ENOSPC) in words:
-            return write_error(OSError(errno.ENOSPC, words), self._output)
-        return RenderError(what, where=str(self._output), got=words or f"{_ending(status)} and no message")
+            return output_error(OSError(errno.ENOSPC, words), self._output)
+        return RenderError(what, where=str(self._output), got=words or f"{_exit_description(status)} and no message")
 
 
-def _ending(status: int) -> str:
+def _exit_description(status: int) -> str:
     return f"signal {signal.Signals(-status).name}" if -status in set(signal.Signals) else f"exit status {status}"
 
 

@@ -11,7 +11,7 @@ Record = Mapping[str, Any]
 _KEYS = {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds", "gl", "blank"}
 
 
-def is_record(record: Any, *, has_digest: bool = True) -> bool:
+def is_frame_record(record: Any, *, has_digest: bool = True) -> bool:
     """Whether this, read from a file that anybody may have written, is all that a film's record tells of a frame.
 
     That is its number as `frame`, the `digest` of its PNG file, `tolerance`, `cells`, `splats`, `seconds` by step,
@@ -30,9 +30,9 @@ def is_record(record: Any, *, has_digest: bool = True) -> bool:
         and isinstance(record.get("digest", None if has_digest else ""), str)
         and all(type(record.get(key)) is int and record[key] >= 0 for key in ("frame", "cells", "splats"))
         and isinstance(seconds, dict)
-        and all(map(_is_amount, [record.get("tolerance"), predicted, *seconds.values()]))
+        and all(map(_is_nonnegative_number, [record.get("tolerance"), predicted, *seconds.values()]))
     )
 
 
-def _is_amount(value: Any) -> bool:
+def _is_nonnegative_number(value: Any) -> bool:
     return type(value) in (int, float) and 0 <= value <= sys.float_info.max  # integers of JSON may be larger

@@ -17,7 +17,7 @@ from typing import Any
 
 from renderer.errors import RenderError
 from renderer.film.atomic import explained, write_staged
-from renderer.film.frame_record import Record, is_record
+from renderer.film.frame_record import Record, is_frame_record
 from renderer.film.names import frame_path, has_frame_files, is_numbered, picture_shape
 from renderer.film.picture import Picture
 from renderer.film.png import png_shape
@@ -29,7 +29,7 @@ _MOST_BYTES = 2**26  # of a record or a cause; some kilobytes are usual
 _BLOCK = 2**20
 
 
-class KeptFrames:
+class FrameCheckpoint:
     """Those of some frames of an output that are there; only one job is at work on them.
 
     folder: of what is not finished; it is there.
@@ -37,8 +37,8 @@ class KeptFrames:
     afresh: those that are there are of no use in any case.
 
     records: by number, of the frames whose files are what they should be; each has the `digest` of its file.
-    former_cause, num_former: of the frames that were there, with another cause; empty where it is not known any more.
-    num_dropped: frames of this cause that are drawn anew after all.
+    former_fingerprint, num_outdated: of the frames that were there, with another cause; empty where it is not known any
+    more. num_dropped: frames of this cause that are drawn anew after all.
     """
 
     def __init__(
@@ -52,16 +52,16 @@ class KeptFrames:
     ) -> None:
         self._folder, self._output, self._numbers = folder, output, frozenset(numbers)
         self.cause: Record = json.loads(json.dumps(cause))  # as it is read again: tuples are lists
-        self._mark, self._is_told = mark_of(cause), False
+        self._mark, self._is_told = data_digest(cause), False
         self.records: dict[int, Record] = {}
-        self.former_cause: Record | None = None
-        self.num_former = self.num_dropped = 0
+        self.former_fingerprint: Record | None = None
+        self.num_outdated = self.num_dropped = 0
         if afresh:
-            forget_frames(folder, output, numbers)
+            remove_checkpoint_frames(folder, output, numbers)
         for number in numbers:
             self._find(number)
-        if self.former_cause is not None and not self.records:
-            forget_frames(folder, output, numbers)
+        if self.former_fingerprint is not None and not self.records:
+            remove_checkpoint_frames(folder, output, numbers)
 
     def _find(self, number: int) -> None:
         found = _read(self._own(number, "json"))
@@ -69,20 +69,20 @@ class KeptFrames:
             return
         mark, record = found
         if mark == self._mark:
-            self.add_former([record])
+            self.adopt_records([record])
         else:
-            if self.former_cause is None:
-                self.former_cause = _read_object(_cause_file(self._folder, mark)) or {}
-            self.num_former += 1
+            if self.former_fingerprint is None:
+                self.former_fingerprint = _read_json_object(_fingerprint_path(self._folder, mark)) or {}
+            self.num_outdated += 1
             with contextlib.suppress(OSError):
                 for path in (self._own(number, "json"), self._own(number, "png")):
                     path.unlink(missing_ok=True)
 
-    def add_former(self, records: Iterable[Record]) -> None:
+    def adopt_records(self, records: Iterable[Record]) -> None:
         """Frames of the same cause that are told of elsewhere: those whose files are there and are the same."""
         for record in records:
             number = record["frame"]
-            if number in self._numbers and is_frame(self._file(number), record["digest"], self._output):
+            if number in self._numbers and frame_matches_digest(self._file(number), record["digest"], self._output):
                 self.records[number] = record
 
     def keep(self, number: int, png: bytes, record: Record) -> Record:
@@ -90,7 +90,7 @@ class KeptFrames:
         record = {**record, "digest": digest(png)}
         write_staged(self._file(number), png, self._folder)
         if not self._is_told:
-            write_staged(_cause_file(self._folder, self._mark), json.dumps(self.cause).encode(), self._folder)
+            write_staged(_fingerprint_path(self._folder, self._mark), json.dumps(self.cause).encode(), self._folder)
             self._is_told = True
         content = json.dumps({"cause": self._mark, "record": record}).encode()
         write_staged(self._own(number, "json"), content, self._folder)
@@ -124,7 +124,7 @@ class KeptFrames:
         return self._folder / f"{number:06}.{suffix}"
 
 
-def forget_frames(
+def remove_checkpoint_frames(
     folder: Path, output: OutputSpec, numbers: Iterable[int], cause: Mapping[str, Any] | None = None
 ) -> None:
     """Remove what a folder has of these frames, which is not what the output has; of an output in one file, of all.
@@ -137,7 +137,7 @@ def forget_frames(
         files = [(path, name[1]) for path in folder.iterdir() if (name := _FILE.fullmatch(path.name))]
         gone = {number for _, number in files if own is None or int(number) in own}
         if cause is not None:
-            mark = mark_of(cause)
+            mark = data_digest(cause)
             told = {number: _read(folder / f"{number}.json") for number in gone}
             gone -= {number for number, found in told.items() if found is not None and found[0] != mark}
         for path, number in files:
@@ -153,7 +153,7 @@ def digest(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
-def mark_of(data: Any) -> str:
+def data_digest(data: Any) -> str:
     """The same of plain data, such as a cause; equal data have an equal mark, whatever the order of their keys."""
     return digest(json.dumps(data, sort_keys=True).encode())
 
@@ -175,7 +175,7 @@ def is_file(path: Path, expected: str | None) -> bool:
         return False
 
 
-def is_frame(path: Path, expected: str, output: OutputSpec) -> bool:
+def frame_matches_digest(path: Path, expected: str, output: OutputSpec) -> bool:
     """Whether a PNG file is there and has this digest, and the size and channels of an output's pictures."""
     try:
         content = path.read_bytes() if path.is_file() else b""
@@ -184,21 +184,21 @@ def is_frame(path: Path, expected: str, output: OutputSpec) -> bool:
         return False
 
 
-def _cause_file(folder: Path, mark: str) -> Path:
+def _fingerprint_path(folder: Path, mark: str) -> Path:
     """What frames depend on, once for all of them: of a film with a schedule by frame it is long."""
     return folder / f"cause-{mark}.json"
 
 
 def _read(path: Path) -> tuple[str, Record] | None:
     """The mark of the cause and the record of a frame, if there is a whole one."""
-    data = _read_object(path)
-    if data is None or not is_record(data.get("record")):
+    data = _read_json_object(path)
+    if data is None or not is_frame_record(data.get("record")):
         return None
     mark = data.get("cause")
     return (mark, data["record"]) if isinstance(mark, str) and _MARK.fullmatch(mark) else None
 
 
-def _read_object(path: Path) -> Record | None:
+def _read_json_object(path: Path) -> Record | None:
     """An object of JSON, if there is a whole one of a size that can be."""
     try:
         if not path.is_file() or path.stat().st_size > _MOST_BYTES:

@@ -10,13 +10,13 @@ import stat
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from renderer.errors import InputError, TakenError
+from renderer.errors import InputError, OutputLockedError
 from renderer.film.atomic import explained, remove_temporaries
 from renderer.runs import runs
 
-_LONGEST_NOTE = 200
+_MAX_OWNER_BYTES = 200
 # Whoever comes or goes holds the file's first byte for a moment, so that nobody is refused for one who is going.
-_GATE, _FIRST_PLACE = 0, 1
+_GATE_BYTE, _FIRST_SLOT_BYTE = 0, 1
 
 
 @contextlib.contextmanager
@@ -25,17 +25,17 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
 
     Jobs that have no place in common do not keep each other out. The last one to leave removes temporary files of those
     that were killed, and the folder, if nothing else is in it. On a file system without locks nobody is kept out.
-    Raises TakenError when another process holds one of the places; InputError when the folder cannot be one, and
+    Raises OutputLockedError when another process holds one of the places; InputError when the folder cannot be one, and
     RenderError when it cannot be made. output: for messages.
     """
     with explained(output):
         descriptor = _enter(folder)
     try:
         with explained(output):
-            _hold(descriptor, places, output)
+            _acquire_slots(descriptor, places, output)
         yield
     finally:
-        _leave(folder, descriptor)
+        _release_slots(folder, descriptor)
 
 
 @contextlib.contextmanager
@@ -50,7 +50,7 @@ def alone(file: Path, pause: Callable[[str | None], None]) -> Iterator[None]:
         descriptor = _wait_for(file, pause)
     try:
         with explained(file):
-            _sign(descriptor)
+            _write_owner(descriptor)
         yield
     finally:
         with contextlib.suppress(OSError):
@@ -59,7 +59,7 @@ def alone(file: Path, pause: Callable[[str | None], None]) -> Iterator[None]:
         os.close(descriptor)
 
 
-def require_no_other(folder: Path) -> None:
+def require_folder_if_exists(folder: Path) -> None:
     """Raise InputError if something that is no folder has the name of a folder of what is not finished."""
     with contextlib.suppress(FileNotFoundError):
         mode = folder.lstat().st_mode
@@ -85,7 +85,7 @@ def _wait_for(file: Path, pause: Callable[[str | None], None] | None = None) -> 
     while True:
         descriptor = _open(file)
         try:
-            while _lock(descriptor, _GATE, 1, wait=pause is None) is False:
+            while _lock(descriptor, _GATE_BYTE, 1, wait=pause is None) is False:
                 assert pause is not None
                 pause(_holder(descriptor))
             if _is_there(file, descriptor):
@@ -134,40 +134,40 @@ def _make(folder: Path) -> None:
     folder.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.suppress(FileExistsError):
         folder.mkdir()
-    require_no_other(folder)
+    require_folder_if_exists(folder)
 
 
-def _hold(descriptor: int, places: Sequence[int], output: Path) -> None:
+def _acquire_slots(descriptor: int, places: Sequence[int], output: Path) -> None:
     """Lock these places and leave the gate."""
     for start, stop in runs(places):
-        if _lock(descriptor, _FIRST_PLACE + start, stop - start) is False:
-            raise TakenError(
+        if _lock(descriptor, _FIRST_SLOT_BYTE + start, stop - start) is False:
+            raise OutputLockedError(
                 "another job is writing this output",
                 where=str(output),
                 got=_holder(descriptor),
                 hint="wait until it is done, or give this one another output",
             )
-    _sign(descriptor)
+    _write_owner(descriptor)
     with contextlib.suppress(OSError):  # there are no locks
-        fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _GATE)
+        fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _GATE_BYTE)
 
 
-def _sign(descriptor: int) -> None:
+def _write_owner(descriptor: int) -> None:
     os.ftruncate(descriptor, 0)
     os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
 
 
 def _holder(descriptor: int) -> str | None:
     """Who has signed last, if that can be shown."""
-    note = os.pread(descriptor, _LONGEST_NOTE, 0).decode(errors="replace")
+    note = os.pread(descriptor, _MAX_OWNER_BYTES, 0).decode(errors="replace")
     return note if note and note.isprintable() else None
 
 
-def _leave(folder: Path, descriptor: int) -> None:
+def _release_slots(folder: Path, descriptor: int) -> None:
     """Give the places back; the last one tidies up."""
     try:
-        _lock(descriptor, _GATE, 1, wait=True)
-        is_last = _lock(descriptor, _GATE, 0)
+        _lock(descriptor, _GATE_BYTE, 1, wait=True)
+        is_last = _lock(descriptor, _GATE_BYTE, 0)
         if is_last is False or (is_last and not _is_there(_lock_file(folder), descriptor)):
             return
         if is_last:  # and not one of many, for all that can be known

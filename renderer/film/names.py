@@ -35,13 +35,13 @@ def sidecar_of(file: Path, frames: Sequence[int], num_frames: int) -> Path:
 
     num_frames: of the whole path.
     """
-    whole = _sidecar_of_whole(file)
+    whole = _sidecar_path_of_whole_film(file)
     if not FRAME_FIELD.search(str(file)) or len(frames) == num_frames:
         return whole
     return whole.with_name(f"{whole.stem}.{_part_name(frames)}.json")
 
 
-def _sidecar_of_whole(file: Path) -> Path:
+def _sidecar_path_of_whole_film(file: Path) -> Path:
     if FRAME_FIELD.search(str(file)):
         return Path(FRAME_FIELD.sub("frames", str(file))).with_suffix(".json")
     return file.with_name(f"{file.name}.json")
@@ -64,7 +64,7 @@ def unfinished_folder(output: OutputSpec) -> Path:
 
     Of numbered files it is that of all parts of the path.
     """
-    return _sidecar_of_whole(output.file).with_suffix(".unfinished")
+    return _sidecar_path_of_whole_film(output.file).with_suffix(".unfinished")
 
 
 def has_frame_files(output: OutputSpec) -> bool:
@@ -83,7 +83,7 @@ def is_numbered(output: OutputSpec) -> bool:
     return FRAME_FIELD.search(str(output.file)) is not None
 
 
-def film_beside(sidecar: Path, recorded: Path) -> Path:
+def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:
     """The output that a sidecar belongs to by its name and place; `recorded` is where the output was once.
 
     `engine.mp4` for `engine.mp4.json` and for `engine.json`; frames keep their template.
@@ -99,6 +99,6 @@ def picture_files(output: OutputSpec, frames: Sequence[int]) -> Iterator[Path]:
     return (frame_path(output.file, frame) for frame in (frames if is_numbered(output) else frames[:1]))
 
 
-def first_files(scene: Scene, frames: Sequence[int]) -> tuple[Path, Path]:
+def first_output_paths(scene: Scene, frames: Sequence[int]) -> tuple[Path, Path]:
     """The film or the picture of the first frame, and the sidecar: where what cannot be written shows at once."""
     return frame_path(scene.output.file, frames[0]), sidecar_path(scene, frames)

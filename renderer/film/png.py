@@ -18,9 +18,9 @@ _COLOR_TYPES = {3: 2, 4: 6}  # number of channels: RGB is type 2, RGB with strai
 _FILTER_UP = 2  # a byte is stored as its difference to the one above, which suits smooth shading on an even background
 _LEVEL = 1
 # What deflate makes of a byte at most: 258 bytes of two bits (RFC 1951, 3.2.5).
-_MOST_UNPACKED = 258 * 4
+_MAX_DEFLATE_RATIO = 258 * 4
 # Encoders that write data in pieces take 8 KiB or more: half a gigabyte. Chunks of nothing cost time and memory, too.
-_MOST_CHUNKS = 2**16
+_MAX_CHUNKS = 2**16
 
 
 def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
@@ -33,7 +33,7 @@ def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # modulo 256, as the standard has it
     header = struct.pack(">IIBBBBB", width, height, 8, _COLOR_TYPES[channels], 0, 0, 0)
     data = zlib.compress(filtered.tobytes(), _LEVEL)
-    return png_of([(b"IHDR", header), (b"IDAT", data), (b"IEND", b"")])
+    return join_png_chunks([(b"IHDR", header), (b"IDAT", data), (b"IEND", b"")])
 
 
 def decode_png(content: bytes) -> npt.NDArray[np.uint8]:
@@ -59,7 +59,7 @@ def decode_png(content: bytes) -> npt.NDArray[np.uint8]:
 
 def _unpacked(data: bytes, num_bytes: int) -> bytes:
     """What is compressed in `data`, if it is so many bytes. Raises ValueError, before more of them are in memory."""
-    if num_bytes > _MOST_UNPACKED * len(data):
+    if num_bytes > _MAX_DEFLATE_RATIO * len(data):
         raise ValueError("cut off")
     unpacker = zlib.decompressobj()
     try:
@@ -71,7 +71,7 @@ def _unpacked(data: bytes, num_bytes: int) -> bytes:
     return content
 
 
-def png_of(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
+def join_png_chunks(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
     """A file of these chunks, each a name and its content."""
     return _SIGNATURE + b"".join(_chunk(name, content) for name, content in chunks)
 
@@ -90,8 +90,8 @@ def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
     chunks: list[tuple[bytes, bytes]] = []
     position = len(_SIGNATURE)
     while not chunks or chunks[-1][0] != b"IEND":
-        if len(chunks) == _MOST_CHUNKS:
-            raise ValueError(f"in more than {_MOST_CHUNKS} pieces")
+        if len(chunks) == _MAX_CHUNKS:
+            raise ValueError(f"in more than {_MAX_CHUNKS} pieces")
         length = int.from_bytes(content[position : position + 4], "big")
         name, end = content[position + 4 : position + 8], position + 8 + length
         if end + 4 > len(content):

@@ -27,7 +27,7 @@ def quantize(image: npt.NDArray[np.float32], background: Color | None) -> npt.ND
     require_finite(image)
     result = np.empty((*image.shape[:2], 4 if background is None else 3), np.uint8)
     if background is None:
-        _straight(image, result)
+        _unpremultiply(image, result)
     else:
         _over(np.ascontiguousarray(image), np.array(background, np.float32), result)
     return result
@@ -46,7 +46,7 @@ def _over(image: npt.NDArray[np.float32], background: npt.NDArray[np.float32], r
 
 
 @jit
-def _straight(image: npt.NDArray[np.float32], result: npt.NDArray[np.uint8]) -> None:
+def _unpremultiply(image: npt.NDArray[np.float32], result: npt.NDArray[np.uint8]) -> None:
     """[h, w, 4] premultiplied to straight: `c / a`."""
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):

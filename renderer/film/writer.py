@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.film.atomic import require_writable, staged, staged_together
+from renderer.film.atomic import require_writable, staged, staged_files
 from renderer.film.encode import Encoder, find_ffmpeg, gif_delay_cs, gif_options, mp4_options, open_encoder
 from renderer.film.names import frame_path, has_frame_files, picture_shape
 from renderer.film.png import encode_png
@@ -83,7 +83,7 @@ def open_film(
 def _open_png(
     output: OutputSpec, frames: Sequence[int], within: Path | None, finishing: Callable[[], None]
 ) -> Iterator[FilmWriter]:
-    with staged_together(within) as write_file:
+    with staged_files(within) as write_file:
         yield _PngWriter(output, frames, write_file, within)
         finishing()
 

@@ -1,7 +1,7 @@
 """One frame, step by step, and the budgets that choose its tolerance.
 
 In: `Scene`. Out: `Stage` (volume, pyramid, camera path), and from it a `Frame` for each frame number:
-cut, project, sort, draw. `Pacer` keeps a number of cells or of seconds.
+cut, project, sort, draw. `BudgetController` keeps a number of cells or of seconds.
 """
 
 import lazy_loader

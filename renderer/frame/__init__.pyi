@@ -1,4 +1,4 @@
-from .costs import CostLog as CostLog, Load as Load, load_of as load_of
+from .costs import CostLog as CostLog, Workload as Workload, workload_of as workload_of
 from .frame import (
     Clock as Clock,
     Frame as Frame,
@@ -7,19 +7,19 @@ from .frame import (
     Stopwatch as Stopwatch,
     bring as bring,
     draw as draw,
-    family_of as family_of,
     finest_level_at as finest_level_at,
-    make_detail as make_detail,
-    make_pose as make_pose,
+    make_draw_list as make_draw_list,
+    make_lod as make_lod,
+    make_primitive as make_primitive,
     view_of as view_of,
 )
 from .pacing import (
+    BudgetController as BudgetController,
     Details as Details,
     Guide as Guide,
-    Pacer as Pacer,
-    Scheduled as Scheduled,
-    finest_within as finest_within,
-    try_drawings as try_drawings,
+    ScheduleController as ScheduleController,
+    calibrate_costs as calibrate_costs,
+    find_finest_in_time as find_finest_in_time,
 )
 from .pipeline import prepare as prepare, render_frames as render_frames
 from .transport import pack as pack, packed as packed, unpack as unpack

@@ -22,16 +22,16 @@ from renderer.frame.frame import Pose
 Float64 = npt.NDArray[np.float64]
 
 # A software renderer's on two cores, seconds.
-_TYPICAL = np.array([5e-3, 1e-6, 8e-9, 2e-3])
+_TYPICAL_RATES = np.array([5e-3, 1e-6, 8e-9, 2e-3])
 # No frame takes less than this part of what it should: one at which the clock stood still must not outweigh the others.
-_FASTEST = 1e-3
+_MIN_RELATIVE_PACE = 1e-3
 # How much a rate that is off by its own size weighs against a frame that is.
-_TRUST_IN_TYPICAL = 1e-4
+_PRIOR_WEIGHT = 1e-4
 # Frames of the film that the model is fitted to, the last ones; and those that tell how fast the machine is right now.
 _NUM_REMEMBERED, _NUM_RECENT = 16, 7
 
 
-class Load(NamedTuple):
+class Workload(NamedTuple):
     """What there is to draw: splats, or bricks; pixels under them, or samples; and 1 if it goes into a file, else 0."""
 
     num_splats: float
@@ -39,9 +39,9 @@ class Load(NamedTuple):
     num_written: int
 
 
-def load_of(pose: Pose, *, is_written: bool = True) -> Load:
+def workload_of(pose: Pose, *, is_written: bool = True) -> Workload:
     """What a frame draws, in all its orders."""
-    return Load(*pose.detail.load(pose.orders, pose.view), int(is_written))
+    return Workload(*pose.detail.load(pose.orders, pose.view), int(is_written))
 
 
 @dataclass(frozen=True)
@@ -53,27 +53,27 @@ class CostModel:
     per_pixel: float
     per_written: float
 
-    def seconds(self, load: Load) -> float:
+    def seconds(self, load: Workload) -> float:
         """What drawing a frame takes, its cut and order not counted."""
         drawn = self.per_frame + self.per_splat * load.num_splats + self.per_pixel * load.num_pixels
         return drawn + self.per_written * load.num_written
 
 
-def fit_costs(samples: list[tuple[Load, float]]) -> CostModel:
+def fit_costs(samples: list[tuple[Workload, float]]) -> CostModel:
     """The rates, none negative, with the least squared relative errors; `samples` are loads and their seconds.
 
     What they leave open is as on a typical machine of this one's speed.
     """
-    amounts = np.array([(1.0, *load) for load, _ in samples]).reshape(-1, 4) * _TYPICAL
+    amounts = np.array([(1.0, *load) for load, _ in samples]).reshape(-1, 4) * _TYPICAL_RATES
     typical = amounts.sum(axis=1)  # seconds
     paces = np.array([taken for _, taken in samples]) / typical
     speed = (float(np.median(paces)) or 1.0) if samples else 1.0
-    paces = np.maximum(paces, _FASTEST * speed)
+    paces = np.maximum(paces, _MIN_RELATIVE_PACE * speed)
     # Unknowns are in units of those rates, and a weak equation for each of them wants it to be 1.
     shares = amounts * (speed / (typical * paces))[:, None]
-    matrix = shares.T @ shares + _TRUST_IN_TYPICAL * np.eye(4)
-    rates = _least_squares(matrix, shares.sum(axis=0) + _TRUST_IN_TYPICAL)
-    return CostModel(*(rates * speed * _TYPICAL).tolist())
+    matrix = shares.T @ shares + _PRIOR_WEIGHT * np.eye(4)
+    rates = _least_squares(matrix, shares.sum(axis=0) + _PRIOR_WEIGHT)
+    return CostModel(*(rates * speed * _TYPICAL_RATES).tolist())
 
 
 def _least_squares(matrix: Float64, wanted: Float64) -> Float64:
@@ -85,9 +85,9 @@ def _least_squares(matrix: Float64, wanted: Float64) -> Float64:
     for chosen in product((True, False), repeat=len(wanted)):
         some = np.flatnonzero(chosen)
         x = np.linalg.solve(matrix[np.ix_(some, some)], wanted[some])
-        at_best = -float(wanted[some] @ x)  # what is minimised, where it is level
-        if x.min(initial=0.0) >= 0 and at_best < least:
-            best, least = np.zeros(len(wanted)), at_best
+        least_objective = -float(wanted[some] @ x)  # what is minimised, where it is level
+        if x.min(initial=0.0) >= 0 and least_objective < least:
+            best, least = np.zeros(len(wanted)), least_objective
             best[some] = x
             if all(chosen):
                 break
@@ -98,8 +98,8 @@ class CostLog:
     """The frames drawn so far, and what the next ones will take."""
 
     def __init__(self) -> None:
-        self._trials: list[tuple[Load, float]] = []
-        self._frames: deque[tuple[Load, float]] = deque(maxlen=_NUM_REMEMBERED)
+        self._trials: list[tuple[Workload, float]] = []
+        self._frames: deque[tuple[Workload, float]] = deque(maxlen=_NUM_REMEMBERED)
         self._model: CostModel | None = None
 
     @property
@@ -107,7 +107,7 @@ class CostLog:
         """Whether nothing was drawn yet."""
         return not (self._trials or self._frames)
 
-    def add(self, load: Load, seconds: float) -> None:
+    def add(self, load: Workload, seconds: float) -> None:
         """A frame was drawn: of the film, where it was written, or only to see what it takes."""
         (self._frames if load.num_written else self._trials).append((load, seconds))
         self._model = None
@@ -119,7 +119,7 @@ class CostLog:
             self._model = fit_costs([*self._trials, *self._frames])
         return self._model
 
-    def predict(self, load: Load, *, last: int = 0) -> float:
+    def predict(self, load: Workload, *, last: int = 0) -> float:
         """Seconds of drawing: the model's, corrected by what the last frames took against it.
 
         last: how many, at most; 0 for as many as there are otherwise. Of an even number the first is left out.

@@ -12,19 +12,19 @@ import numpy.typing as npt
 from renderer.bricks import BrickBatch, Bricks
 from renderer.draw import CellEdges
 from renderer.film import quantize
-from renderer.frame.brick_family import BrickFamily
-from renderer.frame.primitives import Detail, Family, Orders
-from renderer.frame.splat_family import SplatFamily
+from renderer.frame.brick_primitive import BrickPrimitive
+from renderer.frame.primitives import LOD, Orders, Primitive
+from renderer.frame.splat_primitive import SplatPrimitive
 from renderer.pyramid import Pyramid
 from renderer.scene import Scene, Vector
 from renderer.splats import SplatBatch
-from renderer.view import Turning, View, make_view
+from renderer.view import OrderBlending, View, make_view
 from renderer.volume import Volume
 
 Clock = Callable[[], float]
 
 # What a frame does for those after it, too: bricks that were not on the device. Other frames have no such lap.
-ONCE = "bricks"
+UPLOAD_STAGE = "bricks"
 
 
 class Rasterizer(Protocol):
@@ -63,7 +63,7 @@ class Stage:
     distance: float
     finest_level: int
     voxel_px: float
-    turning: Turning
+    turning: OrderBlending
     bricks: Bricks | None
     seconds: dict[str, float]
 
@@ -88,7 +88,7 @@ class Pose:
     """A detail seen on a frame: `orders` are those of its splats. order_seconds: what finding them took."""
 
     number: int
-    detail: Detail
+    detail: LOD
     view: View
     orders: Orders
     order_seconds: float
@@ -125,7 +125,7 @@ def finest_level_at(stage: Stage, tolerance: float) -> int:
     return max(stage.scene.error.finest_level, stage.finest_level if tolerance > 0 else 0)
 
 
-def family_of(stage: Stage) -> Family:
+def make_primitive(stage: Stage) -> Primitive:
     """Of the scene's footprint."""
     scene = stage.scene
     levels = {
@@ -134,10 +134,10 @@ def family_of(stage: Stage) -> Family:
     }
     with_edges = scene.overlay == "octree"
     if stage.bricks is None:
-        return SplatFamily(stage.pyramid, scene.splat, stage.turning, **levels, with_edges=with_edges)
+        return SplatPrimitive(stage.pyramid, scene.splat, stage.turning, **levels, with_edges=with_edges)
     low, high = stage.bricks.volume_range
     largest_change = high - low if scene.error.of == "scalar" and high > low else 1.0
-    return BrickFamily(
+    return BrickPrimitive(
         stage.bricks,
         scene.shading,
         **levels,
@@ -147,12 +147,12 @@ def family_of(stage: Stage) -> Family:
     )
 
 
-def make_detail(stage: Stage, tolerance: float, watch: Stopwatch) -> Detail:
+def make_lod(stage: Stage, tolerance: float, watch: Stopwatch) -> LOD:
     """What is drawn of a stage at a tolerance."""
-    return family_of(stage).detail(tolerance, watch.lap)
+    return make_primitive(stage).detail(tolerance, watch.lap)
 
 
-def make_pose(stage: Stage, detail: Detail, number: int, watch: Stopwatch) -> Pose:
+def make_draw_list(stage: Stage, detail: LOD, number: int, watch: Stopwatch) -> Pose:
     """See a detail from where the camera is on a frame."""
     view = view_of(stage, number)
     return Pose(number, detail, view, detail.orders(view), watch.lap("order"))
@@ -168,8 +168,8 @@ def draw(stage: Stage, pose: Pose, rasterizer: Rasterizer, watch: Stopwatch) -> 
     detail = pose.detail
     stage.volume.require_unchanged()
     if bring(pose, rasterizer):
-        watch.lap(ONCE)
-    image = _mixture(pose, rasterizer)
+        watch.lap(UPLOAD_STAGE)
+    image = _blend_orders(pose, rasterizer)
     watch.lap("draw")
     if detail.edges is not None:
         lines = rasterizer.rasterize_edges(detail.edges, pose.view)
@@ -183,7 +183,7 @@ def draw(stage: Stage, pose: Pose, rasterizer: Rasterizer, watch: Stopwatch) -> 
     return Frame(pose.number, pixels, image, detail.tolerance, detail.num_cells, num_splats, dict(watch.seconds))
 
 
-def _mixture(pose: Pose, rasterizer: Rasterizer) -> npt.NDArray[np.float32]:
+def _blend_orders(pose: Pose, rasterizer: Rasterizer) -> npt.NDArray[np.float32]:
     """The picture: for nearly all views that of the only order, else each order's with its share."""
     (share, order), *others = pose.orders
     image = rasterizer.rasterize(pose.detail.splats, order, pose.view)

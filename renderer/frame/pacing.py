@@ -12,36 +12,37 @@ from typing import Protocol
 
 import numpy as np
 
-from renderer.frame.costs import CostLog, Load, load_of
+from renderer.frame.costs import CostLog, Workload, workload_of
 from renderer.frame.frame import (
-    ONCE,
+    UPLOAD_STAGE,
     Clock,
     Pose,
     Rasterizer,
     Stage,
     Stopwatch,
     draw,
-    family_of,
-    make_detail,
-    make_pose,
+    make_draw_list,
+    make_lod,
+    make_primitive,
 )
-from renderer.frame.primitives import Detail
+from renderer.frame.primitives import LOD
 from renderer.scene import tolerance_at
 
 # How many trial drawings there are at least: of one size alone they would not tell splats from pixels.
 _FEWEST_TRIALS = 3
 
 # A detail is looked for that takes this part of its time, give or take, in so many tries.
-_AIM, _CLOSE, _MOST_TRIES = 0.95, 0.04, 5
+_TARGET_SHARE, _TARGET_DEVIATION, _MOST_TRIES = 0.95, 0.04, 5
 # It is kept while it is predicted to take from and up to these parts of its time or, where none could be found that
 # does, about what it was predicted to take when it was chosen.
-_KEPT_FROM, _KEPT_TO, _UNCHANGED = 0.84, 1.09, 0.1
+_KEEP_FROM_SHARE, _KEEP_TO_SHARE, _MAX_DRIFT = 0.84, 1.09, 0.1
 # Before so many frames after the first one tell what it takes, it is not given up, unless it is predicted to take less
 # or more than these parts of its time; for more, by two frames at least, for the first may have been hindered.
 _FEWEST_FRAMES, _FAR_TOO_SHORT, _FAR_TOO_LONG = 3, 0.4, 1.5
-# Where a detail is predicted to take f times its time, the next one is at most f^_REACH times as large or as small,
-# within the family's bounds: with 2.5 one goes twice as far at 1.3 times the time, and 16 times, the most, at 3 times.
-_REACH = 2.5
+# Where a detail is predicted to take f times its time, the next one is at most f^_SIZE_EXPONENT times as large or as
+# small, within the family's bounds: with 2.5 one goes twice as far at 1.3 times the time, and 16 times, the most, at 3
+# times.
+_SIZE_EXPONENT = 2.5
 
 # Seconds grow with these powers of the size, a number of cells: of few large cells the pixels cost, of many small ones
 # the splats. Beyond the largest one seen, and from the detail of the frame before, one goes so far at once: a little
@@ -57,20 +58,20 @@ class Details:
     """Details of a stage by their size, and what a frame of them takes."""
 
     def __init__(self, stage: Stage, log: CostLog) -> None:
-        self.stage, self.log, self.family = stage, log, family_of(stage)
-        self._seen: dict[float, Load] = {}  # by size
+        self.stage, self.log, self.family = stage, log, make_primitive(stage)
+        self._seen: dict[float, Workload] = {}  # by size
 
-    def size(self, detail: Detail) -> float:
+    def size(self, detail: LOD) -> float:
         """What its family calls its size."""
         return self.family.size(detail.tolerance, detail.num_cells)
 
     def pose(self, number: int, tolerance: float, watch: Stopwatch) -> Pose:
         """A frame of the detail of a tolerance."""
-        return make_pose(self.stage, self.family.detail(tolerance, watch.lap), number, watch)
+        return make_draw_list(self.stage, self.family.detail(tolerance, watch.lap), number, watch)
 
     def predict(self, pose: Pose, *, last: int = 0) -> float:
         """Seconds of a frame whose detail is made, until it is in its file; `last` as in CostLog."""
-        load = load_of(pose)
+        load = workload_of(pose)
         self._seen[self.size(pose.detail)] = load
         return self.log.predict(load, last=last) + pose.order_seconds
 
@@ -80,10 +81,10 @@ class Details:
         is_first: of several of its detail: what it did for the others, too, tells nothing of them.
         """
         watch.lap("written")
-        others = (*CUT_STAGES, ONCE) if is_first else CUT_STAGES
-        self.log.add(load_of(pose), sum(seconds for name, seconds in watch.seconds.items() if name not in others))
+        others = (*CUT_STAGES, UPLOAD_STAGE) if is_first else CUT_STAGES
+        self.log.add(workload_of(pose), sum(seconds for name, seconds in watch.seconds.items() if name not in others))
 
-    def size_within(self, seconds: float, *, last: int = 0) -> float:
+    def size_for_seconds(self, seconds: float, *, last: int = 0) -> float:
         """The size that a frame may have that is to take so long, by the frames that were predicted so far.
 
         Seconds are taken for a power of the size, that of the two sizes around or nearest. `last` as in CostLog.
@@ -104,24 +105,24 @@ class Details:
         return math.exp(found)
 
 
-def try_drawings(
+def calibrate_costs(
     details: Details,
     number: int,
-    enough_seconds: float,
+    min_last_seconds: float,
     rasterizer: Rasterizer,
     *,
     clock: Clock,
     first_size: float | None = None,
     on_step: Callable[[], None] = lambda: None,
 ) -> None:
-    """Draw a frame at larger and larger sizes, to learn what drawing costs, until one takes `enough_seconds`.
+    """Draw a frame at larger and larger sizes, to learn what drawing costs, until one takes `min_last_seconds`.
 
     first_size: one at which a frame shows what it is, unless it is given.
     on_step: called before each drawing; what it raises goes through.
     """
     family = details.family
     size = family.few if first_size is None else first_size
-    tolerance, before, num_trials = family.at_size(size), math.inf, 0
+    tolerance, before, num_trials = family.tolerance_for_size(size), math.inf, 0
     while tolerance < before:
         on_step()
         pose = details.pose(number, tolerance, Stopwatch(clock))
@@ -129,17 +130,17 @@ def try_drawings(
             draw(details.stage, pose, rasterizer, Stopwatch(clock))
         watch = Stopwatch(clock)
         draw(details.stage, pose, rasterizer, watch)
-        seconds = sum(watch.seconds.values()) - watch.seconds.get(ONCE, 0.0)
-        details.log.add(load_of(pose, is_written=False), seconds)
+        seconds = sum(watch.seconds.values()) - watch.seconds.get(UPLOAD_STAGE, 0.0)
+        details.log.add(workload_of(pose, is_written=False), seconds)
         details.predict(pose)
         num_trials += 1
-        if seconds >= enough_seconds and num_trials >= _FEWEST_TRIALS:
+        if seconds >= min_last_seconds and num_trials >= _FEWEST_TRIALS:
             return
         size *= family.growth
-        tolerance, before = family.at_size(size), tolerance
+        tolerance, before = family.tolerance_for_size(size), tolerance
 
 
-def finest_within(
+def find_finest_in_time(
     details: Details,
     number: int,
     seconds: float,
@@ -153,12 +154,12 @@ def finest_within(
     Where even a single cell takes longer, the quickest one found. Frames have been predicted before.
     sizes: the smallest and the largest one that it may have. last: as in CostLog.
     """
-    aim = _AIM * seconds
+    aim = _TARGET_SHARE * seconds
     best: tuple[Pose, float] | None = None
     tried: set[float] = set()
     for _ in range(_MOST_TRIES):
-        wanted = min(max(details.size_within(aim, last=last), sizes[0]), sizes[1])
-        tolerance = details.family.at_size(wanted)
+        wanted = min(max(details.size_for_seconds(aim, last=last), sizes[0]), sizes[1])
+        tolerance = details.family.tolerance_for_size(wanted)
         if tolerance in tried:
             break
         tried.add(tolerance)
@@ -166,7 +167,7 @@ def finest_within(
         predicted = details.predict(pose, last=last)
         if best is None or _badness(predicted, seconds) < _badness(best[1], seconds):
             best = pose, predicted
-        if abs(predicted - aim) <= _CLOSE * aim:
+        if abs(predicted - aim) <= _TARGET_DEVIATION * aim:
             break
     assert best is not None
     return best
@@ -174,8 +175,8 @@ def finest_within(
 
 def _badness(predicted: float, seconds: float) -> tuple[bool, float]:
     """How far a frame is from the time that it is to take, smaller being better; too long is worse than too short."""
-    is_too_long = predicted > _KEPT_TO * seconds
-    return is_too_long, predicted if is_too_long else abs(math.log(predicted / (_AIM * seconds)))
+    is_too_long = predicted > _KEEP_TO_SHARE * seconds
+    return is_too_long, predicted if is_too_long else abs(math.log(predicted / (_TARGET_SHARE * seconds)))
 
 
 class Guide(Protocol):
@@ -188,7 +189,7 @@ class Guide(Protocol):
         """The frame has been drawn and, at this moment, taken care of."""
 
 
-class Scheduled:
+class ScheduleController:
     """Follows the schedule of the stage's scene; a detail is used again while the tolerance stays.
 
     details: told what frames take, and asked what they will take.
@@ -196,15 +197,15 @@ class Scheduled:
 
     def __init__(self, stage: Stage, details: Details | None = None) -> None:
         self._stage, self._details = stage, details
-        self._detail: Detail | None = None
+        self._detail: LOD | None = None
 
     def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
         """As in Guide."""
         tolerance = tolerance_at(self._stage.scene.error, number)
         if self._detail is None or self._detail.tolerance != tolerance:
             self._detail = None  # let go of the old one first
-            self._detail = make_detail(self._stage, tolerance, watch)
-        pose = make_pose(self._stage, self._detail, number, watch)
+            self._detail = make_lod(self._stage, tolerance, watch)
+        pose = make_draw_list(self._stage, self._detail, number, watch)
         return pose, self._details.predict(pose) if self._details else None
 
     def took(self, pose: Pose, watch: Stopwatch) -> None:
@@ -213,7 +214,7 @@ class Scheduled:
             self._details.learn(pose, watch)
 
 
-class Pacer:
+class BudgetController:
     """Finds, frame by frame, what can be drawn in time.
 
     seconds_of: the time of a frame.
@@ -221,27 +222,27 @@ class Pacer:
 
     def __init__(self, details: Details, seconds_of: Callable[[int], float]) -> None:
         self._details, self._seconds_of = details, seconds_of
-        self._chosen: _Chosen | None = None
+        self._current_lod: _CurrentLOD | None = None
 
     def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
         """As in Guide."""
-        if self._chosen is None:
+        if self._current_lod is None:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
-        pose = make_pose(self._details.stage, self._chosen.detail, number, watch)
-        last = self._chosen.num_frames  # all of this detail
+        pose = make_draw_list(self._details.stage, self._current_lod.detail, number, watch)
+        last = self._current_lod.num_frames  # all of this detail
         predicted = self._details.predict(pose, last=last)
-        self._chosen.look_around(predicted / seconds)
-        if self._is_kept(predicted, seconds):
+        self._current_lod.update_share(predicted / seconds)
+        if self._keeps_lod(predicted, seconds):
             return pose, predicted
         if predicted >= _FAR_TOO_SHORT * seconds:
             last = 0
             # A hiccup, or a speed that is no more, makes them disagree: then there is no telling where to go.
             if (predicted > seconds) != (self._details.predict(pose) > seconds):
                 return pose, predicted
-        sizes = self._sizes_after(predicted / seconds) if seconds == self._chosen.seconds else _ANY_SIZE
+        sizes = self._sizes_after(predicted / seconds) if seconds == self._current_lod.seconds else _ANY_SIZE
         del pose  # let go of the old ones first
-        self._chosen = None
+        self._current_lod = None
         return self.choose(number, watch, sizes=sizes, last=last)
 
     def choose(
@@ -249,59 +250,59 @@ class Pacer:
     ) -> tuple[Pose, float]:
         """Find a detail for a frame and those that follow; of the first one, best before its time begins.
 
-        sizes, last: as in `finest_within`.
+        sizes, last: as in `find_finest_in_time`.
         """
         seconds = self._seconds_of(number)
-        pose, predicted = finest_within(self._details, number, seconds, watch, sizes=sizes, last=last)
-        wanted = max(1.0, self._details.size_within(_AIM * seconds, last=last))
-        is_on_the_way = not sizes[0] <= wanted <= sizes[1]
-        self._chosen = _Chosen(pose.detail, predicted / seconds, seconds, is_on_the_way)
+        pose, predicted = find_finest_in_time(self._details, number, seconds, watch, sizes=sizes, last=last)
+        wanted = max(1.0, self._details.size_for_seconds(_TARGET_SHARE * seconds, last=last))
+        is_intermediate = not sizes[0] <= wanted <= sizes[1]
+        self._current_lod = _CurrentLOD(pose.detail, predicted / seconds, seconds, is_intermediate)
         return pose, predicted
 
     def took(self, pose: Pose, watch: Stopwatch) -> None:
         """As in Guide."""
-        assert self._chosen is not None
-        self._details.learn(pose, watch, is_first=self._chosen.num_frames == 0)
-        self._chosen.num_frames += 1
+        assert self._current_lod is not None
+        self._details.learn(pose, watch, is_first=self._current_lod.num_frames == 0)
+        self._current_lod.num_frames += 1
 
     def _sizes_after(self, share: float) -> tuple[float, float]:
         """Those that the next detail may have, where the one that was chosen takes this part of its time."""
-        assert self._chosen is not None
-        family, size = self._details.family, self._details.size(self._chosen.detail)
-        reach = min(max(family.step, share**_REACH, share**-_REACH), family.growth)
+        assert self._current_lod is not None
+        family, size = self._details.family, self._details.size(self._current_lod.detail)
+        reach = min(max(family.step, share**_SIZE_EXPONENT, share**-_SIZE_EXPONENT), family.growth)
         return size / reach, size * reach
 
-    def _is_kept(self, predicted: float, seconds: float) -> bool:
+    def _keeps_lod(self, predicted: float, seconds: float) -> bool:
         """Whether the detail stays that was chosen, now that a frame of it is predicted to take so long."""
-        assert self._chosen is not None
-        share, share_then = predicted / seconds, self._chosen.share
-        if share < 1 and self._chosen.detail.tolerance == 0:
+        assert self._current_lod is not None
+        share, chosen_share = predicted / seconds, self._current_lod.share
+        if share < 1 and self._current_lod.detail.tolerance == 0:
             return True
-        least, most = _FAR_TOO_SHORT * min(1, share_then), _FAR_TOO_LONG * max(1, share_then)
-        num_frames = self._chosen.num_frames if seconds == self._chosen.seconds else _FEWEST_FRAMES + 1
-        if self._chosen.is_on_the_way:
+        least, most = _FAR_TOO_SHORT * min(1, chosen_share), _FAR_TOO_LONG * max(1, chosen_share)
+        num_frames = self._current_lod.num_frames if seconds == self._current_lod.seconds else _FEWEST_FRAMES + 1
+        if self._current_lod.is_intermediate:
             return num_frames <= 1 and share >= _FAR_TOO_SHORT
         if share >= least and (num_frames <= 1 or (num_frames <= _FEWEST_FRAMES and share < most)):
             return True
-        if not _KEPT_FROM <= share_then <= _KEPT_TO:  # there was none nearer, and there will be none now
-            return abs(share / share_then - 1) < _UNCHANGED
-        return _KEPT_FROM <= share <= _KEPT_TO
+        if not _KEEP_FROM_SHARE <= chosen_share <= _KEEP_TO_SHARE:  # there was none nearer, and there will be none now
+            return abs(share / chosen_share - 1) < _MAX_DRIFT
+        return _KEEP_FROM_SHARE <= share <= _KEEP_TO_SHARE
 
 
 @dataclass
-class _Chosen:
+class _CurrentLOD:
     """share: of its time that the detail was predicted to take. num_frames: drawn so far.
 
-    is_on_the_way: another one, too far away to go there at once, was predicted to be nearer to that time.
+    is_intermediate: another one, too far away to go there at once, was predicted to be nearer to that time.
     """
 
-    detail: Detail
+    detail: LOD
     share: float
     seconds: float
-    is_on_the_way: bool
+    is_intermediate: bool
     num_frames: int = 0
 
-    def look_around(self, share: float) -> None:
+    def update_share(self, share: float) -> None:
         """It turns out to take this part of its time: perhaps one need not go further."""
-        if self.is_on_the_way and abs(share / _AIM - 1) <= _UNCHANGED:
-            self.share, self.is_on_the_way = share, False
+        if self.is_intermediate and abs(share / _TARGET_SHARE - 1) <= _MAX_DRIFT:
+            self.share, self.is_intermediate = share, False

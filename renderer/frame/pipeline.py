@@ -11,7 +11,7 @@ from dataclasses import replace
 from renderer.bricks import make_bricks
 from renderer.errors import InputError
 from renderer.frame.frame import Clock, Frame, Rasterizer, Stage, Stopwatch, draw
-from renderer.frame.pacing import Guide, Scheduled
+from renderer.frame.pacing import Guide, ScheduleController
 from renderer.pyramid import build_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (
@@ -20,16 +20,16 @@ from renderer.scene import (
     camera_problems,
     extent_of,
     in_order,
-    least_tolerance,
-    require_proportion,
+    min_tolerance,
+    raise_problems,
     volume_problems,
 )
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 from renderer.view import (
-    axes_in_runs,
     finest_useful_level,
     fit_distance,
-    make_turning,
+    iter_camera_axes,
+    make_order_blending,
     smallest_voxel_px,
     visible_centre,
     visible_points,
@@ -65,9 +65,9 @@ def prepare(
             hint="if the volume was moved, --volume names it; another one can be drawn with a scene of its own",
         )
     extent = extent_of(volume)
-    require_proportion([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
+    raise_problems([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
     watch.lap("read")
-    transfer = make_transfer(scene.transfer_function, volume.finest_spacing)
+    transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
     bricks = None
     if scene.splat.footprint == "integrated":
         bricks = make_bricks(
@@ -82,16 +82,16 @@ def prepare(
             error=scene.error,
             shading=scene.shading,
             num_threads=num_threads,
-            least_tolerance=0.0 if any_tolerance else least_tolerance(scene.error),
+            min_tolerance=0.0 if any_tolerance else min_tolerance(scene.error),
             finest_level=0 if any_tolerance else scene.error.finest_level,
         )
     watch.lap("pyramid")
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)
-    require_proportion(camera_problems(replace(camera, target=target, distance=distance), size, extent))
+    raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
     voxel_px = smallest_voxel_px(volume, camera, target, distance, size)
-    turning = make_turning(volume.world_from_index, axes_in_runs(camera.path))
+    turning = make_order_blending(volume.world_from_index, iter_camera_axes(camera.path))
     watch.lap("framing")
     return Stage(scene, volume, pyramid, target, distance, finest_level, voxel_px, turning, bricks, watch.seconds)
 
@@ -100,7 +100,7 @@ def render_frames(
     stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock, guide: Guide | None = None
 ) -> Iterator[Frame]:
     """Draw these frames of the film, in this order, at the tolerances of the scene's schedule or those of a `guide`."""
-    guide = Scheduled(stage) if guide is None else guide
+    guide = ScheduleController(stage) if guide is None else guide
     for number in frames:
         watch = Stopwatch(clock)
         pose, predicted_seconds = guide.ready(number, watch)

@@ -22,7 +22,7 @@ Orders = Sequence[tuple[float, npt.NDArray[np.uint32]]]
 Lap = Callable[[str], object]
 
 
-class Detail(Protocol):
+class LOD(Protocol):
     """What is drawn at a tolerance, from any side.
 
     num_cells: of the cut, each of which is a splat or a brick. splats: what a rasteriser takes. edges: lines of an
@@ -48,7 +48,7 @@ class Detail(Protocol):
         """What drawing it in these orders costs: the number of splats, and that of pixels looked at, each as often."""
 
 
-class Family(Protocol):
+class Primitive(Protocol):
     """A footprint's way from tolerances to details.
 
     A film on a budget of time goes through *sizes*, which rise as tolerances fall; what they count is the family's.
@@ -65,7 +65,7 @@ class Family(Protocol):
     @property
     def step(self) -> float: ...
 
-    def detail(self, tolerance: float, lap: Lap) -> Detail:
+    def detail(self, tolerance: float, lap: Lap) -> LOD:
         """Cut at a tolerance, and made ready for the rasteriser."""
 
     def num_cells(self, tolerance: float) -> int:
@@ -77,13 +77,13 @@ class Family(Protocol):
     def within(self, num_cells: float) -> float:
         """The tolerance of the finest cut with at most so many cells."""
 
-    def at_size(self, size: float) -> float:
+    def tolerance_for_size(self, size: float) -> float:
         """The tolerance of the finest detail of at most this size."""
 
     def size(self, tolerance: float, num_cells: int) -> float:
         """Of a detail at a tolerance, which has so many cells; at least 1."""
 
-    def is_larger(self, tolerance: float, num_cells: float) -> bool:
+    def has_more_cells(self, tolerance: float, num_cells: float) -> bool:
         """Whether the cut at a tolerance has more cells than so many, or than some more, without making it.
 
         False where the cut is made at once, so that there is no use in asking.

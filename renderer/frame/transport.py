@@ -24,10 +24,10 @@ import numpy.typing as npt
 from renderer.bricks import BrickLevel, Bricks
 from renderer.frame.frame import Stage
 from renderer.pyramid import Level, Pyramid
-from renderer.scene import SPECS
-from renderer.transfer import Classifier, Lighting, OpticalPieces, Segments, TransferFunction
-from renderer.view import Turning
-from renderer.volume import MappedFile, OnMapped, Volume
+from renderer.scene import SPEC_TYPES
+from renderer.transfer import Classifier, Lighting, PiecewiseTransfer, TransferFunction, TransferSegments
+from renderer.view import OrderBlending
+from renderer.volume import MappedCallback, MappedFile, Volume
 
 Array = npt.NDArray[Any]
 
@@ -36,11 +36,11 @@ ALIGNMENT = 64
 _LENGTH = struct.Struct("<Q")
 # Everything that a stage is made of, by name. A scene is taken as it is and not read again from plain data: the
 # schedule of one whose goal was resolved need not be one that a user may write.
-_OF_STAGE = (
-    Stage, Volume, MappedFile, Pyramid, Level, Classifier, Segments, Lighting, Turning, Bricks, BrickLevel,
-    OpticalPieces, TransferFunction,
+_STAGE_TYPES = (
+    Stage, Volume, MappedFile, Pyramid, Level, Classifier, TransferSegments, Lighting, OrderBlending, Bricks,
+    BrickLevel,     PiecewiseTransfer, TransferFunction,
 )  # fmt: skip
-_RECORDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_OF_STAGE, *SPECS)}
+_TYPES_BY_NAME: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_STAGE_TYPES, *SPEC_TYPES)}
 
 
 def pack(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
@@ -51,14 +51,14 @@ def pack(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
     without_files: who unpacks it does not have the files of this machine: all voxels are in the bytes. Raises
     InputError where such a file was changed.
     """
-    arrays = _Arrays(without_files)
+    arrays = _ArrayLayout(without_files)
     header = json.dumps(_plain(stage, arrays)).encode("ascii")
     yield memoryview(_LENGTH.pack(len(header)))
     yield memoryview(header)
-    yield memoryview(bytes(_rest(_LENGTH.size + len(header))))
+    yield memoryview(bytes(_padding_bytes(_LENGTH.size + len(header))))
     for array in arrays.in_order():
         yield array.reshape(-1).view(np.uint8).data
-        yield memoryview(bytes(_rest(array.nbytes)))
+        yield memoryview(bytes(_padding_bytes(array.nbytes)))
     stage.volume.require_unchanged()
 
 
@@ -71,7 +71,7 @@ def packed(stage: Stage) -> npt.NDArray[np.uint8]:
     return content
 
 
-def unpack(content: memoryview, on_mapped: OnMapped | None = None) -> Stage:
+def unpack(content: memoryview, on_mapped: MappedCallback | None = None) -> Stage:
     """The stage of which these are the bytes. Its arrays are views of `content`, which must be writable.
 
     on_mapped: told of all voxels that were left in a file.
@@ -80,17 +80,17 @@ def unpack(content: memoryview, on_mapped: OnMapped | None = None) -> Stage:
     """
     (length,) = _LENGTH.unpack_from(content)
     end = _LENGTH.size + length
-    stage = _unpacked(json.loads(bytes(content[_LENGTH.size : end])), content[end + _rest(end) :], on_mapped)
+    stage = _unpacked(json.loads(bytes(content[_LENGTH.size : end])), content[end + _padding_bytes(end) :], on_mapped)
     assert isinstance(stage, Stage)
     return stage
 
 
-def _rest(num_bytes: int) -> int:
+def _padding_bytes(num_bytes: int) -> int:
     """Bytes from the end of so many to the next multiple of ALIGNMENT."""
     return -num_bytes % ALIGNMENT
 
 
-class _Arrays:
+class _ArrayLayout:
     """Where arrays go, one behind the other; without_files: voxels that are in files, too."""
 
     def __init__(self, without_files: bool) -> None:
@@ -103,7 +103,7 @@ class _Arrays:
         if id(array) not in self._placed:
             packed = np.ascontiguousarray(array)
             self._placed[id(array)] = array, packed, self._end
-            self._end += packed.nbytes + _rest(packed.nbytes)
+            self._end += packed.nbytes + _padding_bytes(packed.nbytes)
         return self._placed[id(array)][2]
 
     def in_order(self) -> Iterator[Array]:
@@ -111,7 +111,7 @@ class _Arrays:
         return (packed for _, packed, _ in self._placed.values())
 
 
-def _plain(value: Any, arrays: _Arrays) -> Any:
+def _plain(value: Any, arrays: _ArrayLayout) -> Any:
     """What JSON can hold of a value; a dictionary has one key, the kind."""
     if isinstance(value, np.ndarray):
         # Compiled code has one version for arrays that may be written to and one for others: they stay as they are.
@@ -123,7 +123,7 @@ def _plain(value: Any, arrays: _Arrays) -> Any:
         if not arrays.without_files:
             return {"mapped": {name: _plain(item, arrays) for name, item in _items(value) if name != "values"}}
         value = replace(value, source=None)
-    if type(value).__name__ in _RECORDS:
+    if type(value).__name__ in _TYPES_BY_NAME:
         return {type(value).__name__: {name: _plain(item, arrays) for name, item in _items(value)}}
     if isinstance(value, tuple):
         return {"tuple": [_plain(item, arrays) for item in value]}
@@ -139,7 +139,7 @@ def _items(record: Any) -> Iterator[tuple[str, Any]]:
     return iter(record._asdict().items())
 
 
-def _unpacked(tree: Any, content: memoryview, on_mapped: OnMapped | None) -> Any:
+def _unpacked(tree: Any, content: memoryview, on_mapped: MappedCallback | None) -> Any:
     if not isinstance(tree, dict):
         return tree
     ((kind, value),) = tree.items()
@@ -157,4 +157,4 @@ def _unpacked(tree: Any, content: memoryview, on_mapped: OnMapped | None) -> Any
         if on_mapped is not None:
             on_mapped(items["source"], values)
         return Volume(values=values, **items)
-    return items if kind == "dict" else _RECORDS[kind](**items)
+    return items if kind == "dict" else _TYPES_BY_NAME[kind](**items)

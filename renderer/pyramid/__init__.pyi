@@ -1,7 +1,7 @@
 from .blocks import classify_blocks as classify_blocks, opacities_to_depths as opacities_to_depths, store as store
 from .cut import (
     Cut as Cut,
-    cell_sizes as cell_sizes,
+    cell_voxel_counts as cell_voxel_counts,
     children as children,
     cut_pyramid as cut_pyramid,
     node_errors as node_errors,
@@ -9,10 +9,10 @@ from .cut import (
 )
 from .cut_size import CutSizes as CutSizes, cut_sizes as cut_sizes
 from .empty_space import visible_blocks as visible_blocks
-from .kernels import BLOCK as BLOCK, PLACES as PLACES
+from .kernels import BLOCK_SIZE as BLOCK_SIZE, NODE_OFFSETS as NODE_OFFSETS
 from .memory import BLOCKS_PER_TASK as BLOCKS_PER_TASK, Scratch as Scratch
 from .pyramid import (
-    TOLD_LEVELS as TOLD_LEVELS,
+    STREAMED_LEVELS as STREAMED_LEVELS,
     Level as Level,
     Pyramid as Pyramid,
     build_pyramid as build_pyramid,

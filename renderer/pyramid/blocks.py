@@ -14,7 +14,7 @@ from renderer.transfer import Classifier
 Array = npt.NDArray[Any]
 
 
-def items_of(values: npt.NDArray[np.float32]) -> npt.NDArray[np.complex128]:
+def as_packed_channels(values: npt.NDArray[np.float32]) -> npt.NDArray[np.complex128]:
     """float32 [..., 4] as [...] items of 16 bytes; a view."""
     return values.view(np.complex128)[..., 0]
 
@@ -26,8 +26,10 @@ def classify_blocks(
 
     voxels: float32 [512, 4], scratch.
     """
-    table_items = None if rule.table is None else items_of(rule.table)
-    kernels.level_of_channels(codes, *rule, table_items, starts, extents, voxels, items_of(voxels), *groups[0])
+    packed_table = None if rule.table is None else as_packed_channels(rule.table)
+    kernels.build_channel_level(
+        codes, *rule, packed_table, starts, extents, voxels, as_packed_channels(voxels), *groups[0]
+    )
     merge(groups, extents, 2)
 
 
@@ -51,6 +53,6 @@ def opacities_to_depths(means: npt.NDArray[np.float32], deepest: float) -> None:
 def store(values: npt.NDArray[np.float32], factor: float, out: Array) -> None:
     """`values` times `factor` (a power of two) in the precision of `out`."""
     if out.dtype == np.float16:
-        kernels.store_halves(values.reshape(-1), factor, out.view(np.uint16).reshape(-1))
+        kernels.store_float16(values.reshape(-1), factor, out.view(np.uint16).reshape(-1))
     else:
         np.multiply(values, np.float32(factor), out=out)

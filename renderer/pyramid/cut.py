@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.jit import jit
 from renderer.pyramid.pyramid import Pyramid, cell_extents, error_scale
-from renderer.transfer import Codes, Lighting, Segments, classify_voxel, voxel_codes
+from renderer.transfer import Lighting, RawVoxels, TransferSegments, classify_voxel, raw_voxels
 from renderer.volume import Volume
 
 Float32 = npt.NDArray[np.float32]
@@ -60,8 +60,8 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
 
     Raises ValueError where either is below what the pyramid was built for.
     """
-    if not tolerance >= pyramid.least_tolerance:
-        raise ValueError(f"no pyramid for this tolerance: got {tolerance}, expected at least {pyramid.least_tolerance}")
+    if not tolerance >= pyramid.min_tolerance:
+        raise ValueError(f"no pyramid for this tolerance: got {tolerance}, expected at least {pyramid.min_tolerance}")
     if finest_level < pyramid.finest_level:
         raise ValueError(f"no pyramid for this level: got {finest_level}, expected at least {pyramid.finest_level}")
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
@@ -90,12 +90,12 @@ def root_error(pyramid: Pyramid) -> float:
 
 def node_errors(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int) -> Float64:
     """float64 [n]: the errors of some nodes of a level, and of their cells, in the measure's unit."""
-    sizes = cell_sizes(cells, level, pyramid.volume)
+    sizes = cell_voxel_counts(cells, level, pyramid.volume)
     scale = np.asarray(error_scale(pyramid.volume, pyramid.measure, sizes) * pyramid.error_unit)
     return np.asarray(pyramid.levels[level - 1].errors[nodes] * scale)
 
 
-def cell_sizes(cells: Int32, level: int, volume: Volume) -> Int64:
+def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
     """int64 [n]: how many voxels some cells of a level have."""
     x, y, z = cell_extents(cells, level, volume.shape_xyz).T  # a product along the rows would take ten times as long
     return np.asarray(x * y * z)
@@ -138,7 +138,7 @@ def _joined(pyramid: Pyramid, parts: list[_Leaves], parents: Int32) -> Cut:
     cells, depths = np.empty((room, 3), np.int32), np.empty((room, 4), np.float32)
     np.concatenate([part.cells for part in parts], out=cells[:num_coarse])
     np.concatenate([part.depths for part in parts], out=depths[:num_coarse])
-    codes = voxel_codes(pyramid.volume)
+    codes = raw_voxels(pyramid.volume)
     pyramid.volume.require_unchanged()
     num = num_coarse + _fill_voxels(codes, *pyramid.classifier, parents, cells[num_coarse:], depths[num_coarse:])
     pyramid.volume.require_unchanged()
@@ -155,16 +155,16 @@ def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> npt.NDArray[np.uint8]:
     """uint8 [n]: how many voxels are visible in cells of level 1."""
     counts = np.empty(len(cells), np.uint8)
     pyramid.volume.require_unchanged()
-    _count_voxels(voxel_codes(pyramid.volume), *pyramid.classifier, cells, counts)
+    _count_voxels(raw_voxels(pyramid.volume), *pyramid.classifier, cells, counts)
     pyramid.volume.require_unchanged()
     return counts
 
 
 @jit
 def _count_voxels(
-    codes: Codes,
+    codes: RawVoxels,
     table: Float32 | None,
-    segments: Segments | None,
+    segments: TransferSegments | None,
     scalars: Float64 | None,
     lighting: Lighting | None,
     parents: Int32,
@@ -182,9 +182,9 @@ def _count_voxels(
 
 @jit
 def _fill_voxels(
-    codes: Codes,
+    codes: RawVoxels,
     table: Float32 | None,
-    segments: Segments | None,
+    segments: TransferSegments | None,
     scalars: Float64 | None,
     lighting: Lighting | None,
     parents: Int32,

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from renderer.pyramid.cut import children, node_errors, num_visible_voxels
 from renderer.pyramid.pyramid import Pyramid
-from renderer.scene import LEAST_TOLERANCE
+from renderer.scene import MIN_TOLERANCE
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -37,38 +37,38 @@ class CutSize(NamedTuple):
 
 @dataclass(frozen=True)
 class CutSizes:
-    """All cuts of at most `most_cells` cells.
+    """All cuts of at most `max_cells` cells.
 
-    divisions: float64 [n], falling, each different and at least LEAST_TOLERANCE.
+    divisions: float64 [n], falling, each different and at least MIN_TOLERANCE.
     counts: int64 [n + 1], not falling; the cut has counts[k] cells at tolerances above divisions[k] and up to
         divisions[k - 1].
-    beyond: tolerances up to it have more than `most_cells` cells, or no pyramid; 0 where no tolerance above 0 has.
-    num_in_all: cells at tolerance 0; None where they are more than `most_cells`, or unknown.
+    beyond: tolerances up to it have more than `max_cells` cells, or no pyramid; 0 where no tolerance above 0 has.
+    num_in_all: cells at tolerance 0; None where they are more than `max_cells`, or unknown.
     """
 
     divisions: Float64
     counts: Int64
     beyond: float
     num_in_all: int | None
-    most_cells: int
+    max_cells: int
 
     def finest(self, num_cells: int) -> CutSize:
-        """The finest cut of at most so many cells, which are at least 1 and at most `most_cells`.
+        """The finest cut of at most so many cells, which are at least 1 and at most `max_cells`.
 
-        Its tolerance is one that a scene can have, by frame, too: 0 or from LEAST_TOLERANCE on.
+        Its tolerance is one that a scene can have, by frame, too: 0 or from MIN_TOLERANCE on.
         """
-        if not 1 <= num_cells <= self.most_cells:
-            raise ValueError(f"sizes of other cuts: got {num_cells}, expected 1 to {self.most_cells}")
+        if not 1 <= num_cells <= self.max_cells:
+            raise ValueError(f"sizes of other cuts: got {num_cells}, expected 1 to {self.max_cells}")
         if self.num_in_all is not None and self.num_in_all <= num_cells:
             return CutSize(0.0, self.num_in_all)
         last = int(np.searchsorted(self.counts, num_cells, side="right")) - 1
         above = self.divisions[last] if last < len(self.divisions) else self.beyond
         up_to = self.divisions[last - 1] if last > 0 else sys.float_info.max
-        return CutSize(_roundest(float(above), float(up_to)), int(self.counts[last]))
+        return CutSize(_round_tolerance(float(above), float(up_to)), int(self.counts[last]))
 
 
-def cut_sizes(pyramid: Pyramid, most_cells: int, *, finest_level: int, finest_level_at_zero: int) -> CutSizes:
-    """The sizes of all cuts of at most `most_cells` cells (at least 1).
+def cut_sizes(pyramid: Pyramid, max_cells: int, *, finest_level: int, finest_level_at_zero: int) -> CutSizes:
+    """The sizes of all cuts of at most `max_cells` cells (at least 1).
 
     Of a pyramid that was built for tolerances from a least one on, those of its cuts, as if others had too many.
 
@@ -78,18 +78,22 @@ def cut_sizes(pyramid: Pyramid, most_cells: int, *, finest_level: int, finest_le
     finest = min(finest_level, finest_level_at_zero)
     if finest < pyramid.finest_level:
         raise ValueError(f"no pyramid for this level: got {finest}, expected at least {pyramid.finest_level}")
-    if pyramid.least_tolerance > 0:
-        just_below = math.nextafter(pyramid.least_tolerance, 0.0)
-        return CutSizes(*_walk(pyramid, most_cells, finest_level, beyond=just_below), None, most_cells)
-    at_zero = _walk(pyramid, most_cells, finest_level_at_zero, beyond=-math.inf)
+    if pyramid.min_tolerance > 0:
+        just_below = math.nextafter(pyramid.min_tolerance, 0.0)
+        return CutSizes(*_collect_thresholds(pyramid, max_cells, finest_level, beyond=just_below), None, max_cells)
+    at_zero = _collect_thresholds(pyramid, max_cells, finest_level_at_zero, beyond=-math.inf)
     num_in_all = int(at_zero.counts[-1]) if at_zero.beyond < 0 else None
-    found = at_zero if finest_level == finest_level_at_zero else _walk(pyramid, most_cells, finest_level, beyond=0.0)
+    found = (
+        at_zero
+        if finest_level == finest_level_at_zero
+        else _collect_thresholds(pyramid, max_cells, finest_level, beyond=0.0)
+    )
     is_positive = found.divisions > 0
     counts = found.counts[np.append(True, is_positive)]
-    return CutSizes(found.divisions[is_positive], counts, max(found.beyond, 0.0), num_in_all, most_cells)
+    return CutSizes(found.divisions[is_positive], counts, max(found.beyond, 0.0), num_in_all, max_cells)
 
 
-class _Found(NamedTuple):
+class _CutSizeSteps(NamedTuple):
     """As in CutSizes, of tolerances above `beyond`, which may be negative; and divisions may be 0."""
 
     divisions: Float64
@@ -97,21 +101,21 @@ class _Found(NamedTuple):
     beyond: float
 
 
-def _walk(pyramid: Pyramid, most_cells: int, finest_level: int, beyond: float) -> _Found:
+def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, beyond: float) -> _CutSizeSteps:
     """Down the levels, following the nodes that are divided at a tolerance above `beyond`, which rises meanwhile."""
     num_roots = len(pyramid.levels[-1].errors)
     nodes, cells = np.arange(num_roots), np.zeros((num_roots, 3), np.int32)
     around = np.full(num_roots, np.inf)  # the divisions of the parents
-    found = _Found(np.empty(0), np.array([num_roots]), beyond)
+    found = _CutSizeSteps(np.empty(0), np.array([num_roots]), beyond)
     for number in range(pyramid.num_levels, finest_level, -1):
         level = pyramid.levels[number - 1]
         errors = node_errors(pyramid, nodes, cells, number)
-        errors[errors < LEAST_TOLERANCE] = 0.0  # no other tolerance is that small
+        errors[errors < MIN_TOLERANCE] = 0.0  # no other tolerance is that small
         divisions = np.minimum(errors, around)
         is_kept = divisions > found.beyond
         nodes, cells, divisions = nodes[is_kept], cells[is_kept], divisions[is_kept]
         num_children = np.bitwise_count(level.masks[nodes]) if number > 1 else num_visible_voxels(pyramid, cells)
-        found = _merged(found, divisions, num_children.astype(np.int64) - 1, most_cells)
+        found = _merge_level(found, divisions, num_children.astype(np.int64) - 1, max_cells)
         if number > 1:
             is_kept = divisions > found.beyond
             around = np.repeat(divisions[is_kept], num_children[is_kept])
@@ -119,21 +123,21 @@ def _walk(pyramid: Pyramid, most_cells: int, finest_level: int, beyond: float) -
     return found
 
 
-def _merged(found: _Found, divisions: Float64, num_more: Int64, most_cells: int) -> _Found:
+def _merge_level(found: _CutSizeSteps, divisions: Float64, num_more: Int64, max_cells: int) -> _CutSizeSteps:
     """With nodes of one level more, each of which has `num_more` children besides the one that takes its place."""
     falling, where = np.unique(-np.concatenate([found.divisions, divisions]), return_inverse=True)
     more = np.bincount(where, np.concatenate([np.diff(found.counts), num_more]))
     counts = found.counts[0] + np.append(0, np.cumsum(more)).astype(np.int64)
-    num_kept = int(np.searchsorted(counts, most_cells, side="right")) - 1
+    num_kept = int(np.searchsorted(counts, max_cells, side="right")) - 1
     beyond = -float(falling[num_kept]) if num_kept < len(falling) else found.beyond
-    return _Found(-falling[:num_kept], counts[: num_kept + 1], beyond)
+    return _CutSizeSteps(-falling[:num_kept], counts[: num_kept + 1], beyond)
 
 
-def _roundest(above: float, up_to: float) -> float:
+def _round_tolerance(above: float, up_to: float) -> float:
     """A tolerance above the one (>= 0) and not above the other, of few digits where there is room for it."""
     middle = 2 * above or 1.0 if up_to == sys.float_info.max else math.sqrt(above or up_to / 4) * math.sqrt(up_to)
     for digits in range(17):
         rounded = float(f"{middle:.{digits}e}")
-        if above < rounded <= up_to and rounded >= LEAST_TOLERANCE:
+        if above < rounded <= up_to and rounded >= MIN_TOLERANCE:
             return rounded
     return up_to

@@ -12,35 +12,35 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.pyramid.kernels import BLOCK
-from renderer.transfer import FAINTEST, Classifier, Codes, Segments, evaluate
+from renderer.pyramid.kernels import BLOCK_SIZE
+from renderer.transfer import VISIBILITY_THRESHOLD, Classifier, RawVoxels, TransferSegments, evaluate
 
 UInt64 = npt.NDArray[np.uint64]
 
 
-def visible_blocks(codes: Codes, rule: Classifier, starts: UInt64, extents: UInt64) -> npt.NDArray[np.bool_]:
+def visible_blocks(codes: RawVoxels, rule: Classifier, starts: UInt64, extents: UInt64) -> npt.NDArray[np.bool_]:
     """bool [g]: whether the blocks at voxels `starts` [g, 3], `extents` [g, 3] large (x, y, z), may show something.
 
     Exact with a table; without one, a block may count although nothing in it is visible.
     """
     visible = np.zeros(len(starts), np.bool_)
     if rule.table is not None:
-        _look_up(codes, (rule.table[:, 3] > 0).view(np.uint8), starts, extents, visible)
+        _test_by_table(codes, (rule.table[:, 3] > 0).view(np.uint8), starts, extents, visible)
     else:
-        _compare(codes, rule.segments, starts, extents, visible)
+        _test_by_range(codes, rule.segments, starts, extents, visible)
     return visible
 
 
 @jit
-def _look_up(
-    codes: Codes, shown: npt.NDArray[np.uint8], starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
+def _test_by_table(
+    codes: RawVoxels, shown: npt.NDArray[np.uint8], starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
 ) -> None:
     for g in range(len(starts)):
         x0, y0, z0, num = starts[g, 0], starts[g, 1], starts[g, 2], extents[g, 0]
         found, z, y = np.uint8(0), np.uint64(0), np.uint64(0)
         while found == 0 and z < extents[g, 2]:
-            if num == BLOCK:  # a fixed number, which the compiler unrolls
-                for x in range(np.uint64(BLOCK)):
+            if num == BLOCK_SIZE:  # a fixed number, which the compiler unrolls
+                for x in range(np.uint64(BLOCK_SIZE)):
                     found |= shown[codes[z0 + z, y0 + y, x0 + x]]
             else:
                 for x in range(num):
@@ -52,7 +52,9 @@ def _look_up(
 
 
 @jit
-def _compare(codes: Codes, segments: Any, starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]) -> None:
+def _test_by_range(
+    codes: RawVoxels, segments: Any, starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
+) -> None:
     for g in range(len(starts)):
         x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
         low = high = codes[z0, y0, x0]
@@ -68,11 +70,11 @@ def _compare(codes: Codes, segments: Any, starts: UInt64, extents: UInt64, visib
 
 
 @jit
-def _shows(low: float, high: float, segments: Segments) -> bool:
+def _shows(low: float, high: float, segments: TransferSegments) -> bool:
     """Whether any scalar from `low` to `high` is visible."""
     if evaluate(low, segments)[3] > 0 or evaluate(high, segments)[3] > 0:
         return True
     rows, found = segments.rows, False
     for k in range(1, len(rows)):  # row k starts at control point k - 1
-        found |= low <= rows[k, 0] <= high and rows[k, 6] >= FAINTEST
+        found |= low <= rows[k, 0] <= high and rows[k, 6] >= VISIBILITY_THRESHOLD
     return found

@@ -13,8 +13,8 @@ Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The 
 are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on. In each of the three
 arrays of a group, and among the 512 voxels, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of
 nodes: all children are merged as eight contiguous rows, which becomes vector code. The 64 are then in Morton order with
-the two octal digits exchanged (see SWAPPED), the 8 in Morton order. Channels of a node lie together, and variances are
-kept by channel.
+the two octal digits exchanged (see GROUP_INDEX_OF_MORTON), the 8 in Morton order. Channels of a node lie together, and
+variances are kept by channel.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.transfer import Codes, Lighting, Segments, classify_voxel, evaluate, scalar_at
+from renderer.transfer import Lighting, RawVoxels, TransferSegments, classify_voxel, evaluate, scalar_at
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -35,64 +35,64 @@ Int64 = npt.NDArray[np.int64]
 UInt64 = npt.NDArray[np.uint64]
 
 # Four float32 that are moved together: numba has no other type of 16 bytes.
-Items = npt.NDArray[np.complex128]
+PackedChannels = npt.NDArray[np.complex128]
 
-BLOCK = 8
+BLOCK_SIZE = 8
 
 # The side of a voxel in voxels, not as a literal, for which numba would compile a version of its own.
-VOXEL = np.int64(1)
+VOXEL_SIDE = np.int64(1)
 
 # Where the coordinates of a voxel in its block put it among 8 x 64 children: the lowest bit is that of the child, the
 # highest that of the largest parent. Unsigned indices, here and below, spare numba asking if they count from the end.
-SPREAD_X = np.array([64 * (i & 1) + 8 * (i >> 1 & 1) + (i >> 2) for i in range(BLOCK)], np.uint64)
-SPREAD_Y, SPREAD_Z = 2 * SPREAD_X, 4 * SPREAD_X
+VOXEL_OFFSET_X = np.array([64 * (i & 1) + 8 * (i >> 1 & 1) + (i >> 2) for i in range(BLOCK_SIZE)], np.uint64)
+VOXEL_OFFSET_Y, VOXEL_OFFSET_Z = 2 * VOXEL_OFFSET_X, 4 * VOXEL_OFFSET_X
 
 # The place in a group of 64 of the node that is n-th in Morton order; its own inverse.
-SWAPPED = np.array([(n & 7) << 3 | n >> 3 for n in range(64)], np.uint64)
+GROUP_INDEX_OF_MORTON = np.array([(n & 7) << 3 | n >> 3 for n in range(64)], np.uint64)
 
 
 # Where one coordinate of a node puts it among the 64 of a group, and among the 8 or the one.
-PLACES = np.array([0, 8, 1, 9, 0, 1])
+NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
 
 
 @jit
-def level_of_channels(
-    codes: Codes,
+def build_channel_level(
+    codes: RawVoxels,
     table: Float32 | None,
-    segments: Segments | None,
+    segments: TransferSegments | None,
     scalars: Float64 | None,
     lighting: Lighting | None,
-    table_items: Items | None,
+    packed_table: PackedChannels | None,
     starts: UInt64,
     extents: UInt64,
     voxels: Float32,
-    voxel_items: Items,
+    packed_voxels: PackedChannels,
     means: Float32,
     variances: Float32,
 ) -> None:
     """Level 1 of the blocks at voxels `starts` [g, 3], `extents` [g, 3] (x, y, z) of which are real: [g, 64, 4].
 
-    voxels: [512, 4], scratch. table_items, voxel_items: the rows of `table` and `voxels` as items.
+    voxels: [512, 4], scratch. packed_table, packed_voxels: the rows of `table` and `voxels` as items.
     """
     shares = np.empty((3, 64 * 4), np.float32)
-    fetched = np.empty((BLOCK, BLOCK, BLOCK), codes.dtype)
+    block_voxels = np.empty((BLOCK_SIZE, BLOCK_SIZE, BLOCK_SIZE), codes.dtype)
     for g in range(len(starts)):
-        if g == 0 or not _same(extents, g):
-            _set_shares(extents, g, VOXEL, shares, means.shape[2])
+        if g == 0 or not _has_same_extents(extents, g):
+            _set_shares(extents, g, VOXEL_SIDE, shares, means.shape[2])
             voxels[:] = 0  # those outside of the volume stay so
-        whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK**3
-        if whole and lighting is None and table_items is not None:
-            _copy_items(codes, table_items, starts, g, voxel_items)
+        whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK_SIZE**3
+        if whole and lighting is None and packed_table is not None:
+            _classify_by_table(codes, packed_table, starts, g, packed_voxels)
         elif whole and lighting is None and segments is not None:
-            _evaluate_channels(codes, segments, starts, g, fetched, voxels)
+            _evaluate_channels(codes, segments, starts, g, block_voxels, voxels)
         else:
             _fill_channels(codes, table, segments, scalars, lighting, starts, extents, g, voxels)
         _merge_voxels(voxels.reshape(8, 256), shares, means.reshape(-1, 256), variances.reshape(-1, 256), g)
 
 
 @jit
-def level_of_scalars(
-    codes: Codes,
+def build_scalar_level(
+    codes: RawVoxels,
     scalars: Float64 | None,
     offset: float,
     scale: float,
@@ -102,16 +102,16 @@ def level_of_scalars(
     variances: Float64,
 ) -> None:
     """The same of (scalar - offset) * scale: [g, 64, 1]."""
-    voxels, shares = np.empty(BLOCK**3), np.empty((3, 64))
+    voxels, shares = np.empty(BLOCK_SIZE**3), np.empty((3, 64))
     for g in range(len(starts)):
-        if g == 0 or not _same(extents, g):
-            _set_shares(extents, g, VOXEL, shares, means.shape[2])
+        if g == 0 or not _has_same_extents(extents, g):
+            _set_shares(extents, g, VOXEL_SIDE, shares, means.shape[2])
             voxels[:] = 0
         for z in range(extents[g, 2]):
             for y in range(extents[g, 1]):
                 for x in range(extents[g, 0]):
                     s = scalar_at(codes, scalars, starts[g, 2] + z, starts[g, 1] + y, starts[g, 0] + x)
-                    voxels[SPREAD_Z[z] + SPREAD_Y[y] + SPREAD_X[x]] = (s - offset) * scale
+                    voxels[VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y] + VOXEL_OFFSET_X[x]] = (s - offset) * scale
         _merge_voxels(voxels.reshape(8, 64), shares, means.reshape(-1, 64), variances.reshape(-1, 64), g)
 
 
@@ -137,7 +137,7 @@ def merge_groups(
     p, q = parent_means.reshape(num, 8 * num_channels), parent_variances.reshape(num, 8 * num_channels)
     r, s = root_means.reshape(num, num_channels), root_variances.reshape(num, num_channels)
     for g in range(num):
-        if g == 0 or not _same(extents, g):
+        if g == 0 or not _has_same_extents(extents, g):
             _set_shares(extents, g, side, shares, num_channels)
             _set_shares(extents, g, 2 * side, root_shares, num_channels)
         _merge_nodes(m, v, shares, p, q, g)
@@ -145,7 +145,7 @@ def merge_groups(
 
 
 @jit
-def _same(extents: UInt64, g: int) -> bool:
+def _has_same_extents(extents: UInt64, g: int) -> bool:
     """Whether a group is cut like the one before it."""
     return bool(
         extents[g, 0] == extents[g - 1, 0] and extents[g, 1] == extents[g - 1, 1] and extents[g, 2] == extents[g - 1, 2]
@@ -169,9 +169,9 @@ def _set_shares(extents: UInt64, g: int, child: int | np.int64, shares: Array, n
 
 @jit
 def _fill_channels(
-    codes: Codes,
+    codes: RawVoxels,
     table: Float32 | None,
-    segments: Segments | None,
+    segments: TransferSegments | None,
     scalars: Float64 | None,
     lighting: Lighting | None,
     starts: UInt64,
@@ -183,9 +183,9 @@ def _fill_channels(
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
     for z in range(extents[g, 2]):
         for y in range(extents[g, 1]):
-            row = SPREAD_Z[z] + SPREAD_Y[y]
+            row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
             for x in range(extents[g, 0]):
-                at = row + SPREAD_X[x]
+                at = row + VOXEL_OFFSET_X[x]
                 red, green, blue, weight = classify_voxel(
                     codes, table, segments, scalars, lighting, z0 + z, y0 + y, x0 + x
                 )
@@ -193,37 +193,39 @@ def _fill_channels(
 
 
 @jit
-def _copy_items(codes: Codes, items: Items, starts: UInt64, g: int, out: Items) -> None:
+def _classify_by_table(codes: RawVoxels, items: PackedChannels, starts: UInt64, g: int, out: PackedChannels) -> None:
     """The same for a whole block without light."""
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
-    for z in range(np.uint64(BLOCK)):
-        for y in range(np.uint64(BLOCK)):
-            row = SPREAD_Z[z] + SPREAD_Y[y]
-            for x in range(np.uint64(BLOCK)):
-                out[row + SPREAD_X[x]] = items[codes[z0 + z, y0 + y, x0 + x]]
+    for z in range(np.uint64(BLOCK_SIZE)):
+        for y in range(np.uint64(BLOCK_SIZE)):
+            row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
+            for x in range(np.uint64(BLOCK_SIZE)):
+                out[row + VOXEL_OFFSET_X[x]] = items[codes[z0 + z, y0 + y, x0 + x]]
 
 
 @jit
-def _evaluate_channels(codes: Codes, segments: Segments, starts: UInt64, g: int, fetched: Codes, out: Float32) -> None:
+def _evaluate_channels(
+    codes: RawVoxels, segments: TransferSegments, starts: UInt64, g: int, block_voxels: RawVoxels, out: Float32
+) -> None:
     """The same where there is no table."""
-    _fetch(codes, starts, g, fetched)
-    for z in range(np.uint64(BLOCK)):
-        for y in range(np.uint64(BLOCK)):
-            row = SPREAD_Z[z] + SPREAD_Y[y]
-            for x in range(np.uint64(BLOCK)):
-                at = row + SPREAD_X[x]
-                red, green, blue, weight = evaluate(float(fetched[z, y, x]), segments)
+    _fetch(codes, starts, g, block_voxels)
+    for z in range(np.uint64(BLOCK_SIZE)):
+        for y in range(np.uint64(BLOCK_SIZE)):
+            row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
+            for x in range(np.uint64(BLOCK_SIZE)):
+                at = row + VOXEL_OFFSET_X[x]
+                red, green, blue, weight = evaluate(float(block_voxels[z, y, x]), segments)
                 out[at, 0], out[at, 1], out[at, 2], out[at, 3] = red, green, blue, weight
 
 
 @jit
-def _fetch(codes: Codes, starts: UInt64, g: int, fetched: Codes) -> None:
+def _fetch(codes: RawVoxels, starts: UInt64, g: int, block_voxels: RawVoxels) -> None:
     """Copy a whole block [8, 8, 8]: with nothing else to do meanwhile, the waits for memory of its 64 rows overlap."""
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
-    for z in range(np.uint64(BLOCK)):
-        for y in range(np.uint64(BLOCK)):
-            for x in range(np.uint64(BLOCK)):
-                fetched[z, y, x] = codes[z0 + z, y0 + y, x0 + x]
+    for z in range(np.uint64(BLOCK_SIZE)):
+        for y in range(np.uint64(BLOCK_SIZE)):
+            for x in range(np.uint64(BLOCK_SIZE)):
+                block_voxels[z, y, x] = codes[z0 + z, y0 + y, x0 + x]
 
 
 @jit
@@ -269,7 +271,7 @@ def _merge_two(a: Any, b: Any, va: Any, vb: Any, h: Any) -> tuple[Any, Any]:
 
 
 @jit
-def mark_final(
+def mark_permanent_leaves(
     parent_variances: Array,
     root_variances: Array,
     limits: tuple[float, float],
@@ -281,13 +283,13 @@ def mark_final(
     They are those whose total variance is below the limit of their level, and what is below a root that is.
     """
     for g in range(len(parents)):
-        roots[g, 0] = _total(root_variances, g, 0) < limits[1]
+        roots[g, 0] = _total_variance(root_variances, g, 0) < limits[1]
         for node in range(8):
-            parents[g, node] = roots[g, 0] or _total(parent_variances, g, node) < limits[0]
+            parents[g, node] = roots[g, 0] or _total_variance(parent_variances, g, node) < limits[0]
 
 
 @jit
-def _total(variances: Array, g: int, node: int) -> Any:
+def _total_variance(variances: Array, g: int, node: int) -> Any:
     total = variances[g, node, 0]
     for channel in range(1, variances.shape[2]):
         total += variances[g, node, channel]
@@ -301,7 +303,7 @@ def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occu
     cells: x, y, z in units of the group's width.
     """
     side = 4 if means.shape[1] == 64 else 2 if means.shape[1] == 8 else 1
-    place = PLACES[:4] if side == 4 else PLACES[4:]
+    place = NODE_OFFSETS[:4] if side == 4 else NODE_OFFSETS[4:]
     for g in range(len(means)):
         x0, y0, z0 = cells[g, 0] * side, cells[g, 1] * side, cells[g, 2] * side
         for z in range(side):
@@ -312,7 +314,7 @@ def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occu
 
 
 @jit
-def cells_of_visible(
+def list_visible_cells(
     means: Float32, groups: Int64, width: int, shape: tuple[int, int, int], cells: Int32, sizes: Int64
 ) -> int:
     """The cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order, and how
@@ -324,7 +326,7 @@ def cells_of_visible(
     digits, side = (2, 4) if num_nodes == 64 else (1, 2)
     for g in range(len(means)):
         for index in range(num_nodes):
-            node = SWAPPED[index] if num_nodes == 64 else index
+            node = GROUP_INDEX_OF_MORTON[index] if num_nodes == 64 else index
             if means[g, node, 3] > 0:
                 size = 1
                 for axis in range(3):
@@ -342,33 +344,34 @@ def cells_of_visible(
 @jit
 def append_visible(
     means: Float32,
-    mean_items: Items,
+    packed_means: PackedChannels,
     variances: Array,
     children: Float32,
-    is_final: npt.NDArray[np.bool_],
-    is_below_final: npt.NDArray[np.bool_],
-    items_out: Items,
-    spreads_out: Float32,
+    is_permanent_leaf: npt.NDArray[np.bool_],
+    is_below_permanent_leaf: npt.NDArray[np.bool_],
+    packed_out: PackedChannels,
+    deviations_out: Float32,
     masks_out: npt.NDArray[np.uint8],
 ) -> int:
     """Copy the visible ones of groups [g, n, 4] in Morton order, as items [g, n] to [.]; return how many they are.
 
-    variances: [g, n, c]; roots of their sums over the channels go into `spreads_out` [.], taken before they are rounded
-    to float32, which squares might not fit.
+    variances: [g, n, c]; roots of their sums over the channels go into `deviations_out` [.], taken before they are
+    rounded to float32, which squares might not fit.
     children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
-    is_final: [g, n], nodes whose children are left out. is_below_final: [g, n / 8], parents whose children, these
+    is_permanent_leaf: [g, n], nodes whose children are left out. is_below_permanent_leaf: [g, n / 8], parents whose
+    children, these
         nodes, are. Each [0, 0] where there are none.
     """
     num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
     for g in range(len(means)):
         for index in range(num_nodes):
-            if len(is_below_final) > 0 and is_below_final[g, index >> np.uint64(3)]:
+            if len(is_below_permanent_leaf) > 0 and is_below_permanent_leaf[g, index >> np.uint64(3)]:
                 continue
-            node = SWAPPED[index] if num_nodes == 64 else index
+            node = GROUP_INDEX_OF_MORTON[index] if num_nodes == 64 else index
             if means[g, node, 3] > 0:
-                items_out[num] = mean_items[g, node]
-                spreads_out[num] = np.sqrt(_total(variances, g, node))
-                if len(is_final) > 0 and is_final[g, node]:
+                packed_out[num] = packed_means[g, node]
+                deviations_out[num] = np.sqrt(_total_variance(variances, g, node))
+                if len(is_permanent_leaf) > 0 and is_permanent_leaf[g, node]:
                     masks_out[num] = 0
                 elif len(children) > 0:
                     mask = 0
@@ -381,7 +384,7 @@ def append_visible(
 
 
 @jit
-def store_halves(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -> None:
+def store_float16(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -> None:
     """Bits of float16 of `values * factor` (a power of two; products from 0 to 2^15), flat, rounded to nearest.
 
     Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.pyramid.kernels import BLOCK
+from renderer.pyramid.kernels import BLOCK_SIZE
 
 Array = npt.NDArray[Any]
 Int64 = npt.NDArray[np.int64]
@@ -26,7 +26,7 @@ CUBE_LEVELS = 6
 BLOCKS_PER_TASK = 1024
 
 # Whether anything is visible in a cell is kept for cells of at most this many along an axis, which framing looks at.
-MOST_OCCUPIED = 128
+MAX_OCCUPANCY_SIDE = 128
 
 # Means and variances [g, n, c] of the 64 nodes of some groups, of their 8 parents, and of their root.
 Groups = list[tuple[Array, Array]]
@@ -53,12 +53,12 @@ class Room:
     @classmethod
     def empty(cls, first_blocks: Int64, shape_xyz: tuple[int, int, int], dtype: type[Any], lowest: int) -> Room:
         """For tasks with these blocks of a volume; nothing is stored yet. lowest: so many levels are not kept."""
-        level = max(1, (max(shape_xyz) - 1).bit_length() - (MOST_OCCUPIED - 1).bit_length())
+        level = max(1, (max(shape_xyz) - 1).bit_length() - (MAX_OCCUPANCY_SIDE - 1).bit_length())
         occupied = np.zeros([((num - 1) >> level) + 1 for num in shape_xyz[::-1]], np.bool_)
         counts = np.zeros((len(first_blocks) - 1, BLOCK_LEVELS), np.int64)
         num_blocks = int(first_blocks[-1])
         levels = (
-            empty_stored(num_blocks * num if k >= lowest else 0, dtype, masked=k > 0)
+            empty_node_arrays(num_blocks * num if k >= lowest else 0, dtype, masked=k > 0)
             for k, num in enumerate(NODES_OF_GROUP)
         )
         return cls(first_blocks, counts, tuple(levels), occupied, level)
@@ -89,7 +89,7 @@ class Room:
         return list(self.levels)
 
 
-def empty_stored(num: int, dtype: type[Any], *, masked: bool) -> Stored:
+def empty_node_arrays(num: int, dtype: type[Any], *, masked: bool) -> Stored:
     """Room for so many nodes, with masks or, on level 1, without."""
     return np.empty((num, 4), dtype), np.empty(num, dtype), np.empty(num if masked else 0, np.uint8)
 
@@ -126,10 +126,10 @@ class Scratch:
         nodes = _empty_groups(num_groups, 4, np.float32)
         errors = _empty_groups(num_groups, *error_layout) if error_layout else None
         final = np.zeros((num_groups, 8), np.bool_), np.zeros((num_groups, 1), np.bool_)
-        shapes = (num_groups * 64, 4), (num_groups * 64,), (BLOCK**3, 4)
+        shapes = (num_groups * 64, 4), (num_groups * 64,), (BLOCK_SIZE**3, 4)
         visible, spreads, voxels = (np.empty(shape, np.float32) for shape in shapes)
         forgotten = (
-            empty_stored(num_groups * num, passing[1], masked=k > 0)
+            empty_node_arrays(num_groups * num, passing[1], masked=k > 0)
             for k, num in enumerate(NODES_OF_GROUP[: passing[0]])
         )
         return cls(nodes, errors, final, visible, spreads, voxels, tuple(forgotten))

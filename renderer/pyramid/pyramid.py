@@ -34,9 +34,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.pyramid import kernels
-from renderer.pyramid.blocks import classify_blocks, items_of, merge, opacities_to_depths, store
+from renderer.pyramid.blocks import as_packed_channels, classify_blocks, merge, opacities_to_depths, store
 from renderer.pyramid.empty_space import visible_blocks
-from renderer.pyramid.kernels import BLOCK
+from renderer.pyramid.kernels import BLOCK_SIZE
 from renderer.pyramid.memory import (
     BLOCK_LEVELS,
     BLOCKS_PER_TASK,
@@ -45,10 +45,10 @@ from renderer.pyramid.memory import (
     Room,
     Scratch,
     Stored,
-    empty_stored,
+    empty_node_arrays,
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer import FAINTEST, Classifier, TransferFunction, make_classifier, voxel_codes
+from renderer.transfer import VISIBILITY_THRESHOLD, Classifier, TransferFunction, make_classifier, raw_voxels
 from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
@@ -59,25 +59,25 @@ Shape = tuple[int, int, int]
 
 # Told visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their errors [n] in the
 # measure's unit, and their means [n, 4] as they would be stored. Nothing of this stays as it is after the call.
-NodesTold = Callable[[int, Int32, Float64, Array], None]
+NodeCallback = Callable[[int, Int32, Float64, Array], None]
 
 # Means are stored as multiples of the largest possible one, brought to this: then float16 holds 8 decades below it at
 # its full 11 bits (its normal numbers go down to 2^-14).
-STORED_MAXIMUM = 2.0**15
+MAX_STORED_MEAN = 2.0**15
 
 # Scalars are normalised by their range, or by this where it is smaller: the inverse of its unit is still a number, and
 # squares of the smallest denormal numbers are then normal ones.
-SMALLEST_RANGE = 2.0**-1008
+MIN_SCALAR_RANGE = 2.0**-1008
 
 # Levels in each tier above the blocks.
 TIER_LEVELS = 2
 
 # Levels of which bricks need no nodes in memory.
-TOLD_LEVELS = 2
+STREAMED_LEVELS = 2
 
 # Errors are compared with the tolerance as they are stored; one that is this much below it is so in any precision.
-SURELY_BELOW = 1 - 2.0**-9
-LARGEST_ROUNDING = 2.0**-24
+ROUNDING_MARGIN = 1 - 2.0**-9
+MAX_STORED_ROUNDING = 2.0**-24
 
 # int64 [8, 3]: the children (x, y, z) of a cell, in Morton order.
 OCTANTS = np.arange(8)[:, None] >> np.arange(3) & 1
@@ -109,7 +109,7 @@ class Pyramid:
     averaged: what means are means of; where that is opacities, `deepest` is the depth of the deepest voxel.
 
     occupied: bool [z, y, x], the cells of level `occupied_level` in which anything is visible.
-    least_tolerance, finest_level: cuts at smaller tolerances, or of finer levels, need nodes that were left out.
+    min_tolerance, finest_level: cuts at smaller tolerances, or of finer levels, need nodes that were left out.
     """
 
     levels: tuple[Level, ...]
@@ -123,7 +123,7 @@ class Pyramid:
     of: str
     occupied: npt.NDArray[np.bool_]
     occupied_level: int
-    least_tolerance: float
+    min_tolerance: float
     finest_level: int
 
     @property
@@ -147,27 +147,28 @@ def build_pyramid(
     error: ErrorSpec,
     shading: ShadingSpec | None = None,
     num_threads: int = 2,
-    least_tolerance: float = 0.0,
+    min_tolerance: float = 0.0,
     finest_level: int = 0,
-    tell: NodesTold | None = None,
+    tell: NodeCallback | None = None,
 ) -> Pyramid:
     """Build all levels in one pass over the voxels; the result does not depend on `num_threads`.
 
-    No cut will be asked for at a tolerance below `least_tolerance`, nor one with cells of a level below `finest_level`.
-    tell: told all visible nodes of the levels up to TOLD_LEVELS, which are not stored, by several threads at a time;
+    No cut will be asked for at a tolerance below `min_tolerance`, nor one with cells of a level below `finest_level`.
+    tell: told all visible nodes of the levels up to STREAMED_LEVELS, which are not stored, by several threads at a
+    time;
         the nodes in a cube of 2^CUBE_LEVELS voxels a side come together. There are levels above these then.
 
     Raises InputError where the volume's file was changed.
     """
     num_levels = max(1 if tell is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
-    plan = _make_plan(volume, transfer, spec, error, shading)
+    plan = _make_build_settings(volume, transfer, spec, error, shading)
     if tell is None:
-        limits = _final_limits(plan, volume, error.measure, num_levels, least_tolerance, finest_level)
+        limits = _leaf_variance_limits(plan, volume, error.measure, num_levels, min_tolerance, finest_level)
         plan = replace(plan, limits=limits)
     else:
-        plan, finest_level = replace(plan, tell=tell), TOLD_LEVELS + 1
+        plan, finest_level = replace(plan, tell=tell), STREAMED_LEVELS + 1
     cubes, first_cubes, first_blocks = _tasks(volume.shape_xyz)
-    room = Room.empty(first_blocks, volume.shape_xyz, plan.dtype, lowest=0 if tell is None else TOLD_LEVELS)
+    room = Room.empty(first_blocks, volume.shape_xyz, plan.dtype, lowest=0 if tell is None else STREAMED_LEVELS)
     tier, above = _build_all_blocks(plan, np.split(cubes, first_cubes), room, num_threads)
     depths = plan.rule if spec.average == "extinction" else make_classifier(volume, transfer, shading, opacity=False)
     stored = room.compacted(num_threads) + above
@@ -175,7 +176,7 @@ def build_pyramid(
         tier, levels = _next_tier(plan, tier, len(stored))
         stored += levels
     return Pyramid(
-        levels=_linked(stored[:num_levels]),
+        levels=_link_children(stored[:num_levels]),
         mean_unit=plan.mean_unit,
         error_unit=plan.error_unit,
         classifier=depths,
@@ -186,7 +187,7 @@ def build_pyramid(
         of=error.of,
         occupied=room.occupied,
         occupied_level=room.occupied_level,
-        least_tolerance=least_tolerance,
+        min_tolerance=min_tolerance,
         finest_level=finest_level,
     )
 
@@ -210,11 +211,11 @@ def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
 
 
 @dataclass(frozen=True)
-class _Plan:
+class _BuildSettings:
     """What all tasks are told.
 
     rule: classifies for the means; the variance that comes with them is the error where both of the others are None.
-    error_rule: classifies for the errors. normal: (offset, scale) of the scalar that errors are of.
+    error_classifier: classifies for the errors. normal: (offset, scale) of the scalar that errors are of.
     mean_unit, error_unit: as in Pyramid. error_factor: brings the root of a variance to its stored unit.
     deepest: of a voxel, where opacities are averaged; the means are stored as depths all the same.
     limits: nodes of level 2, and of level 3, with a variance below are leaves in every cut.
@@ -225,7 +226,7 @@ class _Plan:
     measure: str
     codes: Array
     rule: Classifier
-    error_rule: Classifier | None
+    error_classifier: Classifier | None
     normal: tuple[float, float] | None
     mean_unit: float
     error_unit: float
@@ -233,7 +234,7 @@ class _Plan:
     dtype: type[np.float16] | type[np.float32]
     deepest: float | None
     limits: tuple[float, float] = (0.0, 0.0)
-    tell: NodesTold | None = None
+    tell: NodeCallback | None = None
 
     @property
     def shape_xyz(self) -> Shape:
@@ -244,21 +245,21 @@ class _Plan:
         """Channels and dtype of what errors are measured of, where that is not what is averaged."""
         if self.normal:  # scalars may lie close together and far from zero: float64
             return 1, np.float64
-        return (4, np.float32) if self.error_rule else None
+        return (4, np.float32) if self.error_classifier else None
 
 
-def _make_plan(
+def _make_build_settings(
     volume: Volume, transfer: TransferFunction, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
-) -> _Plan:
+) -> _BuildSettings:
     opacity, of_opacity = spec.average == "opacity", error.measure == "rms"
     depth = volume.finest_spacing * transfer.max_extinction
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
 
     def unit(of_opacity: bool) -> float:
-        return _stored_unit(brightest * max(-math.expm1(-depth) if of_opacity else depth, FAINTEST))
+        return _stored_unit(brightest * max(-math.expm1(-depth) if of_opacity else depth, VISIBILITY_THRESHOLD))
 
     rule = make_classifier(volume, transfer, shading, opacity=opacity)
-    error_rule, normal = None, None
+    error_classifier, normal = None, None
     error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
     if error.of == "scalar":
         low, high = volume.value_range()
@@ -266,13 +267,13 @@ def _make_plan(
         error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
         normal = (offset, 1 / error_unit)
     elif opacity != of_opacity:
-        error_rule = make_classifier(volume, transfer, shading, opacity=of_opacity)
-    return _Plan(
+        error_classifier = make_classifier(volume, transfer, shading, opacity=of_opacity)
+    return _BuildSettings(
         volume,
         error.measure,
-        voxel_codes(volume),
+        raw_voxels(volume),
         rule,
-        error_rule,
+        error_classifier,
         normal,
         unit(False),
         error_unit,
@@ -282,8 +283,8 @@ def _make_plan(
     )
 
 
-def _final_limits(
-    plan: _Plan, volume: Volume, measure: str, num_levels: int, least_tolerance: float, finest_level: int
+def _leaf_variance_limits(
+    plan: _BuildSettings, volume: Volume, measure: str, num_levels: int, min_tolerance: float, finest_level: int
 ) -> tuple[float, float]:
     """Total variances of nodes of levels 2 and 3 below which their stored errors are below any tolerance asked for.
 
@@ -292,7 +293,7 @@ def _final_limits(
     limits = []
     for level in (2, 3):
         unit = float(error_scale(volume, measure, 8.0**level)) * plan.error_unit
-        root = (least_tolerance * SURELY_BELOW - LARGEST_ROUNDING * unit) / (unit * plan.error_factor)
+        root = (min_tolerance * ROUNDING_MARGIN - MAX_STORED_ROUNDING * unit) / (unit * plan.error_factor)
         if level > num_levels or (root <= 0 and level > finest_level):
             limits.append(0.0)
         else:
@@ -313,16 +314,16 @@ def _exact_offset(low: float, high: float) -> float:
 
 
 def _stored_unit(largest: float) -> float:
-    """A power of two, so that scaling by it rounds nothing, of which `largest` is at most STORED_MAXIMUM."""
-    return math.ldexp(1 / STORED_MAXIMUM, math.frexp(max(largest, SMALLEST_RANGE))[1])
+    """A power of two, so that scaling by it rounds nothing, of which `largest` is at most MAX_STORED_MEAN."""
+    return math.ldexp(1 / MAX_STORED_MEAN, math.frexp(max(largest, MIN_SCALAR_RANGE))[1])
 
 
 def _tasks(shape_xyz: Shape) -> tuple[Int64, Int64, Int64]:
     """The cubes of a volume, int64 [n, 3] (x, y, z in cubes), in Morton order; and which begin a task, but for the
     first, int64 [num_tasks - 1]; and the number of blocks before each task, and in all, int64 [num_tasks + 1]."""
     top = max(CUBE_LEVELS, (max(shape_xyz) - 1).bit_length())
-    cubes = _divided(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
-    nums = (-(-cell_extents(cubes, CUBE_LEVELS, shape_xyz) // BLOCK)).prod(axis=1)
+    cubes = _subdivide(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
+    nums = (-(-cell_extents(cubes, CUBE_LEVELS, shape_xyz) // BLOCK_SIZE)).prod(axis=1)
     first_cubes, first_blocks, end = [], [0], 0
     for cube, num in enumerate(nums.tolist()):
         if end + num > first_blocks[-1] + BLOCKS_PER_TASK:
@@ -332,7 +333,7 @@ def _tasks(shape_xyz: Shape) -> tuple[Int64, Int64, Int64]:
     return cubes, np.array(first_cubes, np.int64), np.array([*first_blocks, end], np.int64)
 
 
-def _divided(cells: Int64, level: int, finer_level: int, shape_xyz: Shape) -> Int64:
+def _subdivide(cells: Int64, level: int, finer_level: int, shape_xyz: Shape) -> Int64:
     """int64 [n, 3]: the cells of a finer level in some cells, each in units of its own width, in Morton order."""
     for number in range(level - 1, finer_level - 1, -1):
         cells = (2 * cells[:, None] + OCTANTS).reshape(-1, 3)
@@ -351,12 +352,14 @@ class _Tier(NamedTuple):
     variances: Array
 
 
-def _build_all_blocks(plan: _Plan, cubes: list[Int64], room: Room, num_threads: int) -> tuple[_Tier, list[Stored]]:
+def _build_all_blocks(
+    plan: _BuildSettings, cubes: list[Int64], room: Room, num_threads: int
+) -> tuple[_Tier, list[Stored]]:
     """The levels inside the blocks of the cubes of all tasks, into `room`; the tier above and the levels in it."""
     tasks = iter(range(len(cubes)))
     done: dict[int, tuple[_Tier, list[Stored]]] = {}
     num_blocks = int(np.diff(room.first_blocks).max())
-    passing = (TOLD_LEVELS if plan.tell else 0), plan.dtype
+    passing = (STREAMED_LEVELS if plan.tell else 0), plan.dtype
 
     def work(_: int) -> None:
         scratch = Scratch.empty(num_blocks, plan.error_layout, passing)
@@ -381,10 +384,10 @@ def _concatenated(parts: Sequence[Stored]) -> Stored:
     return means, errors, masks
 
 
-def _build_blocks(plan: _Plan, cubes: Int64, room: Room, task: int, scratch: Scratch) -> _Tier:
+def _build_blocks(plan: _BuildSettings, cubes: Int64, room: Room, task: int, scratch: Scratch) -> _Tier:
     """The levels inside the blocks of one task, and their roots."""
-    cells = _divided(cubes, CUBE_LEVELS, BLOCK_LEVELS, plan.shape_xyz)
-    starts = (cells * BLOCK).astype(np.uint64)
+    cells = _subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, plan.shape_xyz)
+    starts = (cells * BLOCK_SIZE).astype(np.uint64)
     extents = cell_extents(cells, BLOCK_LEVELS, plan.shape_xyz).astype(np.uint64)
     if not plan.normal:  # the scalars of what is not visible count for the errors of scalars
         visible = visible_blocks(plan.codes, plan.rule, starts, extents)
@@ -393,12 +396,12 @@ def _build_blocks(plan: _Plan, cubes: Int64, room: Room, task: int, scratch: Scr
     nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
     classify_blocks(plan.codes, plan.rule, starts, extents, scratch.voxels, nodes)
     if plan.normal:
-        kernels.level_of_scalars(plan.codes, plan.rule.scalars, *plan.normal, starts, extents, *errors[0])
+        kernels.build_scalar_level(plan.codes, plan.rule.scalars, *plan.normal, starts, extents, *errors[0])
         merge(errors, extents, 2)
-    elif plan.error_rule:
-        classify_blocks(plan.codes, plan.error_rule, starts, extents, scratch.voxels, errors)
+    elif plan.error_classifier:
+        classify_blocks(plan.codes, plan.error_classifier, starts, extents, scratch.voxels, errors)
     if any(plan.limits):
-        kernels.mark_final(errors[1][1], errors[2][1], plan.limits, *scratch.final)
+        kernels.mark_permanent_leaves(errors[1][1], errors[2][1], plan.limits, *scratch.final)
     part = min(room.occupied_level, BLOCK_LEVELS) - 1
     kernels.mark_occupied(nodes[part][0], cells, room.occupied_level - 1 - part, room.occupied)
     for level in range(BLOCK_LEVELS):
@@ -410,16 +413,18 @@ def _build_blocks(plan: _Plan, cubes: Int64, room: Room, task: int, scratch: Scr
     return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
 
 
-def _tell(plan: _Plan, level: int, nodes: npt.NDArray[np.float32], groups: Int64, means: Array, errors: Array) -> None:
+def _tell(
+    plan: _BuildSettings, level: int, nodes: npt.NDArray[np.float32], groups: Int64, means: Array, errors: Array
+) -> None:
     """Tell the visible nodes [g, n, 4] of groups at `groups` [g, 3], with their stored means and errors."""
     assert plan.tell is not None
     cells, sizes = np.empty((len(means), 3), np.int32), np.empty(len(means), np.int64)
-    kernels.cells_of_visible(nodes, groups, 1 << level, plan.codes.shape, cells, sizes)
+    kernels.list_visible_cells(nodes, groups, 1 << level, plan.codes.shape, cells, sizes)
     scales = error_scale(plan.volume, plan.measure, np.arange(8**level + 1)) * plan.error_unit
     plan.tell(level, cells, errors * (scales[sizes] if scales.ndim else scales), means)
 
 
-def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Stored]]:
+def _next_tier(plan: _BuildSettings, tier: _Tier, level: int) -> tuple[_Tier, list[Stored]]:
     """The two levels above `level`, on which the nodes of `tier` lie in Morton order, and the upper one's as a tier."""
     cells = tier.cells >> TIER_LEVELS
     steps = np.diff(cells, axis=0)
@@ -440,7 +445,7 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Stored
         merge(scratch.errors, extents, 1 << level)
     stored = []
     for part in (1, 2):
-        target = empty_stored(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
+        target = empty_node_arrays(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
         num = _store_visible(plan, scratch, part, target)
         stored.append((target[0][:num], target[1][:num], target[2][:num]))
     return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
@@ -451,21 +456,21 @@ def _octants(cells: Int64) -> Int64:
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 
-def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Stored) -> int:
+def _store_visible(plan: _BuildSettings, scratch: Scratch, part: int, target: Stored) -> int:
     """Write the visible nodes of one part of the groups to the beginning of `target`; how many they are."""
     means, _ = scratch.nodes[part]
     _, variances = (scratch.errors or scratch.nodes)[part]
     children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
     parents, roots = scratch.final
-    is_final, is_below_final = ((roots[:0], parents), (parents, roots), (roots, roots[:0]))[part]
+    is_permanent_leaf, is_below_permanent_leaf = ((roots[:0], parents), (parents, roots), (roots, roots[:0]))[part]
     num = kernels.append_visible(
         means,
-        items_of(means),
+        as_packed_channels(means),
         variances,
         children,
-        is_final,
-        is_below_final,
-        items_of(scratch.visible),
+        is_permanent_leaf,
+        is_below_permanent_leaf,
+        as_packed_channels(scratch.visible),
         scratch.spreads,
         target[2],
     )
@@ -476,7 +481,7 @@ def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Stored) -> 
     return num
 
 
-def _linked(stored: list[Stored]) -> tuple[Level, ...]:
+def _link_children(stored: list[Stored]) -> tuple[Level, ...]:
     """Levels with the place of each node's first child: children are in the order of their parents."""
     levels = []
     for means, errors, masks in stored:

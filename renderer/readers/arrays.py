@@ -128,7 +128,7 @@ def read_raw(source: RawSource) -> Image:
             where=where,
             got=f"{found_bytes} bytes{after}" if found_bytes >= 0 else f"{path.stat().st_size} bytes in all",
             expected=f"{num_bytes} bytes ({describe_shape(source.shape)} voxels of {source.dtype}){after}",
-            hint=_what_would_fit(source, found_bytes, num_bytes, dtype),
+            hint=_fitting_declarations(source, found_bytes, num_bytes, dtype),
         )
     z_y_x = source.shape[::-1]
     try:
@@ -138,7 +138,7 @@ def read_raw(source: RawSource) -> Image:
     return Image(values, affine(source.spacing, np.zeros(3), np.eye(3)))
 
 
-def _what_would_fit(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
+def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
     """Declarations that would fit and differ in one thing: the length of an axis, the type's size or the offset."""
     fits = []
     for axis in range(3):

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, nearest
-from renderer.scene import LONGEST, SHORTEST
+from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH
 from renderer.volume import Array, Float64, MappedFile, slabs
 
 # No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
@@ -22,7 +22,7 @@ MAX_VOLUME_BYTES = 2**40
 
 # Voxels of so many bytes stay in their file where that has them as they are to be. Fewer are copied: they cost little,
 # and need no file that stays as it is.
-_MAPPED_FROM = 64 << 20
+_MIN_MAPPED_BYTES = 64 << 20
 
 # Integers beyond 2^53 are rounded when they are drawn; so many steps at least remain of the range of a volume.
 _NUM_STEPS = 2**16
@@ -88,12 +88,12 @@ def check_axes(world_from_index: Float64, where: str) -> None:
 def check_lengths(world_from_index: Float64, where: str) -> None:
     """Raise InputError unless an affine has lengths that a scene may have."""
     sizes = np.abs(world_from_index[:3])
-    if sizes.max() > LONGEST or sizes[:, :3].max(axis=0).min() < SHORTEST:
+    if sizes.max() > MAX_WORLD_LENGTH or sizes[:, :3].max(axis=0).min() < MIN_WORLD_LENGTH:
         raise InputError(
             "the spacing or the origin is out of range",
             where=where,
             got=_in_words(world_from_index),
-            expected=f"lengths from {SHORTEST:g} to {LONGEST:g}",
+            expected=f"lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}",
             hint="give lengths in another unit",
         )
 
@@ -125,10 +125,10 @@ def _directions(world_from_index: Float64) -> tuple[Float64, Float64]:
 
 def stays_mapped(num_bytes: int) -> bool:
     """Whether so many bytes of voxels are left in their file."""
-    return num_bytes >= _MAPPED_FROM
+    return num_bytes >= _MIN_MAPPED_BYTES
 
 
-def check_resolved(values: Array, source: MappedFile | None, where: str) -> None:
+def check_integer_resolution(values: Array, source: MappedFile | None, where: str) -> None:
     """Raise InputError for 64-bit integers that lie so close together that float64, in which they are classified, would
     round their differences away."""
     if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
@@ -251,7 +251,7 @@ def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...
         )
 
 
-def check_used(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
+def check_no_excess_voxels(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
     """Raise InputError where behind `num_bytes` of voxels, which are neither compressed nor text, the file has more of
     them: as many as make one axis longer. Less than that may be a line break, or fill up a block."""
     found_bytes = stored.file.stat().st_size - stored.offset

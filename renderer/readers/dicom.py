@@ -17,16 +17,16 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, choose, describe_shape
 from renderer.readers.dicom_header import dicom_spacing
-from renderer.readers.headers import PIXEL_DATA, has_dicom_mark
+from renderer.readers.headers import PIXEL_DATA, has_dicom_magic
 from renderer.readers.itk import (
-    distill,
-    executed,
     itk_name,
     open_itk,
-    path_of,
+    path_from_itk_name,
     pixel_dtype,
     quiet_simpleitk,
+    read_image,
     read_itk,
+    shorten_itk_error,
     view_of,
 )
 from renderer.volume import Array, Float64
@@ -51,19 +51,19 @@ class _Slice:
     direction: Float64
 
 
-def read_dicom(folder: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
+def read_dicom(folder: Path, time: int | None, component: int | None, *, has_spacing_override: bool = False) -> Image:
     """The one series in `folder`, slices in ascending order along their normal.
 
-    any_lengths: others take the place of what the files say of lengths, which so may be anything. Values are those
-    after the rescale slope and intercept of each slice. Raises InputError when there is no series or several, when
-    slices differ in size or orientation, and when they are missing, doubled or unevenly spaced.
+    has_spacing_override: others take the place of what the files say of lengths, which so may be anything. Values are
+    those after the rescale slope and intercept of each slice. Raises InputError when there is no series or several,
+    when slices differ in size or orientation, and when they are missing, doubled or unevenly spaced.
     """
     with quiet_simpleitk() as sitk:
         files = _series_files(sitk, folder)
         if len(files) == 1:  # one slice, or all of them in one enhanced file
-            return read_itk(files[0], time, component, any_lengths=any_lengths)
+            return read_itk(files[0], time, component, has_spacing_override=has_spacing_override)
         choose("time", time, 1, str(folder))
-        slices = [_header(sitk, file, any_lengths) for file in files]
+        slices = [_header(sitk, file, has_spacing_override) for file in files]
         slices.sort(key=lambda part: float(part.position @ part.direction[:, 2]))
         _check_alike(slices, folder)
         step = _even_step(slices, folder)
@@ -74,7 +74,7 @@ def read_dicom(folder: Path, time: int | None, component: int | None, *, any_len
         check_size((*first.size, len(slices)), dtype, str(folder))
         values: Array = np.empty((len(slices), first.size[1], first.size[0]), dtype)
         for part, target in zip(slices, values, strict=True):
-            plane = view_of(sitk, executed(part.reader, part.file)).reshape(*target.shape, num_components)
+            plane = view_of(sitk, read_image(part.reader, part.file)).reshape(*target.shape, num_components)
             target[...] = plane[..., channel]
     axes = np.column_stack([first.direction[:, 0] * first.spacing[0], first.direction[:, 1] * first.spacing[1], step])
     return Image(values, affine(np.ones(3), first.position, axes))
@@ -87,12 +87,12 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
         files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(name, uid) for uid in series}
     except RuntimeError as error:
         for path in sorted(folder.iterdir()):
-            if path.is_file() and has_dicom_mark(path):
+            if path.is_file() and has_dicom_magic(path):
                 _require_header(sitk, path)
         raise InputError(
             "the DICOM files in this folder cannot be read",
             where=str(folder),
-            got=distill(str(error)),
+            got=shorten_itk_error(str(error)),
             hint="one of them is damaged",
         ) from error
     if not series:
@@ -109,7 +109,7 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
             got="; ".join(_name_series(sitk, uid, files[uid]) for uid in sorted(series)),
             hint="put each series into a folder of its own",
         )
-    found = [path_of(name) for name in files[series[0]]]
+    found = [path_from_itk_name(name) for name in files[series[0]]]
     _check_none_left_out(folder, {path.name for path in found})
     return found
 
@@ -124,7 +124,7 @@ def _check_none_left_out(folder: Path, names: set[str]) -> None:
     for path in sorted(folder.iterdir()):
         if path.name in names or path.name.startswith(".") or not path.is_file():
             continue
-        is_dicom = has_dicom_mark(path)
+        is_dicom = has_dicom_magic(path)
         is_slice = PIXEL_DATA in path.read_bytes() if is_dicom else _shape(path.name) in shapes
         if is_slice:
             is_empty = path.stat().st_size == 0
@@ -155,13 +155,13 @@ def _require_header(sitk: Any, path: Path) -> None:
 
 def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:
     """`"T1 sagittal", 40 files from N2D_0171.dcm`."""
-    first = path_of(files[0])
+    first = path_from_itk_name(files[0])
     reader = open_itk(sitk, first)
     description = reader.GetMetaData(_DESCRIPTION).strip() if reader.HasMetaDataKey(_DESCRIPTION) else ""
     return f'"{description or uid}", {len(files)} file{"s" if len(files) > 1 else ""} from {first.name}'
 
 
-def _header(sitk: Any, file: Path, any_lengths: bool) -> _Slice:
+def _header(sitk: Any, file: Path, has_spacing_override: bool) -> _Slice:
     reader = open_itk(sitk, file)
     size = reader.GetSize()
     if len(size) == 3 and size[2] > 1:
@@ -172,7 +172,7 @@ def _header(sitk: Any, file: Path, any_lengths: bool) -> _Slice:
             expected="one slice per file, or all of them in one file",
         )
     width, height, *_ = size
-    across, down, *_ = dicom_spacing(reader, file, any_lengths=any_lengths)
+    across, down, *_ = dicom_spacing(reader, file, has_spacing_override=has_spacing_override)
     return _Slice(
         file,
         reader,

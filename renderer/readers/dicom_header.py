@@ -34,17 +34,17 @@ def is_dicom(reader: Any) -> bool:
     return bool(reader.GetImageIO() == "GDCMImageIO")
 
 
-def dicom_spacing(reader: Any, path: Path, *, any_lengths: bool) -> tuple[float, ...]:
+def dicom_spacing(reader: Any, path: Path, *, has_spacing_override: bool) -> tuple[float, ...]:
     """The spacing that SimpleITK has found in a DICOM file, along each of its axes.
 
-    any_lengths: others take their place; they are 1 where the file does not say them. Raises InputError, else, where it
-    does not: GDCM would take 1.
+    has_spacing_override: others take their place; they are 1 where the file does not say them. Raises InputError, else,
+    where it does not: GDCM would take 1.
     """
     spacing: tuple[float, ...] = reader.GetSpacing()
-    found = _unsaid(reader, path, spacing)
+    found = _missing_spacing(reader, path, spacing)
     if found is None:
         return spacing
-    if any_lengths:
+    if has_spacing_override:
         return (1.0,) * len(spacing)
     raise InputError(
         "this DICOM file does not say how large its voxels are",
@@ -55,7 +55,7 @@ def dicom_spacing(reader: Any, path: Path, *, any_lengths: bool) -> tuple[float,
     )
 
 
-def _unsaid(reader: Any, path: Path, spacing: tuple[float, ...]) -> str | None:
+def _missing_spacing(reader: Any, path: Path, spacing: tuple[float, ...]) -> str | None:
     """What there is in place of lengths that the file would have to say; None where it says them."""
     in_plane = [_lengths(reader, key)[::-1] for key in _IN_PLANE]
     is_said = any(len(pair) == 2 and all(map(_is_close, pair, spacing)) for pair in in_plane)
@@ -88,7 +88,7 @@ def _is_close(said: float, found: float) -> bool:
 
 
 @contextmanager
-def as_stored(reader: Any, path: Path) -> Iterator[None]:
+def without_photometric_inversion(reader: Any, path: Path) -> Iterator[None]:
     """Within the block the reader of a DICOM file of MONOCHROME1, where low values are light, reads them as they are.
 
     SimpleITK would subtract them from the largest, and Hounsfield units would no longer be what slope and intercept

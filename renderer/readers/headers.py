@@ -138,7 +138,7 @@ def nrrd_voxels(path: Path) -> Stored | None:
     return None if is_packed and lines_skipped != "0" else stored
 
 
-def unsaid_lengths(path: Path) -> str | None:
+def missing_spacing_note(path: Path) -> str | None:
     """What to say of a NRRD or MetaImage file that does not say how large its voxels are, which are taken for 1.
 
     Raises InputError for NRRD's NaN where an axis of space has its length: its reader takes 1 for this.
@@ -321,7 +321,7 @@ def vtk_voxels(path: Path) -> StoredVoxels:
     return StoredVoxels(path, start, False, None, kind.strip().upper() == b"ASCII")
 
 
-def has_dicom_mark(path: Path) -> bool:
+def has_dicom_magic(path: Path) -> bool:
     """Whether a file begins as one of DICOM does, by a preamble of 128 bytes and a mark."""
     with path.open("rb") as file:
         return file.read(132)[128:] == b"DICM"

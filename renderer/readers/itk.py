@@ -24,22 +24,22 @@ from renderer.readers.common import (
     StoredVoxels,
     affine,
     check_axes,
+    check_no_excess_voxels,
     check_size,
     check_stored,
     check_text,
-    check_used,
     choose,
     describe_shape,
     stays_mapped,
 )
-from renderer.readers.dicom_header import as_stored, dicom_spacing, is_dicom
+from renderer.readers.dicom_header import dicom_spacing, is_dicom, without_photometric_inversion
 from renderer.readers.headers import (
     Stored,
     check_dicom_pixels,
     check_nrrd_header,
     metaimage_voxels,
+    missing_spacing_note,
     nrrd_voxels,
-    unsaid_lengths,
     vtk_voxels,
 )
 from renderer.readers.sniff import UnknownFormatError
@@ -52,7 +52,7 @@ _CODE = re.compile(r"::|\(\)|bad_alloc")
 _BITS_ALLOCATED, _SERIES = "0028|0100", "0020|000e"
 
 # Formats of which it is known where in the file the voxels are.
-_LOCATED: dict[str, Callable[[Path], Stored | None]] = {
+_VOXEL_LOCATORS: dict[str, Callable[[Path], Stored | None]] = {
     ".nrrd": nrrd_voxels,
     ".nhdr": nrrd_voxels,
     ".mha": metaimage_voxels,
@@ -89,14 +89,14 @@ def _silent() -> Iterator[None]:
         yield
 
 
-def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
+def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool = False) -> Image:
     """The volume in one file.
 
-    any_lengths: others take the place of what a DICOM file says of lengths, which so may be anything. Raises InputError
-    for unknown, truncated and broken files, and when `time` or `component` do not fit.
+    has_spacing_override: others take the place of what a DICOM file says of lengths, which so may be anything. Raises
+    InputError for unknown, truncated and broken files, and when `time` or `component` do not fit.
     """
-    voxels = _LOCATED[path.suffix.lower()](path) if path.suffix.lower() in _LOCATED else None
-    unsaid = unsaid_lengths(path)
+    voxels = _VOXEL_LOCATORS[path.suffix.lower()](path) if path.suffix.lower() in _VOXEL_LOCATORS else None
+    unsaid = missing_spacing_note(path)
     with quiet_simpleitk() as sitk:
         reader = open_itk(sitk, path)
         size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
@@ -107,10 +107,14 @@ def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths
         elif voxels is not None:
             _check_whole(voxels, num_bytes, size, dtype)
             if voxels.byte_order is not None:  # they are alone in the file, as they are
-                check_used(voxels, num_bytes, size)
+                check_no_excess_voxels(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
-        spacing = dicom_spacing(reader, path, any_lengths=any_lengths) if is_dicom(reader) else reader.GetSpacing()
+        spacing = (
+            dicom_spacing(reader, path, has_spacing_override=has_spacing_override)
+            if is_dicom(reader)
+            else reader.GetSpacing()
+        )
         world_from_index = _world_from_index(reader, spacing)
         check_axes(world_from_index, str(path))  # of which SimpleITK says no more than some numbers
         step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
@@ -124,11 +128,11 @@ def read_itk(path: Path, time: int | None, component: int | None, *, any_lengths
             if len(size) == 4:
                 reader.SetExtractSize([*size[:3], 0])
                 reader.SetExtractIndex([0, 0, 0, step])
-            values = view_of(sitk, executed(reader, path))
+            values = view_of(sitk, read_image(reader, path))
             if num_components > 1:
                 values = values[..., channel]
         note = _one_of_a_series(sitk, reader, path) if values.ndim == 2 or len(values) == 1 else None
-        note = note if any_lengths else unsaid or note
+        note = note if has_spacing_override else unsaid or note
     return Image(values if values.ndim == 3 else values[np.newaxis], world_from_index, note)
 
 
@@ -194,7 +198,7 @@ def itk_name(path: Path) -> str:
         ) from error
 
 
-def path_of(name: str) -> Path:
+def path_from_itk_name(name: str) -> Path:
     """The path for which SimpleITK has this name."""
     return Path(os.fsdecode(name.encode("utf-8", "surrogateescape")))
 
@@ -225,7 +229,7 @@ def open_itk(sitk: Any, path: Path) -> Any:
         raise InputError(
             "cannot read the header",
             where=str(path),
-            got=distill(str(error)),
+            got=shorten_itk_error(str(error)),
             hint="the file is damaged, or of a kind that cannot be read",
         ) from error
     if is_dicom(reader) and reader.HasMetaDataKey(_BITS_ALLOCATED):
@@ -234,16 +238,19 @@ def open_itk(sitk: Any, path: Path) -> Any:
     return reader
 
 
-def executed(reader: Any, path: Path) -> Any:
+def read_image(reader: Any, path: Path) -> Any:
     """The SimpleITK image; raises InputError when its voxels cannot be read."""
     try:
-        with as_stored(reader, path), _silent():
+        with without_photometric_inversion(reader, path), _silent():
             return reader.Execute()
     except RuntimeError as error:
         if "bad_alloc" in str(error):
             raise MemoryError from error
         raise InputError(
-            "cannot read the voxels", where=str(path), got=distill(str(error)), hint="the file is truncated or damaged"
+            "cannot read the voxels",
+            where=str(path),
+            got=shorten_itk_error(str(error)),
+            hint="the file is truncated or damaged",
         ) from error
 
 
@@ -271,7 +278,7 @@ def view_of(sitk: Any, image: Any) -> Array:
     return np.asarray(_Kept(sitk.GetArrayViewFromImage(image), image))
 
 
-def distill(message: str) -> str | None:
+def shorten_itk_error(message: str) -> str | None:
     """The last statement of one of SimpleITK's messages, which open with source files, addresses and call chains.
 
     The innermost cause is the last line, apart from the system's last error, which is often another's;

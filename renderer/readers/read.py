@@ -13,8 +13,8 @@ from renderer.readers.common import (
     Image,
     check_axes,
     check_dtype,
+    check_integer_resolution,
     check_lengths,
-    check_resolved,
     choose,
     existing,
     spacing_of,
@@ -23,12 +23,12 @@ from renderer.readers.common import (
     with_spacing,
 )
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
-from renderer.volume import Array, MappedFile, OnMapped, Volume, file_behind, make_volume, slabs
+from renderer.volume import Array, MappedCallback, MappedFile, Volume, backing_file, make_volume, slabs
 
 Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 
 
-def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
+def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Volume:
     """The volume that `spec` describes, cropped, checked and read-only.
 
     A crop moves the affine along, so that voxels stay where they are in the world. on_mapped: told of many
@@ -50,17 +50,17 @@ def read_volume(spec: VolumeSpec, on_mapped: OnMapped | None = None) -> Volume:
             image = crop_image(image, spec.crop, name)
         world_from_index, note = image.world_from_index, image.note
         first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
-        mapped = file_behind(image.values) if stays_mapped(image.values.nbytes) else None
+        mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
         if mapped is not None and on_mapped is not None:
             on_mapped(mapped, image.values)
-        settled = _settled(image.values)
+        settled = _native_contiguous(image.values)
         del image  # with what it was read into
-        file = file_behind(settled)
-        values, num_nonfinite, stand_in = _finite(settled, file, spec.nonfinite, first, name)
+        file = backing_file(settled)
+        values, num_nonfinite, stand_in = _replace_nonfinite(settled, file, spec.nonfinite, first, name)
         if mapped is not None:  # and where it was copied
             mapped.require_unchanged()
         file = file if values is settled else None
-        check_resolved(values, file, name)
+        check_integer_resolution(values, file, name)
         made = make_volume(values, world_from_index, name, file, num_nonfinite, stand_in)
         return replace(made, replaced_spacing=replaced, note=note)
     except OSError as error:
@@ -88,11 +88,11 @@ def _load(spec: VolumeSpec, name: str) -> Image:
     return Image(procedural_values(source), procedural_affine(source))
 
 
-def _load_file(path: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
+def _load_file(path: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
     """Dispatch by name; SimpleITK recognises the rest by content."""
     name = path.name.lower()
     if path.is_dir():
-        return _load_folder(path, time, component, any_lengths)
+        return _load_folder(path, time, component, has_spacing_override)
     if name.endswith((".nii", ".nii.gz", ".hdr", ".img")):
         from renderer.readers.nifti import read_nifti
 
@@ -104,21 +104,21 @@ def _load_file(path: Path, time: int | None, component: int | None, any_lengths:
     if name.endswith((".tif", ".tiff")):
         from renderer.readers.tiff import read_tiff
 
-        return read_tiff(path, time, component, any_lengths=any_lengths)
+        return read_tiff(path, time, component, has_spacing_override=has_spacing_override)
     from renderer.readers.itk import read_itk
 
-    return read_itk(path, time, component, any_lengths=any_lengths)
+    return read_itk(path, time, component, has_spacing_override=has_spacing_override)
 
 
-def _load_folder(folder: Path, time: int | None, component: int | None, any_lengths: bool) -> Image:
-    from renderer.readers.headers import has_dicom_mark
+def _load_folder(folder: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
+    from renderer.readers.headers import has_dicom_magic
     from renderer.readers.tiff import SUFFIXES, read_tiff_folder
 
     names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     tiffs = [entry for entry in names if entry.suffix.lower() in SUFFIXES]
     if tiffs:
         rest = (entry for entry in names if entry.suffix.lower() not in SUFFIXES and entry.is_file())
-        others = sorted(filter(has_dicom_mark, rest))
+        others = sorted(filter(has_dicom_magic, rest))
         if others:
             raise InputError(
                 "this folder holds both TIFF slices and DICOM files",
@@ -128,10 +128,10 @@ def _load_folder(folder: Path, time: int | None, component: int | None, any_leng
                 hint="put each volume into a folder of its own",
             )
         choose("time", time, 1, str(folder))
-        return read_tiff_folder(folder, tiffs, component, any_lengths=any_lengths)
+        return read_tiff_folder(folder, tiffs, component, has_spacing_override=has_spacing_override)
     from renderer.readers.dicom import read_dicom
 
-    return read_dicom(folder, time, component, any_lengths=any_lengths)
+    return read_dicom(folder, time, component, has_spacing_override=has_spacing_override)
 
 
 def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
@@ -153,7 +153,7 @@ def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
     return Image(image.values[z0:z1, y0:y1, x0:x1], world_from_index, image.note)
 
 
-def _settled(values: Array) -> Array:
+def _native_contiguous(values: Array) -> Array:
     """The values in native byte order and C order: in memory of their own size, no part of an array; or, where they are
     many and a file has them as they are to be, mapped from it."""
     is_mapped = isinstance(values, np.memmap)
@@ -168,7 +168,7 @@ def _settled(values: Array) -> Array:
     return values
 
 
-def _finite(
+def _replace_nonfinite(
     values: Array,
     file: MappedFile | None,
     instead: Literal["error", "lowest"] | float,

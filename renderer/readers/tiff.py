@@ -16,7 +16,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_dtype, check_size, choose, existing
-from renderer.readers.itk import executed, open_itk, quiet_simpleitk, view_of
+from renderer.readers.itk import open_itk, quiet_simpleitk, read_image, view_of
 from renderer.readers.slice_names import in_order
 from renderer.readers.tiff_description import MM_PER_UNIT, hyperstack, imagej_spacing, is_imagej, is_ome, ome_spacing
 from renderer.readers.tiff_directory import (
@@ -53,10 +53,10 @@ _COMPRESSIONS = {
 }
 
 
-def read_tiff(path: Path, time: int | None, component: int | None, *, any_lengths: bool = False) -> Image:
+def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool = False) -> Image:
     """The stack in one file; hyperstacks of ImageJ and OME choose by `time` and `component` (the channel).
 
-    any_lengths: others take the place of what the file says of lengths, which so may be anything.
+    has_spacing_override: others take the place of what the file says of lengths, which so may be anything.
     Raises InputError for truncated, foreign and inconsistent files.
     """
     where = str(path)
@@ -77,7 +77,7 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, any_length
     description = _text(first)
     axes, counts = hyperstack(description, len(pages), where)
     step = choose("time", time, counts[axes.index("T")], where)
-    world_from_index = _world_from_index(first, where, any_lengths)
+    world_from_index = _world_from_index(first, where, has_spacing_override)
     values = _decoded(path, order, pages, where)
     if num_samples > 1:
         return Image(values[..., choose("component", component, num_samples, where)], world_from_index)
@@ -86,11 +86,13 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, any_length
     return Image(stack[step, channel], world_from_index)
 
 
-def read_tiff_folder(folder: Path, files: list[Path], component: int | None, *, any_lengths: bool = False) -> Image:
+def read_tiff_folder(
+    folder: Path, files: list[Path], component: int | None, *, has_spacing_override: bool = False
+) -> Image:
     """One slice from each of `files`, which are sorted by their names here; raises InputError when the slices differ,
     and when the names do not tell of one whole stack.
 
-    any_lengths: as of `read_tiff`.
+    has_spacing_override: as of `read_tiff`.
     """
     files = in_order(folder, files)
     values, first = None, None
@@ -123,7 +125,7 @@ def read_tiff_folder(folder: Path, files: list[Path], component: int | None, *, 
         values[index] = plane
     assert values is not None, "called without files"
     assert first is not None
-    return Image(values, _world_from_index(first, str(files[0]), any_lengths))
+    return Image(values, _world_from_index(first, str(files[0]), has_spacing_override))
 
 
 def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
@@ -142,7 +144,7 @@ def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
         raise _undecodable(where, first)
     try:
         with quiet_simpleitk() as sitk:
-            values = view_of(sitk, executed(open_itk(sitk, path), path))
+            values = view_of(sitk, read_image(open_itk(sitk, path), path))
     except InputError as error:
         if first.number(COMPRESSION, 1) in _COMMON_COMPRESSIONS:
             raise
@@ -240,15 +242,15 @@ def _text(page: Page) -> str:
     return page.description.decode("utf-8", "replace")
 
 
-def _world_from_index(first: Page, where: str, any_lengths: bool) -> Float64:
-    """The affine of a stack; with `any_lengths` it is one without a unit where the file's lengths make no sense."""
+def _world_from_index(first: Page, where: str, has_spacing_override: bool) -> Float64:
+    """Return the affine of a stack, without a unit where lengths make no sense and `has_spacing_override` is set."""
     try:
         spacing = _spacing(first, where)
     except InputError:
-        if not any_lengths:
+        if not has_spacing_override:
             raise
         spacing = [1.0, 1.0, 1.0]
-    if any_lengths and not np.isfinite(spacing).all():
+    if has_spacing_override and not np.isfinite(spacing).all():
         spacing = [1.0, 1.0, 1.0]
     return affine(spacing, np.zeros(3), np.eye(3))
 

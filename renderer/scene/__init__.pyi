@@ -10,47 +10,48 @@ from .input_file import (
     decode as decode,
     is_same_file as is_same_file,
     may_be_json as may_be_json,
-    nearest_file as nearest_file,
+    nearest_file_hint as nearest_file_hint,
     read_content as read_content,
 )
 from .limits import (
     camera_problems as camera_problems,
     extent_of as extent_of,
-    require_proportion as require_proportion,
+    raise_problems as raise_problems,
     volume_problems as volume_problems,
 )
+from .metric_target import Want as Want
 from .parse import (
     scene_to_dict as scene_to_dict,
     schedule_to_dict as schedule_to_dict,
-    splats_as_asked as splats_as_asked,
+    splat_section_without_defaults as splat_section_without_defaults,
 )
 from .parse_camera import FRAME_NUMBER as FRAME_NUMBER, MAX_FRAMES as MAX_FRAMES
-from .parse_error import ERROR as ERROR, MAX_LEVEL as MAX_LEVEL
+from .parse_error_schedule import ERROR as ERROR, MAX_LEVEL as MAX_LEVEL
 from .parse_output import OUTPUT as OUTPUT, OUTPUT_FILE as OUTPUT_FILE
-from .scene_file import load_scene as load_scene, scene_in as scene_in
+from .scene_file import load_scene as load_scene, parse_scene_content as parse_scene_content
 from .schedule import (
-    at_tolerance as at_tolerance,
-    at_tolerances as at_tolerances,
     in_order as in_order,
-    is_met_as_a_whole as is_met_as_a_whole,
-    least_tolerance as least_tolerance,
+    is_film_wide_goal as is_film_wide_goal,
+    min_tolerance as min_tolerance,
     through as through,
     tolerance_at as tolerance_at,
     value_at as value_at,
+    with_tolerance as with_tolerance,
+    with_tolerances as with_tolerances,
 )
 from .schema import (
     BOOLEAN as BOOLEAN,
     INVALID as INVALID,
     MAPPING as MAPPING,
-    NO_HOME as NO_HOME,
     TEXT as TEXT,
+    TILDE_HINT as TILDE_HINT,
     Kind as Kind,
     Node as Node,
     Table as Table,
     choice as choice,
     did_you_mean as did_you_mean,
     fields as fields,
-    in_no_home as in_no_home,
+    has_unexpanded_tilde as has_unexpanded_tilde,
     integer as integer,
     join as join,
     known as known,
@@ -62,11 +63,11 @@ from .schema import (
 )
 from .spec import (
     FRAME_FIELD as FRAME_FIELD,
-    LEAST_TOLERANCE as LEAST_TOLERANCE,
-    LONGEST as LONGEST,
+    MAX_WORLD_LENGTH as MAX_WORLD_LENGTH,
+    MIN_TOLERANCE as MIN_TOLERANCE,
+    MIN_WORLD_LENGTH as MIN_WORLD_LENGTH,
     PROCEDURAL_NAMES as PROCEDURAL_NAMES,
-    SHORTEST as SHORTEST,
-    SPECS as SPECS,
+    SPEC_TYPES as SPEC_TYPES,
     AccuracyGoal as AccuracyGoal,
     ByFrame as ByFrame,
     CameraSpec as CameraSpec,
@@ -91,13 +92,12 @@ from .spec import (
     Vector as Vector,
     VolumeSpec as VolumeSpec,
 )
-from .want import Want as Want
 from .yaml_tree import (
     Mark as Mark,
     NotYamlError as NotYamlError,
     Tree as Tree,
     excerpt as excerpt,
-    place_in as place_in,
-    read_tree as read_tree,
-    tree_of_file as tree_of_file,
+    format_location as format_location,
+    parse_yaml as parse_yaml,
+    parse_yaml_file as parse_yaml_file,
 )

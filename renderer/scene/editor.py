@@ -12,7 +12,7 @@ from renderer.errors import Problem, SceneError
 from renderer.scene.parse import parse_scene
 from renderer.scene.schema import join, show
 from renderer.scene.spec import Scene
-from renderer.scene.yaml_tree import Mark, NotYamlError, Tree, excerpt, place_in, read_tree
+from renderer.scene.yaml_tree import Mark, NotYamlError, Tree, excerpt, format_location, parse_yaml
 
 _SOURCES = ("file", "raw", "procedural")
 
@@ -45,7 +45,7 @@ class _Located:
         if self.option is not None:
             return replace(self.problem, place=self.option.text)
         what = self.problem.what + excerpt(lines, self.mark)
-        return replace(self.problem, place=place_in(path, self.mark), what=what)
+        return replace(self.problem, place=format_location(path, self.mark), what=what)
 
 
 class Editor:
@@ -120,7 +120,7 @@ class Editor:
             self._set(parts, value_text.strip(), option)
             return
         try:
-            value = read_tree(value_text)
+            value = parse_yaml(value_text)
         except NotYamlError as error:
             self._complain(option, Problem("", error.what, hint=error.hint))
             return

@@ -12,8 +12,8 @@ MAX_SCENE_BYTES = 2**20
 # The longest film that a scene can ask for has a million frames, and a sidecar some 500 bytes for each.
 MAX_SIDECAR_BYTES = 2**29
 
-_AS_VOLUME = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
-_IN_UTF8 = "save it in UTF-8"
+_VOLUME_HINT = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
+_UTF8_HINT = "save it in UTF-8"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 # How the headers of NRRD and VTK begin, and a line without which MetaImage has none.
 _VOLUME_HEADER = re.compile(rb"NRRD000|# vtk DataFile|(?:.*\n)*?ElementDataFile[ \t]*=", re.IGNORECASE)
@@ -30,7 +30,7 @@ def read_content(path: Path) -> bytes:
                 content += file.read(MAX_SIDECAR_BYTES - MAX_SCENE_BYTES)
             return content
     except FileNotFoundError as error:
-        raise InputError("no such file", where=str(path), hint=nearest_file(path)) from error
+        raise InputError("no such file", where=str(path), hint=nearest_file_hint(path)) from error
     except IsADirectoryError as error:
         raise InputError("a folder", where=str(path), expected="a scene file") from error
     except (OSError, ValueError) as error:
@@ -53,14 +53,14 @@ def decode(content: bytes, path: Path) -> str:
             "not a text file in UTF-8",
             where=f"{path}:{line}",
             got=f"the byte 0x{content[error.start]:02x}",
-            hint=_AS_VOLUME if b"\0" in content and not content.startswith(_UTF16) else _IN_UTF8,
+            hint=_VOLUME_HINT if b"\0" in content and not content.startswith(_UTF16) else _UTF8_HINT,
         ) from error
 
 
-def refuse_volume(content: bytes, path: Path) -> None:
+def reject_volume_header(content: bytes, path: Path) -> None:
     """Raise InputError for the header of a volume, which is text, in the place of a scene."""
     if b"\0" not in content and _VOLUME_HEADER.match(content):
-        raise InputError("a volume, not a scene", where=str(path), expected="a scene file", hint=_AS_VOLUME)
+        raise InputError("a volume, not a scene", where=str(path), expected="a scene file", hint=_VOLUME_HINT)
 
 
 def is_same_file(path: Path, other: Path) -> bool:
@@ -71,7 +71,7 @@ def is_same_file(path: Path, other: Path) -> bool:
         return False
 
 
-def nearest_file(path: Path) -> str | None:
+def nearest_file_hint(path: Path) -> str | None:
     """A hint that names another file of nearly this name, or None; just this name has a link to nothing."""
     try:
         names = sorted({entry.name for entry in path.parent.iterdir()} - {path.name})

@@ -127,7 +127,7 @@ def _pixel_problems(
         yield Problem("camera", "the volume is too small in the picture", got, expected, hint)
 
 
-def require_proportion(problems: Iterable[Problem]) -> None:
+def raise_problems(problems: Iterable[Problem]) -> None:
     """Raise SceneError with the problems if there are any."""
     if found := list(problems):
         raise SceneError(found)

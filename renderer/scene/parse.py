@@ -16,10 +16,10 @@ from typing import Any
 from renderer.errors import Problem, SceneError
 from renderer.scene.limits import proportion_problems
 from renderer.scene.parse_camera import CAMERA, direction
-from renderer.scene.parse_error import ERROR, check_frames
-from renderer.scene.parse_output import OUTPUT, check_name
+from renderer.scene.parse_error_schedule import ERROR, check_scheduled_frames
+from renderer.scene.parse_output import OUTPUT, check_frame_field
 from renderer.scene.parse_transfer import TRANSFER_FUNCTION
-from renderer.scene.parse_volume import volume_kind
+from renderer.scene.parse_volume import volume_field_type
 from renderer.scene.schema import (
     BOOLEAN,
     INVALID,
@@ -66,14 +66,14 @@ def parse_scene(tree: object, *, base: Path, still: bool = False) -> Scene:
     Raises SceneError with every problem that there is.
     """
     problems: list[Problem] = []
-    scene = _scene_kind(base, still).read(Node(tree, "", problems))
+    scene = _scene_field_type(base, still).read(Node(tree, "", problems))
     if problems:
         raise SceneError(problems)
     return scene
 
 
 # Keys that are looked for at the top, and where they are.
-_IN_A_SECTION = {
+_MISPLACED_KEY_HINTS = {
     key: f"did you mean {place}.{key}?"
     for place, keys in {
         "error": ("tolerance", "psnr", "rmse", "seconds"),
@@ -85,10 +85,10 @@ _IN_A_SECTION = {
 }
 
 
-def _scene_kind(base: Path, still: bool) -> Kind[Scene]:
+def _scene_field_type(base: Path, still: bool) -> Kind[Scene]:
     table: Table = {
         "version": _VERSION,
-        "volume": volume_kind(base),
+        "volume": volume_field_type(base),
         "transfer_function": TRANSFER_FUNCTION,
         "shading": _SHADING,
         "camera": CAMERA,
@@ -100,7 +100,7 @@ def _scene_kind(base: Path, still: bool) -> Kind[Scene]:
     }
     required = ("volume", "transfer_function", "camera", "output")
     return section(
-        table, lambda node, given: _build_scene(node, given, still), required=required, elsewhere=_IN_A_SECTION
+        table, lambda node, given: _build_scene(node, given, still), required=required, elsewhere=_MISPLACED_KEY_HINTS
     )
 
 
@@ -114,9 +114,9 @@ _VERSION: Kind[int] = Kind(str(VERSION), _parse_version)
 
 
 def _build_scene(node: Node, given: dict[str, Any], still: bool) -> Scene:
-    check_frames(node.child("error"), given)
+    check_scheduled_frames(node.child("error"), given)
     if not still:
-        check_name(node.child("output"), given)
+        check_frame_field(node.child("output"), given)
     scene = Scene(**given)
     if not node.problems:  # with several values at once, only those that are right by themselves
         node.problems.extend(proportion_problems(scene))
@@ -147,10 +147,10 @@ _HINTS_INTEGRATED = _HINTS_GOURAUD | {
     "opacity_correction": "it integrates opacity along the way through a cell, which is the correction",
     "order": "what it draws does not overlap, so that there is one order, which is exact",
 }
-_OTHER_NAMES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
+_ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
 _WEIGHT = number(least=0, most=1)
 # Weights are divided by the largest ones.
-LEAST_WEIGHT = 1e-6
+MIN_PROFILE_WEIGHT = 1e-6
 _PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
 _PROFILE = sequence(sequence(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS)
 
@@ -160,7 +160,7 @@ def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
     if not given:
         return Scene.splat
     footprint = given.get("footprint", SplatSpec.footprint)
-    hints = _without_use(footprint)
+    hints = _unused_splat_keys(footprint)
     for key in known(given, *hints):
         if "footprint" in given:
             node.key(key).complain(f"contradicts footprint: {footprint}", hint=hints[key])
@@ -173,7 +173,7 @@ def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
     return SplatSpec(**given)
 
 
-def _without_use(footprint: str) -> dict[str, str]:
+def _unused_splat_keys(footprint: str) -> dict[str, str]:
     """Keys that would mean nothing beside a footprint, and a hint for each."""
     return {"gaussian": _HINTS_GOURAUD, "integrated": _HINTS_INTEGRATED}.get(footprint, {})
 
@@ -184,16 +184,16 @@ def _check_profile(node: Node, profile: tuple[tuple[float, float], ...], num_rin
         node.complain("radius does not ascend from 0 to 1", got=show(radii), expected=_PROFILE_WORDS)
     elif all(weight == 0 for _, weight in profile):
         node.complain("every weight is 0", expected="a weight greater than 0")
-    elif isinstance(num_rings, int) and max(_at_rings(profile, num_rings)) < LEAST_WEIGHT:
+    elif isinstance(num_rings, int) and max(_profile_at_rings(profile, num_rings)) < MIN_PROFILE_WEIGHT:
         node.complain(
             "no weight at the radii that the footprint has",
             got=show(profile),
-            expected=f"a weight of at least {LEAST_WEIGHT:g} at one of the radii k / {num_rings}",
+            expected=f"a weight of at least {MIN_PROFILE_WEIGHT:g} at one of the radii k / {num_rings}",
             hint="a larger splat.radial has more radii",
         )
 
 
-def _at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Iterator[float]:
+def _profile_at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Iterator[float]:
     """The profile, linear between its points, at the radii k / num_rings from 0 to 1."""
     for ring in range(num_rings + 1):
         radius = ring / num_rings
@@ -203,7 +203,7 @@ def _at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Itera
 
 _SPLAT = section(
     {
-        "footprint": choice("gaussian", "gouraud", "integrated", instead=_OTHER_NAMES),
+        "footprint": choice("gaussian", "gouraud", "integrated", instead=_ALIASES),
         "sigma": number(least=0.38, most=2),
         "angular": integer(least=3, most=64),
         "radial": integer(least=1, most=32),
@@ -248,7 +248,7 @@ def _plain_dataclass(value: Any) -> dict[str, Any]:
     if isinstance(value, ErrorSpec):
         return schedule_to_dict(value) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
     if isinstance(value, SplatSpec):
-        return {key: item for key, item in plain.items() if key not in _without_use(value.footprint)}
+        return {key: item for key, item in plain.items() if key not in _unused_splat_keys(value.footprint)}
     if isinstance(value, OutputSpec):
         return plain | {"background": plain.get("background", "transparent")}
     return {"type": _PATH_TYPES[type(value)]} | plain if type(value) in _PATH_TYPES else plain
@@ -270,7 +270,7 @@ def _plain_colormap(plain: dict[str, Any]) -> dict[str, Any]:
     return {"colormap": plain.pop("name")} | plain
 
 
-def splats_as_asked(plain: Mapping[str, Any]) -> dict[str, Any]:
+def splat_section_without_defaults(plain: Mapping[str, Any]) -> dict[str, Any]:
     """A section `splat` of `scene_to_dict` without defaults, which nobody asked for and which another footprint may
     not have."""
     defaults = _plain_fields(SplatSpec())

@@ -23,7 +23,16 @@ from renderer.scene.schema import (
     sequence,
     show,
 )
-from renderer.scene.spec import LONGEST, SHORTEST, CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath, Vector
+from renderer.scene.spec import (
+    MAX_WORLD_LENGTH,
+    MIN_WORLD_LENGTH,
+    CameraSpec,
+    Keyframe,
+    KeyframePath,
+    RockerPath,
+    TurntablePath,
+    Vector,
+)
 
 MAX_FRAMES = 10**6
 FRAME_NUMBER = integer(least=0, most=MAX_FRAMES - 1)
@@ -31,7 +40,7 @@ FRAME_NUMBER = integer(least=0, most=MAX_FRAMES - 1)
 # Degrees: thousands of turns, of which float64 keeps the direction to 1e-10 degrees.
 MAX_ANGLE = 1e6
 # A film at 180 degrees, or at 0, shows nothing; at these the tangent of the half angle is 9e-6 and 1146.
-NARROWEST_VIEW, WIDEST_VIEW = 0.001, 179.9
+MIN_FIELD_OF_VIEW, MAX_FIELD_OF_VIEW = 0.001, 179.9
 MIN_ZOOM, MAX_ZOOM = 1e-6, 1e6
 
 AXES: dict[str, Vector] = {
@@ -49,8 +58,8 @@ def direction(expected: str) -> Kind[Vector]:
 
     def parse(node: Node) -> Vector:
         vector = numbers.read(node)
-        if isinstance(vector, tuple) and INVALID not in vector and all(abs(part) < SHORTEST for part in vector):
-            hint = None if not any(vector) else f"a component of at least {SHORTEST:g}"
+        if isinstance(vector, tuple) and INVALID not in vector and all(abs(part) < MIN_WORLD_LENGTH for part in vector):
+            hint = None if not any(vector) else f"a component of at least {MIN_WORLD_LENGTH:g}"
             return kind.refuse(node, "no direction", got=show(node.value), hint=hint)
         return vector  # type: ignore[return-value]  # three, or INVALID
 
@@ -145,10 +154,10 @@ _TARGET: Kind[Any] = Kind(
 
 _FIELDS: Table = {
     "projection": choice("perspective", "orthographic"),
-    "field_of_view": number(least=NARROWEST_VIEW, most=WIDEST_VIEW),
+    "field_of_view": number(least=MIN_FIELD_OF_VIEW, most=MAX_FIELD_OF_VIEW),
     "target": _TARGET,
     "distance": LENGTH,
-    "near": number(least=0, most=LONGEST),
+    "near": number(least=0, most=MAX_WORLD_LENGTH),
     "path": _PATH,
 }
 

@@ -9,11 +9,11 @@ from typing import Any
 from renderer.scene.parse_transfer import COLOR
 from renderer.scene.schema import (
     INVALID,
-    NO_HOME,
+    TILDE_HINT,
     Kind,
     Node,
     Table,
-    in_no_home,
+    has_unexpanded_tilde,
     integer,
     known,
     number,
@@ -34,8 +34,8 @@ _FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one 
 def _parse_file(node: Node) -> Path:
     if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
         return OUTPUT_FILE.refuse(node, "not a file name", got=show(node.value))
-    if in_no_home(node.value):
-        return OUTPUT_FILE.refuse(node, "a folder named ~", got=show(node.value), hint=NO_HOME)
+    if has_unexpanded_tilde(node.value):
+        return OUTPUT_FILE.refuse(node, "a folder named ~", got=show(node.value), hint=TILDE_HINT)
     name = PurePath(node.value).name
     suffix = PurePath(name).suffix.lower()
     if suffix not in _SUFFIXES or node.value.endswith(("/", "\\")):
@@ -56,7 +56,7 @@ _SIZE = sequence(integer(least=1, most=MAX_SIDE), f"[width, height]: two whole n
 _BACKGROUND: Kind[Any] = Kind(
     COLOR.expected + ", or transparent",
     lambda node: None if node.value == "transparent" else COLOR.read(node),
-    COLOR.if_empty,
+    COLOR.empty_hint,
 )
 
 _FIELDS: Table = {
@@ -97,7 +97,7 @@ def _build_output(node: Node, given: dict[str, Any]) -> OutputSpec:
 OUTPUT = section(_FIELDS, _build_output, required=("file",))
 
 
-def check_name(node: Node, given: Mapping[str, Any]) -> None:
+def check_frame_field(node: Node, given: Mapping[str, Any]) -> None:
     """Complain about one name for the pictures of several frames; `given` is of the whole scene."""
     num_frames = getattr(getattr(given["camera"], "path", None), "frames", INVALID)
     file = getattr(given["output"], "file", INVALID)

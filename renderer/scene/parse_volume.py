@@ -9,7 +9,7 @@ from typing import Any
 from renderer.scene.schema import (
     INVALID,
     LENGTH,
-    NO_HOME,
+    TILDE_HINT,
     Kind,
     Node,
     Table,
@@ -22,7 +22,15 @@ from renderer.scene.schema import (
     sequence,
     show,
 )
-from renderer.scene.spec import LONGEST, PROCEDURAL_NAMES, SHORTEST, FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.scene.spec import (
+    MAX_WORLD_LENGTH,
+    MIN_WORLD_LENGTH,
+    PROCEDURAL_NAMES,
+    FileSource,
+    ProceduralSource,
+    RawSource,
+    VolumeSpec,
+)
 
 ITEM_SIZES = {
     "uint8": 1,
@@ -37,7 +45,7 @@ ITEM_SIZES = {
     "float32": 4,
     "float64": 8,
 }
-_OTHER_NAMES = {
+_ALIASES = {
     "byte": "uint8",
     "uchar": "uint8",
     "char": "int8",
@@ -78,8 +86,8 @@ def _triple(item: Kind[Any], words: str) -> Kind[Any]:
 
 
 _SHAPE = _triple(integer(least=1, most=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
-_SPACING = _triple(LENGTH, f"three lengths from {SHORTEST:g} to {LONGEST:g}")
-_NUMBER_OF = integer(least=0, most=10**6)  # a time step or a component, counted from 0
+_SPACING = _triple(LENGTH, f"three lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}")
+_SUBSET_INDEX = integer(least=0, most=10**6)  # a time step or a component, counted from 0
 _CROP = sequence(
     sequence(integer(least=0, most=MAX_AXIS), "[first, end]: whole numbers with first less than end", count=2),
     "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last",
@@ -87,12 +95,12 @@ _CROP = sequence(
 )
 
 
-def volume_kind(base: Path) -> Kind[VolumeSpec]:
+def volume_field_type(base: Path) -> Kind[VolumeSpec]:
     """The kind of `volume`; its files are relative to the folder `base`."""
     raw: Table = {
-        "file": _file_kind(base, folder=False),
+        "file": _file_field_type(base, folder=False),
         "shape": _SHAPE,
-        "dtype": choice(*ITEM_SIZES, instead=_OTHER_NAMES),
+        "dtype": choice(*ITEM_SIZES, instead=_ALIASES),
         "byte_order": choice("little", "big"),
         "spacing": _SPACING,
         "offset": integer(least=0, most=2**40),
@@ -104,12 +112,12 @@ def volume_kind(base: Path) -> Kind[VolumeSpec]:
         "spacing": _SPACING,
     }
     table: Table = {
-        "file": _file_kind(base, folder=True),
+        "file": _file_field_type(base, folder=True),
         "raw": section(raw, _build_raw, required=("file", "shape", "dtype")),
         "procedural": section(procedural, _build_procedural, required=("name", "shape")),
         "spacing": _SPACING,
-        "time": _NUMBER_OF,
-        "component": _NUMBER_OF,
+        "time": _SUBSET_INDEX,
+        "component": _SUBSET_INDEX,
         "crop": _CROP,
         "nonfinite": _NONFINITE,
     }
@@ -187,7 +195,7 @@ def _check_crop(node: Node, crop: Any, shape: Any) -> None:
             place.complain("outside the volume", got=show(pair), expected=f"an end of at most {shape[index]}")
 
 
-def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
+def _file_field_type(base: Path, *, folder: bool) -> Kind[Path]:
     """An existing file (or folder), relative to `base`."""
 
     def parse(node: Node) -> Path:
@@ -208,19 +216,19 @@ def _file_kind(base: Path, *, folder: bool) -> Kind[Path]:
             return path
         if is_other:
             return kind.refuse(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
-        return kind.refuse(node, "no such file", got=got, hint=_where_else(path))
+        return kind.refuse(node, "no such file", got=got, hint=_missing_file_hint(path))
 
-    kind: Kind[Path] = Kind(_SELF_DESCRIBING if folder else "a file of voxels without a header", parse)
+    kind: Kind[Path] = Kind(_VOLUME_FILE_WORDS if folder else "a file of voxels without a header", parse)
     return kind
 
 
-_SELF_DESCRIBING = "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices"
+_VOLUME_FILE_WORDS = "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices"
 
 
-def _where_else(path: Path) -> str | None:
+def _missing_file_hint(path: Path) -> str | None:
     """A hint for a file that is not there."""
     try:
         others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
     except (OSError, ValueError):
-        return NO_HOME if "~" in path.parts else "its folder is not there, either"
+        return TILDE_HINT if "~" in path.parts else "its folder is not there, either"
     return did_you_mean(path.name, others)

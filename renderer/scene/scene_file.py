@@ -10,10 +10,10 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.scene.editor import Editor
-from renderer.scene.input_file import MAX_SCENE_BYTES, read_content, refuse_volume
+from renderer.scene.input_file import MAX_SCENE_BYTES, read_content, reject_volume_header
 from renderer.scene.schema import show
 from renderer.scene.spec import Scene
-from renderer.scene.yaml_tree import tree_of_file
+from renderer.scene.yaml_tree import parse_yaml_file
 
 
 def load_scene(
@@ -38,17 +38,17 @@ def load_scene(
     Raises InputError where the file cannot be read, and SceneError with all the complaints about what is in it, in
     their order in the file, those about the command line last.
     """
-    return scene_in(read_content(path), path, overrides=overrides, volume=volume, output=output, still=still)
+    return parse_scene_content(read_content(path), path, overrides=overrides, volume=volume, output=output, still=still)
 
 
-def scene_in(
+def parse_scene_content(
     content: bytes, path: Path, *, overrides: Sequence[str], volume: Path | None, output: Path | None, still: bool
 ) -> Scene:
     """The scene in the content of the file `path`; as `load_scene`."""
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
-    refuse_volume(content, path)
-    tree, lines = tree_of_file(content, path)
+    reject_volume_header(content, path)
+    tree, lines = parse_yaml_file(content, path)
     if not isinstance(tree.data, dict):
         got = "an empty file" if tree.data is None else show(tree.data)
         expected = "the keys volume, transfer_function, camera and output"

@@ -40,7 +40,7 @@ def value_at(by_frame: ByFrame, frame: int) -> float:
     return min(max(before * root * root, min(before, after)), max(before, after))
 
 
-def is_met_as_a_whole(error: ErrorSpec) -> bool:
+def is_film_wide_goal(error: ErrorSpec) -> bool:
     """Whether the goal is one of the frames together: whether some of them alone would meet it is not known."""
     return isinstance(error.goal, (AccuracyGoal, TimeBudget))
 
@@ -55,17 +55,17 @@ def in_order(scene: Scene) -> Scene:
     return scene
 
 
-def least_tolerance(error: ErrorSpec) -> float:
+def min_tolerance(error: ErrorSpec) -> float:
     """No frame has a smaller tolerance: `tolerance_at` stays between those that it interpolates; 0 with a goal."""
     return 0.0 if error.goal else min(tolerance for _, tolerance in error.tolerance)
 
 
-def at_tolerance(scene: Scene, tolerance: float) -> Scene:
+def with_tolerance(scene: Scene, tolerance: float) -> Scene:
     """The same film at a constant tolerance."""
     return replace(scene, error=replace(scene.error, tolerance=((0, tolerance),), goal=None))
 
 
-def at_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
+def with_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
     """The same film with these frames, in ascending order, at these tolerances, which need not be interpolated."""
     return replace(scene, error=replace(scene.error, tolerance=through(tolerances), goal=None))
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from renderer.errors import Problem, nearest
-from renderer.scene.spec import LONGEST, SHORTEST
+from renderer.scene.spec import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH
 
 T = TypeVar("T")
 
@@ -29,7 +29,7 @@ class _Invalid:
 INVALID: Any = _Invalid()
 
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
-_WITH_A_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
 _MAX_SHOWN = 60
 _MAX_KEY = 255  # as long as the name of a file can be
 
@@ -74,16 +74,16 @@ class Node:
 
 @dataclass(frozen=True)
 class Kind(Generic[T]):
-    """What is expected, in words that follow "expected:", and how it is read; `if_empty` is a hint for no value."""
+    """What is expected, in words that follow "expected:", and how it is read; `empty_hint` is a hint for no value."""
 
     expected: str
     parse: Callable[[Node], T]
-    if_empty: str | None = None
+    empty_hint: str | None = None
 
     def read(self, node: Node) -> T:
         """The checked value, or INVALID."""
         if node.value is None:
-            return self.refuse(node, "no value", hint=self.if_empty)
+            return self.refuse(node, "no value", hint=self.empty_hint)
         return self.parse(node)
 
     def refuse(
@@ -139,10 +139,10 @@ def listed(names: Iterable[object], last: str = "or") -> str:
     return f"{', '.join(most)} {last} {final}" if most else final
 
 
-NO_HOME = "~ is not expanded: write the whole path"
+TILDE_HINT = "~ is not expanded: write the whole path"
 
 
-def in_no_home(name: str) -> bool:
+def has_unexpanded_tilde(name: str) -> bool:
     """Whether a name means a file in somebody's home, and would be one in a folder `~` of the current one."""
     return name == "~" or name.startswith("~/")
 
@@ -167,7 +167,7 @@ def number(
     def parse(node: Node) -> float:
         value = _as_float(node.value)
         if value is None:
-            return kind.refuse(node, "not a number", got=show(node.value), hint=_with_a_point(node.value))
+            return kind.refuse(node, "not a number", got=show(node.value), hint=_decimal_point_hint(node.value))
         if not math.isfinite(value):
             return kind.refuse(node, "not a finite number", got=show(node.value))
         if isinstance(node.value, str) and underflows(node.value):
@@ -187,7 +187,7 @@ def integer(*, least: int, most: int) -> Kind[int]:
     def parse(node: Node) -> int:
         value = as_int(node.value)
         if value is None:
-            return kind.refuse(node, "not a whole number", got=show(node.value), hint=_with_a_point(node.value))
+            return kind.refuse(node, "not a whole number", got=show(node.value), hint=_decimal_point_hint(node.value))
         if not _within(value, least, most, None, None):
             return kind.refuse(node, "out of range", got=show(node.value))
         return value
@@ -196,9 +196,9 @@ def integer(*, least: int, most: int) -> Kind[int]:
     return kind
 
 
-def _with_a_point(value: object) -> str | None:
+def _decimal_point_hint(value: object) -> str | None:
     """A hint for text that is a number but for its decimal comma."""
-    if not isinstance(value, str) or not _WITH_A_COMMA.fullmatch(value):
+    if not isinstance(value, str) or not _DECIMAL_COMMA.fullmatch(value):
         return None
     return f"decimals come after a point: {value.replace(',', '.')}"
 
@@ -247,8 +247,8 @@ def _range(least: float | None, most: float | None, above: float | None, below: 
     return f" {listed(words, 'and')}" if words else ""
 
 
-LENGTH: Kind[float] = number(least=SHORTEST, most=LONGEST)
-COORDINATE: Kind[float] = number(least=-LONGEST, most=LONGEST)
+LENGTH: Kind[float] = number(least=MIN_WORLD_LENGTH, most=MAX_WORLD_LENGTH)
+COORDINATE: Kind[float] = number(least=-MAX_WORLD_LENGTH, most=MAX_WORLD_LENGTH)
 
 
 def _parse_boolean(node: Node) -> bool:

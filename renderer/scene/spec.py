@@ -18,10 +18,10 @@ Color = tuple[float, float, float]
 
 # Of spacings, and of all that is a length in a scene: an atom in light years is longer, and the universe in picometres
 # shorter. Squares and cubes of such lengths, and products of a few, are far from float64's limits.
-SHORTEST, LONGEST = 1e-30, 1e30
+MIN_WORLD_LENGTH, MAX_WORLD_LENGTH = 1e-30, 1e30
 
 # Of tolerances other than 0: smaller numbers have fewer digits, and are lost where they are interpolated.
-LEAST_TOLERANCE = 1e-300
+MIN_TOLERANCE = 1e-300
 
 # What `renderer.readers.procedural` can make; here because the schema checks names without importing numpy.
 PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb")
@@ -270,6 +270,6 @@ class Scene:
 
 
 # Everything that a scene is made of, for those who send scenes to other processes.
-SPECS: tuple[type[Any], ...] = tuple(
+SPEC_TYPES: tuple[type[Any], ...] = tuple(
     kind for kind in list(vars().values()) if isinstance(kind, type) and is_dataclass(kind)
 )

@@ -36,7 +36,7 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class Place:
+class SourceLocation:
     """Where a key and its value begin.
 
     The item of a list has no key: both are where it begins. A mapping or list on lines of its own is found at its key.
@@ -51,7 +51,7 @@ class Tree:
     """Plain data, the places of its dotted paths, and the mistakes that did not keep it from being read."""
 
     data: Any = None
-    places: dict[str, Place] = field(default_factory=dict)
+    places: dict[str, SourceLocation] = field(default_factory=dict)
     problems: list[tuple[Mark, Problem]] = field(default_factory=list)
 
 
@@ -63,18 +63,18 @@ class NotYamlError(Exception):
         super().__init__(what)
 
 
-def tree_of_file(content: bytes, path: Path) -> tuple[Tree, list[str]]:
+def parse_yaml_file(content: bytes, path: Path) -> tuple[Tree, list[str]]:
     """The data in the content of a file, and its lines, for `excerpt`. Raises InputError."""
     text = decode(content, path)
     lines = LINE_BREAK.split(text)
     try:
-        return read_tree(text), lines
+        return parse_yaml(text), lines
     except NotYamlError as error:
         what = error.what + excerpt(lines, error.mark)
-        raise InputError(what, where=place_in(path, error.mark), hint=error.hint) from error
+        raise InputError(what, where=format_location(path, error.mark), hint=error.hint) from error
 
 
-def place_in(path: Path, mark: Mark | None) -> str:
+def format_location(path: Path, mark: Mark | None) -> str:
     """`scene.yaml:14:13`; the file alone where no more is known."""
     return str(path) if mark is None else f"{path}:{mark.line}:{mark.column}"
 
@@ -93,7 +93,7 @@ def excerpt(lines: Sequence[str], mark: Mark | None) -> str:
 _MAX_LINE = 120
 
 
-def read_tree(text: str) -> Tree:
+def parse_yaml(text: str) -> Tree:
     """The data in `text`; None where there is nothing but comments. Raises NotYamlError."""
     tree = Tree()
     try:
@@ -105,7 +105,7 @@ def read_tree(text: str) -> Tree:
         what = f"not valid YAML: the character {error.character!r} may not be in it"
         raise NotYamlError(what, Mark(len(lines), len(lines[-1]) + 1)) from error
     except yaml.MarkedYAMLError as error:
-        raise _explain(error, text) from error
+        raise _plain_error(error, text) from error
     except (ValueError, OverflowError) as error:  # PyYAML lets that of chr() through
         raise NotYamlError("not valid YAML: an escape for a character that does not exist") from error
     return tree
@@ -160,7 +160,7 @@ class _Builder:
             raise _too_much(f"more than {MAX_DEPTH} levels", node.start_mark)
         at_key = _mark((key or node).start_mark)
         is_block = isinstance(node, yaml.CollectionNode) and not node.flow_style
-        self.tree.places[path] = Place(at_key, at_key if is_block else _mark(node.start_mark))
+        self.tree.places[path] = SourceLocation(at_key, at_key if is_block else _mark(node.start_mark))
         if isinstance(node, yaml.CollectionNode) and node.tag not in (f"{_TAG}map", f"{_TAG}seq"):
             self._refuse_tag(node, path)
         if isinstance(node, yaml.MappingNode):
@@ -262,19 +262,19 @@ _UNQUOTED = (
 )
 
 
-def _explain(error: yaml.MarkedYAMLError, text: str) -> NotYamlError:
+def _plain_error(error: yaml.MarkedYAMLError, text: str) -> NotYamlError:
     problem = error.problem or error.context or "unreadable"
     mark = _mark(error.problem_mark) if error.problem_mark else None
     begin = error.context_mark.line + 1 if error.context_mark else None
     hint = "it belongs to what begins in line {begin}" if begin and mark and begin != mark.line else None
-    unquoted = _missing_quotes(text, mark) if problem.startswith("expected") else None
+    unquoted = _missing_quotes_hint(text, mark) if problem.startswith("expected") else None
     for beginning, words, advice in _WORDS:
         if problem.startswith(beginning):
             problem, hint = words, advice
     return NotYamlError(f"not valid YAML: {problem}", mark, unquoted or (hint.format(begin=begin) if hint else None))
 
 
-def _missing_quotes(text: str, mark: Mark | None) -> str | None:
+def _missing_quotes_hint(text: str, mark: Mark | None) -> str | None:
     """A hint for what lacks its quotes on the line of a mistake or, for it may show late, on the one before."""
     lines = [] if mark is None else [line for line in LINE_BREAK.split(text)[: mark.line] if line.strip()]
     found = (hint for line in lines[:-3:-1] for pattern, hint in _UNQUOTED if pattern.search(line))

@@ -51,7 +51,7 @@ class GaussianFootprint:
     narrowest_px: float = 0.5
 
     @classmethod
-    def of_sigma(cls, sigma: float) -> GaussianFootprint:
+    def from_sigma(cls, sigma: float) -> GaussianFootprint:
         """For lattices whose cell is `1 / sigma` standard deviations wide; its integral over what is drawn is 1."""
         s2 = sigma**2 - 3 / (4 * math.pi**2)
         a, ratio = 1 / (4 * math.pi**2 * s2), sigma**2 / s2
@@ -215,19 +215,19 @@ def _extents_of_codes(codes: npt.NDArray[np.int64], shape: npt.NDArray[np.int64]
 def make_footprint(spec: SplatSpec) -> GaussianFootprint | GouraudFootprint:
     """The footprint of a scene; the paper's is scaled to the Gaussian's second moment and to integral 1."""
     if spec.footprint == "gaussian":
-        return GaussianFootprint.of_sigma(spec.sigma)
+        return GaussianFootprint.from_sigma(spec.sigma)
     angle = 2 * math.pi * np.arange(spec.angular) / spec.angular
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     radii = np.arange(1, spec.radial + 1) / spec.radial
     vertices = np.concatenate([np.zeros((1, 2)), *(radius * circle for radius in radii)])
     weights = np.interp(np.concatenate([[0.0], np.repeat(radii, spec.angular)]), *np.array(spec.profile, np.float64).T)
-    triangles = _fan(spec.angular, spec.radial)
+    triangles = _triangulate_disc(spec.angular, spec.radial)
     mass, second_moment = _moments(vertices, weights, triangles)
     scale = math.sqrt(mass / second_moment)
     return GouraudFootprint(vertices * scale, weights / (mass * scale**2), triangles)
 
 
-def _fan(angular: int, radial: int) -> npt.NDArray[np.int32]:
+def _triangulate_disc(angular: int, radial: int) -> npt.NDArray[np.int32]:
     """int32 [angular (2 radial - 1), 3]: triangles of a centre (vertex 0) and `radial` rings of `angular` vertices."""
     this = np.arange(angular)
     after = (this + 1) % angular

@@ -1,4 +1,8 @@
-from .frame_difference import FIGURES as FIGURES, Figure as Figure, FrameDifference as FrameDifference
+from .frame_difference import (
+    COMPARISON_METRICS as COMPARISON_METRICS,
+    Figure as Figure,
+    FrameDifference as FrameDifference,
+)
 from .metrics import (
     METRICS as METRICS,
     SSIM_WINDOW_PX as SSIM_WINDOW_PX,
@@ -7,13 +11,13 @@ from .metrics import (
     Picture as Picture,
     compare as compare,
     over_background as over_background,
-    pooled as pooled,
+    pool_accuracies as pool_accuracies,
     require_measuring_packages as require_measuring_packages,
     single as single,
 )
-from .pareto import cost_at as cost_at, pareto_front as pareto_front, setbacks as setbacks
+from .pareto import cost_at_psnr as cost_at_psnr, pareto_front as pareto_front, setbacks as setbacks
+from .results import Study as Study, TruthRecord as TruthRecord
 from .strictness import LEVELS as LEVELS, Limits as Limits, exceeded as exceeded, severity as severity
-from .study import Study as Study, TruthRecord as TruthRecord
 from .sweep import (
     FRAME_STAGES as FRAME_STAGES,
     Measurement as Measurement,
@@ -23,7 +27,7 @@ from .sweep import (
     pyramid_seconds as pyramid_seconds,
     splat_setting as splat_setting,
 )
-from .sweep_plan import Planned as Planned, plan_sweep as plan_sweep
+from .sweep_plan import PlannedSetting as PlannedSetting, plan_sweep as plan_sweep
 from .thumbnails import (
     DIFFERENCE_GAIN as DIFFERENCE_GAIN,
     difference_picture as difference_picture,
@@ -33,9 +37,9 @@ from .thumbnails import (
 from .trials import Found as Found, Trial as Trial, TruthOf as TruthOf, find_tolerance as find_tolerance
 from .truths import (
     TRUTH_TOLERANCE as TRUTH_TOLERANCE,
-    KeptTruths as KeptTruths,
     Truth as Truth,
-    find_truth as find_truth,
+    TruthCache as TruthCache,
+    compute_truth as compute_truth,
     is_loop as is_loop,
     spread_frames as spread_frames,
 )

@@ -49,7 +49,7 @@ class Figure:
 
 
 # In the order in which they are looked at: the first one over its limit is the reason that is given.
-FIGURES = {
+COMPARISON_METRICS = {
     figure.name: figure
     for figure in (
         Figure("largest", "largest error of a channel", "levels"),
@@ -70,7 +70,7 @@ class FrameDifference:
     def __init__(self, golden: Pixels, actual: Pixels) -> None:
         assert golden.shape == actual.shape and golden.dtype == actual.dtype == np.uint8, (golden.shape, actual.shape)
         self._golden, self._actual = golden, actual
-        self._parts = _signed_parts(golden, actual)
+        self._parts = _signed_errors_in_255ths(golden, actual)
 
     @property
     def signed(self) -> Levels:
@@ -94,13 +94,13 @@ class FrameDifference:
         return tuple((self._parts.mean(axis=(0, 1)) / _PARTS).tolist())
 
     def figures(self, names: Iterable[str]) -> dict[str, float]:
-        """These of FIGURES, in their order, each at its own price; without SSIM for a picture smaller than its window.
+        """Compute these of COMPARISON_METRICS, in their order; without SSIM for a picture smaller than its window.
 
         FLIP needs the package flip-evaluator, SSIM scikit-image.
         """
         wanted = set(names)
-        assert wanted <= set(FIGURES), wanted
-        found = {name: figure(self) for name, figure in _FIGURE_OF.items() if name in wanted}
+        assert wanted <= set(COMPARISON_METRICS), wanted
+        found = {name: figure(self) for name, figure in _COMPARISON_FUNCTIONS.items() if name in wanted}
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def largest(self) -> float:
@@ -125,7 +125,7 @@ class FrameDifference:
         height, width, channels = self._golden.shape
         if name == "ssim" and min(height, width) < SSIM_WINDOW_PX:
             return math.nan
-        perfect = float(FIGURES[name].higher_is_better)
+        perfect = float(COMPARISON_METRICS[name].higher_is_better)
         errors = [0.0] if channels == 3 else [0.0, 0.0]  # over black, over white
         for around, cut in _blocks(height, width):
             if self._parts[around].any():
@@ -139,7 +139,7 @@ def _largest_bias(difference: FrameDifference) -> float:
     return max(map(abs, difference.bias))
 
 
-_FIGURE_OF: dict[str, Callable[[FrameDifference], float]] = {
+_COMPARISON_FUNCTIONS: dict[str, Callable[[FrameDifference], float]] = {
     "largest": FrameDifference.largest,
     "p99": FrameDifference.p99,
     "flip": lambda difference: difference.perceived("flip"),
@@ -149,7 +149,7 @@ _FIGURE_OF: dict[str, Callable[[FrameDifference], float]] = {
 }
 
 
-def _signed_parts(golden: Pixels, actual: Pixels) -> npt.NDArray[np.int32]:
+def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> npt.NDArray[np.int32]:
     """[h, w, 3 or 4]: actual minus golden in 255ths of a level, which are exact."""
     parts = actual.astype(np.int32) - golden
     if golden.shape[2] == 4:
@@ -184,12 +184,12 @@ def _blocks(height: int, width: int) -> Iterator[tuple[_Block, _Block]]:
     """Squares of a picture with all that is within reach of them, and where they are therein."""
     for top in range(0, height, _BLOCK_PX):
         for left in range(0, width, _BLOCK_PX):
-            rows, columns = _reached(top, height), _reached(left, width)
+            rows, columns = _with_halo(top, height), _with_halo(left, width)
             y, x = top - rows.start, left - columns.start
             yield (rows, columns), (slice(y, y + _BLOCK_PX), slice(x, x + _BLOCK_PX))
 
 
-def _reached(start: int, length: int) -> slice:
+def _with_halo(start: int, length: int) -> slice:
     return slice(max(start - REACH_PX, 0), min(start + _BLOCK_PX + REACH_PX, length))
 
 

@@ -113,7 +113,7 @@ def compare(picture: Picture, truth: Picture, on_volume: Mask) -> Accuracy:
     Needs the packages that `require_measuring_packages` asks for. Raises RenderError for a value that is not finite, of
     which FLIP would make a perfect 0.
     """
-    _require_pictures(picture, truth)
+    _require_images(picture, truth)
     assert on_volume.shape == picture.shape[:2], (on_volume.shape, picture.shape)
     maps = {make_map: make_map(picture, truth) for make_map in dict.fromkeys(make for make, _ in _FIGURES.values())}
 
@@ -125,7 +125,7 @@ def compare(picture: Picture, truth: Picture, on_volume: Mask) -> Accuracy:
 
 def single(name: str, picture: Picture, truth: Picture) -> float:
     """One metric of METRICS over all pixels, at its own price; parameters and errors are those of `compare`."""
-    _require_pictures(picture, truth)
+    _require_images(picture, truth)
     make_map, of = _FIGURES[name]
     return _figure(of, make_map(picture, truth))
 
@@ -135,23 +135,25 @@ def mapped(name: str, picture: Picture, truth: Picture) -> Picture:
 
     It depends on what is at most REACH_PX away, in rows and in columns. Parameters and errors are those of `compare`.
     """
-    _require_pictures(picture, truth)
+    _require_images(picture, truth)
     make_map, of = _FIGURES[name]
     assert of is np.mean, name
     return make_map(picture, truth)
 
 
-def pooled(accuracies: Sequence[Accuracy]) -> Accuracy:
+def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
     """The accuracy of several frames of one size: RMSE from the mean of the squares, PSNR from that, the largest error
     of all, and the means of the others. Every frame counts alike, however many of its pixels show the volume.
 
     Frames without a figure (NaN) are left out of it, as one that shows nothing of the volume has no pixel on it to add;
     it is NaN where no frame has one.
     """
-    return Accuracy(_pooled([each.everywhere for each in accuracies]), _pooled([each.on_volume for each in accuracies]))
+    return Accuracy(
+        _pool_metrics([each.everywhere for each in accuracies]), _pool_metrics([each.on_volume for each in accuracies])
+    )
 
 
-def _pooled(differences: list[Difference]) -> Difference:
+def _pool_metrics(differences: list[Difference]) -> Difference:
     def figures(name: str) -> npt.NDArray[np.float64]:
         values = np.array([getattr(each, name) for each in differences], np.float64)
         return values[~np.isnan(values)]
@@ -163,7 +165,7 @@ def _pooled(differences: list[Difference]) -> Difference:
     )
 
 
-def _require_pictures(*pictures: Picture) -> None:
+def _require_images(*pictures: Picture) -> None:
     for picture in pictures:
         assert picture.shape == pictures[0].shape and picture.shape[2:] == (3,), [each.shape for each in pictures]
         require_finite(picture)

@@ -22,7 +22,7 @@ def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
     return front
 
 
-def cost_at(psnrs: Sequence[float], costs: Sequence[float], wanted: float) -> float:
+def cost_at_psnr(psnrs: Sequence[float], costs: Sequence[float], wanted: float) -> float:
     """The cost of reaching a PSNR (dB) on the front of some points, log-linear between its settings.
 
     The cheapest point's cost where that is exact enough already, infinity where no point is.

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from renderer.study.tolerances import two_digit_numbers
 
 
-def coarsest_good(is_good: Callable[[float], bool], rungs: Iterable[float]) -> float | None:
+def find_coarsest_passing(is_good: Callable[[float], bool], rungs: Iterable[float]) -> float | None:
     """The coarsest tolerance of two significant digits found to be good, 0 where only that is, None where nothing is.
 
     rungs: tolerances > 0, falling; the last of them draws what 0 does, or nearly. Each one is tried at most once.
@@ -20,12 +20,12 @@ def coarsest_good(is_good: Callable[[float], bool], rungs: Iterable[float]) -> f
     before = None
     for rung in rungs:
         if is_good(rung):
-            return rung if before is None else _bisected(is_good, before, rung)
+            return rung if before is None else _bisect(is_good, before, rung)
         before = rung
     return 0.0 if is_good(0.0) else None
 
 
-def _bisected(is_good: Callable[[float], bool], bad: float, good: float) -> float:
+def _bisect(is_good: Callable[[float], bool], bad: float, good: float) -> float:
     """Between a tolerance that is too coarse and a finer one that is good."""
     between = two_digit_numbers(bad, good)
     first_bad, last_good = 0, len(between) - 1  # places in the falling list: `bad` itself and `good` itself

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from renderer.study.frame_difference import FIGURES
+from renderer.study.frame_difference import COMPARISON_METRICS
 
 Limits = Mapping[str, float]  # of figures, by name
 
@@ -52,16 +52,16 @@ LEVELS = {
 
 
 def exceeded(figures: Mapping[str, float], limits: Limits) -> list[str]:
-    """Names of the figures that are not within their limits, in the order of FIGURES."""
+    """Names of the figures that are not within their limits, in the order of COMPARISON_METRICS."""
     return [
         name
-        for name in FIGURES
-        if name in figures and name in limits and not FIGURES[name].passes(figures[name], limits[name])
+        for name in COMPARISON_METRICS
+        if name in figures and name in limits and not COMPARISON_METRICS[name].passes(figures[name], limits[name])
     ]
 
 
 # What an error is measured by where nothing is allowed: a level, and about what a level everywhere is to the eye.
-_SMALL = {"levels": 1.0, "": 0.01}
+_UNIT_ERRORS = {"levels": 1.0, "": 0.01}
 
 
 def severity(figures: Mapping[str, float], limits: Limits) -> float:
@@ -74,7 +74,7 @@ def severity(figures: Mapping[str, float], limits: Limits) -> float:
 
 
 def _share(name: str, value: float, limit: float) -> float:
-    error, allowed = (1 - value, 1 - limit) if FIGURES[name].higher_is_better else (value, limit)
+    error, allowed = (1 - value, 1 - limit) if COMPARISON_METRICS[name].higher_is_better else (value, limit)
     if error <= 0:
         return 0.0
-    return error / allowed if allowed > 0 else 1 + error / _SMALL[FIGURES[name].unit]
+    return error / allowed if allowed > 0 else 1 + error / _UNIT_ERRORS[COMPARISON_METRICS[name].unit]

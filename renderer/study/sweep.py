@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from renderer.frame import Clock, Frame, Rasterizer, Stage, render_frames
 from renderer.scene import ErrorSpec, SplatSpec
-from renderer.study.metrics import Accuracy, compare, over_background, pooled
+from renderer.study.metrics import Accuracy, compare, over_background, pool_accuracies
 from renderer.study.thumbnails import difference_thumbnail, thumbnail
 from renderer.study.truths import Truth
 
@@ -173,7 +173,7 @@ def measure_setting(
             )
             for i, truth in enumerate(truths)
         ),
-        overall=pooled(accuracies),
+        overall=pool_accuracies(accuracies),
         peak_bytes=max(peaks, default=None),
         picture=pictures[0],
         difference=pictures[1],

@@ -6,8 +6,8 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from renderer.frame import Stage, family_of
-from renderer.scene import ErrorSpec, Scene, SplatSpec, at_tolerance
+from renderer.frame import Stage, make_primitive
+from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
 from renderer.study.tolerances import spread_tolerances
 
 # Tolerances of a series when none are asked for.
@@ -17,7 +17,7 @@ _PER_SPLAT, _PER_TRIANGLE, _PER_SAMPLE, _PER_PICTURE = 1e-6, 1.2e-7, 1e-7, 0.4
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedSetting:
     """One setting to be measured: the scene at its constant tolerance and with its splats, and how much it draws, as
     in Family."""
 
@@ -43,9 +43,9 @@ class Planned:
             each += _PER_TRIANGLE * splat.angular * (2 * splat.radial - 1)
         elif splat.footprint == "integrated":
             each = _PER_SAMPLE
-        a_pass = num_frames * self.work * each
-        passes = 1 + repeats if a_pass * repeats < 4.0 else 1
-        return num_frames * _PER_PICTURE + passes * a_pass
+        pass_seconds = num_frames * self.work * each
+        passes = 1 + repeats if pass_seconds * repeats < 4.0 else 1
+        return num_frames * _PER_PICTURE + passes * pass_seconds
 
 
 def plan_sweep(
@@ -54,35 +54,35 @@ def plan_sweep(
     errors: Sequence[ErrorSpec],
     splats: Sequence[SplatSpec],
     tolerances: Sequence[float] | None,
-) -> list[Planned]:
+) -> list[PlannedSetting]:
     """Every error measure, with all splats, at all tolerances, from coarse to fine.
 
     stage_of: prepares a scene; called once for each measure, and for bricks once more.
     tolerances: None for a spread that suits each pyramid, with the scene's own first one, if it has one, among it.
     """
-    plan: list[Planned] = []
+    plan: list[PlannedSetting] = []
     for error in errors:
-        families: dict[bool, list[SplatSpec]] = {}
+        splats_by_kind: dict[bool, list[SplatSpec]] = {}
         for splat in splats:
-            families.setdefault(splat.footprint == "integrated", []).append(splat)
-        for alike in families.values():
+            splats_by_kind.setdefault(splat.footprint == "integrated", []).append(splat)
+        for alike in splats_by_kind.values():
             family = replace(scene, error=error, splat=alike[0])
             is_own = (error.measure, error.of) == (scene.error.measure, scene.error.of) and scene.error.goal is None
-            works = _works(stage_of(family), tolerances, scene.error.tolerance[0][1] if is_own else None)
+            works = _work_by_tolerance(stage_of(family), tolerances, scene.error.tolerance[0][1] if is_own else None)
             plan += [
-                Planned(at_tolerance(replace(family, splat=splat), tolerance), work)
+                PlannedSetting(with_tolerance(replace(family, splat=splat), tolerance), work)
                 for splat in alike
                 for tolerance, work in works.items()
             ]
     return plan
 
 
-def _works(stage: Stage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
+def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
     """Tolerances to be measured on a stage, and how much is drawn at each, from coarse to fine.
 
     own: one that is to be among those that are chosen.
     """
-    work = cache(family_of(stage).work)
+    work = cache(make_primitive(stage).work)
     if tolerances is None:
         tolerances = spread_tolerances(stage.pyramid, work, _MOST_TOLERANCES)
         tolerances += () if own is None else (own,)

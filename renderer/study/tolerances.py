@@ -6,18 +6,18 @@ import math
 from collections.abc import Callable, Iterator
 
 from renderer.pyramid import Pyramid, root_error
-from renderer.scene import LEAST_TOLERANCE
+from renderer.scene import MIN_TOLERANCE
 
 # How much is drawn at a tolerance, as in `renderer.frame.primitives.Family`: cells, or samples of them.
 Work = Callable[[float], float]
 
 # A cut of fewer cells than this, or than this part of the finest, is a blur that nobody asks about.
 _FEWEST_CELLS = 64
-_FEWEST_PART = 1e-3
+_MIN_CELL_SHARE = 1e-3
 # A tolerance is worth a place of its own when so many times as much is drawn as at the one before.
 _LEAST_GROWTH = 1.1
 # Between cuts that differ by less a search need not choose.
-_CLEARLY_MORE = 1.03
+_MIN_DISTINCT_GROWTH = 1.03
 # From here on a cut is as good as the finest.
 _NEARLY_ALL = 0.9
 # float16 errors span fewer decades; what is below is not there.
@@ -46,15 +46,15 @@ def ladder(pyramid: Pyramid) -> Iterator[float]:
         yield rung
 
 
-def distinct_rungs(pyramid: Pyramid, work: Work) -> Iterator[float]:
+def distinct_tolerances(pyramid: Pyramid, work: Work) -> Iterator[float]:
     """The rungs of the ladder at which clearly more is drawn than at the one before, to where nearly all is."""
-    before, everything = 0.0, work(LEAST_TOLERANCE)  # below any error that a pyramid can hold
+    before, everything = 0.0, work(MIN_TOLERANCE)  # below any error that a pyramid can hold
     for tolerance in ladder(pyramid):
         amount = work(tolerance)
-        if amount > _CLEARLY_MORE * before:
+        if amount > _MIN_DISTINCT_GROWTH * before:
             yield tolerance
             before = amount
-        if _CLEARLY_MORE * before >= everything:
+        if _MIN_DISTINCT_GROWTH * before >= everything:
             return
 
 
@@ -63,7 +63,7 @@ def spread_tolerances(pyramid: Pyramid, work: Work, most: int) -> tuple[float, .
     if root_error(pyramid) == 0:
         return 1.0, 0.0
     everything = work(0.0)
-    fewest = max(_FEWEST_CELLS, _FEWEST_PART * everything)
+    fewest = max(_FEWEST_CELLS, _MIN_CELL_SHARE * everything)
     found: list[float] = []
     before = 0.0
     for tolerance in ladder(pyramid):

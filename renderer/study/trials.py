@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from renderer.frame import Clock, Rasterizer, Stage, family_of, render_frames
-from renderer.scene import Want, at_tolerance
+from renderer.frame import Clock, Rasterizer, Stage, make_primitive, render_frames
+from renderer.scene import Want, with_tolerance
 from renderer.study.metrics import over_background, single
-from renderer.study.search import coarsest_good
-from renderer.study.tolerances import distinct_rungs
-from renderer.study.truths import Truth, as_kept, extreme_frames, is_loop, spread_frames
+from renderer.study.search import find_coarsest_passing
+from renderer.study.tolerances import distinct_tolerances
+from renderer.study.truths import Truth, extreme_coverage_frames, is_loop, round_to_float32, spread_frames
 
 # Frames that are probed, besides those with the smallest and the largest picture; as many lie between them as a check.
 _NUM_PROBES = 4
 # Of a long path, only so many frames are looked at for the smallest and the largest picture.
-_MOST_LOOKED_AT = 120
+_MAX_SURVEYED_FRAMES = 120
 # Cells of the coarse cut that is drawn to look at them.
 _COARSE_CELLS = 4000
 
@@ -62,13 +62,13 @@ def find_tolerance(
 
     stage: with a pyramid for every tolerance. Its scene's own schedule is not looked at, nor is its overlay, which is
         no error. frames: of the film, ascending.
-    truth_of: the truth of a frame, as `KeptTruths` has it; asked for the same one more than once.
+    truth_of: the truth of a frame, as `TruthCache` has it; asked for the same one more than once.
     on_trial: told of every picture.
     """
     stage = replace(stage, scene=replace(stage.scene, overlay="none"))
-    rungs = list(distinct_rungs(stage.pyramid, family_of(stage).work))
+    rungs = list(distinct_tolerances(stage.pyramid, make_primitive(stage).work))
     probes, checks = _frames_to_try(stage, frames, rungs, rasterizer, clock=clock)
-    trials = Trials(stage, rasterizer, want, truth_of=truth_of, clock=clock, on_trial=on_trial)
+    trials = TrialRenderer(stage, rasterizer, want, truth_of=truth_of, clock=clock, on_trial=on_trial)
     tolerance = coarsest_tolerance(trials, rungs, probes, checks)
     tried = tuple(sorted([*probes, *checks]))
     worst = trials.worst(tolerance or 0.0, tried)
@@ -82,15 +82,15 @@ def _frames_to_try(
     path = stage.scene.camera.path
     closed = is_loop(path) and len(frames) == path.frames
     between = spread_frames(frames, 2 * _NUM_PROBES, is_loop=closed)
-    looked_at = spread_frames(frames, _MOST_LOOKED_AT, is_loop=closed)
-    work = family_of(stage).work
+    looked_at = spread_frames(frames, _MAX_SURVEYED_FRAMES, is_loop=closed)
+    work = make_primitive(stage).work
     coarse = next((rung for rung in rungs if work(rung) >= _COARSE_CELLS), 0.0)
-    smallest, largest = extreme_frames(stage, looked_at, coarse, rasterizer, clock=clock)
+    smallest, largest = extreme_coverage_frames(stage, looked_at, coarse, rasterizer, clock=clock)
     probes = list(dict.fromkeys([largest, *between[::2], smallest]))
     return probes, [frame for frame in between[1::2] if frame not in probes]
 
 
-class Trials:
+class TrialRenderer:
     """Draws trial pictures, each once, and remembers how good they were; parameters as in `find_tolerance`."""
 
     def __init__(
@@ -125,10 +125,10 @@ class Trials:
         return min((self._done[tolerance, frame] for frame in frames), key=lambda trial: self._want.margin(trial.value))
 
     def _draw(self, tolerance: float, frames: Sequence[int]) -> Iterable[Trial]:
-        scene = at_tolerance(self._stage.scene, tolerance)
+        scene = with_tolerance(self._stage.scene, tolerance)
         stage = replace(self._stage, scene=scene)
         for frame in render_frames(stage, frames, self._rasterizer, clock=self._clock):
-            picture = as_kept(over_background(frame.radiance, scene.output.background))
+            picture = round_to_float32(over_background(frame.radiance, scene.output.background))
             value = single(self._want.metric, picture, self._truth_of(frame.number).picture)
             trial = Trial(tolerance, frame.number, value, frame.num_cells)
             self._done[tolerance, frame.number] = trial
@@ -137,7 +137,7 @@ class Trials:
 
 
 def coarsest_tolerance(
-    trials: Trials, rungs: Sequence[float], probes: Sequence[int], checks: Sequence[int]
+    trials: TrialRenderer, rungs: Sequence[float], probes: Sequence[int], checks: Sequence[int]
 ) -> float | None:
     """The coarsest tolerance that is good enough on the probes and then on the checks; None where none is.
 
@@ -153,7 +153,7 @@ def coarsest_tolerance(
         return bad is None
 
     while True:
-        tolerance = coarsest_good(is_good, rungs)
+        tolerance = find_coarsest_passing(is_good, rungs)
         bad = None if tolerance is None else trials.first_bad(tolerance, checks)
         if bad is None:
             return tolerance

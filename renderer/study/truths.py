@@ -9,16 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.frame import Clock, Rasterizer, Stage, render_frames, view_of
-from renderer.scene import KeyframePath, RockerPath, TurntablePath, at_tolerance
+from renderer.scene import KeyframePath, RockerPath, TurntablePath, with_tolerance
 from renderer.study.metrics import Mask, Picture, over_background
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 from renderer.truth import Convergence, Progress, converged_image
 
 # How well a truth converges, in every channel: to a thousandth of the RMSE of a picture with 40 dB.
 TRUTH_TOLERANCE = 1e-5
 
 # A pixel is covered by the volume when it has this opacity, the least that 8 bits show.
-_COVERED = 1 / 255
+_MIN_COVERED_OPACITY = 1 / 255
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Truth:
     convergence: Convergence
 
 
-def find_truth(
+def compute_truth(
     stage: Stage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress | None = None
 ) -> Truth:
     """The truth of a frame to `tolerance` in every channel. Raises RenderError where it does not converge.
@@ -43,7 +43,7 @@ def find_truth(
     on_progress: told the share of the work that is done, in (0, 1].
     """
     scene = stage.scene
-    transfer = make_transfer(scene.transfer_function, stage.volume.finest_spacing)
+    transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
     image, convergence = converged_image(
         stage.volume,
         transfer,
@@ -56,10 +56,10 @@ def find_truth(
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
 
 
-class KeptTruths:
+class TruthCache:
     """The truth of any frame, found when it is first asked for and kept.
 
-    Pictures are kept in float32, 12 bytes a pixel, and handed out `as_kept`.
+    Pictures are kept in float32, 12 bytes a pixel, and handed out `round_to_float32`.
     """
 
     def __init__(self, find: Callable[[int], Truth]) -> None:
@@ -74,8 +74,8 @@ class KeptTruths:
         return Truth(frame, picture.astype(np.float64), on_volume, convergence)
 
 
-def as_kept(picture: Picture) -> Picture:
-    """A picture to be compared with those of `KeptTruths`, rounded as they are, so that what is equal stays equal.
+def round_to_float32(picture: Picture) -> Picture:
+    """A picture to be compared with those of `TruthCache`, rounded as they are, so that what is equal stays equal.
 
     Values change by 3e-8 at most, a three hundredth of TRUTH_TOLERANCE, and an RMSE by 6e-8: 0.005 dB at 80 dB.
     """
@@ -94,16 +94,16 @@ def spread_frames(frames: Sequence[int], num: int, *, is_loop: bool) -> list[int
     return [frames[i * span // (num if is_loop or num == 1 else num - 1)] for i in range(num)]
 
 
-def extreme_frames(
+def extreme_coverage_frames(
     stage: Stage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock
 ) -> tuple[int, int]:
     """The frames on which the volume covers the smallest and the largest part of the picture.
 
     Found by drawing them all at a (coarse) tolerance. The first of several equal ones.
     """
-    coarse = replace(stage, scene=at_tolerance(stage.scene, tolerance))
+    coarse = replace(stage, scene=with_tolerance(stage.scene, tolerance))
     covered = [
-        int(np.count_nonzero(frame.radiance[..., 3] >= _COVERED))
+        int(np.count_nonzero(frame.radiance[..., 3] >= _MIN_COVERED_OPACITY))
         for frame in render_frames(coarse, frames, rasterizer, clock=clock)
     ]
     return frames[int(np.argmin(covered))], frames[int(np.argmax(covered))]

@@ -5,5 +5,5 @@ from .histogram import (
     rebin as rebin,
     suggest_ranges as suggest_ranges,
 )
+from .nonfinite import suggest_nonfinite_fill as suggest_nonfinite_fill
 from .suggestion import Suggestion as Suggestion, suggest as suggest
-from .unseen import unseen_value as unseen_value

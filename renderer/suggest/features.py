@@ -26,18 +26,18 @@ _SIGMAS_OF_HALF = 2 * 0.6745
 # The background ends this many standard deviations from its middle: of ten million voxels of noise six are outside.
 _NOISE_SIGMAS = 5.0
 # A background without noise is still as wide as this part of the range.
-_LEAST_SIGMA = 1 / 500
+_MIN_SIGMA = 1 / 500
 # Where the values reach less than this many standard deviations, those at the border are no background but like the
 # rest: 10 for a normal distribution, 15 for one of some skewness.
-_LEAST_CONTRAST = 15.0
+_MIN_CONTRAST = 15.0
 # What a background takes at least of the border.
-_LEAST_BORDER = 0.5
+_MIN_BORDER_FRACTION = 0.5
 # Of the border that part must be known.
-_LEAST_KNOWN = 0.1
+_MIN_VALID_FRACTION = 0.1
 # More than so many times the voxels that were NaN, and it is others that have their value.
-_NOT_ALONE = 1.5
+_MAX_NONFINITE_RATIO = 1.5
 # Sides of a background: one that has less than this part of the other one's voxels does not count.
-ONE_SIDED = 0.15
+ONE_SIDED_RATIO = 0.15
 # The values outside of these percentiles are outliers when contrast is judged.
 _OUTLIERS = (0.01, 99.99)
 
@@ -50,7 +50,8 @@ class Sample:
     known: bool [z, y, x], where they are of the data: not where NaN were, as far as these can be told from others, nor
         where a value was filled in.
     steps: voxels from one to the next along z, y, x.
-    beside_x, beside_y: float64, the two direct neighbours of each along x and y, [2, z, y, x]; the voxel itself at a
+    neighbours_x, neighbours_y: float64, the two direct neighbours of each along x and y, [2, z, y, x]; the voxel itself
+    at a
         border.
     minimum, maximum: the range, data units.
     lengths: world distance between samples along z, y, x.
@@ -60,8 +61,8 @@ class Sample:
     shares: Float64
     known: Mask
     steps: tuple[int, int, int]
-    beside_x: Float64
-    beside_y: Float64
+    neighbours_x: Float64
+    neighbours_y: Float64
     minimum: float
     maximum: float
     lengths: tuple[float, float, float]
@@ -94,25 +95,25 @@ class Sample:
         the object, and what they have been given is its background."""
         on_faces = faces(self.shares)
         is_known = faces(self.known)
-        return on_faces[is_known] if np.mean(is_known) >= _LEAST_KNOWN else on_faces
+        return on_faces[is_known] if np.mean(is_known) >= _MIN_VALID_FRACTION else on_faces
 
     def inner(self) -> Float64:
         """The shares that belong with those of the border; [n]."""
-        return self.shares[self.known] if np.mean(faces(self.known)) >= _LEAST_KNOWN else self.shares.ravel()
+        return self.shares[self.known] if np.mean(faces(self.known)) >= _MIN_VALID_FRACTION else self.shares.ravel()
 
-    def reflected(self) -> Sample:
+    def with_inverted_range(self) -> Sample:
         """The same with high for low."""
         return replace(
             self,
             shares=1 - self.shares,
-            beside_x=1 - self.beside_x,
-            beside_y=1 - self.beside_y,
+            neighbours_x=1 - self.neighbours_x,
+            neighbours_y=1 - self.neighbours_y,
             minimum=self.maximum,
             maximum=self.minimum,
         )
 
 
-def take_sample(volume: Volume, statistics: Statistics, hidden: float = 0.0) -> Sample:
+def sample_volume(volume: Volume, statistics: Statistics, hidden: float = 0.0) -> Sample:
     """The sample of a volume that is not constant. Raises InputError where its file was changed.
 
     hidden: the share of those that are not in the range of the statistics, which are of the others.
@@ -149,8 +150,8 @@ def take_sample(volume: Volume, statistics: Statistics, hidden: float = 0.0) -> 
         shares=own,
         known=_known(volume, own, own != shares(np.array(volume.stand_in, values.dtype))) & are_within(sampled),
         steps=(sz, sy, sx),
-        beside_x=neighbours(2),
-        beside_y=neighbours(1),
+        neighbours_x=neighbours(2),
+        neighbours_y=neighbours(1),
         minimum=low,
         maximum=high,
         lengths=(dz * sz, dy * sy, dx * sx),
@@ -163,7 +164,7 @@ def take_sample(volume: Volume, statistics: Statistics, hidden: float = 0.0) -> 
 def _known(volume: Volume, shares: Float64, differ: Mask) -> Mask:
     """Those that `differ` from what NaN have become, unless many others are like that, too."""
     like_them = float(np.mean(~differ))
-    if like_them == 1 or like_them > _NOT_ALONE * volume.num_nonfinite / volume.values.size:
+    if like_them == 1 or like_them > _MAX_NONFINITE_RATIO * volume.num_nonfinite / volume.values.size:
         return np.ones(shares.shape, bool)
     return differ
 
@@ -205,7 +206,7 @@ def find_background(sample: Sample) -> Background:
     begin, end = float(border[first]), float(border[first + half])
     low, high = np.percentile(shares, _OUTLIERS).tolist()
     extent = max(high - low, 1e-9)
-    sigma = max((end - begin) / _SIGMAS_OF_HALF, _LEAST_SIGMA * extent)
+    sigma = max((end - begin) / _SIGMAS_OF_HALF, _MIN_SIGMA * extent)
     middle = (begin + end) / 2
     bottom, top = middle - _NOISE_SIGMAS * sigma, middle + _NOISE_SIGMAS * sigma
     inside = np.count_nonzero((border >= bottom) & (border <= top)) / len(border)
@@ -214,7 +215,7 @@ def find_background(sample: Sample) -> Background:
         middle,
         bottom,
         top,
-        is_there=bool(contrast >= _LEAST_CONTRAST and inside >= _LEAST_BORDER),
+        is_there=bool(contrast >= _MIN_CONTRAST and inside >= _MIN_BORDER_FRACTION),
         below=float(np.mean(shares < bottom)),
         above=float(np.mean(shares > top)),
     )
@@ -222,7 +223,7 @@ def find_background(sample: Sample) -> Background:
 
 def has_much_below(background: Background) -> bool:
     """Whether what is below a background counts beside what is above it."""
-    return background.below > ONE_SIDED * background.above
+    return background.below > ONE_SIDED_RATIO * background.above
 
 
 def is_about_zero(sample: Sample) -> bool:
@@ -237,7 +238,7 @@ def roughness(sample: Sample, above: float) -> float:
     0.2 for a smooth field, 0.5 to 0.8 for the edges of a scan, 1.7 for noise.
     """
     chosen = sample.shares > above
-    before, after = sample.beside_x[0][chosen], sample.beside_x[1][chosen]
+    before, after = sample.neighbours_x[0][chosen], sample.neighbours_x[1][chosen]
     first = float(np.abs(after - before).sum())
     second = float(np.abs(before + after - 2 * sample.shares[chosen]).sum())
     return second / first if first > 0 else math.inf
@@ -251,7 +252,7 @@ def coherence(sample: Sample, above: float) -> float:
     return both / (4 * num) if num else 0.0
 
 
-def evenness(sample: Sample, background: float) -> float:
+def equal_neighbour_fraction(sample: Sample, background: float) -> float:
     """The part of the neighbours of the voxels of other values than the background's that have just the same value."""
     here = np.abs(sample.shares - background) > 1e-9
     same = sum(
@@ -263,14 +264,14 @@ def evenness(sample: Sample, background: float) -> float:
     return same / (4 * num) if num else 1.0
 
 
-def gentleness(sample: Sample, step: float) -> float:
+def small_step_fraction(sample: Sample, step: float) -> float:
     """The part of all unequal neighbours that differ by no more than `step`, a share of the range."""
     differences = np.concatenate([np.abs(other - sample.shares).ravel() for side in _sides(sample) for other in side])
     unequal = differences[differences > 1e-9]
     return float(np.mean(unequal <= step)) if unequal.size else 0.0
 
 
-def transition(sample: Sample) -> float:
+def transition_value_fraction(sample: Sample) -> float:
     """The part of all values, each of them counted once, most of whose voxels lie strictly between their neighbours
     along x or y: what the edges of an image go through has its voxels there, and a label has them side by side."""
     values, number = np.unique(sample.shares, return_inverse=True)
@@ -282,11 +283,11 @@ def transition(sample: Sample) -> float:
 
 
 def _sides(sample: Sample) -> tuple[Float64, Float64]:
-    return sample.beside_x, sample.beside_y
+    return sample.neighbours_x, sample.neighbours_y
 
 
 @dataclass(frozen=True)
-class Split:
+class OtsuThreshold:
     """Two classes of values: the first share of the upper one, and how much of the variance is between the two."""
 
     at: float
@@ -296,7 +297,7 @@ class Split:
 _NUM_BINS = 256
 
 
-def split(shares: Float64, low: float, high: float) -> Split | None:
+def split(shares: Float64, low: float, high: float) -> OtsuThreshold | None:
     """The threshold with the largest variance between the two sides, among the values from `low` to `high`, moved to
     the least populated value between the medians of the sides (N. Otsu, IEEE Trans. SMC 9(1), 1979); None where there
     is nothing to divide.
@@ -321,4 +322,4 @@ def split(shares: Float64, low: float, high: float) -> Split | None:
     smooth = np.convolve(np.pad(weight, 2, mode="edge"), np.full(5, 0.2), mode="valid")[first + 1 : last + 1]
     lowest = np.flatnonzero(smooth <= smooth.min() * (1 + 1e-9))
     at = first + 1 + int(lowest[len(lowest) // 2])
-    return Split(float(edges[at]), float(between.max()) / variance)
+    return OtsuThreshold(float(edges[at]), float(between.max()) / variance)

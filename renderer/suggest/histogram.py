@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.suggest.nodata import Apart, FarValue, Group, end_ranks, set_apart
-from renderer.suggest.percentiles import Chunks, Counts, Ranking, ranking, values_at
+from renderer.suggest.nodata import Group, OutlierSplit, OutlierValue, end_cluster_ranks, find_outliers
+from renderer.suggest.percentiles import Chunks, Counts, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, MappedFile
 
 # Every value of 16-bit data has a bin of its own, and wider types are resolved as finely.
@@ -25,7 +25,7 @@ PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 _NUM_COARSE = 256
 
 # Where the others are fewer values than that, no value is far from them: these are steps, or labels.
-_FEWEST_OTHERS = 16
+_MIN_OTHER_VALUES = 16
 
 # Values are looked at in runs of this many, so that no float64 copy of the volume is ever made.
 _CHUNK = 2**20
@@ -57,7 +57,7 @@ class Statistics:
     bins: Float64
     bin_width: float
     percentiles: Mapping[float, int | float]
-    far: tuple[FarValue, ...] = ()
+    far: tuple[OutlierValue, ...] = ()
     others: Statistics | None = None
 
 
@@ -82,12 +82,12 @@ def measure(values: Array, source: MappedFile | None = None) -> Statistics:
     if apart is None:
         return whole
     others, _ = _measure(values.dtype, partial(_within, chunks, apart.low, apart.high))
-    if np.count_nonzero(others.counts) < _FEWEST_OTHERS:
+    if np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
         return whole
     return replace(whole, far=apart.far, others=others)
 
 
-def _measure(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, Apart | None]:
+def _measure(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, OutlierSplit | None]:
     """Statistics of all values, and which of them are far from the others, if any."""
     ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
     minimum, maximum = min(low for low, _, _ in ends), max(high for _, high, _ in ends)
@@ -104,8 +104,8 @@ def _measure(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, Apart | 
     else:
         width, bins = extent / MAX_BINS / scale, (low + extent * ((np.arange(MAX_BINS) + 0.5) / MAX_BINS)) / scale
     counts = np.zeros(len(bins), np.int64)
-    ranks_of = ranking(dtype, minimum, maximum)
-    counts_of_ranks = np.zeros(ranks_of.num, np.int64)
+    ordered_keys = make_ordered_keys(dtype, minimum, maximum)
+    key_counts = np.zeros(ordered_keys.num, np.int64)
     for chunk in chunks():
         if is_counted:  # wraps around to the right unsigned number, whatever the type
             index = (chunk - dtype.type(minimum)).view(f"u{dtype.itemsize}").astype(np.int64)
@@ -114,20 +114,22 @@ def _measure(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, Apart | 
         else:
             index = ((chunk * scale - low) / (extent / MAX_BINS)).astype(np.int64)
         counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
-        counts_of_ranks += ranks_of.count(chunk)
-    percentiles, apart = _by_rank(counts_of_ranks, ranks_of, chunks)
+        key_counts += ordered_keys.count(chunk)
+    percentiles, apart = _by_rank(key_counts, ordered_keys, chunks)
     return Statistics(minimum, maximum, mean, counts, bins, width, percentiles), apart
 
 
-def _by_rank(counts: Counts, ranks_of: Ranking, chunks: Chunks) -> tuple[dict[float, int | float], Apart | None]:
-    """The percentiles, and the values that are far from the others. counts: as `Ranking.count` gives them."""
+def _by_rank(
+    counts: Counts, ordered_keys: OrderedKeys, chunks: Chunks
+) -> tuple[dict[float, int | float], OutlierSplit | None]:
+    """The percentiles, and the values that are far from the others. counts: as `OrderedKeys.count` gives them."""
     size = int(counts.sum())
     ranks = {percent: max(math.ceil(percent * size / 100), 1) - 1 for percent in PERCENTILES}
-    ends = end_ranks(counts)
+    ends = end_cluster_ranks(counts)
     at_ends = [rank for end in ends for pair in end for rank in pair]
-    found = values_at([*ranks.values(), *at_ends], counts, ranks_of, chunks)
+    found = values_at_ranks([*ranks.values(), *at_ends], counts, ordered_keys, chunks)
     lowest, highest = ([Group(found[a], found[b], b - a + 1) for a, b in end] for end in ends)
-    apart = set_apart(lowest, highest, int(np.count_nonzero(counts)), size)
+    apart = find_outliers(lowest, highest, int(np.count_nonzero(counts)), size)
     return {percent: found[rank] for percent, rank in ranks.items()}, apart
 
 

@@ -9,20 +9,26 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import Color, ColormapSpec, ControlPoint
-from renderer.suggest.features import Sample, evenness, faces, gentleness, transition
+from renderer.suggest.features import (
+    Sample,
+    equal_neighbour_fraction,
+    faces,
+    small_step_fraction,
+    transition_value_fraction,
+)
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.opacity import Layer, expose, opacity_of, unit_for, whole
-from renderer.suggest.presets import CRISP, GLASS, SOLID
+from renderer.suggest.opacity import Layer, calibrate_layer_depth, opacity_from_depth, opacity_unit_length, whole
+from renderer.suggest.presets import CRISP_SURFACE_DEPTH, GLASS, OPAQUE_COVERAGE
 from renderer.volume import Volume, slabs
 
-_MOST_LABELS = 4096
+_MAX_LABELS = 4096
 # Up to so many values are labels wherever they are; more are if that part of the neighbours of voxels, those of the
 # background aside, are like them.
-_FEW, _EVEN = 3, 0.75
+_FEW, _MIN_EQUAL_NEIGHBOURS = 3, 0.75
 # More than so many values, of which that part of unequal neighbours are one or two apart, are a smooth field.
-_SOME, _GENTLE = 16, 0.6
+_MAX_GRADED_LABELS, _MAX_SMALL_STEPS = 16, 0.6
 # Where more of the values than this are but passed through, an image has been clipped, or an edge smoothed.
-_PASSED = 0.5
+_MAX_TRANSITION_FRACTION = 0.5
 
 _PALETTE: tuple[Color, ...] = (
     (0.90, 0.47, 0.29),
@@ -49,50 +55,56 @@ Steps = tuple[tuple[float, float], ...]
 
 def label_values(volume: Volume, statistics: Statistics, sample: Sample) -> list[float] | None:
     """The values of a volume of labels, ascending; None for other volumes."""
-    if len(np.unique(sample.shares)) > _FEW and not _in_pieces(sample):
+    if len(np.unique(sample.shares)) > _FEW and not _is_piecewise_constant(sample):
         return None
-    found = _all_values(volume, statistics)
+    found = _distinct_values(volume, statistics)
     if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
         return None
-    if len(found) > _FEW and (not _in_pieces(sample) or transition(sample) > _PASSED):
+    if len(found) > _FEW and (
+        not _is_piecewise_constant(sample) or transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION
+    ):
         return None
     two_levels = 2.5 / (found[-1] - found[0])
-    return None if len(found) > _SOME and gentleness(sample, two_levels) > _GENTLE else found
+    return (
+        None
+        if len(found) > _MAX_GRADED_LABELS and small_step_fraction(sample, two_levels) > _MAX_SMALL_STEPS
+        else found
+    )
 
 
 def label_reason(sample: Sample, values: Sequence[float], outside: float) -> str:
     """By which signs they are labels, a clause."""
-    pieces = ", in large pieces" if _in_pieces(sample) else ""
+    pieces = ", in large pieces" if _is_piecewise_constant(sample) else ""
     return f"there are {len(values)} values{pieces}, and {whole(outside)} is the background"
 
 
-def _in_pieces(sample: Sample) -> bool:
-    return evenness(sample, _at_border(sample)) >= _EVEN
+def _is_piecewise_constant(sample: Sample) -> bool:
+    return equal_neighbour_fraction(sample, _border_mode(sample)) >= _MIN_EQUAL_NEIGHBOURS
 
 
-def _all_values(volume: Volume, statistics: Statistics) -> list[float] | None:
+def _distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
     """Every value that there is in the range of the statistics, ascending; None if there are too many."""
     if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
         found = set(statistics.bins[statistics.counts > 0].tolist())
-        return sorted(found) if len(found) <= _MOST_LABELS else None
+        return sorted(found) if len(found) <= _MAX_LABELS else None
     found = set()
     for slab in slabs(volume.values, volume.source):
         for plane in slab:
             values = np.unique(plane)
             is_within = (values >= statistics.minimum) & (values <= statistics.maximum)
             found.update(float(value) for value in values[is_within])
-            if len(found) > _MOST_LABELS:
+            if len(found) > _MAX_LABELS:
                 return None
     return sorted(found)
 
 
-def label_outside(sample: Sample, values: Sequence[float]) -> float:
+def background_label(sample: Sample, values: Sequence[float]) -> float:
     """The label of what is around the object: the most frequent one at the volume's border."""
-    at = sample.value(_at_border(sample))
+    at = sample.value(_border_mode(sample))
     return min(values, key=lambda value: abs(value / 2 - at / 2))
 
 
-def _at_border(sample: Sample) -> float:
+def _border_mode(sample: Sample) -> float:
     values, counts = np.unique(faces(sample.shares), return_counts=True)
     return float(values[counts.argmax()])
 
@@ -103,7 +115,7 @@ def label_mapping(
     """A colour and an opacity for each label but `outside`, with steps half-way between the labels; a word about each
     point; the unit of the opacities.
     """
-    unit = unit_for(sample.diagonal)
+    unit = opacity_unit_length(sample.diagonal)
     ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]
     between = dict(zip(values, pairwise(ends), strict=True))
     # In shares, where the outermost labels have no end on one side.
@@ -114,13 +126,15 @@ def label_mapping(
     shown = [value for value in values if value != outside]
     if colormap is not None or len(shown) > len(_PALETTE):
         knots = tuple((at, float(value != outside)) for value in values for at in regions[value])
-        common = opacity_of(expose(sample, Layer("", knots, SOLID, CRISP)), unit, sample.diagonal)
+        common = opacity_from_depth(
+            calibrate_layer_depth(sample, Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)), unit, sample.diagonal
+        )
         steps = [(at, common if value != outside else 0.0) for value in values for at in between[value]]
         is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # then every label has an entry of its own
         span = (0.0, 255.0) if is_table else (values[0], values[-1])
         return ColormapSpec(colormap or _MANY, span, _thinned(steps)), (), unit
     layers = _layers(sample, [regions[value] for value in shown])
-    opacities = [opacity_of(expose(sample, layer), unit, sample.diagonal) for layer in layers]
+    opacities = [opacity_from_depth(calibrate_layer_depth(sample, layer), unit, sample.diagonal) for layer in layers]
     looks = dict(zip(shown, zip(_PALETTE, opacities, strict=False), strict=True)) | {outside: (_BLACK, 0.0)}
     points = tuple(ControlPoint(at, *looks[value]) for value in values for at in between[value])
     names = [f"label {whole(value)}" if value != outside else "the background" for value in values]
@@ -139,7 +153,9 @@ def _layers(sample: Sample, regions: Sequence[tuple[float, float]]) -> list[Laye
         smaller = [other for other, other_area in zip(shadows, areas, strict=True) if 0 < other_area < area]
         is_around = bool(smaller) and all(_covers(own[axis], [other[axis] for other in smaller]) for axis in range(3))
         knots = ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0))
-        layers.append(Layer("", knots, GLASS, 0.0) if is_around else Layer("", knots, SOLID, CRISP))
+        layers.append(
+            Layer("", knots, GLASS, 0.0) if is_around else Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
+        )
     return layers
 
 

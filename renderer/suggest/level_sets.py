@@ -12,34 +12,34 @@ from renderer.suggest.features import Mask, Sample, coherence
 from renderer.volume import Float64
 
 # The border of a level set has one sign, here and there excepted.
-_ONE_SIGN = 0.97
+_MIN_ONE_SIGN_FRACTION = 0.97
 # Noise that crosses 0 does so in single voxels; the neighbours of a ball's voxels are mostly in it from 4 voxels on.
 _COHERENT = 0.5
 # A distance changes alike wherever it is measured, but near what is equally far from two surfaces: its gradients'
 # quartiles have a ratio near 1, where those of a smooth random field have one of 1.8. It is no steeper inside, either:
 # a room that gets warmer upwards may have a place with ice in it.
-_EVEN_GRADIENTS, _NO_STEEPER = 1.4, 2.0
+_MAX_GRADIENT_RATIO, _MAX_INNER_STEEPNESS = 1.4, 2.0
 # Other fields must have that part of their voxels inside, and so many times more often than at the border: the valleys
 # of a random field are as frequent there as anywhere.
-_LEAST_INSIDE, _NOT_BY_CHANCE = 0.03, 4.0
+_LEAST_INSIDE, _MIN_INSIDE_RATIO = 0.03, 4.0
 # And they must be as deep inside, in the median, by what they are outside: an edge that overshoots does so by 9% at
 # most (Gibbs), and by half of that in the median.
 _LEAST_DEPTH = 0.05
 
 
-def lies_inside(sample: Sample, border: float) -> bool:
+def is_level_set_interior(sample: Sample, border: float) -> bool:
     """Whether the voxels above the share `border` are the inside of a level set, which the others are around."""
     within, around = (sample.shares > border) & sample.known, (sample.shares <= border) & sample.known
     if not within.any() or not around.any():
         return False
     at_border, share = float(np.mean(sample.border() > border)), float(np.mean(within))
-    if at_border >= 1 - _ONE_SIGN or coherence(sample, border) < _COHERENT:
+    if at_border >= 1 - _MIN_ONE_SIGN_FRACTION or coherence(sample, border) < _COHERENT:
         return False
     if _is_distance(sample, within):
         return True
     deep = float(np.median(sample.shares[within])) - border
     high = border - float(np.median(sample.shares[around]))
-    return share >= max(_LEAST_INSIDE, _NOT_BY_CHANCE * at_border) and deep >= _LEAST_DEPTH * high
+    return share >= max(_LEAST_INSIDE, _MIN_INSIDE_RATIO * at_border) and deep >= _LEAST_DEPTH * high
 
 
 def _is_distance(sample: Sample, within: Mask) -> bool:
@@ -54,4 +54,4 @@ def _is_distance(sample: Sample, within: Mask) -> bool:
 
 def _is_even(gradients: Float64, within: Mask) -> bool:
     low, middle, high = np.percentile(gradients, (25, 50, 75)).tolist()
-    return bool(0 < high < _EVEN_GRADIENTS * low and np.median(gradients[within]) <= _NO_STEEPER * middle)
+    return bool(0 < high < _MAX_GRADIENT_RATIO * low and np.median(gradients[within]) <= _MAX_INNER_STEEPNESS * middle)

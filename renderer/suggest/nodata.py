@@ -12,19 +12,19 @@ import numpy as np
 from renderer.suggest.percentiles import Counts
 
 # Times the range of the others.
-_FAR = 3.0
+_MIN_OUTLIER_DISTANCE = 3.0
 # Up to that part of the voxels are outliers, and from that part on a value was filled in.
 _FEW, _MANY = 1e-5, 1e-3
 # Values that stand for missing ones wherever there are any: of GIS, netCDF, CF and of types.
-_FILLS = (-999.0, -9999.0, -99999.0, -32767.0, -32768.0, -(2.0**31), 1e20, 9.969209968386869e36)
+_NODATA_VALUES = (-999.0, -9999.0, -99999.0, -32767.0, -32768.0, -(2.0**31), 1e20, 9.969209968386869e36)
 _LARGEST = (float(np.finfo(np.float32).max), float(np.finfo(np.float64).max))
-_WELL_KNOWN = (*_FILLS, *_LARGEST, *(-value for value in _LARGEST))
+_KNOWN_NODATA_VALUES = (*_NODATA_VALUES, *_LARGEST, *(-value for value in _LARGEST))
 # So many values are set aside at either end at most: a fill value and an outlier.
 MOST = 2
 
 
 @dataclass(frozen=True)
-class FarValue:
+class OutlierValue:
     """One value, which `num` voxels have. is_fill: it was filled in; else these are outliers."""
 
     value: int | float
@@ -42,22 +42,24 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Apart:
+class OutlierSplit:
     """far: values far from the others, which are from `low` to `high`."""
 
-    far: tuple[FarValue, ...]
+    far: tuple[OutlierValue, ...]
     low: int | float
     high: int | float
 
 
-def end_ranks(counts: Counts) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+def end_cluster_ranks(counts: Counts) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """For either end, from there inwards: the ranks at which its groups of values begin and end. counts: by group."""
     stops = np.cumsum(counts[counts > 0]).tolist()
     pairs = list(zip([0, *stops], [stop - 1 for stop in stops], strict=False))
     return pairs[: MOST + 1], pairs[: -MOST - 2 : -1]
 
 
-def set_apart(lowest: Sequence[Group], highest: Sequence[Group], num_groups: int, num_voxels: int) -> Apart | None:
+def find_outliers(
+    lowest: Sequence[Group], highest: Sequence[Group], num_groups: int, num_voxels: int
+) -> OutlierSplit | None:
     """The most values at both ends that are far from the rest; None where there are none.
 
     lowest, highest: the outermost groups of values, from either end inwards; num_groups: of all values.
@@ -68,19 +70,19 @@ def set_apart(lowest: Sequence[Group], highest: Sequence[Group], num_groups: int
             continue
         low, high = lowest[a].low, highest[b].high
         outer = [*lowest[:a], *highest[:b]]
-        least = _FAR * (high - low)
+        least = _MIN_OUTLIER_DISTANCE * (high - low)
         if least > 0 and all(
-            max(low - group.high, group.low - high) > least and _is_apart(group, num_voxels) for group in outer
+            max(low - group.high, group.low - high) > least and _is_outlying(group, num_voxels) for group in outer
         ):
-            return Apart(tuple(FarValue(g.low, g.num, _is_fill(g, num_voxels)) for g in outer), low, high)
+            return OutlierSplit(tuple(OutlierValue(g.low, g.num, _is_nodata(g, num_voxels)) for g in outer), low, high)
     return None
 
 
-def _is_apart(group: Group, num_voxels: int) -> bool:
+def _is_outlying(group: Group, num_voxels: int) -> bool:
     is_few = group.num <= max(1, _FEW * num_voxels)
-    return group.low == group.high and (is_few or _is_fill(group, num_voxels))
+    return group.low == group.high and (is_few or _is_nodata(group, num_voxels))
 
 
-def _is_fill(group: Group, num_voxels: int) -> bool:
-    is_known = any(math.isclose(group.low, value, rel_tol=1e-6) for value in _WELL_KNOWN)
+def _is_nodata(group: Group, num_voxels: int) -> bool:
+    is_known = any(math.isclose(group.low, value, rel_tol=1e-6) for value in _KNOWN_NODATA_VALUES)
     return is_known or group.num >= max(2, _MANY * num_voxels)

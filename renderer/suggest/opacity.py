@@ -15,7 +15,7 @@ from renderer.suggest.features import Sample
 from renderer.volume import Float64
 
 # Rays with less than this part of the largest depth do not meet the layer.
-_FAINT = 1e-3
+_MIN_RAY_DEPTH = 1e-3
 # The densest that a layer may be, as the opacity of a length of 1% of the diagonal.
 _MOST_DEPTH = 6.0
 
@@ -35,17 +35,17 @@ class Layer:
     solid: float = 0.0
 
 
-def expose(sample: Sample, layer: Layer) -> float:
+def calibrate_layer_depth(sample: Sample, layer: Layer) -> float:
     """The optical depth of 1% of the diagonal where the layer's weight is 1; 0 for a layer that is nowhere."""
     at, weights = np.array(layer.knots, np.float64).T
     amounts = np.interp(sample.shares, at, weights)
     # In units of 1% of the diagonal.
     depths = [amounts.sum(axis=axis) * (sample.lengths[axis] / sample.diagonal * 100) for axis in range(3)]
     rays = np.concatenate([depth.ravel() for depth in depths])
-    rays = rays[rays > _FAINT * rays.max()]
+    rays = rays[rays > _MIN_RAY_DEPTH * rays.max()]
     if rays.size == 0:
         return 0.0
-    return min(max(_scale_for(rays, layer.coverage), layer.solid), _MOST_DEPTH)
+    return min(max(_depth_scale(rays, layer.coverage), layer.solid), _MOST_DEPTH)
 
 
 def covers(sample: Sample, layer: Layer) -> float:
@@ -55,7 +55,7 @@ def covers(sample: Sample, layer: Layer) -> float:
     return float(np.mean([np.mean(amounts.max(axis=axis) > 0) for axis in range(3)]))
 
 
-def _scale_for(rays: Float64, coverage: float) -> float:
+def _depth_scale(rays: Float64, coverage: float) -> float:
     """The factor on depths with which the mean opacity is `coverage`, by halving its logarithm's range."""
     middle = -np.log(rays.mean())
     low, high = middle - 10.0, middle + 10.0
@@ -68,14 +68,14 @@ def _scale_for(rays: Float64, coverage: float) -> float:
     return float(np.exp((low + high) / 2))
 
 
-def unit_for(diagonal: float) -> float:
+def opacity_unit_length(diagonal: float) -> float:
     """About 1% of the diagonal, as one digit: 1, 2 or 5 times a power of ten."""
     exponent = math.floor(math.log10(diagonal / 100))
     digits = diagonal / 100 / 10.0**exponent
     return float(f"{1 if digits < 1.5 else 2 if digits < 3.5 else 5 if digits < 7.5 else 10}e{exponent}")
 
 
-def opacity_of(depth: float, unit: float, diagonal: float) -> float:
+def opacity_from_depth(depth: float, unit: float, diagonal: float) -> float:
     """Of a length `unit`, from the optical depth of 1% of the diagonal, to the digits that can be seen."""
     exact = depth * (unit / (diagonal / 100))
     opacity, clear = -math.expm1(-exact), math.exp(-exact)

@@ -21,7 +21,7 @@ _BITS = 16
 
 
 @dataclass(frozen=True)
-class Ranking:
+class OrderedKeys:
     """How values are numbered: by their keys, less that of the smallest, without their `shift` lower bits.
 
     dtype: of the values. low: the key of the smallest one. num: of these numbers, at most 2**16.
@@ -34,7 +34,7 @@ class Ranking:
 
     def keys(self, chunk: Array) -> Array:
         """Unsigned numbers in the order of the values, from 0; as many."""
-        keys = _ordered(chunk)
+        keys = _sortable_bits(chunk)
         return np.asarray(keys - keys.dtype.type(self.low))
 
     def count(self, chunk: Array) -> Counts:
@@ -53,15 +53,17 @@ class Ranking:
         return number
 
 
-def ranking(dtype: np.dtype[np.generic], minimum: float, maximum: float) -> Ranking:
+def make_ordered_keys(dtype: np.dtype[np.generic], minimum: float, maximum: float) -> OrderedKeys:
     """Of values of a native integer or float type that have this range."""
-    low, high = (int(_ordered(np.array([end], dtype))[0]) for end in (minimum, maximum))
+    low, high = (int(_sortable_bits(np.array([end], dtype))[0]) for end in (minimum, maximum))
     shift = max(0, (high - low).bit_length() - _BITS)
-    return Ranking(dtype, low, shift, (high - low >> shift) + 1)
+    return OrderedKeys(dtype, low, shift, (high - low >> shift) + 1)
 
 
-def values_at(ranks: Iterable[int], counts: Counts, ranks_of: Ranking, chunks: Chunks) -> dict[int, int | float]:
-    """The value of each rank, from 0 for the smallest. counts: of all values, as `Ranking.count` gives them.
+def values_at_ranks(
+    ranks: Iterable[int], counts: Counts, ordered_keys: OrderedKeys, chunks: Chunks
+) -> dict[int, int | float]:
+    """The value of each rank, from 0 for the smallest. counts: of all values, as `OrderedKeys.count` gives them.
 
     chunks: begins a pass over all values; there is none where these numbers are the values, and 3 at most.
     """
@@ -69,20 +71,20 @@ def values_at(ranks: Iterable[int], counts: Counts, ranks_of: Ranking, chunks: C
     before = np.concatenate([[0], np.cumsum(counts)])
     prefixes = (np.searchsorted(before, wanted, side="right") - 1).tolist()
     within = [rank - int(before[prefix]) for rank, prefix in zip(wanted, prefixes, strict=True)]
-    first, shift = np.isin(np.arange(ranks_of.num), prefixes), ranks_of.shift
+    first, shift = np.isin(np.arange(ordered_keys.num), prefixes), ordered_keys.shift
     while shift:
         step = min(shift, _BITS)
-        tables = _count_next(sorted(set(prefixes)), step, shift, first, ranks_of, chunks)
+        tables = _count_next(sorted(set(prefixes)), step, shift, first, ordered_keys, chunks)
         shift -= step
         for k, prefix in enumerate(prefixes):
             before = np.concatenate([[0], np.cumsum(tables[prefix])])
             bits = int(np.searchsorted(before, within[k], side="right")) - 1
             prefixes[k], within[k] = (prefix << step) + bits, within[k] - int(before[bits])
-    return {rank: ranks_of.value(key) for rank, key in zip(wanted, prefixes, strict=True)}
+    return {rank: ordered_keys.value(key) for rank, key in zip(wanted, prefixes, strict=True)}
 
 
 def _count_next(
-    prefixes: Sequence[int], step: int, shift: int, first: Array, ranks_of: Ranking, chunks: Chunks
+    prefixes: Sequence[int], step: int, shift: int, first: Array, ordered_keys: OrderedKeys, chunks: Chunks
 ) -> dict[int, Counts]:
     """How many keys that begin with a prefix, before their `shift` lower bits, go on with each of 2**step numbers.
 
@@ -90,9 +92,9 @@ def _count_next(
     """
     counts = np.zeros((len(prefixes), 1 << step), np.int64)
     for chunk in chunks():
-        keys = ranks_of.keys(chunk)
+        keys = ordered_keys.keys(chunk)
         kind = keys.dtype.type
-        keys = keys[first[keys >> kind(ranks_of.shift)]]
+        keys = keys[first[keys >> kind(ordered_keys.shift)]]
         sought = np.array(prefixes, keys.dtype)
         upper = keys >> kind(shift)
         at = np.searchsorted(sought, upper, side="right") - 1
@@ -103,7 +105,7 @@ def _count_next(
     return dict(zip(prefixes, counts, strict=True))
 
 
-def _ordered(chunk: Array) -> Array:
+def _sortable_bits(chunk: Array) -> Array:
     """Unsigned numbers of the same size and in the same order; -0 is 0."""
     size, kind = chunk.dtype.itemsize, chunk.dtype.kind
     unsigned = np.dtype(f"u{size}")

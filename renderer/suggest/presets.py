@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from renderer.scene import Color, ShadingSpec, colormap_points
-from renderer.suggest.features import Background, Sample, Split, coherence, split
+from renderer.suggest.features import Background, OtsuThreshold, Sample, coherence, split
 from renderer.suggest.opacity import Layer, covers
 from renderer.volume import Float64
 
 # Mean opacities of rays through a layer: one that is hardly there, one to look through, one to look at; and of those
 # through a field, which is dense here and thin there.
-VEIL, GLASS, SOLID, _FIELD = 0.25, 0.5, 0.85, 0.65
+FAINT_COVERAGE, GLASS, OPAQUE_COVERAGE, _FIELD_COVERAGE = 0.25, 0.5, 0.85, 0.65
 # Optical depth of 1% of the diagonal at which a surface is crisp.
-CRISP = 0.8
+CRISP_SURFACE_DEPTH = 0.8
 
 # Colours of a scan's layers, from the thinnest to the densest material.
 _VEIL_COLOR, _GLASS_COLOR, _CORE_COLOR = (0.30, 0.48, 0.75), (0.95, 0.62, 0.38), (1.0, 0.93, 0.80)
@@ -48,7 +48,7 @@ class Look:
     colors: tuple[tuple[float, Color], ...]
     shading: ShadingSpec | None = SHADING
 
-    def reflected(self) -> Look:
+    def with_inverted_range(self) -> Look:
         """The same for values with high for low."""
         layers = tuple(
             replace(layer, knots=tuple((1 - at, weight) for at, weight in reversed(layer.knots)))
@@ -76,20 +76,20 @@ _CT_COLORS = (
     (300.0, (0.96, 0.87, 0.70)),
     (900.0, (1.0, 0.98, 0.94)),
 )
-_BONE_BEGINS = 250.0
+_BONE_THRESHOLD = 250.0
 # Bone, metal or a contrast agent is there from this part of the voxels on.
 _LEAST_BONE = 3e-4
 
 
-def tomography(sample: Sample, zero: float) -> Look:
+def ct_preset(sample: Sample, zero: float) -> Look:
     """A CT scan; `zero` is the data value of 0 Hounsfield units."""
-    has_bone = float(np.mean(sample.shares > sample.share(_BONE_BEGINS + zero))) > _LEAST_BONE
+    has_bone = float(np.mean(sample.shares > sample.share(_BONE_THRESHOLD + zero))) > _LEAST_BONE
 
     def at(hounsfield: float) -> float:
         return sample.share(hounsfield + zero)
 
-    tissue = Layer("soft tissue", tuple((at(v), w) for v, w in _TISSUE), GLASS if has_bone else SOLID)
-    bone = Layer("bone", tuple((at(v), w) for v, w in _BONE), SOLID, CRISP)
+    tissue = Layer("soft tissue", tuple((at(v), w) for v, w in _TISSUE), GLASS if has_bone else OPAQUE_COVERAGE)
+    bone = Layer("bone", tuple((at(v), w) for v, w in _BONE), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
     layers = (tissue, bone) if has_bone else (tissue,)
     return Look(layers, tuple((at(v), color) for v, color in _CT_COLORS))
 
@@ -122,7 +122,7 @@ def materials(sample: Sample, background: Background) -> Look:
     body, core = _median(shares, first, upper.at), _median(shares, upper.at, 1.0)
     layers = [
         Layer("the thinner material", ((first, 0.0), (body, 1.0), (upper.at, 1.0), (core, 0.0)), GLASS),
-        Layer("the denser material", ((upper.at, 0.0), (core, 1.0)), SOLID, CRISP),
+        Layer("the denser material", ((upper.at, 0.0), (core, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH),
     ]
     hull = _HULL_COLOR if veil is None else _GLASS_COLOR
     if _is_shell(sample, first, upper.at, layers):
@@ -130,7 +130,7 @@ def materials(sample: Sample, background: Background) -> Look:
     colors = [(first, hull), (upper.at, hull), (core, _CORE_COLOR)]
     if veil is not None:
         middle = _median(shares, veil.at, first)
-        layers.insert(0, Layer("a veil", ((veil.at, 0.0), (middle, 1.0), (first, 1.0), (body, 0.0)), VEIL))
+        layers.insert(0, Layer("a veil", ((veil.at, 0.0), (middle, 1.0), (first, 1.0), (body, 0.0)), FAINT_COVERAGE))
         colors = [(veil.at, _VEIL_COLOR), (first, _VEIL_COLOR), (body, hull), *colors[1:]]
     return Look(tuple(layers), tuple(colors))
 
@@ -143,10 +143,13 @@ def _is_shell(sample: Sample, first: float, second: float, layers: Sequence[Laye
 
 def _one_material(shares: Float64, first: float) -> Look:
     middle = max(_median(shares, first, 1.0), first + 1e-6)
-    return Look((Layer("the object", ((first, 0.0), (middle, 1.0)), SOLID, CRISP),), ((first, _CORE_COLOR),))
+    return Look(
+        (Layer("the object", ((first, 0.0), (middle, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH),),
+        ((first, _CORE_COLOR),),
+    )
 
 
-def _veil(sample: Sample, background: Background, first: float) -> Split | None:
+def _veil(sample: Sample, background: Background, first: float) -> OtsuThreshold | None:
     found = split(sample.shares, float(sample.shares.min()), first)
     if found is None or found.at <= background.high or found.separation < _VEIL_SEPARATION:
         return None
@@ -184,7 +187,7 @@ def ramp(sample: Sample, first: float, *, origin: float) -> Look:
     else:
         knots = first + (top - first) * steps
         name = ""
-    layer = Layer(name, tuple(zip(knots.tolist(), weights.tolist(), strict=True)), _FIELD)
+    layer = Layer(name, tuple(zip(knots.tolist(), weights.tolist(), strict=True)), _FIELD_COVERAGE)
     palette = colormap_points(_FIELD_COLORMAP, 256)
     picked = (_DARKEST + (1 - _DARKEST) * steps) * 255
     return Look((layer,), tuple(zip(knots.tolist(), [palette[int(at)] for at in picked], strict=True)))
@@ -199,7 +202,7 @@ def tail(sample: Sample, first: float, *, origin: float) -> float:
 
 
 # Of what is on both sides of a value, nothing is seen up to this part of the way to the strongest.
-_QUIET = 0.15
+_MIN_DEAD_ZONE = 0.15
 
 
 def diverging(sample: Sample, middle: float, quiet: float) -> Look:
@@ -207,12 +210,12 @@ def diverging(sample: Sample, middle: float, quiet: float) -> Look:
     distance = np.abs(sample.shares - middle)
     loud = distance[distance > quiet]
     top = max(float(np.percentile(loud, 99.5)) if loud.size else 1.0, quiet * 1.01 + 1e-6)
-    quiet = max(quiet, _QUIET * top)
+    quiet = max(quiet, _MIN_DEAD_ZONE * top)
     away = np.linspace(quiet, top, 5)
     weights = np.linspace(0.0, 1.0, 5) ** 2
     below = [(middle - d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
     above = [(middle + d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
-    layer = Layer("strong values on either side", (*reversed(below), *above), _FIELD)
+    layer = Layer("strong values on either side", (*reversed(below), *above), _FIELD_COVERAGE)
     colors = [(middle - top, _NEGATIVE[1]), (middle - quiet, _NEGATIVE[0])]
     colors += [(middle + quiet, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
     return Look((layer,), tuple(colors), _FAINT_SHADING)
@@ -220,12 +223,12 @@ def diverging(sample: Sample, middle: float, quiet: float) -> Look:
 
 def inside(border: float) -> Look:
     """All that is above a share, solid."""
-    layer = Layer("inside", ((border, 0.0), (min(border + 0.02, 1.0), 1.0)), SOLID, CRISP)
+    layer = Layer("inside", ((border, 0.0), (min(border + 0.02, 1.0), 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
     return Look((layer,), ((border, _CORE_COLOR),))
 
 
-def phases(sample: Sample, found: Split) -> Look:
+def phases(sample: Sample, found: OtsuThreshold) -> Look:
     """The upper of two phases that fill the volume."""
     upper = _median(sample.shares, found.at, 1.0)
-    layer = Layer("the upper phase", ((found.at, 0.0), (upper, 1.0)), SOLID, CRISP)
+    layer = Layer("the upper phase", ((found.at, 0.0), (upper, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
     return Look((layer,), ((found.at, _GLASS_COLOR), (upper, _CORE_COLOR)))

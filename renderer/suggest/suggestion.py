@@ -16,22 +16,22 @@ import numpy as np
 from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
 from renderer.suggest import presets as looks
 from renderer.suggest.features import (
-    ONE_SIDED,
+    ONE_SIDED_RATIO,
     Background,
     Sample,
     find_background,
     has_much_below,
     is_about_zero,
     roughness,
+    sample_volume,
     split,
-    take_sample,
 )
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.labels import label_mapping, label_outside, label_reason, label_values
-from renderer.suggest.level_sets import lies_inside
-from renderer.suggest.opacity import expose, opacity_of, unit_for, whole
+from renderer.suggest.labels import background_label, label_mapping, label_reason, label_values
+from renderer.suggest.level_sets import is_level_set_interior
+from renderer.suggest.nonfinite import suggest_nonfinite_fill
+from renderer.suggest.opacity import calibrate_layer_depth, opacity_from_depth, opacity_unit_length, whole
 from renderer.suggest.presets import Look
-from renderer.suggest.unseen import unseen_value
 from renderer.volume import Float64, Volume
 
 
@@ -40,7 +40,7 @@ class Suggestion:
     """kind: what the data are taken for. reason: by which signs, a clause without a full stop.
     transfer: the transfer function, with its unit. notes: a word about each of its points, mostly empty.
     shading: or None where there are no surfaces.
-    are_names: the values are names, and none is between two of them. splat: how to draw; None as ever.
+    is_categorical: the values are names, and none is between two of them. splat: how to draw; None as ever.
     far: of each value that is far from all others and is not shown, what it was taken for, a clause."""
 
     kind: str
@@ -48,7 +48,7 @@ class Suggestion:
     transfer: TransferSpec
     notes: tuple[str, ...]
     shading: ShadingSpec | None
-    are_names: bool = False
+    is_categorical: bool = False
     splat: SplatSpec | None = None
     far: tuple[str, ...] = ()
 
@@ -60,24 +60,24 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
     """
     if statistics.minimum == statistics.maximum:
         return _constant(volume, float(statistics.minimum), colormap)
-    if all(0 <= far.value < _NO_NAME for far in statistics.far):
-        sample = take_sample(volume, statistics)
+    if all(0 <= far.value < _MAX_OUTLYING_LABEL for far in statistics.far):
+        sample = sample_volume(volume, statistics)
         if statistics.others is None or label_values(volume, statistics, sample) is not None:
             return _suggest_from(volume, statistics, sample, colormap)
     others = statistics.others
     assert others is not None, statistics.far
-    sample = take_sample(volume, others)
-    unseen = unseen_value(volume, others)
+    sample = sample_volume(volume, others)
+    unseen = suggest_nonfinite_fill(volume, others)
     if unseen is not None:
-        sample = take_sample(volume, others, sample.share(unseen))
-    return without_far(_suggest_from(volume, others, sample, colormap), statistics, sample)
+        sample = sample_volume(volume, others, sample.share(unseen))
+    return hide_outliers(_suggest_from(volume, others, sample, colormap), statistics, sample)
 
 
 def _suggest_from(volume: Volume, statistics: Statistics, sample: Sample, colormap: str | None) -> Suggestion:
     """statistics: of what is to be seen. sample: with that in its range."""
     values = label_values(volume, statistics, sample)
     if values is not None:
-        outside = label_outside(sample, values)
+        outside = background_label(sample, values)
         mapping, notes, unit = label_mapping(sample, values, outside, colormap)
         reason = label_reason(sample, values, outside)
         shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
@@ -88,58 +88,56 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: Sample, colorm
         splat = None
         if volume.source is None or volume.values.nbytes <= _MOST_BYTES_OF_SPLATS:
             splat = SplatSpec(footprint="gaussian")
-        return Suggestion("labels", reason, transfer, notes, shading, are_names=True, splat=splat)
+        return Suggestion("labels", reason, transfer, notes, shading, is_categorical=True, splat=splat)
     zero = hounsfield_zero(statistics)
     if zero is not None:
         where = "" if zero == 0 else f", stored with {zero:g} added"
         reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{where}"
-        look = looks.tomography(sample, zero)
-        return _finished("CT in Hounsfield units", reason, sample, look, colormap)
-    kind, reason, look = _recognised(volume, statistics, sample, find_background(sample))
-    return _finished(kind, reason, sample, look, colormap)
+        look = looks.ct_preset(sample, zero)
+        return _suggestion_from_preset("CT in Hounsfield units", reason, sample, look, colormap)
+    kind, reason, look = _recognise(volume, statistics, sample, find_background(sample))
+    return _suggestion_from_preset(kind, reason, sample, look, colormap)
 
 
 # Signs of the other kinds
 
 # Labels are smaller than this, and not negative, where they are far from all others.
-_NO_NAME = 2**16
+_MAX_OUTLYING_LABEL = 2**16
 # Of volumes in files; splats of larger ones would take several times as much.
 _MOST_BYTES_OF_SPLATS = 1 << 30
 
 # Fields are smoother than this; real numbers are more often computed than measured.
 _SMOOTH, _SMOOTH_FLOAT = 0.45, 0.8
 # Real numbers of such a tail spread over orders of magnitude.
-_SPREAD = 25.0
+_HEAVY_TAIL = 25.0
 # Two phases have at least this part of the variance between them: 0.64 for one normal distribution, 0.75 for even
 # values.
-_TWO_PHASES = 0.85
+_TWO_PHASE_SEPARATION = 0.85
 # A filled volume shows values above this percentile.
-_UPPER_HALF = 60.0
+_FILLED_PERCENTILE = 60.0
 
 
-def _recognised(
-    volume: Volume, statistics: Statistics, sample: Sample, background: Background
-) -> tuple[str, str, Look]:
+def _recognise(volume: Volume, statistics: Statistics, sample: Sample, background: Background) -> tuple[str, str, Look]:
     if not background.is_there or background.above + background.below == 0:
-        return _filled(statistics, sample)
-    if has_much_below(background) and background.above > ONE_SIDED * background.below:
+        return _filled_volume_preset(statistics, sample)
+    if has_much_below(background) and background.above > ONE_SIDED_RATIO * background.below:
         middle = sample.rounded(sample.value(background.middle))
         away = max(background.high - background.middle, 0.04)
         reason = f"values lie on both sides of a background near {middle:.12g}"
         return "field with two signs", reason, looks.diverging(sample, background.middle, away)
     if background.below > background.above:
-        turned = sample.reflected()
-        kind, reason, look = _object(volume, turned, find_background(turned))
-        return f"{kind}, dark in a bright background", reason, look.reflected()
-    return _object(volume, sample, background)
+        turned = sample.with_inverted_range()
+        kind, reason, look = _object_preset(volume, turned, find_background(turned))
+        return f"{kind}, dark in a bright background", reason, look.with_inverted_range()
+    return _object_preset(volume, sample, background)
 
 
-def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
+def _object_preset(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
     """What stands out above the background."""
     rough = roughness(sample, background.high)
     near = f"the background is near {sample.rounded(sample.value(background.middle)):.12g}"
     is_float = volume.values.dtype.kind == "f"
-    if is_float and looks.tail(sample, background.high, origin=background.middle) > _SPREAD:
+    if is_float and looks.tail(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
         look = looks.ramp(sample, background.high, origin=background.middle)
         return "field with a long tail", f"{near} and the largest values are many times those in the middle", look
     if rough < (_SMOOTH_FLOAT if is_float else _SMOOTH):
@@ -152,7 +150,7 @@ def _object(volume: Volume, sample: Sample, background: Background) -> tuple[str
     )
 
 
-def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
+def _filled_volume_preset(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
     """No background: the volume is full to its border."""
     low, high = float(statistics.minimum), float(statistics.maximum)
     if low < 0 < high and is_about_zero(sample):
@@ -160,15 +158,19 @@ def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
         return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", look
     if low < 0 < high:
         zero = sample.share(0.0)
-        if lies_inside(sample.reflected(), 1 - zero):
-            return "level set", "negative values lie inside of positive ones", looks.inside(1 - zero).reflected()
-        if lies_inside(sample, zero):
+        if is_level_set_interior(sample.with_inverted_range(), 1 - zero):
+            return (
+                "level set",
+                "negative values lie inside of positive ones",
+                looks.inside(1 - zero).with_inverted_range(),
+            )
+        if is_level_set_interior(sample, zero):
             return "level set", "positive values lie inside of negative ones", looks.inside(zero)
     shares = sample.shares[sample.known]
     found = split(shares, *np.percentile(shares, (0.01, 99.99)).tolist())
-    if found is not None and found.separation > _TWO_PHASES:
+    if found is not None and found.separation > _TWO_PHASE_SEPARATION:
         return "two phases", "there is no background, and values gather in two groups", looks.phases(sample, found)
-    first = float(np.percentile(shares, _UPPER_HALF))
+    first = float(np.percentile(shares, _FILLED_PERCENTILE))
     look = looks.ramp(sample, first, origin=float(sample.shares.min()))
     return "filled volume", "there is no background; the upper 40% of the values are shown", look
 
@@ -176,7 +178,7 @@ def _filled(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
 # Computed tomography
 
 # What CT scanners write as 0 Hounsfield units: 0, or what makes their 12 bits positive.
-_ZEROS = (0.0, 1024.0, 1000.0)
+_HOUNSFIELD_ZEROS = (0.0, 1024.0, 1000.0)
 
 
 def hounsfield_zero(statistics: Statistics) -> float | None:
@@ -187,7 +189,7 @@ def hounsfield_zero(statistics: Statistics) -> float | None:
     (-600 to -300), and there is something denser. What lies below -1100 is padding around the scanner's circle.
     """
     low, high = float(statistics.minimum), float(statistics.maximum)
-    for zero in _ZEROS:
+    for zero in _HOUNSFIELD_ZEROS:
         if (zero == 0) != (low < -200) or not 150 < high - zero < 40_000 or low - zero < -9000:
             continue
         if zero and high > 5200:
@@ -214,12 +216,12 @@ def _is_narrow(statistics: Statistics, values: Float64) -> bool:
 # Values that are far from all others
 
 # Of the range of the others, beyond which nothing is shown.
-_BEYOND = 0.02
+_OUTLIER_MARGIN = 0.02
 
 
-def without_far(suggestion: Suggestion, statistics: Statistics, sample: Sample) -> Suggestion:
+def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: Sample) -> Suggestion:
     """The suggestion for the others, of which `sample` is, with nothing shown where the far values are."""
-    ends = [sample.rounded(sample.value(share)) for share in (-_BEYOND, 1 + _BEYOND)]
+    ends = [sample.rounded(sample.value(share)) for share in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN)]
     values = [far.value for far in statistics.far]
     below = ends[0] if min(values) < ends[0] else None
     above = ends[1] if max(values) > ends[1] else None
@@ -242,17 +244,17 @@ def without_far(suggestion: Suggestion, statistics: Statistics, sample: Sample) 
 
 def _cut(points: Sequence[ControlPoint], below: float | None, above: float | None) -> list[ControlPoint]:
     """The points with an opacity of 0 below and above these values."""
-    cut = list(points) if above is None else _cut_above(points, above)
+    cut = list(points) if above is None else _transparent_above(points, above)
     if below is None:
         return cut
-    return _mirrored(_cut_above(_mirrored(cut), -below))
+    return _mirrored(_transparent_above(_mirrored(cut), -below))
 
 
 def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
     return [replace(point, value=-point.value) for point in reversed(points)]
 
 
-def _cut_above(points: Sequence[ControlPoint], end: float) -> list[ControlPoint]:
+def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[ControlPoint]:
     kept = [point for point in points if point.value < end]
     later = points[len(kept) :]
     if not any(point.opacity for point in (*kept[-1:], *later)):
@@ -271,19 +273,19 @@ _CONSTANT_OPACITY = 0.02
 
 
 def _constant(volume: Volume, value: float, colormap: str | None) -> Suggestion:
-    unit = unit_for(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
+    unit = opacity_unit_length(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
     reason = f"every voxel is {whole(value)}, so that there is nothing to tell apart"
     points = [ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)]
     return _from_points("constant volume", reason, Look((), (), None), points, ("",), unit, colormap)
 
 
-def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str | None) -> Suggestion:
-    unit = unit_for(sample.diagonal)
+def _suggestion_from_preset(kind: str, reason: str, sample: Sample, look: Look, colormap: str | None) -> Suggestion:
+    unit = opacity_unit_length(sample.diagonal)
     knots = sorted({at for layer in look.layers for at, _ in layer.knots})
     depths = np.zeros(len(knots))
     for layer in look.layers:
         at, weights = np.array(layer.knots, np.float64).T
-        depths += expose(sample, layer) * np.interp(knots, at, weights)
+        depths += calibrate_layer_depth(sample, layer) * np.interp(knots, at, weights)
     if not depths.max() > 0:  # nothing that was looked for is in the sample
         low, high = sorted((sample.minimum, sample.maximum))
         plain = Look((), (), None)
@@ -296,8 +298,8 @@ def _finished(kind: str, reason: str, sample: Sample, look: Look, colormap: str 
     for at, depth, gap in zip(knots, depths.tolist(), nearest.tolist(), strict=True):
         value = sample.rounded(sample.value(at), gap)
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
-        points[value] = ControlPoint(value, (r, g, b), opacity_of(depth, unit, sample.diagonal))
-        starting = [layer.name for layer in look.layers if layer.name and _peak(layer.knots) == at]
+        points[value] = ControlPoint(value, (r, g, b), opacity_from_depth(depth, unit, sample.diagonal))
+        starting = [layer.name for layer in look.layers if layer.name and _peak_position(layer.knots) == at]
         notes[value] = ", ".join(starting)
     ordered = sorted(points)
     told = tuple(notes[value] for value in ordered)
@@ -326,7 +328,7 @@ def _from_points(
     return Suggestion(kind, reason, TransferSpec(mapping, unit), (), look.shading)
 
 
-def _peak(knots: tuple[tuple[float, float], ...]) -> float:
+def _peak_position(knots: tuple[tuple[float, float], ...]) -> float:
     """Where a layer first has all its weight."""
     most = max(weight for _, weight in knots)
     return next(at for at, weight in knots if weight == most)

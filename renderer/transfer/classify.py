@@ -21,19 +21,19 @@ from renderer.scene import ShadingSpec
 from renderer.transfer.transfer_function import TransferFunction
 from renderer.volume import Volume
 
-Codes = npt.NDArray[Any]
+RawVoxels = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
 Channels = tuple[float, float, float, float]
 
 # Depths and opacities below this count as none: a row of 10^10 such voxels would still be invisible, and the mean of
 # 2^36 of them with nothing else is still a normal number of float32.
-FAINTEST = 2.0**-80
+VISIBILITY_THRESHOLD = 2.0**-80
 
 # Buckets from which the search for a segment starts; most hold no control point, and 8 KiB stay in cache.
 GUIDE_SIZE = 1024
 
 
-class Segments(NamedTuple):
+class TransferSegments(NamedTuple):
     """The transfer function's segments (TransferFunction.segments), with a guide to find them.
 
     rows: float64 [n + 1, 11], first scalar; start and width times `scale`; values at the start [4], rise [4];
@@ -74,12 +74,12 @@ class Classifier(NamedTuple):
     """
 
     table: npt.NDArray[np.float32] | None
-    segments: Segments | None
+    segments: TransferSegments | None
     scalars: Float64 | None
     lighting: Lighting | None
 
 
-def voxel_codes(volume: Volume) -> Codes:
+def raw_voxels(volume: Volume) -> RawVoxels:
     """The voxels as the kernels read them: unsigned bit patterns for types of at most 16 bits; no copy is made."""
     size = volume.values.dtype.itemsize
     return volume.values.view({1: np.uint8, 2: np.uint16}[size]) if size <= 2 else volume.values
@@ -103,12 +103,12 @@ def make_classifier(
     colors, extinctions = transfer.classify(scalars)
     depths = extinctions * finest_spacing
     weights = -np.expm1(-depths) if opacity else depths
-    weights[weights < FAINTEST] = 0.0
+    weights[weights < VISIBILITY_THRESHOLD] = 0.0
     table = np.column_stack([colors * weights[:, None], weights]).astype(np.float32)
     return Classifier(table, None, scalars, lighting)
 
 
-def _make_segments(transfer: TransferFunction, finest_spacing: float, opacity: bool) -> Segments:
+def _make_segments(transfer: TransferFunction, finest_spacing: float, opacity: bool) -> TransferSegments:
     starts, widths, lows, rises = transfer.segments()
     first_scalars = np.concatenate([transfer.values[:1], transfer.values])
     unit_depth = np.array([1, 1, 1, finest_spacing])
@@ -123,11 +123,11 @@ def _make_segments(transfer: TransferFunction, finest_spacing: float, opacity: b
     bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
     guide = np.searchsorted(starts[1:], bounds, side="right").astype(np.uint64)
     first, last = float(transfer.values[0]), float(transfer.values[-1])
-    return Segments(rows, guide, first, last, transfer.scale, buckets_per_unit, opacity)
+    return TransferSegments(rows, guide, first, last, transfer.scale, buckets_per_unit, opacity)
 
 
 @jit
-def evaluate(scalar: float, segments: Segments) -> Channels:
+def evaluate(scalar: float, segments: TransferSegments) -> Channels:
     """Channels of a scalar, unlit."""
     rows, guide = segments.rows, segments.guide
     inside = min(max(scalar, segments.first), segments.last) * segments.scale
@@ -144,7 +144,7 @@ def evaluate(scalar: float, segments: Segments) -> Channels:
     weight = rows[k, 6] + t * rows[k, 10]
     if segments.opacity:
         weight = -np.expm1(-weight)
-    weight = weight if weight >= FAINTEST else 0.0
+    weight = weight if weight >= VISIBILITY_THRESHOLD else 0.0
     return (
         weight * (rows[k, 3] + t * rows[k, 7]),
         weight * (rows[k, 4] + t * rows[k, 8]),
@@ -154,7 +154,7 @@ def evaluate(scalar: float, segments: Segments) -> Channels:
 
 
 @jit
-def scalar_at(codes: Codes, scalars: Float64 | None, z: int, y: int, x: int) -> float:
+def scalar_at(codes: RawVoxels, scalars: Float64 | None, z: int, y: int, x: int) -> float:
     """The scalar of a voxel."""
     if scalars is None:
         return float(codes[z, y, x])
@@ -162,7 +162,7 @@ def scalar_at(codes: Codes, scalars: Float64 | None, z: int, y: int, x: int) -> 
 
 
 @jit
-def _lighting_factor(codes: Codes, scalars: Float64 | None, lighting: Lighting, z: int, y: int, x: int) -> float:
+def _lighting_factor(codes: RawVoxels, scalars: Float64 | None, lighting: Lighting, z: int, y: int, x: int) -> float:
     """Factor on the colour: ambient + diffuse max(0, n . l), n against the world gradient; ambient where it is 0.
 
     Derivatives along the index axes are central, one-sided at the border, 0 across one voxel.
@@ -192,9 +192,9 @@ def _lighting_factor(codes: Codes, scalars: Float64 | None, lighting: Lighting, 
 
 @jit
 def classify_voxel(
-    codes: Codes,
+    codes: RawVoxels,
     table: npt.NDArray[np.float32] | None,
-    segments: Segments | None,
+    segments: TransferSegments | None,
     scalars: Float64 | None,
     lighting: Lighting | None,
     z: int,

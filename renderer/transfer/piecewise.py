@@ -14,19 +14,19 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 
 # Scalars are held to this many ranges from the range's start: no interpolation towards a visible one overflows.
-FARTHEST = 2.0**20
-# What is so large that FARTHEST times it is no number.
-_LARGE = 2.0**1000
+MAX_NORMALIZED_SCALAR = 2.0**20
+# What is so large that MAX_NORMALIZED_SCALAR times it is no number.
+_MAX_UNSCALED_WIDTH = 2.0**1000
 
 # Equal parts of the range, of each of which is known where to begin to look for a piece.
 GUIDE_SIZE = 1024
 
 # Pieces narrower than this are none: their slopes would not be numbers.
-_NARROWEST = 2.0**-80
+_MIN_PIECE_WIDTH = 2.0**-80
 
 
 @dataclass(frozen=True)
-class OpticalPieces:
+class PiecewiseTransfer:
     """Colour and extinction by u, where 0 is the start of a range of scalars and 1 its end; linear in each piece.
 
     ends: float32 [n]. Piece k holds u from the end of the piece before on (that of a step belongs to its upper side)
@@ -43,7 +43,9 @@ class OpticalPieces:
     guide: npt.NDArray[np.int32]
 
 
-def optical_pieces(transfer: TransferFunction, finest_spacing: float, first: float, last: float) -> OpticalPieces:
+def make_piecewise_transfer(
+    transfer: TransferFunction, finest_spacing: float, first: float, last: float
+) -> PiecewiseTransfer:
     """Of a transfer function whose control values are within some ranges of the range from `first` to `last`."""
     width, halves = range_width(first, last)
     knots = np.array([relative(float(value), first, width, halves) for value in transfer.values], np.float32)
@@ -51,10 +53,10 @@ def optical_pieces(transfer: TransferFunction, finest_spacing: float, first: flo
     lows, rises = (channels * [1.0, 1.0, 1.0, finest_spacing] for channels in (lows, rises))
     origins = np.concatenate([knots[:1], knots])
     widths = np.diff(np.append(origins, knots[-1]).astype(np.float64))
-    slopes = np.divide(rises, widths[:, None], out=np.zeros_like(rises), where=widths[:, None] > _NARROWEST)
+    slopes = np.divide(rises, widths[:, None], out=np.zeros_like(rises), where=widths[:, None] > _MIN_PIECE_WIDTH)
     buckets = np.searchsorted(knots, np.arange(GUIDE_SIZE) / GUIDE_SIZE, side="right")
     buckets[0] = np.searchsorted(knots, 0.0, side="left")
-    pieces = OpticalPieces(
+    pieces = PiecewiseTransfer(
         np.append(knots, np.float32(np.inf)),
         origins,
         lows.astype(np.float32),
@@ -69,12 +71,12 @@ def optical_pieces(transfer: TransferFunction, finest_spacing: float, first: flo
 @jit
 def relative(scalar: float, first: float, width: float, halves: float) -> float:
     """The scalar's place in a range, held."""
-    return min(max((scalar * halves - first * halves) / width, -FARTHEST), FARTHEST)
+    return min(max((scalar * halves - first * halves) / width, -MAX_NORMALIZED_SCALAR), MAX_NORMALIZED_SCALAR)
 
 
 @jit
 def range_width(first: float, last: float) -> tuple[float, float]:
     """The width of a range times 1, or times 1/2 where it is large, and that factor. Times it, differences of scalars
-    overflow, if at all, where they are more than FARTHEST widths."""
-    halves = 1.0 if last - first < _LARGE else 0.5
+    overflow, if at all, where they are more than MAX_NORMALIZED_SCALAR widths."""
+    halves = 1.0 if last - first < _MAX_UNSCALED_WIDTH else 0.5
     return last * halves - first * halves, halves

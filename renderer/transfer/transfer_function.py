@@ -55,7 +55,7 @@ class TransferFunction:
     @property
     def scale(self) -> float:
         """The power of two, 1 but for the largest control values, with which their differences are finite."""
-        return math.ldexp(1.0, min(0, LARGEST_EXPONENT - _exponent(self.values)))
+        return math.ldexp(1.0, min(0, LARGEST_EXPONENT - _binary_exponent(self.values)))
 
     def classify(self, scalars: npt.NDArray[Any]) -> tuple[Float64, Float64]:
         """Colours float64 [..., 3] and extinctions float64 [...] of scalars of any real dtype and shape."""
@@ -85,7 +85,7 @@ class TransferFunction:
         return starts, widths, lows, rises
 
 
-def make_transfer(spec: TransferSpec, finest_spacing: float) -> TransferFunction:
+def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> TransferFunction:
     """The transfer function of a scene for a volume whose finest spacing is `finest_spacing` world units."""
     unit = finest_spacing if spec.unit is None else spec.unit
     cap = MAX_VOXEL_DEPTH / finest_spacing
@@ -96,24 +96,26 @@ def make_transfer(spec: TransferSpec, finest_spacing: float) -> TransferFunction
 
     if isinstance(spec.mapping, ColormapSpec):
         values, opacities = np.array(spec.mapping.opacity, np.float64).T
-        return TransferFunction(*_with_colormap(spec.mapping, values, extinction(opacities)), unit)
+        return TransferFunction(*_colormap_control_points(spec.mapping, values, extinction(opacities)), unit)
     values = np.array([point.value for point in spec.mapping], np.float64)
     colors = np.array([point.color for point in spec.mapping], np.float64)
     opacities = np.array([point.opacity for point in spec.mapping], np.float64)
     return TransferFunction(values, colors, extinction(opacities), unit)
 
 
-def _exponent(values: npt.ArrayLike) -> int:
+def _binary_exponent(values: npt.ArrayLike) -> int:
     """Of the power of two above the largest magnitude."""
     return math.frexp(float(np.abs(values).max()))[1]
 
 
-def _with_colormap(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tuple[Float64, Float64, Float64]:
+def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tuple[Float64, Float64, Float64]:
     """Control points wherever the colormap or the extinction (given at the values `at`) has one."""
     from renderer.scene import colormap_points
 
     first, last = spec.range
-    scale = math.ldexp(1.0, min(-1 - _exponent(spec.range), 1000))  # to [-1/2, 1/2], where slopes are finite, too
+    scale = math.ldexp(
+        1.0, min(-1 - _binary_exponent(spec.range), 1000)
+    )  # to [-1/2, 1/2], where slopes are finite, too
     # Once each where the range has fewer numbers than the colormap has samples, with the colour of their own place.
     samples = np.unique(np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale)
     table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)

@@ -52,7 +52,7 @@ def value_at(cubic: Cubic, t: float) -> float:
 
 
 @jit
-def part_of(cubic: Cubic, start: float, width: float) -> Cubic:
+def restrict_cubic(cubic: Cubic, start: float, width: float) -> Cubic:
     """The same cubic in x, with t = start + width * x."""
     first = cubic[1] + start * (2.0 * cubic[2] + start * 3.0 * cubic[3])
     second = cubic[2] + start * 3.0 * cubic[3]
@@ -73,7 +73,7 @@ def _insert(splits: Float64, count: int, t: float) -> int:
 
 
 @jit
-def _stationary(cubic: Cubic) -> tuple[float, float]:
+def _stationary_points(cubic: Cubic) -> tuple[float, float]:
     """Where the cubic stops rising or falling, ascending; -1 where there is no such place."""
     a, b, c = 3.0 * cubic[3], 2.0 * cubic[2], cubic[1]
     largest = max(abs(a), abs(b), abs(c))
@@ -113,7 +113,7 @@ def _crossing(cubic: Cubic, level: float, start: float, end: float) -> float:
 @jit
 def add_crossings(cubic: Cubic, levels: Float64, splits: Float64, count: int) -> int:
     """Add to splits[:count] every t in (0, 1) at which the cubic passes through one of the ascending levels."""
-    turn_0, turn_1 = _stationary(cubic)
+    turn_0, turn_1 = _stationary_points(cubic)
     start = 0.0
     for candidate in (turn_0, turn_1, 1.0):
         if not start < candidate <= 1.0:

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from renderer.errors import RenderError
 from renderer.scene import ShadingSpec
-from renderer.truth.kernel import GROUP, Intervals, Lighting, integrate_rays
+from renderer.truth.kernel import MACROCELL_SIZE, Intervals, Lighting, integrate_rays
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
@@ -95,7 +95,7 @@ def integrate(
     width, height = view.size
     field = _prepare(volume, transfer, shading)
     pixels = np.arange(width * height)
-    image = _integrate_pixels(field, view, pixels, step_voxels, num_threads, _part_of(on_progress, 0.0, 1.0))
+    image = _integrate_pixels(field, view, pixels, step_voxels, num_threads, _progress_of_part(on_progress, 0.0, 1.0))
     return image.reshape(height, width, 4)
 
 
@@ -135,7 +135,7 @@ def converged_image(
         steps.append(_FIRST_STEP / 2**num_halvings)
         counts.append(pixels.size)
         num_needed = num_done + pixels.size * max(1, num_agreements + 1 - num_halvings)
-        progress = _part_of(on_progress, num_done / num_needed, (num_done + pixels.size) / num_needed)
+        progress = _progress_of_part(on_progress, num_done / num_needed, (num_done + pixels.size) / num_needed)
         finer = _integrate_pixels(field, view, pixels, steps[-1], num_threads, progress)
         num_done += pixels.size
         change = np.abs(finer - image[pixels]).max(axis=1)
@@ -158,7 +158,7 @@ def converged_image(
     )
 
 
-def rays_about(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
+def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
     """Rays through the centres of pixels, given by their numbers row by row from the top left corner.
 
     Each begins where it meets the plane through the point that faces the camera, which keeps the digits of rays from a
@@ -186,8 +186,8 @@ class _Field:
     """What the kernel reads, the same for all rays.
 
     values: those of the volume, in a dtype that numba has.
-    groups: uint8, a byte for each GROUP^3 cells; what a ray found out about one is noted there for all that follow.
-    index_from_world: float64 [3, 3], of directions and of offsets from the volume's centre.
+    groups: uint8, a byte for each MACROCELL_SIZE^3 cells; what a ray found out about one is noted there for all that
+    follow. index_from_world: float64 [3, 3], of directions and of offsets from the volume's centre.
     """
 
     volume: Volume
@@ -203,7 +203,7 @@ def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | N
     if values.dtype == np.float16:  # numba has none; the copy is exact
         values = values.astype(np.float32)
         values.flags.writeable = False  # as in every Volume; the kernels are compiled for that
-    groups = np.zeros([n // GROUP + 1 for n in values.shape], np.uint8)
+    groups = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     largest = max(*map(abs, volume.value_range()), float(np.abs(transfer.values).max()))
     exponent = math.frexp(largest)[1]
@@ -212,7 +212,7 @@ def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | N
     return _Field(volume, values, groups, index_from_world, intervals, lighting)
 
 
-def _part_of(on_progress: Progress | None, start: float, end: float) -> Progress:
+def _progress_of_part(on_progress: Progress | None, start: float, end: float) -> Progress:
     """What is told the progress of a part that takes the whole from `start` to `end`."""
 
     def report(share: float) -> None:
@@ -232,7 +232,7 @@ def _integrate_pixels(
     def integrate_part(first: int) -> None:
         field.volume.require_unchanged()
         part = slice(first, first + _RAYS_PER_TASK)
-        origins, directions, starts = rays_about(field.volume.centre, view, pixels[part])
+        origins, directions, starts = rays_through_pixels(field.volume.centre, view, pixels[part])
         integrate_rays(
             field.values,
             field.groups,

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, part_of, value_at
+from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, restrict_cubic, value_at
 
 Float64 = npt.NDArray[np.float64]
 Bytes = npt.NDArray[np.uint8]
@@ -31,17 +31,17 @@ Gradient = tuple[Cubic, Cubic, Cubic]
 Ray = tuple[float, float, float, float]
 
 # A ray ends where less than 1e-12 of what lies behind it could still be seen.
-_LAST_DEPTH = -math.log(1e-12)
+_MAX_OPTICAL_DEPTH = -math.log(1e-12)
 # With four nodes, steps of a voxel and of an optical depth of 1 left errors of 6e-8 and less on two CT scans.
 _MAX_DEPTH_OF_STEP = 1.0
 _NODES = np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263])
 _WEIGHTS = np.array([0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692])
 
 # The depth of a piece is not cut into more steps than this, so that their number can be counted in integers.
-_MAX_DEPTH_CUT = 2.0**30
+_MAX_STEPS_BY_DEPTH = 2.0**30
 # Cells per axis of a group, and what is known of it. Of the cells that rays met in visible groups of two CT scans 0.70
 # and 0.75 were visible, with groups of 8^3 0.51 and 0.60.
-GROUP = 4
+MACROCELL_SIZE = 4
 _UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
 
 _ZERO = np.zeros(1)
@@ -97,7 +97,7 @@ def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, lightin
 
 
 @jit
-def _resolved(value: Cubic, low: float, high: float) -> Cubic:
+def _clamp_cubic(value: Cubic, low: float, high: float) -> Cubic:
     """The cubic on x in [0, 1] that should lie in [low, high]; constant where it strays too far from there.
 
     That is where an interval is narrower than the rounding of the cubic, and so is the piece: between such knots
@@ -133,22 +133,22 @@ def _integrate_piece(
     base, slope, origin = row[3], row[7], row[8]
     if base == 0.0 and slope == 0.0:
         return ray
-    value = part_of(cubic, start, end - start)
+    value = restrict_cubic(cubic, start, end - start)
     if 0 < k < intervals.knots.size:
-        value = _resolved(value, intervals.knots[k - 1], intervals.knots[k])
+        value = _clamp_cubic(value, intervals.knots[k - 1], intervals.knots[k])
     scale = (end - start) * length
     # Optical depth per unit of x in [0, 1], a cubic; its largest Bernstein coefficient bounds it from above.
     t0 = (base + slope * (value[0] - origin)) * scale
     t1, t2, t3 = slope * value[1] * scale, slope * value[2] * scale, slope * value[3] * scale
     bound = max(t0, t0 + t1 / 3.0, t0 + (2.0 * t1 + t2) / 3.0, t0 + t1 + t2 + t3)
     voxels = (end - start) * length_voxels
-    num_steps = math.ceil(max(1.0, voxels, min(bound / _MAX_DEPTH_OF_STEP, _MAX_DEPTH_CUT)) / max_step)
+    num_steps = math.ceil(max(1.0, voxels, min(bound / _MAX_DEPTH_OF_STEP, _MAX_STEPS_BY_DEPTH)) / max_step)
     width = 1.0 / num_steps
     red, green, blue, depth_before = ray
     for step in range(num_steps):
-        if depth_before > _LAST_DEPTH:
+        if depth_before > _MAX_OPTICAL_DEPTH:
             break
-        d0, d1, d2, d3 = part_of((t0, t1, t2, t3), step * width, width)
+        d0, d1, d2, d3 = restrict_cubic((t0, t1, t2, t3), step * width, width)
         # From the integrand in powers of x to its integral from 0 to x, divided by x.
         d0, d1, d2, d3 = d0 * width, d1 * width / 2.0, d2 * width / 3.0, d3 * width / 4.0
         depth = max(0.0, d0 + d1 + d2 + d3)
@@ -210,7 +210,7 @@ def _index_gradient(values: Any, x: int, y: int, z: int, axis: int, scale: float
 
 
 @jit
-def _load_slopes(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
+def _load_gradient_corners(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
     (x0, y0, z0), (x1, y1, z1) = _corner_indices(values, cell)
     return (
         _index_gradient(values, x0, y0, z0, axis, scale),
@@ -225,7 +225,7 @@ def _load_slopes(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
 
 
 @jit
-def _combined(weights: Vector, gradient: Gradient) -> Cubic:
+def _linear_combination(weights: Vector, gradient: Gradient) -> Cubic:
     first, second, third = gradient
     a, b, c = weights
     return (
@@ -242,12 +242,16 @@ def _world_gradient(
 ) -> Gradient:
     """The gradient per world unit along the ray inside a cell."""
     in_index = (
-        cubic_in_cell(_load_slopes(values, cell, 0, scale), entry, extent),
-        cubic_in_cell(_load_slopes(values, cell, 1, scale), entry, extent),
-        cubic_in_cell(_load_slopes(values, cell, 2, scale), entry, extent),
+        cubic_in_cell(_load_gradient_corners(values, cell, 0, scale), entry, extent),
+        cubic_in_cell(_load_gradient_corners(values, cell, 1, scale), entry, extent),
+        cubic_in_cell(_load_gradient_corners(values, cell, 2, scale), entry, extent),
     )
     to_world = lighting.world_from_index_gradient
-    return _combined(to_world[0], in_index), _combined(to_world[1], in_index), _combined(to_world[2], in_index)
+    return (
+        _linear_combination(to_world[0], in_index),
+        _linear_combination(to_world[1], in_index),
+        _linear_combination(to_world[2], in_index),
+    )
 
 
 @jit
@@ -262,13 +266,15 @@ def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
 
 
 @jit
-def _look_into_group(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
-    """Whether anything may be visible in group (i, j, k) along (x, y, z), whose first cell is GROUP * i - 1."""
+def _classify_macrocell(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
+    """Return whether anything may be visible in macrocell (i, j, k) (x, y, z), from cell MACROCELL_SIZE * i - 1."""
     num_z, num_y, num_x = values.shape
-    low = high = values[min(k * GROUP, num_z - 1), min(j * GROUP, num_y - 1), min(i * GROUP, num_x - 1)]
-    for z in range(max(k * GROUP - 1, 0), min((k + 1) * GROUP, num_z)):
-        for y in range(max(j * GROUP - 1, 0), min((j + 1) * GROUP, num_y)):
-            for x in range(max(i * GROUP - 1, 0), min((i + 1) * GROUP, num_x)):
+    low = high = values[
+        min(k * MACROCELL_SIZE, num_z - 1), min(j * MACROCELL_SIZE, num_y - 1), min(i * MACROCELL_SIZE, num_x - 1)
+    ]
+    for z in range(max(k * MACROCELL_SIZE - 1, 0), min((k + 1) * MACROCELL_SIZE, num_z)):
+        for y in range(max(j * MACROCELL_SIZE - 1, 0), min((j + 1) * MACROCELL_SIZE, num_y)):
+            for x in range(max(i * MACROCELL_SIZE - 1, 0), min((i + 1) * MACROCELL_SIZE, num_x)):
                 low, high = min(low, values[z, y, x]), max(high, values[z, y, x])
     return _VISIBLE if _is_visible(float(low) * intervals.scale, float(high) * intervals.scale, intervals) else _EMPTY
 
@@ -298,7 +304,7 @@ def _integrate_cell(
     gradient = (cubic, cubic, cubic)  # not looked at without light
     if lighting.enabled:
         gradient = _world_gradient(values, cell, entry, extent, lighting, intervals.scale)
-        count = add_crossings(_combined(lighting.light, gradient), _ZERO, splits, count)
+        count = add_crossings(_linear_combination(lighting.light, gradient), _ZERO, splits, count)
     voxels = math.sqrt(extent[0] ** 2 + extent[1] ** 2 + extent[2] ** 2)
     start = 0.0
     for piece in range(count + 1):
@@ -310,7 +316,7 @@ def _integrate_cell(
 
 
 @jit
-def _inside_volume(shape: Cell, origin: Vector, direction: Vector, start: float) -> tuple[float, float]:
+def _clip_to_volume(shape: Cell, origin: Vector, direction: Vector, start: float) -> tuple[float, float]:
     """The part of the ray from `start` on in [-1/2, n - 1/2] per axis; empty when the first is not the smaller one."""
     end = math.inf
     for axis in range(3):
@@ -330,7 +336,7 @@ def _first_cell(at: float, num_voxels: int) -> int:
 
 
 @jit
-def _way_to_plane(cell: int, origin: float, direction: float) -> float:
+def _distance_to_plane(cell: int, origin: float, direction: float) -> float:
     """To where the ray leaves a cell along one axis; from the cell's number, so that no rounding accumulates."""
     if direction == 0.0:
         return math.inf
@@ -351,19 +357,19 @@ def _integrate_ray(
 ) -> Ray:
     """The colour and the optical depth of one ray, gathered from cell to cell."""
     ray = (0.0, 0.0, 0.0, 0.0)
-    s, end = _inside_volume(values.shape, origin, direction, start)
+    s, end = _clip_to_volume(values.shape, origin, direction, start)
     if not s < end:
         return ray
     (ox, oy, oz), (dx, dy, dz) = origin, direction
     num_z, num_y, num_x = values.shape
     x, y, z = _first_cell(ox + s * dx, num_x), _first_cell(oy + s * dy, num_y), _first_cell(oz + s * dz, num_z)
-    to_x, to_y, to_z = _way_to_plane(x, ox, dx), _way_to_plane(y, oy, dy), _way_to_plane(z, oz, dz)
-    while s < end and ray[3] <= _LAST_DEPTH:
+    to_x, to_y, to_z = _distance_to_plane(x, ox, dx), _distance_to_plane(y, oy, dy), _distance_to_plane(z, oz, dz)
+    while s < end and ray[3] <= _MAX_OPTICAL_DEPTH:
         leave = min(max(min(to_x, to_y, to_z), s), end)
         if leave > s:
-            i, j, k = (x + 1) // GROUP, (y + 1) // GROUP, (z + 1) // GROUP
+            i, j, k = (x + 1) // MACROCELL_SIZE, (y + 1) // MACROCELL_SIZE, (z + 1) // MACROCELL_SIZE
             if groups[k, j, i] == _UNKNOWN:  # several threads may come here at once, and will note the same
-                groups[k, j, i] = _look_into_group(values, i, j, k, intervals)
+                groups[k, j, i] = _classify_macrocell(values, i, j, k, intervals)
             if groups[k, j, i] == _VISIBLE:
                 length = leave - s
                 entry = (ox + s * dx - x, oy + s * dy - y, oz + s * dz - z)
@@ -374,13 +380,13 @@ def _integrate_ray(
         s = leave
         if to_x <= to_y and to_x <= to_z:
             x += 1 if dx > 0.0 else -1
-            to_x = _way_to_plane(x, ox, dx)
+            to_x = _distance_to_plane(x, ox, dx)
         elif to_y <= to_z:
             y += 1 if dy > 0.0 else -1
-            to_y = _way_to_plane(y, oy, dy)
+            to_y = _distance_to_plane(y, oy, dy)
         else:
             z += 1 if dz > 0.0 else -1
-            to_z = _way_to_plane(z, oz, dz)
+            to_z = _distance_to_plane(z, oz, dz)
     return ray
 
 
@@ -398,7 +404,8 @@ def integrate_rays(
 ) -> None:
     """Write premultiplied RGBA of n rays to `radiance` float64 [n, 4].
 
-    values: [z, y, x]. groups: uint8, for each axis n // GROUP + 1 of them, 0 at first; what was found out is noted in
+    values: [z, y, x]. groups: uint8, for each axis n // MACROCELL_SIZE + 1 of them, 0 at first; what was found out is
+    noted in
         it, for calls with the same values and intervals.
     origins, directions: float64 [n, 3] in index space, directions per world unit of length.
     starts: float64 [n], world length along the ray before which nothing counts.

@@ -22,13 +22,13 @@ from renderer.volume import Volume
 Float64 = npt.NDArray[np.float64]
 
 # What a corner must have of depth, in model units, to be divided by it; a box with one that has not is cut.
-_NEAREST = 1e-6
+_MIN_DEPTH = 1e-6
 # Of eyes at which rays begin, in model units from the volume's centre.
-_NEAR = 2.0
+_NEAR_EYE_DISTANCE = 2.0
 
 
 @dataclass(frozen=True)
-class RayFrame:
+class RaySetup:
     """Rays by pixel: with (x, y) the place of a pixel's centre relative to the image's centre, in pixels, y downwards,
 
         origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
@@ -45,11 +45,11 @@ class RayFrame:
     start: float
 
 
-def ray_frame(volume: Volume, length: float, view: View) -> RayFrame:
+def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
     """The rays of a view; `length` is that of a model unit."""
     centre = view.in_view(volume.centre) / length
     index_from_view = np.linalg.inv(volume.world_from_index[:3, :3] / length) @ view.axes.T
-    is_near = view.projection == "perspective" and np.linalg.norm(centre) < _NEAR
+    is_near = view.projection == "perspective" and np.linalg.norm(centre) < _NEAR_EYE_DISTANCE
     depth = 0.0 if is_near else max(0.0, -float(centre[2]))
     begin = -centre - (0.0, 0.0, depth)
     if view.projection == "perspective":
@@ -61,7 +61,7 @@ def ray_frame(volume: Volume, length: float, view: View) -> RayFrame:
         px = 1 / (view.scale_px * length)
         across, turn = np.array([[px, 0.0], [0.0, -px], [0.0, 0.0]]), np.zeros((3, 2))
     forward = np.array([[0.0], [0.0], [-1.0]])
-    return RayFrame(
+    return RaySetup(
         index_from_view @ np.column_stack([begin, across]),
         index_from_view @ np.hstack([forward, turn]),
         slope,
@@ -72,38 +72,38 @@ def ray_frame(volume: Volume, length: float, view: View) -> RayFrame:
 def visible_bricks(batch: BrickBatch, view: View) -> npt.NDArray[np.uint32]:
     """uint32 [k]: the bricks that may touch the image, front to back, exactly."""
     cut = batch.cut
-    rectangles = box_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
+    rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
     order = box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1]
     seen = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
     return order[seen[order]].astype(np.uint32)
 
 
-def box_rectangles(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
+def screen_rectangles(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
     """float64 [n, 4]: left, top, right and bottom of rectangles of the image, in pixels, around the boxes of bricks.
 
     To the image belongs what the last nodes of the coarsest lattice are beyond it. Empty, with right <= left or
     bottom <= top, where a box is not in it; the whole of it where the eye plane cuts a box.
     """
     boxes, volume, length = batch.cut.boxes[order], batch.cut.volume, batch.length
-    to_view = view.axes @ volume.world_from_index[:3, :3] / length
+    view_from_index = view.axes @ volume.world_from_index[:3, :3] / length
     centre = view.in_view(volume.centre) / length
     rectangles = np.empty((len(boxes), 4))
     perspective = view.projection == "perspective"
     scale_px = view.scale_px if perspective else view.scale_px * length
     width, height = view.size
-    beyond = batch.thrift.strides[0] - 1
-    _project_boxes(
-        boxes, volume.centre_index, to_view, centre, perspective, scale_px, width / 2, height / 2,
+    beyond = batch.screen_sampling.strides[0] - 1
+    _project_bounds(
+        boxes, volume.centre_index, view_from_index, centre, perspective, scale_px, width / 2, height / 2,
         float(width + beyond), float(height + beyond), view.near / length, rectangles,
     )  # fmt: skip
     return rectangles
 
 
 @jit
-def _project_boxes(
+def _project_bounds(
     boxes: Float64,
     centre_index: Float64,
-    to_view: Float64,
+    view_from_index: Float64,
     centre: Float64,
     perspective: bool,
     scale_px: float,
@@ -121,13 +121,13 @@ def _project_boxes(
             x = boxes[i, corner & 1, 0] - centre_index[0]
             y = boxes[i, corner >> 1 & 1, 1] - centre_index[1]
             z = boxes[i, corner >> 2, 2] - centre_index[2]
-            view_x = centre[0] + to_view[0, 0] * x + to_view[0, 1] * y + to_view[0, 2] * z
-            view_y = centre[1] + to_view[1, 0] * x + to_view[1, 1] * y + to_view[1, 2] * z
-            depth = -(centre[2] + to_view[2, 0] * x + to_view[2, 1] * y + to_view[2, 2] * z)
+            view_x = centre[0] + view_from_index[0, 0] * x + view_from_index[0, 1] * y + view_from_index[0, 2] * z
+            view_y = centre[1] + view_from_index[1, 0] * x + view_from_index[1, 1] * y + view_from_index[1, 2] * z
+            depth = -(centre[2] + view_from_index[2, 0] * x + view_from_index[2, 1] * y + view_from_index[2, 2] * z)
             if depth <= near:
                 num_behind += 1
             if perspective:
-                if depth <= _NEAREST:
+                if depth <= _MIN_DEPTH:
                     is_cut = True
                     continue
                 view_x, view_y = view_x / depth, view_y / depth

@@ -19,7 +19,7 @@ from renderer.errors import InputError
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
 from renderer.view.camera import Float64
-from renderer.view.paths import CameraPath, Poses, camera_poses, focal_length_px
+from renderer.view.paths import CameraPath, CameraPoses, camera_poses, focal_length_px
 from renderer.volume import Volume
 
 Int64 = npt.NDArray[np.int64]
@@ -57,7 +57,7 @@ def fit_distance(
     tangent_per_px = math.tan(math.radians(camera.field_of_view) / 2) / (height / 2)
     limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
     distance = -math.inf
-    for poses in _poses(camera.path, frames):
+    for poses in _pose_chunks(camera.path, frames):
         right, up, direction = poses.right / limit_x, poses.up / limit_y, poses.direction
         depth = direction if camera.projection == "perspective" else np.zeros_like(direction)
         for normals in (depth + right, depth - right, depth + up, depth - up):
@@ -73,7 +73,7 @@ def fit_distance(
     return distance
 
 
-def _poses(path: CameraPath, frames: Sequence[int]) -> Iterator[Poses]:
+def _pose_chunks(path: CameraPath, frames: Sequence[int]) -> Iterator[CameraPoses]:
     """The poses of some frames, in parts of bounded size."""
     for first in range(0, len(frames), _MAX_POSES):
         yield camera_poses(path, frames[first : first + _MAX_POSES])
@@ -123,13 +123,13 @@ def visible_points(pyramid: Pyramid) -> Float64:
     num = pyramid.occupied.shape[2]
     row_first = np.where(rows, pyramid.occupied.argmax(axis=2), num)
     row_last = np.where(rows, num - pyramid.occupied[..., ::-1].argmax(axis=2), 0)
-    first, last = _of_rows_around(np.minimum, row_first, num), _of_rows_around(np.maximum, row_last, 0)
+    first, last = _extreme_around_corners(np.minimum, row_first, num), _extreme_around_corners(np.maximum, row_last, 0)
     z, y = np.nonzero(last)
     corners = np.concatenate([np.column_stack([x[z, y], y, z]) for x in (first, last)])
     return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
 
 
-def _of_rows_around(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:
+def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:
     """[nz + 1, ny + 1] at the corners of [nz, ny] rows: the extreme of the four around each."""
     padded = np.pad(of_rows, 1, constant_values=outside)
     in_y = extreme(padded[:, 1:], padded[:, :-1])
@@ -150,7 +150,7 @@ def finest_useful_level(
     diagonal = max(float(np.linalg.norm(edges @ signs)) for signs in ([1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]))
     focal_px = focal_length_px(camera, size)
     widest_px = 0.0
-    for poses in _poses(camera.path, range(camera.path.frames)):
+    for poses in _pose_chunks(camera.path, range(camera.path.frames)):
         if camera.projection == "orthographic":
             px_per_unit = poses.zoom * (focal_px / distance)
         else:
@@ -175,7 +175,7 @@ def smallest_voxel_px(
     offset = volume.centre - np.asarray(target, np.float64)
     nearest = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
     narrowest_px = math.inf
-    for poses in _poses(camera.path, range(camera.path.frames)):
+    for poses in _pose_chunks(camera.path, range(camera.path.frames)):
         depths = np.full(len(poses.zoom), distance)
         if camera.projection == "perspective":
             depths = np.maximum(distance - poses.direction @ offset, nearest)

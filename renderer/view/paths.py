@@ -30,7 +30,7 @@ from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath, 
 from renderer.view.camera import Float64, View
 
 # Looked at together, for bounded memory.
-_FRAMES_IN_RUN = 1 << 16
+_FRAMES_PER_CHUNK = 1 << 16
 
 CameraPath = TurntablePath | RockerPath | KeyframePath
 
@@ -49,7 +49,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Poses:
+class CameraPoses:
     """A `Pose` for each of n frames: direction, right, up: float64 [n, 3]. zoom: float64 [n]."""
 
     direction: Float64
@@ -64,11 +64,11 @@ def camera_pose(path: CameraPath, frame: int) -> Pose:
     return Pose(poses.direction[0], poses.right[0], poses.up[0], float(poses.zoom[0]))
 
 
-def camera_poses(path: CameraPath, frames: Sequence[int]) -> Poses:
+def camera_poses(path: CameraPath, frames: Sequence[int]) -> CameraPoses:
     """The poses at some frames, each as `camera_pose` gives it."""
     at = np.asarray(frames, np.float64)
     if isinstance(path, KeyframePath):
-        azimuth, elevation, zoom = _between_keys(path, at)
+        azimuth, elevation, zoom = _interpolate_keyframes(path, at)
     else:
         if isinstance(path, TurntablePath):
             azimuth = path.start + 360.0 * at / path.frames
@@ -77,7 +77,7 @@ def camera_poses(path: CameraPath, frames: Sequence[int]) -> Poses:
         elevation, zoom = np.full_like(at, path.elevation), np.ones_like(at)
     (sin_a, cos_a), (sin_e, cos_e) = _sine_and_cosine(azimuth), _sine_and_cosine(elevation)
     turned = _rotation_from_z_to(path.axis).T
-    return Poses(
+    return CameraPoses(
         direction=np.column_stack([cos_e * sin_a, -cos_e * cos_a, sin_e]) @ turned,
         right=np.column_stack([cos_a, sin_a, np.zeros_like(cos_a)]) @ turned,
         up=np.column_stack([-sin_e * sin_a, sin_e * cos_a, cos_e]) @ turned,
@@ -97,10 +97,10 @@ def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
     )
 
 
-def axes_in_runs(path: CameraPath) -> Iterator[Float64]:
+def iter_camera_axes(path: CameraPath) -> Iterator[Float64]:
     """The axes of all frames, as in `View`: float64 [n, 3, 3], in runs that overlap by one frame."""
-    for first in range(0, max(path.frames - 1, 1), _FRAMES_IN_RUN):
-        poses = camera_poses(path, range(first, min(first + _FRAMES_IN_RUN + 1, path.frames)))
+    for first in range(0, max(path.frames - 1, 1), _FRAMES_PER_CHUNK):
+        poses = camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)))
         yield np.stack([poses.right, poses.up, poses.direction], axis=1)
 
 
@@ -149,7 +149,7 @@ def _rotation_from_z_to(axis: Vector) -> Float64:
     )
 
 
-def _between_keys(path: KeyframePath, at: Float64) -> tuple[Float64, Float64, Float64]:
+def _interpolate_keyframes(path: KeyframePath, at: Float64) -> tuple[Float64, Float64, Float64]:
     """Azimuth and elevation in degrees, and zoom, at frames [n] between the keys of a path: float64 [n] each."""
     frames = np.array([key.frame for key in path.keys], np.float64)
     rows = np.array([(key.azimuth, key.elevation, math.log(key.zoom)) for key in path.keys])
@@ -157,7 +157,7 @@ def _between_keys(path: KeyframePath, at: Float64) -> tuple[Float64, Float64, Fl
         azimuth, elevation = np.broadcast_to(rows[:, :2], (len(at), 2)).T
         return azimuth, elevation, np.full_like(at, path.keys[0].zoom)
     if path.loop:
-        frames, rows = _closed(path, frames, rows)
+        frames, rows = _close_loop(path, frames, rows)
         at = np.where(at < frames[0], at + path.frames, at)
     at = np.clip(at, frames[0], frames[-1])
     azimuth, elevation, log_zoom = (
@@ -166,7 +166,7 @@ def _between_keys(path: KeyframePath, at: Float64) -> tuple[Float64, Float64, Fl
     return azimuth, elevation, np.exp(log_zoom)
 
 
-def _closed(path: KeyframePath, frames: Float64, rows: Float64) -> tuple[Float64, Float64]:
+def _close_loop(path: KeyframePath, frames: Float64, rows: Float64) -> tuple[Float64, Float64]:
     """Keys with the first one repeated one loop later, at whole turns that make the way there the shortest."""
     first, last, previous = rows[0], rows[-1], rows[-2]
     way = (first[0] - last[0]) % 360.0  # [0, 360), onward

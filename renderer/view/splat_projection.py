@@ -13,7 +13,7 @@ from renderer.jit import jit
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
 from renderer.view.camera import View
-from renderer.view.depth_order import Turning, depth_directions
+from renderer.view.order_blending import OrderBlending, sort_directions
 from renderer.view.visibility import box_order, depth_order
 
 Float64 = npt.NDArray[np.float64]
@@ -24,7 +24,7 @@ SLOPE_LIMIT = 1.3
 
 # The near plane changes splats whose centre is less than so many standard deviations beyond it, and leaves nothing of
 # those whose centre is so many before it; both as in shaders/project.glsl.
-CUT_SIGMAS, GONE_SIGMAS = 5.0, 4.0
+CLIPPED_SIGMAS, CULLED_SIGMAS = 5.0, 4.0
 
 # Splats whose footprints are looked at, about, to know those of all: their mean is right within a few per cent.
 FOOTPRINT_SAMPLE = 4096
@@ -112,7 +112,9 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
 
 
-def mean_footprint_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView, region: Region) -> float:
+def mean_footprint_area_px(
+    batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView, region: Region
+) -> float:
     """How many of the region's pixels a footprint of `batch[order]` covers in the mean; neither may be empty.
 
     An estimate, from a sample: ellipses with the two longest of the splat's axes, as they appear at the image's centre
@@ -129,7 +131,7 @@ def mean_footprint_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: 
     return float(np.minimum(areas_px, region.num_pixels).mean())
 
 
-def square_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> float:
+def total_square_area_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> float:
     """How many of the image's pixels the squares around the footprints of `batch[order]` have in all.
 
     An estimate of what a rasteriser has to look at: the coarsest cells, which are the first of a batch, are looked at
@@ -139,13 +141,13 @@ def square_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelVie
     others = order[~is_coarse]
     stride = max(1, len(others) // FOOTPRINT_SAMPLE)
     sample = others[::stride]
-    pixels = _square_px(batch, np.concatenate([order[is_coarse], sample]), camera)
+    pixels = _square_areas_px(batch, np.concatenate([order[is_coarse], sample]), camera)
     num_coarse = len(order) - len(others)
     mean = float(pixels[num_coarse:].mean()) if len(sample) else 0.0
     return float(pixels[:num_coarse].sum()) + mean * len(others)
 
 
-def _square_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: ModelView) -> Float64:
+def _square_areas_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: ModelView) -> Float64:
     """float64 [n]: of each of these splats."""
     vertices = batch.vertices[splats]
     in_view = vertices[:, :3] @ camera.view_from_model[:, :3].T + camera.view_from_model[:, 3]
@@ -175,7 +177,7 @@ def visible_order(
     sigmas = longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
     half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.narrowest_px + 1 for n in camera.size)
-    _depths_and_culling(
+    _compute_depths_and_cull(
         batch.vertices, sigmas, batch.footprint.cutoff, camera.view_from_model, camera.perspective,
         camera.scale_px, half_width, half_height, camera.slope_limit, camera.near,
         view.forward if along is None else along, depths, seen,
@@ -189,19 +191,19 @@ def visible_order(
 
 
 def visible_orders(
-    batch: SplatBatch, cut: Cut, view: View, order: str, turning: Turning
+    batch: SplatBatch, cut: Cut, view: View, order: str, turning: OrderBlending
 ) -> list[tuple[float, npt.NDArray[np.uint32]]]:
     """As `visible_order`, but without a jump between views by depth: orders, and the share of the picture of each."""
     if order != "depth":
         return [(1.0, visible_order(batch, cut, view, order))]
     return [
         (each.share, visible_order(batch, cut, view, order, along=each.direction))
-        for each in depth_directions(turning, view.forward)
+        for each in sort_directions(turning, view.forward)
     ]
 
 
 @jit
-def _depths_and_culling(
+def _compute_depths_and_cull(
     vertices: npt.NDArray[np.float32],
     sigmas: Float64,
     cutoff: float,
@@ -238,5 +240,5 @@ def _depths_and_culling(
             )
         else:
             inside = (x - radius) * scale <= half_width and (y - radius) * scale <= half_height
-        is_cut = depth - CUT_SIGMAS * sigma < near
-        seen[i] = (inside or is_cut) and depth + GONE_SIGMAS * sigma > near
+        is_cut = depth - CLIPPED_SIGMAS * sigma < near
+        seen[i] = (inside or is_cut) and depth + CULLED_SIGMAS * sigma > near

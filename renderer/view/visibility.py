@@ -79,14 +79,14 @@ def box_order(
     keys = np.zeros(len(cells), np.uint64)
     first = cells.astype(np.int64) << levels[:, None].astype(np.int64)
     for axis in range(3):
-        keys += _separation_digits(float(eye[axis]), volume.shape_xyz[axis], num_levels)[first[:, axis]]
+        keys += _split_plane_digits(float(eye[axis]), volume.shape_xyz[axis], num_levels)[first[:, axis]]
     cleared = 2 * levels.astype(np.uint64)
     keys = keys >> cleared << cleared
     return np.argsort(~keys, kind="stable")
 
 
 @jit
-def _separation_digits(eye: float, num: int, num_levels: int) -> npt.NDArray[np.uint64]:
+def _split_plane_digits(eye: float, num: int, num_levels: int) -> npt.NDArray[np.uint64]:
     """uint64 [num]: by index along an axis, two bits a level, 1 where its split lies between it and the eye."""
     digits = np.zeros(num, np.uint64)
     for index in range(num):

@@ -2,8 +2,8 @@
 
 The system takes such pages back when memory is short, so that a volume may be larger than it. The price is that the
 file must stay as it is: a page beyond the end of one that became shorter cannot be read, and the process that tries is
-killed (SIGBUS), unless whoever owns the process has it read zeros there (`hsplat_cli/scenes/shrinking.py`). So who is
-about to read looks at the file first, and who has read looks again before anything comes of it:
+killed (SIGBUS), unless whoever owns the process has it read zeros there (`hsplat_cli/scenes/truncation_guard.py`). So
+who is about to read looks at the file first, and who has read looks again before anything comes of it:
 `MappedFile.require_unchanged`.
 """
 
@@ -79,10 +79,10 @@ class MappedFile:
 
 
 # What is told of an array that was mapped, of any strides, before it is read.
-OnMapped = Callable[[MappedFile, Array], None]
+MappedCallback = Callable[[MappedFile, Array], None]
 
 
-def file_behind(values: Array) -> MappedFile | None:
+def backing_file(values: Array) -> MappedFile | None:
     """The file that an array [z, y, x], or the one that it is a part of, is mapped from; None for one in memory.
 
     values: C-contiguous, or else the file is only to be looked at. Raises OSError where the file is gone.

@@ -25,7 +25,7 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import make_splats
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 from renderer.truth import integrate
 from renderer.view import View, make_view
 from renderer.view.splat_projection import visible_order
@@ -71,7 +71,7 @@ def test_a_splat_per_voxel_of_the_engine(data_dir: Path, rasterizer: GLRasterize
         splat=SplatSpec("gaussian"),
     )
     stage = _stage(scene)
-    transfer = make_transfer(scene.transfer_function, 1.0)
+    transfer = make_transfer_function(scene.transfer_function, 1.0)
     for azimuth, least in ((30, 36.0), (93, 34.5)):
         view = make_view(scene.camera, azimuth, stage.target, stage.distance, scene.output.size)
         truth = integrate(stage.volume, transfer, view, step_voxels=1.0)
@@ -90,7 +90,7 @@ def test_a_finer_tolerance_is_closer_to_the_truth(rasterizer: GLRasterizer) -> N
     for averaged in (scene, replace(scene, pyramid=replace(scene.pyramid, average="opacity"))):
         stage = _stage(averaged)
         view = make_view(scene.camera, 0, stage.target, stage.distance, scene.output.size)
-        truth = integrate(stage.volume, make_transfer(scene.transfer_function, 1.0), view, step_voxels=1.0)
+        truth = integrate(stage.volume, make_transfer_function(scene.transfer_function, 1.0), view, step_voxels=1.0)
         reached = [_psnr(_draw(stage, view, tolerance, rasterizer), truth) for tolerance in (2.0, 0.5, 0.1, 0.0)]
         assert reached == sorted(reached), reached
         # Measured 27.29 dB; what is left is classification before interpolation and the width of the footprint.

@@ -21,20 +21,20 @@ from dense_bricks import (
 )
 from number_types import TYPES, limits
 
-from renderer.bricks import BRICK, Bricks, cut_bricks, make_brick_batch
+from renderer.bricks import BRICK_SIZE, Bricks, cut_bricks, make_brick_batch
 from renderer.bricks.subvoxel import (
-    NARROWEST,
-    NEARLY_LINEAR,
-    STEEPNESS,
+    DIFFERENCE_ERROR_SHARE,
+    MIN_PEAK_WIDTH,
+    SIMPLIFICATION_TOLERANCE,
     Polyline,
-    distances_in_bricks,
-    line_of_scalars,
     make_polyline,
+    make_scalar_polyline,
+    measure_subvoxel_variation,
     squared_difference,
     squared_distance,
 )
 from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
-from renderer.transfer import TransferFunction, make_classifier, voxel_codes
+from renderer.transfer import TransferFunction, make_classifier, raw_voxels
 from renderer.truth import integrate
 from renderer.view import View, visible_bricks
 from renderer.volume import Volume, make_volume
@@ -45,7 +45,7 @@ COLOR = (0.2, 0.7, 1.0)
 
 
 # Thinned lines have D within so much of the exact one, in units of the largest channel.
-THINNED = 4 * NEARLY_LINEAR
+THINNED = 4 * SIMPLIFICATION_TOLERANCE
 NUM_MIDPOINTS = 20000
 
 
@@ -111,10 +111,10 @@ def test_distance_and_width_piece_by_piece() -> None:
             got = found(line, low, high)
             np.testing.assert_allclose(math.sqrt(got[0]), math.sqrt(square), rtol=1e-9, atol=1e-12)
             assert got[1] == pytest.approx(float(width), rel=1e-9) or square < 1e-20
-            assert NARROWEST**2 <= got[1] <= 1
+            assert MIN_PEAK_WIDTH**2 <= got[1] <= 1
             nums = (int(np.searchsorted(line.values, at * line.scale, side="right")) for at in (low, high))
             difference = squared_difference(low * line.scale, high * line.scale, *nums, line.values, line.points)
-            np.testing.assert_allclose(STEEPNESS**2 * difference, jump, rtol=1e-9, atol=1e-12)
+            np.testing.assert_allclose(DIFFERENCE_ERROR_SHARE**2 * difference, jump, rtol=1e-9, atol=1e-12)
 
 
 def test_nothing_is_between_without_a_control_value() -> None:
@@ -152,12 +152,12 @@ def in_bricks(
     volume: Volume, transfer: TransferFunction, line: Polyline, parts: int = 1
 ) -> tuple[Float64, Float64, Float64]:
     """[z, y, x] each: the largest D or J of each brick, its roughness and its steepness."""
-    shape = tuple(-(-n // BRICK) for n in volume.values.shape)
+    shape = tuple(-(-n // BRICK_SIZE) for n in volume.values.shape)
     places = np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
     found = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     scalars = make_classifier(volume, transfer, None, opacity=False).scalars
     for part in np.array_split(places, parts):
-        distances_in_bricks(voxel_codes(volume), scalars, *line, np.ascontiguousarray(part), *found)
+        measure_subvoxel_variation(raw_voxels(volume), scalars, *line, np.ascontiguousarray(part), *found)
     return found
 
 
@@ -181,9 +181,9 @@ def test_bricks_of_every_type(dtype: str) -> None:
         largest, roughness, steepness = in_bricks(volume, transfer, line)
         means, means_of_jumps = means_over_dual_cells(squares / widths**2), means_over_dual_cells(jumps)
         for (x, y, z), mean in means.items():
-            part = np.maximum(squares, jumps)[dual_cells((x, y, z), BRICK)]
+            part = np.maximum(squares, jumps)[dual_cells((x, y, z), BRICK_SIZE)]
             np.testing.assert_allclose(largest[z, y, x], np.sqrt(part.max()), rtol=1e-6, atol=THINNED)
-            np.testing.assert_allclose(roughness[z, y, x], np.sqrt(mean), rtol=1e-5, atol=THINNED / NARROWEST**2)
+            np.testing.assert_allclose(roughness[z, y, x], np.sqrt(mean), rtol=1e-5, atol=THINNED / MIN_PEAK_WIDTH**2)
             np.testing.assert_allclose(steepness[z, y, x], np.sqrt(means_of_jumps[x, y, z]), rtol=1e-5, atol=THINNED)
 
 
@@ -270,7 +270,7 @@ def test_what_ends_where_nodes_end_is_as_right_as_elsewhere(volume: Volume) -> N
 def test_scalars_have_lines_of_their_own() -> None:
     """In shares of the range, however far it reaches; nothing is between them."""
     for low, high in ((0.0, 1.0), (-1e308, 1.7e308), (5e-324, 1e-300), (3.0, 3.0)):
-        line = line_of_scalars((low, high))
+        line = make_scalar_polyline((low, high))
         assert np.isfinite(line.values).all() and (np.diff(line.values) > 0).all()
         one, other = (low * line.scale, high * line.scale) if low < high else (3.0, 3.0)
         difference = squared_difference(one, other, 1, 1, line.values, line.points)
@@ -280,5 +280,5 @@ def test_scalars_have_lines_of_their_own() -> None:
 def picture(bricks: Bricks, view: View, tolerance: float) -> Float64:
     """All pixels of it."""
     batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=None, voxel_px=1.0)
-    batch = replace(batch, thrift=EXACTLY)
+    batch = replace(batch, screen_sampling=EXACTLY)
     return rasterize_bricks_reference(batch, visible_bricks(batch, view), view)

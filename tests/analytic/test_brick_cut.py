@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_bricks, patches
 
-from renderer.bricks import BRICK, BRICK_LEVELS, BrickCut, Bricks, cut_bricks, make_bricks, num_bricks_at
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickCut, Bricks, cut_bricks, make_bricks, num_bricks_at
 from renderer.readers import read_volume
 from renderer.scene import ErrorSpec, FileSource, PyramidSpec, VolumeSpec
 from renderer.transfer import TransferFunction
@@ -53,7 +53,7 @@ def largest_errors(shape: Shape) -> list[dict[tuple[int, int, int], float]]:
 
 def regions(cut: BrickCut) -> npt.NDArray[np.int64]:
     """[n, 2, 3]: first voxel (x, y, z) of each whole brick, and one past the last."""
-    width = np.int64(BRICK) << cut.levels[:, None].astype(np.int64)
+    width = np.int64(BRICK_SIZE) << cut.levels[:, None].astype(np.int64)
     first = cut.cells * width
     return np.stack([first, np.minimum(first + width, cut.volume.shape_xyz)], axis=1)
 

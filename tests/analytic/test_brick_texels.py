@@ -10,9 +10,9 @@ import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches, random_transfer
 from number_types import TYPES, limits
 
-from renderer.bricks import APRON, BRICK, Bricks, make_bricks, mean_texels, scalar_texels
+from renderer.bricks import BRICK_SIZE, HALO, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer import FAINTEST, FARTHEST, TransferFunction
+from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD, TransferFunction
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
@@ -20,9 +20,9 @@ Float64 = npt.NDArray[np.float64]
 
 SHAPES: list[Shape] = [(1, 1, 1), (1, 40, 20), (5, 17, 33), (33, 17, 5), (16, 32, 48), (35, 30, 66)]
 each_shape = pytest.mark.parametrize("shape", SHAPES, ids=str)
-SIDE = BRICK + 2 * APRON
+PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO
 # Of the field between texels: far from their places, at them, and at the faces between cells.
-SAMPLES = np.arange(0, BRICK + 0.01, 0.25)
+SAMPLES = np.arange(0, BRICK_SIZE + 0.01, 0.25)
 UNIT = np.finfo(np.float32).eps / 2
 
 
@@ -47,7 +47,7 @@ def all_cells(bricks: Bricks, level: int) -> npt.NDArray[np.int32]:
 
 def texel_places(cell: Array, axis: int) -> npt.NDArray[np.int64]:
     """[18]: the cells that a brick's texels are, along x, y or z."""
-    return BRICK * int(cell[axis]) - APRON + np.arange(SIDE)
+    return BRICK_SIZE * int(cell[axis]) - HALO + np.arange(PADDED_BRICK_SIZE)
 
 
 def from_dense(dense: Array, cells: Array) -> Array:
@@ -87,7 +87,12 @@ def test_scalars_are_relative_to_their_range(dtype: str) -> None:
         cells = all_cells(bricks, 0)
         want = from_dense((scalars - first) / (last - first), cells)
         got = scalar_texels(bricks, cells, lit=False)
-        assert got.dtype == np.float32 and got.shape == (len(cells), SIDE, SIDE, SIDE)
+        assert got.dtype == np.float32 and got.shape == (
+            len(cells),
+            PADDED_BRICK_SIZE,
+            PADDED_BRICK_SIZE,
+            PADDED_BRICK_SIZE,
+        )
         far = max(abs(first), abs(last)) / (last - first) * 2.0**-52
         np.testing.assert_allclose(got, want, rtol=2 * UNIT, atol=far)
         np.testing.assert_array_equal(scalar_texels(bricks, cells, lit=True)[..., 0], got)
@@ -97,8 +102,12 @@ def test_scalars_far_from_the_range_are_held() -> None:
     values = np.array([[[-1.7e308, -5.0, 0.0, 1e-310, 2e-310, 7.0, 1.7e308]]])
     volume = make_volume(values, np.eye(4), "far")
     for first, last, want in (
-        (0.0, 2e-310, [-FARTHEST, -FARTHEST, 0, 0.5, 1, FARTHEST, FARTHEST]),
-        (-5.0, 7.0, [-FARTHEST, 0, 5 / 12, 5 / 12, 5 / 12, 1, FARTHEST]),
+        (
+            0.0,
+            2e-310,
+            [-MAX_NORMALIZED_SCALAR, -MAX_NORMALIZED_SCALAR, 0, 0.5, 1, MAX_NORMALIZED_SCALAR, MAX_NORMALIZED_SCALAR],
+        ),
+        (-5.0, 7.0, [-MAX_NORMALIZED_SCALAR, 0, 5 / 12, 5 / 12, 5 / 12, 1, MAX_NORMALIZED_SCALAR]),
         (-1.7e308, 1.7e308, [0, 0.5, 0.5, 0.5, 0.5, 0.5, 1]),
     ):
         bricks = bricks_of(volume, linear(first, last, 0.1), "half")
@@ -190,7 +199,13 @@ def test_means_with_those_of_the_neighbours(shape: Shape, precision: Literal["ha
         field = extended(means, np.array(shape) / 2.0**level)
         cells = all_cells(bricks, level)
         got = mean_texels(bricks, level, cells)
-        assert got.dtype == np.float32 and got.shape == (len(cells), SIDE, SIDE, SIDE, 4)
+        assert got.dtype == np.float32 and got.shape == (
+            len(cells),
+            PADDED_BRICK_SIZE,
+            PADDED_BRICK_SIZE,
+            PADDED_BRICK_SIZE,
+            4,
+        )
         there = inside(bricks, level, cells)
         error = 2.0**-11 if precision == "half" else 1e-6
         np.testing.assert_allclose(got[there], from_dense(field, cells)[there], atol=7**3 * error * means.max())
@@ -227,12 +242,14 @@ def test_a_ramp_is_a_ramp_on_every_level(shape: Shape) -> None:
         bricks = bricks_of(make_volume(ramp, OBLIQUE, "ramp"), linear(0, 10), "single")
         for level in range(1, len(bricks.levels)):
             cells = all_cells(bricks, level)
-            want = np.zeros((len(cells), SIDE, SIDE, SIDE))
+            want = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE))
             for i, cell in enumerate(cells):
                 along = []
                 for axis, n in enumerate(bricks.volume.shape_xyz):
                     centres = (texel_places(cell, axis) + 0.5) * (1 << level) - 0.5
-                    along.append(slopes[axis] * (centres if n > 1 << level else np.full(SIDE, (n - 1) / 2)))
+                    along.append(
+                        slopes[axis] * (centres if n > 1 << level else np.full(PADDED_BRICK_SIZE, (n - 1) / 2))
+                    )
                 want[i] = 5 + along[2][:, None, None] + along[1][:, None] + along[0]
             want *= bricks.volume.finest_spacing / 10
             got = mean_texels(bricks, level, cells)
@@ -262,15 +279,15 @@ def test_a_constant_is_exactly_constant(
 def sampled(texels: Float64, samples: tuple[Float64, Float64, Float64]) -> Float64:
     """The linear field between texels [18, 18, 18, ...] on a grid, in cells from the brick's corner (along z, y, x)."""
     for axis in range(3):
-        place = samples[axis] - 0.5 + APRON
-        k = np.minimum(np.floor(place).astype(int), SIDE - 2)
+        place = samples[axis] - 0.5 + HALO
+        k = np.minimum(np.floor(place).astype(int), PADDED_BRICK_SIZE - 2)
         t = (place - k).reshape([-1 if n == axis else 1 for n in range(texels.ndim)])
         texels = (1 - t) * texels.take(k, axis) + t * texels.take(k + 1, axis)
     return texels
 
 
 def samples_in(bricks: Bricks, level: int, cell: Array) -> tuple[Float64, Float64, Float64]:
-    ends = [n / 2.0**level - BRICK * c for n, c in zip(bricks.volume.shape_xyz, cell.tolist(), strict=True)]
+    ends = [n / 2.0**level - BRICK_SIZE * c for n, c in zip(bricks.volume.shape_xyz, cell.tolist(), strict=True)]
     x, y, z = (SAMPLES[end >= SAMPLES] for end in ends)
     return z, y, x
 
@@ -308,7 +325,7 @@ def test_what_is_seen_lies_in_the_boxes(shape: Shape) -> None:
                     # Where rounding to float32 takes scalars off a plateau they are none that lie between corners.
                     scalars = np.round(first + field * (last - first), 3)
                     field = transfer.classify(scalars)[1] * volume.finest_spacing
-                seen = np.argwhere(field >= FAINTEST)
+                seen = np.argwhere(field >= VISIBILITY_THRESHOLD)
                 num_seen += len(seen)
                 low, high = of_level.boxes[cell[2], cell[1], cell[0]]
                 for axis, places in enumerate((z, y, x)):

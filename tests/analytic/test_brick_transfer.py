@@ -11,14 +11,14 @@ from brickwork import batch_of, bricks_of, level_cut, ordered
 from renderer.bricks import Bricks
 from renderer.draw import GLRasterizer
 from renderer.scene import ColormapSpec, TransferSpec
-from renderer.transfer import TransferFunction, make_transfer
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View
 from renderer.volume import Float64, make_volume
 
 
 @pytest.fixture(scope="module", params=["device", "processor"])
 def rasterizer(request: pytest.FixtureRequest) -> Iterator[GLRasterizer]:
-    with GLRasterizer(bricks_on=request.param) as gl:
+    with GLRasterizer(brick_backend=request.param) as gl:
         yield gl
 
 
@@ -34,7 +34,7 @@ def test_labels_on_the_step_of_a_colormap(rasterizer: GLRasterizer) -> None:
     """What is not seen below 1 is seen from 1 on: four slabs, 5 voxels deep."""
     labels = np.broadcast_to(np.repeat(np.arange(4, dtype=np.uint8), 8), (5, 6, 32))
     opacity = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (3.0, 0.5))
-    transfer = make_transfer(TransferSpec(ColormapSpec("viridis", (0.0, 3.0), opacity), None), 1.0)
+    transfer = make_transfer_function(TransferSpec(ColormapSpec("viridis", (0.0, 3.0), opacity), None), 1.0)
     bricks = bricks_of(make_volume(labels.copy(), np.eye(4), "labels"), transfer)
     alphas = seen_along_z(rasterizer, bricks, 0.5)[3, 4::8, 3]
     np.testing.assert_allclose(alphas, [0, *3 * [1 - 0.5**5]], atol=1e-6)

@@ -17,7 +17,7 @@ from hypothesis import assume, given, settings, strategies as st
 from renderer.frame import finest_level_at, prepare
 from renderer.pyramid import CutSizes, Pyramid, build_pyramid, children, cut_pyramid, cut_sizes, node_errors
 from renderer.readers.procedural import procedural_values
-from renderer.scene import LEAST_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec, load_scene
+from renderer.scene import MIN_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec, load_scene
 from renderer.scene.parse import parse_scene
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
@@ -43,8 +43,8 @@ def build(of: Volume, error: ErrorSpec = ERRORS[0], spec: PyramidSpec | None = N
     return build_pyramid(of, transfer(), spec=spec or PyramidSpec(), error=error, num_threads=1)
 
 
-def sizes_of(pyramid: Pyramid, most_cells: int = 10**9, finest: int = 0, finest_at_zero: int = 0) -> CutSizes:
-    return cut_sizes(pyramid, most_cells, finest_level=finest, finest_level_at_zero=finest_at_zero)
+def sizes_of(pyramid: Pyramid, max_cells: int = 10**9, finest: int = 0, finest_at_zero: int = 0) -> CutSizes:
+    return cut_sizes(pyramid, max_cells, finest_level=finest, finest_level_at_zero=finest_at_zero)
 
 
 @st.composite
@@ -207,14 +207,14 @@ def test_a_pyramid_from_some_tolerance_on_has_its_own_cuts(
     errors = errors[errors > 0]
     assume(len(errors) > 0)
     least = float(errors[round(share * (len(errors) - 1))])
-    for least_tolerance in (least, math.nextafter(least, 2 * least)):
+    for min_tolerance in (least, math.nextafter(least, 2 * least)):
         part = build_pyramid(
-            of, transfer(), spec=spec, error=error, num_threads=1, least_tolerance=least_tolerance, finest_level=finest
+            of, transfer(), spec=spec, error=error, num_threads=1, min_tolerance=min_tolerance, finest_level=finest
         )
-        most = len(cut_pyramid(whole, least_tolerance, finest_level=finest))
+        most = len(cut_pyramid(whole, min_tolerance, finest_level=finest))
         for num in {1, 5, max(1, most - 1), most, 10 * most}:
             found = sizes_of(part, num, finest, finest).finest(num)
-            assert found.tolerance >= least_tolerance
+            assert found.tolerance >= min_tolerance
             assert found.num_cells == len(cut_pyramid(part, found.tolerance, finest_level=finest)) <= num
             assert found.num_cells == sizes_of(whole, min(num, most), finest, finest).finest(min(num, most)).num_cells
 
@@ -241,7 +241,7 @@ def made_sizes(divisions: list[float], beyond: float = 0.0) -> CutSizes:
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(
-    ends=st.tuples(*[st.floats(LEAST_TOLERANCE, sys.float_info.max / 2)] * 2),
+    ends=st.tuples(*[st.floats(MIN_TOLERANCE, sys.float_info.max / 2)] * 2),
     beyond=st.booleans(),
     ulps=st.none() | st.integers(1, 9),
 )
@@ -251,7 +251,7 @@ def test_tolerances_lie_between_the_divisions_and_are_legal(
     low, high = sorted(ends)
     if ulps:
         low = high * (1 - ulps * 2.0**-52)
-    assume(LEAST_TOLERANCE <= low < high)
+    assume(MIN_TOLERANCE <= low < high)
     sizes = made_sizes([high], low) if beyond else made_sizes([high, low])
     above, between = sizes.finest(1).tolerance, sizes.finest(2).tolerance
     assert above > high >= between > low
@@ -262,7 +262,7 @@ def test_tolerances_lie_between_the_divisions_and_are_legal(
     assert float(f"{between:.{num_digits - 1}e}") == between or num_digits > 16
 
 
-@pytest.mark.parametrize("division", [LEAST_TOLERANCE, 1.0, 7e299, 8e307])
+@pytest.mark.parametrize("division", [MIN_TOLERANCE, 1.0, 7e299, 8e307])
 def test_tolerances_beside_a_single_division(division: float) -> None:
     sizes = made_sizes([division])
     for num, (above, up_to) in {1: (division, math.inf), 2: (0.0, division)}.items():

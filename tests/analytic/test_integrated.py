@@ -191,7 +191,7 @@ def test_no_step_keeps_pace_with_what_is_regular(period: int, azimuth: float) ->
     truth = integrate(volume, transfer, view, step_voxels=0.02)
     for tolerance in 0.01 * 10.0 ** (np.arange(13) / 8):
         batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=None, voxel_px=1)
-        image = rasterize_bricks_reference(replace(batch, thrift=EXACTLY), visible_bricks(batch, view), view)
+        image = rasterize_bricks_reference(replace(batch, screen_sampling=EXACTLY), visible_bricks(batch, view), view)
         assert np.sqrt(np.mean((image - truth) ** 2)) < tolerance, tolerance
 
 

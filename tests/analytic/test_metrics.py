@@ -12,7 +12,15 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
-from renderer.study import METRICS, Accuracy, compare, over_background, pooled, require_measuring_packages, single
+from renderer.study import (
+    METRICS,
+    Accuracy,
+    compare,
+    over_background,
+    pool_accuracies,
+    require_measuring_packages,
+    single,
+)
 from renderer.study.metrics import FLIP_PIXELS_PER_DEGREE, Difference
 
 Float64 = npt.NDArray[np.float64]
@@ -210,27 +218,27 @@ def test_frames_pool_their_squares() -> None:
     mask = np.ones((24, 32), bool)
     each = [compare(picture, truth, mask) for picture, truth in zip(pictures, truths, strict=True)]
     side_by_side = everywhere(np.concatenate(pictures, 1), np.concatenate(truths, 1))
-    found = pooled(each).everywhere
+    found = pool_accuracies(each).everywhere
     for name in ("rmse", "max_error", "psnr", "delta_e_share"):
         assert getattr(found, name) == pytest.approx(getattr(side_by_side, name), abs=1e-9)
     for name in ("ssim", "flip", "flip_p99"):
         assert getattr(found, name) == pytest.approx(
             np.mean([getattr(one.everywhere, name) for one in each]), abs=EXACT
         )
-    assert pooled(each).on_volume == found
-    assert pooled(each[:1]) == each[0]
+    assert pool_accuracies(each).on_volume == found
+    assert pool_accuracies(each[:1]) == each[0]
 
 
 def test_frames_without_figures_are_left_out_of_the_pool() -> None:
     seen = compare(noisy(1), noisy(2), np.ones((24, 32), bool))
     empty = compare(noisy(3), noisy(4), np.zeros((24, 32), bool))
-    assert pooled([seen, empty]).on_volume == seen.on_volume
-    assert all(math.isnan(figure) for figure in astuple(pooled([empty, empty]).on_volume))
+    assert pool_accuracies([seen, empty]).on_volume == seen.on_volume
+    assert all(math.isnan(figure) for figure in astuple(pool_accuracies([empty, empty]).on_volume))
 
 
 def test_equal_frames_pool_to_an_infinite_psnr() -> None:
     equal = compare(noisy(1), noisy(1), np.ones((24, 32), bool))
-    assert pooled([equal, equal]) == Accuracy(equal.everywhere, equal.everywhere)
+    assert pool_accuracies([equal, equal]) == Accuracy(equal.everywhere, equal.everywhere)
 
 
 @pytest.mark.parametrize("package", ["skimage", "flip_evaluator"])

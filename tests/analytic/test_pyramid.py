@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.pyramid import Level, Pyramid, build_pyramid
-from renderer.pyramid.kernels import store_halves
+from renderer.pyramid.kernels import store_float16
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
@@ -378,7 +378,7 @@ def test_float16_is_rounded_to_nearest() -> None:
     values = np.concatenate([values, np.nextafter(values, np.float32(0)), np.nextafter(values, np.float32(1e9))])
     values = values[values <= 2.0**15]
     got = np.empty(len(values), np.uint16)
-    store_halves(values / np.float32(4), 4.0, got)
+    store_float16(values / np.float32(4), 4.0, got)
     nearest = values.astype(np.float16).astype(np.float64)
     error = np.abs(got.view(np.float16).astype(np.float64) - values)
     # Only where the two neighbours are equally near may it be another one than numpy's.

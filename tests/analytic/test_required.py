@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
-from renderer.scene import ErrorSpec, PyramidSpec, least_tolerance, tolerance_at
+from renderer.scene import ErrorSpec, PyramidSpec, min_tolerance, tolerance_at
 from renderer.transfer import TransferFunction
 from renderer.view import visible_points
 from renderer.volume import Volume, make_volume
@@ -70,7 +70,7 @@ def test_what_is_left_out_changes_no_cut(
     volume, error, spec = terraces(shape, dtype, seed), MEASURES[measure], PyramidSpec(average, precision)
     least = 10.0**exponent
     whole = build_pyramid(volume, transfer(), spec=spec, error=error)
-    part = build_pyramid(volume, transfer(), spec=spec, error=error, least_tolerance=least, finest_level=finest_level)
+    part = build_pyramid(volume, transfer(), spec=spec, error=error, min_tolerance=least, finest_level=finest_level)
     assert all(some <= all_ for some, all_ in zip(num_nodes(part), num_nodes(whole), strict=True))
     for tolerance in (least, 1.5 * least, 100 * least):
         assert_same_cut(whole, part, tolerance, finest_level)
@@ -86,7 +86,7 @@ def test_where_the_error_decides_little_is_left(measure: str) -> None:
     volume = make_volume(np.where(ball, 200, 80).astype(np.uint8), np.eye(4), "ball")
     error = MEASURES[measure]
     whole = build_pyramid(volume, transfer(), spec=PyramidSpec(), error=error)
-    part = build_pyramid(volume, transfer(), spec=PyramidSpec(), error=error, least_tolerance=1e-2)
+    part = build_pyramid(volume, transfer(), spec=PyramidSpec(), error=error, min_tolerance=1e-2)
     assert num_nodes(whole)[:2] == [32**3, 16**3]
     assert num_nodes(part)[0] < 0.45 * 32**3
     assert num_nodes(part)[2:] == num_nodes(whole)[2:]
@@ -104,7 +104,7 @@ def test_levels_below_the_finest_are_not_stored(finest_level: int) -> None:
 
 def test_a_cut_that_was_not_announced_is_refused() -> None:
     pyramid = build_pyramid(
-        terraces((9, 9, 9), np.uint8, 0), transfer(), spec=PyramidSpec(), error=ErrorSpec(), least_tolerance=0.1
+        terraces((9, 9, 9), np.uint8, 0), transfer(), spec=PyramidSpec(), error=ErrorSpec(), min_tolerance=0.1
     )
     with pytest.raises(ValueError, match=r"^no pyramid for this tolerance: got 0\.09, expected at least 0\.1$"):
         cut_pyramid(pyramid, 0.09)
@@ -123,7 +123,7 @@ def test_a_cut_that_was_not_announced_is_refused() -> None:
 )
 def test_no_frame_of_a_schedule_asks_for_less_than_the_least(tolerances: list[float], gap: int, frame: int) -> None:
     error = ErrorSpec(tolerance=tuple((gap * i, tolerance) for i, tolerance in enumerate(tolerances)))
-    assert tolerance_at(error, frame) >= least_tolerance(error)
+    assert tolerance_at(error, frame) >= min_tolerance(error)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.float16, np.float32, np.int64, np.float64])

@@ -17,7 +17,7 @@ from splatting import cut_of, in_order, look, optical_depth, place_splats, point
 from renderer.draw import GLRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import SplatBatch, make_splats
-from renderer.truth.integrator import rays_about
+from renderer.truth.integrator import rays_through_pixels
 from renderer.view import View
 from renderer.view.splat_projection import visible_order
 from renderer.volume import Volume
@@ -99,7 +99,7 @@ def test_energy_does_not_depend_on_the_side_a_long_splat_is_seen_from(rasterizer
 def block_of(volume: Volume, view: View) -> tuple[Float64, npt.NDArray[np.int64]]:
     """World length of each pixel's ray in the volume [h, w]; the pair of faces that it enters and leaves by, or -1."""
     width, height = view.size
-    origins, directions, _ = rays_about(np.zeros(3), view, np.arange(width * height))
+    origins, directions, _ = rays_through_pixels(np.zeros(3), view, np.arange(width * height))
     index_from_world = np.linalg.inv(volume.world_from_index)
     origins = origins @ index_from_world[:3, :3].T + index_from_world[:3, 3]
     directions = directions @ index_from_world[:3, :3].T

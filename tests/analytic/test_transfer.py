@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.scene import ColormapSpec, ControlPoint, TransferSpec, colormap_points
-from renderer.transfer import TransferFunction, make_transfer
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
 
 Float64 = npt.NDArray[np.float64]
@@ -109,36 +109,36 @@ def points(*opacities: tuple[float, float]) -> tuple[ControlPoint, ...]:
 @pytest.mark.parametrize("unit", [1e-6, 0.5, 1.0, 3.0, 1e6])
 def test_opacity_per_unit_is_extinction(unit: float) -> None:
     opacities = [1e-300, 1e-17, 0.25, 0.999]
-    tf = make_transfer(TransferSpec(points(*enumerate(opacities)), unit), finest_spacing=1e-9)
+    tf = make_transfer_function(TransferSpec(points(*enumerate(opacities)), unit), finest_spacing=1e-9)
     np.testing.assert_allclose(tf.extinctions, [-math.log1p(-a) / unit for a in opacities], rtol=1e-15)
     assert tf.unit == unit
 
 
 def test_the_default_unit_is_the_finest_spacing() -> None:
-    tf = make_transfer(TransferSpec(points((0, 0.5))), finest_spacing=0.25)
+    tf = make_transfer_function(TransferSpec(points((0, 0.5))), finest_spacing=0.25)
     assert tf.unit == 0.25
     assert tf.max_extinction == math.log(2) / 0.25
 
 
 @pytest.mark.parametrize("spacing", [0.001, 1.0, 40.0])
 def test_opacity_1_is_the_cap(spacing: float) -> None:
-    tf = make_transfer(TransferSpec(points((0, 0.0), (1, 1.0)), 1.0), spacing)
+    tf = make_transfer_function(TransferSpec(points((0, 0.0), (1, 1.0)), 1.0), spacing)
     np.testing.assert_array_equal(tf.extinctions, [0, MAX_VOXEL_DEPTH / spacing])
     assert math.copysign(1, tf.extinctions[0]) == 1
 
 
 def test_an_opacity_just_below_1_per_short_unit_meets_the_cap() -> None:
-    tf = make_transfer(TransferSpec(points((0, 0.9)), 0.001), finest_spacing=1.0)
+    tf = make_transfer_function(TransferSpec(points((0, 0.9)), 0.001), finest_spacing=1.0)
     assert tf.max_extinction == MAX_VOXEL_DEPTH
 
 
 def test_control_values_as_large_as_float64_holds() -> None:
-    tf = make_transfer(TransferSpec(points((-1.7e308, 0.0), (1.7e308, 0.5)), 1.0), 1.0)
+    tf = make_transfer_function(TransferSpec(points((-1.7e308, 0.0), (1.7e308, 0.5)), 1.0), 1.0)
     np.testing.assert_allclose(tf.classify(np.array([-1.7e308, 0, 1.7e308]))[1], [0, math.log(2) / 2, math.log(2)])
 
 
 def colormap(*opacities: tuple[float, float], name: str = "viridis") -> TransferFunction:
-    return make_transfer(TransferSpec(ColormapSpec(name, (10.0, 90.0), opacities), 1.0), 1.0)
+    return make_transfer_function(TransferSpec(ColormapSpec(name, (10.0, 90.0), opacities), 1.0), 1.0)
 
 
 @pytest.mark.parametrize("name", ["viridis", "viridis_r", "crameri:batlow"])
@@ -176,7 +176,7 @@ def test_a_colormap_over_fewer_numbers_than_it_has_samples() -> None:
     first = 1e6
     numbers = first + np.spacing(first) * np.arange(-1, 7)
     spec = ColormapSpec("viridis", (float(numbers[1]), float(numbers[6])), ((first, 0.5),))
-    colors, _ = make_transfer(TransferSpec(spec, 1.0), 1.0).classify(numbers)
+    colors, _ = make_transfer_function(TransferSpec(spec, 1.0), 1.0).classify(numbers)
     table = np.array(colormap_points("viridis", NUM_COLORMAP_SAMPLES))
     at = np.array([0, 0, 51, 102, 153, 204, 255, 255])  # 255 / 5 samples from number to number
     np.testing.assert_allclose(colors, table[at], rtol=1e-12)

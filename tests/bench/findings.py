@@ -22,7 +22,7 @@ from kept_study import kept_study
 matplotlib.use("agg")
 from matplotlib import pyplot
 
-from renderer.study import cost_at
+from renderer.study import cost_at_psnr
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "findings.md"
@@ -203,7 +203,7 @@ def in_short(subject: Subject, trade: Series, meshes: Series) -> tuple[str, ...]
     """A line of the table at the head of the page, of `optical` where nothing else is said."""
     own = trade["gaussian, optical"]
     psnrs, counts = [p.psnr for p in own], [p.splats for p in own]
-    enough = cost_at(psnrs, counts, max(psnrs) - 1)
+    enough = cost_at_psnr(psnrs, counts, max(psnrs) - 1)
     mesh = {p.tolerance: p.psnr for p in meshes["gouraud 8x3, optical"]}
     return (
         subject.title.partition(",")[0],
@@ -252,7 +252,7 @@ def measures_compared(trade: Series) -> list[str]:
     optical, rms = trade["gaussian, optical"], trade["gaussian, rms"]
     rows = []
     for wanted in levels(optical, rms):
-        counts = [cost_at([p.psnr for p in s], [p.splats for p in s], wanted) for s in (optical, rms)]
+        counts = [cost_at_psnr([p.psnr for p in s], [p.splats for p in s], wanted) for s in (optical, rms)]
         rows.append((f"{wanted} dB", *(f"{count:.0f}" for count in counts), f"{counts[1] / counts[0]:.2f}"))
     return [
         "**`rms` against `optical`.** Splats for an accuracy, interpolated between tolerances:",
@@ -306,7 +306,7 @@ def vtk_compared(trade: Series) -> list[str]:
     best = max(p.psnr for p in peers)
     rows = []
     for wanted in range(5 * math.ceil(max(min(p.psnr for p in s) for s in (own, peers)) / 5), math.floor(best) + 1, 5):
-        ours, theirs = (cost_at([p.psnr for p in s], [p.ms for p in s], wanted) for s in (own, peers))
+        ours, theirs = (cost_at_psnr([p.psnr for p in s], [p.ms for p in s], wanted) for s in (own, peers))
         reached = math.isfinite(ours)
         rows.append(
             (

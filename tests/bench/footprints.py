@@ -33,11 +33,11 @@ from renderer.scene import (
     ShadingSpec,
     SplatSpec,
     VolumeSpec,
-    at_tolerance,
     load_scene,
-    scene_in,
+    parse_scene_content,
+    with_tolerance,
 )
-from renderer.study import TRUTH_TOLERANCE, Truth, find_truth, over_background
+from renderer.study import TRUTH_TOLERANCE, Truth, compute_truth, over_background
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, PICTURE = (ROOT / "docs" / name for name in ("footprints.md", "trade.png"))
@@ -134,11 +134,11 @@ def row_of_pictures() -> Iterator[str]:
     scene = load_scene(ROOT / "configs" / "demo.yaml")
     scene = replace(scene, output=replace(scene.output, size=(320, 320)))
     stage = prepare(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
-    truth = find_truth(stage, SHOWN_FRAME, TRUTH_TOLERANCE)
+    truth = compute_truth(stage, SHOWN_FRAME, TRUTH_TOLERANCE)
     pictures = []
     with GLRasterizer() as rasterizer:
         for tolerance in SHOWN:
-            at = replace(stage, scene=at_tolerance(stage.scene, tolerance))
+            at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
             pictures += [frame.image for frame in render_frames(at, [SHOWN_FRAME], rasterizer, clock=time.process_time)]
     iio.imwrite(PICTURE, np.concatenate(pictures, axis=1))
     points = list(measured(stage, truth, SHOWN))
@@ -228,7 +228,7 @@ def suggested(volume: VolumeSpec) -> Scene:
     """As `hsplat init` has it."""
     scene = Path("suggested.yaml")
     text = suggest_scene(volume, FilmOptions(), colormap=None, scene=scene, output=Path("film.mp4")).text
-    return scene_in(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
+    return parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
 
 
 def figures(subject: Subject, size: int = 256) -> dict[str, Any]:
@@ -243,7 +243,7 @@ def figures(subject: Subject, size: int = 256) -> dict[str, Any]:
             stage = prepare(own, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
         once[footprint] = stage.seconds["pyramid"] + stage.seconds.get("bricks", 0.0)
         if truth is None:
-            truth = find_truth(stage, FRAME, TRUTH_TOLERANCE)
+            truth = compute_truth(stage, FRAME, TRUTH_TOLERANCE)
         points[footprint] = list(measured(stage, truth, (*TOLERANCES, *FINE[footprint])))
     return {"what": subject.what, "once_s": once, "points": points}
 
@@ -252,7 +252,7 @@ def measured(stage: Stage, truth: Truth, tolerances: Sequence[float]) -> Iterato
     """Each tolerance, from coarse to fine, until frames take too long."""
     with GLRasterizer() as rasterizer:
         for tolerance in tolerances:
-            at = replace(stage, scene=at_tolerance(stage.scene, tolerance))
+            at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
             (frame,) = render_frames(at, [truth.frame], rasterizer, clock=time.process_time)
             difference = over_background(frame.radiance, stage.scene.output.background) - truth.picture
             taken: list[float] = []

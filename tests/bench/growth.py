@@ -23,7 +23,7 @@ from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare, render_frames
 from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
-from renderer.scene import ProceduralSource, Scene, at_tolerance, load_scene
+from renderer.scene import ProceduralSource, Scene, load_scene, with_tolerance
 from renderer.volume import make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -124,7 +124,7 @@ def staged(scene: Scene, values: Values) -> Stage:
 
 def frame_s(stage: Stage, tolerance: float, rasterizer: GLRasterizer) -> float:
     """Processor seconds of a frame, without what is done once."""
-    at = replace(stage, scene=at_tolerance(stage.scene, tolerance))
+    at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
     (frame,) = render_frames(at, [FRAME], rasterizer, clock=time.process_time)
     return sum(frame.seconds[name] for name in ("order", "draw", "quantize"))
 

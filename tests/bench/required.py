@@ -25,7 +25,7 @@ from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
 from renderer.readers import read_volume
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, Scene, TransferSpec, load_scene
 from renderer.splats import make_splats
-from renderer.transfer import TransferFunction, make_transfer
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view.splat_projection import visible_order
 from renderer.volume import Volume, make_volume
 
@@ -87,7 +87,7 @@ def one_tolerance(data: Path) -> list[Row]:
             least: float, scene: Scene = scene, volume: Volume = volume, of: TransferFunction = transfer
         ) -> Pyramid:
             return build_pyramid(
-                volume, of, spec=scene.pyramid, error=scene.error, num_threads=THREADS, least_tolerance=least
+                volume, of, spec=scene.pyramid, error=scene.error, num_threads=THREADS, min_tolerance=least
             )
 
         few, many = _timed(lambda build=build: build(0.1), lambda build=build: build(0.0))
@@ -112,7 +112,7 @@ def little_visible() -> list[Row]:
         mapping = tuple(
             ControlPoint(at, (1.0, 0.5, 0.2), opacity) for at, opacity in ((0, 0.0), (125, 0.0), (250, 0.1))
         )
-        transfer = make_transfer(TransferSpec(mapping), 1.0)
+        transfer = make_transfer_function(TransferSpec(mapping), 1.0)
 
         def build(volume: Volume, of: TransferFunction = transfer) -> Pyramid:
             return build_pyramid(volume, of, spec=PyramidSpec(), error=ErrorSpec(), num_threads=THREADS)
@@ -132,7 +132,7 @@ def little_visible() -> list[Row]:
 def measures() -> list[Row]:
     """Voxels are classified once, unless averages and errors are asked of different quantities."""
     noise = make_volume(np.random.default_rng(0).integers(0, 250, (256, 256, 256), np.uint8), np.eye(4), "noise")
-    transfer = make_transfer(
+    transfer = make_transfer_function(
         TransferSpec((ControlPoint(0, (1.0, 0.5, 0.2), 0.0), ControlPoint(250, (1, 1, 1), 0.1))), 1.0
     )
 
@@ -205,7 +205,7 @@ def _subject(data: Path, name: str) -> tuple[Scene, Volume, TransferFunction]:
         ROOT / "configs" / f"{name}.yaml", overrides=["splat={footprint: gaussian}"], volume=data / f"{name}.nhdr"
     )
     volume = read_volume(scene.volume)
-    return scene, volume, make_transfer(scene.transfer_function, volume.finest_spacing)
+    return scene, volume, make_transfer_function(scene.transfer_function, volume.finest_spacing)
 
 
 def _timed(

@@ -38,7 +38,7 @@ from renderer.scene import (
     load_scene,
 )
 from renderer.splats import make_splats
-from renderer.transfer import TransferFunction, make_transfer
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import make_view
 from renderer.view.splat_projection import visible_order
 from renderer.volume import Volume, make_volume
@@ -197,7 +197,7 @@ def _noise(side: int, dtype: str) -> tuple[Volume, TransferFunction]:
     values = (np.random.default_rng(0).random((side, side, side), dtype=np.float32) * high).astype(dtype)
     points = [(0.0, 0.0), (0.4999, 0.0), (0.5, 0.01), (0.8, 0.3), (1.0, 0.6)]
     mapping = tuple(ControlPoint(float(at * high), (1.0, 0.5, at), opacity) for at, opacity in points)
-    return make_volume(values, np.eye(4), "noise"), make_transfer(TransferSpec(mapping), 1.0)
+    return make_volume(values, np.eye(4), "noise"), make_transfer_function(TransferSpec(mapping), 1.0)
 
 
 def _verify_root(pyramid: Pyramid, transfer: TransferFunction) -> None:

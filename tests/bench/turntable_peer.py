@@ -28,8 +28,8 @@ from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare, view_of
 from renderer.readers import read_volume
 from renderer.scene import load_scene
-from renderer.study import Picture, find_truth
-from renderer.transfer import TransferFunction, make_transfer
+from renderer.study import Picture, compute_truth
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -85,11 +85,11 @@ def row(scene: Path, data: Path, python: Path, folder: Path, repeats: int) -> st
     """One scene, with a volume whose outermost voxels are transparent."""
     spec = load_scene(scene, volume=data / f"{scene.stem.partition('_')[0]}.nhdr")
     read = read_volume(spec.volume)
-    transfer = make_transfer(spec.transfer_function, read.finest_spacing)
+    transfer = make_transfer_function(spec.transfer_function, read.finest_spacing)
     volume = with_transparent_border(read, transfer)
     file = write_nrrd(volume, folder / "volume.nrrd")
     stage = prepare(spec, clock=time.perf_counter, num_threads=os.cpu_count() or 1, volume=volume)
-    truth = find_truth(stage, 0, 1e-4).picture
+    truth = compute_truth(stage, 0, 1e-4).picture
     still, film = folder / "still.png", folder / "film.mp4"
 
     def own(tolerance: float, output: Path, *options: str) -> list[str]:

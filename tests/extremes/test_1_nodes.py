@@ -15,7 +15,7 @@ from extremes import Extreme, Section
 
 from renderer.pyramid import Pyramid, build_pyramid, root_error
 from renderer.scene import ErrorSpec, PyramidSpec
-from renderer.transfer import TransferFunction, classify_voxel, make_classifier, voxel_codes
+from renderer.transfer import TransferFunction, classify_voxel, make_classifier, raw_voxels
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
@@ -33,7 +33,7 @@ LAST_PLACE = 2**1074
 U = 2.0**-24
 
 # Relative errors in float32 are asked for from this share of the largest channel on.
-LEAST_SHARE = 0.1
+MIN_WEIGHT = 0.1
 
 # One voxel, two, three; 2^k, 2^k + 1 and primes, alone and together.
 SHAPES = [
@@ -155,7 +155,7 @@ def with_outlier(dtype: Any, outlier: float) -> Callable[[Random, tuple[int, ...
 
 def voxel_channels(of: Volume, transfer: TransferFunction, *, opacity: bool) -> Array:
     """float32 [z, y, x, 4]: each voxel as it is classified."""
-    rule, codes = make_classifier(of, transfer, None, opacity=opacity), voxel_codes(of)
+    rule, codes = make_classifier(of, transfer, None, opacity=opacity), raw_voxels(of)
     channels = np.empty((*of.values.shape, 4), np.float32)
     for z, y, x in np.ndindex(*of.values.shape):
         channels[z, y, x] = classify_voxel(codes, *rule, z, y, x)
@@ -187,7 +187,7 @@ def of_classified(
 
 def worst_of_varied(pyramid: Pyramid, channels: Array) -> float:
     """The same of nodes in which the channels differ."""
-    return worst_of_nodes(pyramid, channels, least=LEAST_SHARE * float(channels.max()))
+    return worst_of_nodes(pyramid, channels, least=MIN_WEIGHT * float(channels.max()))
 
 
 def worst_of_scale(pyramid: Pyramid, channels: Array) -> float:

@@ -20,7 +20,7 @@ from renderer.film import quantize
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH
 from renderer.volume import Volume, make_volume
 
@@ -67,7 +67,7 @@ def of_extinctions(error: Callable[[float, Any], float]) -> Callable[[int], floa
     def measure(num_cases: int) -> float:
         worst = 0.0
         for opacity, unit, spacing in random_cases(num_cases):
-            tau = float(make_transfer(points(opacity, unit=unit), spacing).extinctions[0])
+            tau = float(make_transfer_function(points(opacity, unit=unit), spacing).extinctions[0])
             for doubling in range(0, NUM_DOUBLINGS + 1, 2):
                 side = spacing * 2.0**doubling
                 worst = max(worst, error(tau * side, exact_depth(opacity, side, unit, spacing)))
@@ -104,7 +104,7 @@ def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> 
 def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> npt.NDArray[np.float32]:
     """float32 [4]: what the cut of a volume of one voxel holds; zeros where that is invisible."""
     of = make_volume(np.full((1, 1, 1), value), np.diag([spacing, spacing, spacing, 1.0]), "a voxel")
-    transfer = make_transfer(spec, of.finest_spacing)
+    transfer = make_transfer_function(spec, of.finest_spacing)
     pyramid = build_pyramid(of, transfer, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1)
     depths = cut_pyramid(pyramid, 0.0).depths
     return np.asarray(depths[0] if len(depths) else np.zeros(4, np.float32))
@@ -117,7 +117,7 @@ def chain(error: Callable[[float, Any], float]) -> Callable[[int], float]:
         worst = 0.0
         for opacity, unit, spacing in itertools.islice(random_cases(num_cases), 0, None, 4):
             depth = voxel_depth(points(opacity, unit=unit), 0.0, spacing)
-            if depth[3] == 0.0:  # nothing, or less than FAINTEST
+            if depth[3] == 0.0:  # nothing, or less than VISIBILITY_THRESHOLD
                 assert exact_depth(opacity, spacing, unit, spacing) < 1e-24
                 continue
             for level in range(0, NUM_DOUBLINGS + 1, 5):
@@ -143,7 +143,7 @@ def averaged(precision: str) -> Callable[[int], float]:
 
     def measure(num_cases: int) -> float:
         worst = 0.0
-        transfer = make_transfer(points(0.0, 1e-12, 1e-3, 0.5, 0.999, 1 - 1e-12, 1.0), 1.0)
+        transfer = make_transfer_function(points(0.0, 1e-12, 1e-3, 0.5, 0.999, 1 - 1e-12, 1.0), 1.0)
         for case in range(num_cases):
             values = np.random.default_rng(case).integers(0, 7, (2, 2, 2), np.uint8)
             values[0, 0, 0] = case % 6 + 1  # something is visible
@@ -164,7 +164,7 @@ def opaque_slab(average: str, values: Float64, tolerance: float) -> tuple[Float6
     values: 0 to 1, from opacity 0 to opacity 1.
     """
     of = make_volume(values, np.eye(4), "a slab")
-    transfer = make_transfer(points(0.0, 1.0), of.finest_spacing)
+    transfer = make_transfer_function(points(0.0, 1.0), of.finest_spacing)
     spec = PyramidSpec(average)  # type: ignore[arg-type]
     pyramid = build_pyramid(of, transfer, spec=spec, error=ErrorSpec(), num_threads=1)
     splats = make_splats(cut_pyramid(pyramid, tolerance), SplatSpec())

@@ -11,7 +11,7 @@ import pytest
 from extremes import Extreme, Section
 
 from renderer.draw import GLRasterizer
-from renderer.draw.compositing import LEAST_CHUNK, MEAN_LAYERS
+from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
 from renderer.view import View
@@ -19,7 +19,7 @@ from renderer.view import View
 Float64 = npt.NDArray[np.float64]
 
 U = 2.0**-24
-FOOTPRINT = GaussianFootprint.of_sigma(0.425)
+FOOTPRINT = GaussianFootprint.from_sigma(0.425)
 PEAK = FOOTPRINT.coefficients[0] - FOOTPRINT.rim
 
 
@@ -70,7 +70,7 @@ def one_pixel_of_many(num: int, size: int) -> float:
 
 def bound(num: int) -> float:
     """6 u B, see renderer.draw.compositing."""
-    return 6 * U * min(num, LEAST_CHUNK)
+    return 6 * U * min(num, MIN_CHUNK_SPLATS)
 
 
 def depth_as_drawn(cases: int, footprint: str) -> float:
@@ -167,7 +167,8 @@ SECTION = Section(
         ),
     ),
     "A pixel on which at most B splats of a chunk lie, and whose alpha is A, is right within `6 u B A`; a chunk has "
-    f"{MEAN_LAYERS} layers in the mean over the pixels under the object, and at least {LEAST_CHUNK} splats. Blended in "
+    f"{MEAN_LAYERS} layers in the mean over the pixels under the object, and at least {MIN_CHUNK_SPLATS} splats. "
+    f"Blended in "
     "one go, 1e6 layers of depth 1 in all had an alpha of 0.6342 in place of 0.6321, and a colour wrong by 7e-3.",
 )
 

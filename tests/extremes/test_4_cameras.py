@@ -35,10 +35,10 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.scene.parse import parse_scene
-from renderer.scene.parse_camera import MAX_ZOOM, NARROWEST_VIEW
+from renderer.scene.parse_camera import MAX_ZOOM, MIN_FIELD_OF_VIEW
 from renderer.scene.spec import Keyframe
 from renderer.splats import make_splats
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 from renderer.truth import integrate
 from renderer.view import View, make_view
 from renderer.view.splat_projection import visible_order
@@ -164,8 +164,8 @@ def from_afar(rng: np.random.Generator) -> CameraSpec:
     """1e4 to 1e12 radii away, magnified until the volume fills the picture again."""
     distance = RADIUS * 10 ** rng.uniform(4, 12)
     fov, zoom = math.degrees(2 * math.atan(RADIUS / distance)), 1.0
-    if fov < NARROWEST_VIEW:
-        fov, zoom = NARROWEST_VIEW, math.tan(math.radians(NARROWEST_VIEW) / 2) * distance / RADIUS
+    if fov < MIN_FIELD_OF_VIEW:
+        fov, zoom = MIN_FIELD_OF_VIEW, math.tan(math.radians(MIN_FIELD_OF_VIEW) / 2) * distance / RADIUS
     path = KeyframePath(1, (Keyframe(0, 360 * rng.random(), 30.0, min(zoom, MAX_ZOOM)),))
     return CameraSpec(path, field_of_view=fov, target=(0.0, 0.0, 0.0), distance=distance)
 
@@ -185,7 +185,7 @@ def block_error(cameras: Callable[[np.random.Generator], CameraSpec]) -> Callabl
     def measure(num_cases: int) -> float:
         rng, worst = np.random.default_rng(5), 0.0
         volume = volume_of(np.full(SHAPE, 255, np.uint8))
-        transfer = make_transfer(TransferSpec((ControlPoint(0.0, (1, 1, 1), -math.expm1(-0.5)),), 1.0), 1.0)
+        transfer = make_transfer_function(TransferSpec((ControlPoint(0.0, (1, 1, 1), -math.expm1(-0.5)),), 1.0), 1.0)
         for _ in range(num_cases):
             camera = cameras(rng)
             assert camera.distance is not None and isinstance(camera.target, tuple)
@@ -263,7 +263,7 @@ def drawn(rasterizer: GLRasterizer) -> Pictures:
 
 def integrated(stage: Stage) -> npt.NDArray[np.floating]:
     view = make_view(stage.scene.camera, 0, stage.target, stage.distance, SIZE)
-    transfer = make_transfer(stage.scene.transfer_function, stage.volume.finest_spacing)
+    transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
     return integrate(stage.volume, transfer, view, step_voxels=1.0, num_threads=1)
 
 

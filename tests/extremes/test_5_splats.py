@@ -31,8 +31,8 @@ from renderer.scene import (
 )
 from renderer.scene.spec import Keyframe
 from renderer.splats import SplatBatch, make_splats
-from renderer.transfer import make_transfer
-from renderer.view import Turning, View, axes_in_runs, make_turning, make_view, visible_orders
+from renderer.transfer import make_transfer_function
+from renderer.view import OrderBlending, View, iter_camera_axes, make_order_blending, make_view, visible_orders
 
 Float64 = npt.NDArray[np.float64]
 
@@ -153,7 +153,7 @@ def opaque_noise(size: int, edges: Float64) -> Cut:
     affine = np.eye(4)
     affine[:3, :3] = edges
     volume = volume_of(np.random.default_rng(1).integers(0, 256, (size,) * 3, np.uint8), affine)
-    transfer = make_transfer(TransferSpec(points, 1.0), 1.0)
+    transfer = make_transfer_function(TransferSpec(points, 1.0), 1.0)
     return cut_pyramid(build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1), 0.0)
 
 
@@ -180,8 +180,8 @@ class Turn:
         return make_splats(self.cut, SplatSpec())
 
     @cached_property
-    def turning(self) -> Turning:
-        return make_turning(self.cut.volume.world_from_index, axes_in_runs(self.camera.path))
+    def turning(self) -> OrderBlending:
+        return make_order_blending(self.cut.volume.world_from_index, iter_camera_axes(self.camera.path))
 
     @property
     def target(self) -> Vector:

@@ -40,7 +40,7 @@ from renderer.scene import (
 )
 from renderer.splats import SplatBatch, make_splats
 from renderer.suggest import measure as measure_statistics
-from renderer.transfer import TransferFunction, make_transfer
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.truth import integrate
 from renderer.view import View
 from renderer.view.splat_projection import visible_order
@@ -63,7 +63,7 @@ def colormap_range(num_cases: int) -> float:
         specs = [
             TransferSpec(ColormapSpec("viridis", (-end, end), ((-end, 0.1), (0.25 * end, 0.9)))) for end in (1, largest)
         ]
-        unit, wide = (make_transfer(spec, 1.0) for spec in specs)
+        unit, wide = (make_transfer_function(spec, 1.0) for spec in specs)
         for one, other in zip(unit.classify(at), wide.classify(at * largest), strict=True):
             worst = max(worst, float(np.abs(one - other).max()))
     return worst
@@ -113,7 +113,7 @@ def drawn_types(num_cases: int) -> float:
 def constant_cells(num_cases: int) -> float:
     """More cells than one in the cut of a constant volume, whatever its value, at any tolerance above 0."""
     more = 0
-    by = make_transfer(TransferSpec((ControlPoint(0.0, (1.0, 0.5, 0.2), 0.3),)), 1.0)
+    by = make_transfer_function(TransferSpec((ControlPoint(0.0, (1.0, 0.5, 0.2), 0.3),)), 1.0)
     for dtype in TYPES[:: 1 if num_cases > 20 else 3]:
         for value in limits(dtype):
             of = placed(np.full((5, 8, 7), value, dtype), np.eye(3))
@@ -279,7 +279,7 @@ def one_voxel_energy(num_cases: int) -> float:
 def transparent(num_cases: int) -> float:
     """Bytes of the pyramid, cells of the cut and levels of colour of a volume that its transfer function hides."""
     worst = 0.0
-    by = make_transfer(
+    by = make_transfer_function(
         TransferSpec((ControlPoint(10.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(20.0, (1.0, 1.0, 1.0), 1.0))), 1.0
     )
     view = look(distance=100.0)

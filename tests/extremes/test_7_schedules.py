@@ -16,7 +16,7 @@ from renderer.errors import SceneError
 from renderer.pyramid import build_pyramid, cut_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec, tolerance_at
 from renderer.scene.parse import parse_scene
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 
 Keys = tuple[tuple[int, float], ...]
 
@@ -98,7 +98,7 @@ def cells_missing(tolerance: float, expect_root: bool) -> Callable[[int], float]
         for _ in range(num_cases):
             values = rng.permutation(np.arange(40, 256, dtype=np.uint8)).reshape(6, 6, 6)  # no two alike
             volume = volume_of(values[tuple(slice(num) for num in rng.integers(2, 7, 3))])
-            transfer = make_transfer(TransferSpec(points, 1.0), 1.0)
+            transfer = make_transfer_function(TransferSpec(points, 1.0), 1.0)
             for measure in ("optical", "rms"):
                 error = ErrorSpec(((0, tolerance),), measure=measure)  # type: ignore[arg-type]
                 pyramid = build_pyramid(volume, transfer, spec=PyramidSpec(), error=error, num_threads=1)

@@ -11,9 +11,9 @@ import pytest
 from extremes import Extreme, Section
 from number_types import random_ranges
 
-from renderer.bricks import APRON, BRICK, BRICK_LEVELS, Bricks, make_bricks, mean_texels, scalar_texels
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, HALO, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.scene import ErrorSpec, PyramidSpec
-from renderer.transfer import FARTHEST, TransferFunction
+from renderer.transfer import MAX_NORMALIZED_SCALAR, TransferFunction
 from renderer.volume import make_volume
 
 Array = npt.NDArray[Any]
@@ -44,8 +44,8 @@ def scalar_error(num_cases: int) -> float:
         for _ in range(NUM_SAMPLES):
             at = rng.integers(0, volume.shape)
             u = (Fraction(float(volume[tuple(at)])) - Fraction(first)) / (Fraction(last) - Fraction(first))
-            held = min(max(u, Fraction(-FARTHEST)), Fraction(FARTHEST))
-            worst = max(worst, abs(Fraction(float(texels[tuple(at + APRON)])) - held) / max(abs(held), 1))
+            held = min(max(u, Fraction(-MAX_NORMALIZED_SCALAR)), Fraction(MAX_NORMALIZED_SCALAR))
+            worst = max(worst, abs(Fraction(float(texels[tuple(at + HALO)])) - held) / max(abs(held), 1))
     return float(worst)
 
 
@@ -65,7 +65,7 @@ def gradient_error(num_cases: int) -> float:
                 low[axis], high[axis] = max(at[axis] - 1, 0), min(at[axis] + 1, volume.shape[axis] - 1)
                 rise = Fraction(float(volume[tuple(high)])) - Fraction(float(volume[tuple(low)]))
                 wants.append(rise / int(high[axis] - low[axis]))
-                gots.append(Fraction(float(texels[(*(at + APRON), channel)])))
+                gots.append(Fraction(float(texels[(*(at + HALO), channel)])))
         k = max(range(len(wants)), key=lambda n: abs(wants[n]))
         ratio = gots[k] / wants[k]
         worst = max(worst, *(float(abs(g - w * ratio) / abs(gots[k])) for g, w in zip(gots, wants, strict=True)))
@@ -83,7 +83,7 @@ def cut_ramp_error(num_cases: int) -> float:
         for level in range(1, len(bricks.levels)):
             last = (num - 1) >> (level + BRICK_LEVELS)
             texels = mean_texels(bricks, level, np.array([[0, 0, last]], np.int32))[0, :, 1, 1, 3]
-            cells = 16 * last - APRON + np.arange(len(texels))
+            cells = 16 * last - HALO + np.arange(len(texels))
             places = (cells + 0.5) * 2**level - 0.5
             want = ramp[0] + places * (ramp[1] - ramp[0])
             there = cells <= -(-num // 2**level)
@@ -104,7 +104,7 @@ def noise_growth(num_cases: int) -> float:
         for level in range(1, len(bricks.levels)):
             last = (num - 1) >> (level + BRICK_LEVELS)
             texels = mean_texels(bricks, level, np.array([[0, 0, last]], np.int32))[0, :, 1, 1, 3].astype(np.float64)
-            at = num / 2**level - BRICK * last - 0.5 + APRON  # of the face, in texels
+            at = num / 2**level - BRICK_SIZE * last - 0.5 + HALO  # of the face, in texels
             k = int(at)
             field = (k + 1 - at) * texels[k] + (at - k) * texels[k + 1]
             starts = np.arange(0, num, 1 << level)

@@ -195,8 +195,8 @@ def make_kills(num: int, report: dict[str, Any], seed: int) -> Iterator[Kill]:
     for number in range(num):
         phase = number % len(PHASES)
         plan: dict[str, Any] = {"phase": PHASES[phase], "group": number // len(PHASES) % 2 == 1}
-        by_clock = number // (2 * len(PHASES)) % 2 == 1 or report["events"][phase] == 0
-        if by_clock:
+        is_timing_dependent = number // (2 * len(PHASES)) % 2 == 1 or report["events"][phase] == 0
+        if is_timing_dependent:
             plan["delay"] = choose.uniform(0, report["seconds"][phase])
         else:
             plan["event"] = choose.randint(1, report["events"][phase])

@@ -14,8 +14,8 @@ from renderer.bricks import BrickBatch
 from renderer.draw import GLRasterizer
 from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
 from renderer.film import quantize
-from renderer.frame import Frame, Stage, family_of, render_frames
-from renderer.frame.brick_family import BrickFamily
+from renderer.frame import Frame, Stage, make_primitive, render_frames
+from renderer.frame.brick_primitive import BrickPrimitive
 from renderer.view import View
 
 Float64 = npt.NDArray[np.float64]
@@ -33,8 +33,8 @@ FEWEST_STRAYS, MOST_STRAYS = 2, 0.02
 
 def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasterizer) -> dict[str, float]:
     """The worst difference that is not explained; raises WrongError where there is too much of it."""
-    family = family_of(stage)
-    assert isinstance(family, BrickFamily)
+    family = make_primitive(stage)
+    assert isinstance(family, BrickPrimitive)
     detail = family.detail(frame.tolerance, lambda stage: None)
     if frame.num_cells != detail.num_cells:
         raise WrongError(f"{frame.num_cells} bricks in the frame, {detail.num_cells} in its cut")
@@ -52,7 +52,7 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
         ]
     spread = np.ptp([expected, *others], axis=0)
     off = np.abs(below.radiance - expected)
-    excess = off - PRECISION - detail.splats.thrift.least_transmittance - SPREADS * spread
+    excess = off - PRECISION - detail.splats.screen_sampling.termination_transmittance - SPREADS * spread
     num_strays = int(np.count_nonzero(excess.max(axis=2) > 0))
     if num_strays > max(FEWEST_STRAYS, MOST_STRAYS * excess[..., 0].size):
         row, column, channel = np.unravel_index(excess.argmax(), excess.shape)
@@ -64,8 +64,8 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
 
 
 def _nudged(batch: BrickBatch, nudge: float) -> BrickBatch:
-    thrift = replace(batch.thrift, spread=batch.thrift.spread * (1 + nudge))
-    return replace(batch, steps=batch.steps * (1 + nudge), thrift=thrift)
+    screen_sampling = replace(batch.screen_sampling, spread=batch.screen_sampling.spread * (1 + nudge))
+    return replace(batch, steps=batch.steps * (1 + nudge), screen_sampling=screen_sampling)
 
 
 def _moved(view: View, batch: BrickBatch, sides: tuple[int, int, int]) -> View:

@@ -82,7 +82,7 @@ def judge(case: Case, folder: Path, rasterizer: GLRasterizer) -> Verdict:
     verdict = Verdict(case.index, not case.spoilt, case.spoilt, "wrong", kinds=_kinds(case))
     start = time.perf_counter()
     try:
-        with _inside(folder), _patience(), _loud():
+        with _inside(folder), _hang_policy(), _loud():
             path = write_case(case, folder)
             if case.spoilt:
                 _judge_spoilt(case, path, rasterizer, verdict)
@@ -108,7 +108,7 @@ def _inside(folder: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _patience() -> Iterator[None]:
+def _hang_policy() -> Iterator[None]:
     def stop(*_: object) -> None:
         raise TimeoutError(f"more than {PATIENCE_S} s")
 
@@ -199,16 +199,16 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     return frame
 
 
-def _require_finest(stage: Stage, frame: Frame, most_cells: float) -> None:
+def _require_finest(stage: Stage, frame: Frame, max_cells: float) -> None:
     """Of at most so many cells: any cut with another number of cells, at a smaller tolerance, has too many."""
-    if frame.num_cells > most_cells:
-        raise WrongError(f"{frame.num_cells} cells instead of {most_cells}")
+    if frame.num_cells > max_cells:
+        raise WrongError(f"{frame.num_cells} cells instead of {max_cells}")
     if stage.scene.splat.footprint == "integrated":  # whose numbers may fall with the tolerance
         return
     for tolerance in (*(frame.tolerance * factor for factor in (0.3, 0.9, 0.99, 0.9999)), 0.0):
         finer = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
-        if frame.num_cells < len(finer) <= most_cells:
-            raise WrongError(f"{frame.num_cells} cells, {len(finer)} at tolerance {tolerance}, and {most_cells} may be")
+        if frame.num_cells < len(finer) <= max_cells:
+            raise WrongError(f"{frame.num_cells} cells, {len(finer)} at tolerance {tolerance}, and {max_cells} may be")
 
 
 def _require_same_volume(stage: Stage, case: Case) -> None:

@@ -13,7 +13,7 @@ from judge import judge, make_case, write_case
 
 from renderer.draw import GLRasterizer
 from renderer.draw.gl import raster as raster_gl
-from renderer.frame import splat_family
+from renderer.frame import splat_primitive as splat_family
 from renderer.splats import SplatBatch, make_splats
 
 SEED = 2
@@ -38,8 +38,8 @@ def test_right_pictures_or_clear_errors(rasterizer: GLRasterizer, tmp_path: Path
 
 def test_pictures_in_chunks(rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Scenes here have too few splats to be drawn in chunks, unless these are small."""
-    monkeypatch.setattr(raster_gl, "LEAST_CHUNK", CHUNK)
-    monkeypatch.setattr(raster_gl, "splats_at_once", lambda *_: CHUNK)
+    monkeypatch.setattr(raster_gl, "MIN_CHUNK_SPLATS", CHUNK)
+    monkeypatch.setattr(raster_gl, "splats_per_chunk", lambda *_: CHUNK)
     verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer) for index in range(0, 24, 2)]
     assert [verdict.why for verdict in verdicts if verdict.outcome == "wrong"] == []
 

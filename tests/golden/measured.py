@@ -11,7 +11,7 @@ from harmless import HARMLESS, Machine, drawn_by
 from subjects import Pixels, Shot
 from windows import WINDOWS
 
-from renderer.study import FIGURES, LEVELS, FrameDifference, exceeded
+from renderer.study import COMPARISON_METRICS, LEVELS, FrameDifference, exceeded
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _measured(shot: Shot, change: str, picture: Pixels, passes_at: str | None) -
     difference = FrameDifference(shot.golden, picture)
     signed = difference.signed.astype(np.float64)
     if not signed.any():  # nearly all machines draw the same picture; the metrics of the eye take their time
-        figures = {name: float(figure.higher_is_better) for name, figure in FIGURES.items()}
+        figures = {name: float(figure.higher_is_better) for name, figure in COMPARISON_METRICS.items()}
         return Measured(str(shot), change, passes_at, figures, difference.bias, dict.fromkeys(WINDOWS, 0.0))
     windows = {name: window(signed) for name, window in WINDOWS.items()}
-    return Measured(str(shot), change, passes_at, difference.figures(FIGURES), difference.bias, windows)
+    return Measured(str(shot), change, passes_at, difference.figures(COMPARISON_METRICS), difference.bias, windows)

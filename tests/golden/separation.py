@@ -29,7 +29,7 @@ from windows import WINDOWS  # noqa: E402
 
 from hsplat_cli.terminal.versions import commit  # noqa: E402
 from renderer.draw import GLRasterizer  # noqa: E402
-from renderer.study import FIGURES, LEVELS  # noqa: E402
+from renderer.study import COMPARISON_METRICS, LEVELS  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"
 
@@ -112,7 +112,7 @@ LEVELS_HEADER = ["figure", "what it is", *(f"`{level}`" for level in LEVELS)]
 def level_lines() -> list[list[str]]:
     """Of each figure what it is and its limit at each level; README.md has the same table."""
     lines = []
-    for name, figure in FIGURES.items():
+    for name, figure in COMPARISON_METRICS.items():
         unit = ", levels" if figure.unit else ", at least" if figure.higher_is_better else ""
         limits = [level.limits.get(name) for level in LEVELS.values()]
         lines.append([f"`{name}`", figure.label + unit, *("" if limit is None else f"{limit:g}" for limit in limits)])
@@ -134,7 +134,7 @@ def _limits(rows: Sequence[Measured]) -> list[str]:
     for level, strictest in ((SAME, ("exact", SAME)), (CROSS, ("exact", SAME, CROSS))):
         harmless = [row for row in rows if row.passes_at in strictest]
         cells = []
-        for name, figure in FIGURES.items():
+        for name, figure in COMPARISON_METRICS.items():
             worst, limit = _worst(name, harmless), LEVELS[level].limits.get(name)
             cells.append([f"`{name}`", _figure(worst, name), f"{worst.change}, {worst.subject}"])
             if limit is None:
@@ -153,20 +153,20 @@ def _limits(rows: Sequence[Measured]) -> list[str]:
 
 def _worst(name: str, rows: Sequence[Measured]) -> Measured:
     rows = [row for row in rows if name in row.figures]
-    return (min if FIGURES[name].higher_is_better else max)(rows, key=lambda row: row.figures[name])
+    return (min if COMPARISON_METRICS[name].higher_is_better else max)(rows, key=lambda row: row.figures[name])
 
 
 def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str]) -> list[str]:
     lines = []
     for change, group in _by_change(row for row in rows if not row.is_defect):
-        worst = [_figure(_worst(name, group), name) for name in FIGURES]
+        worst = [_figure(_worst(name, group), name) for name in COMPARISON_METRICS]
         passes = [f"{sum(not row.over(level) for row in group)}" for level in LEVELS]
         lines.append([change, drawn_by.get(change, ""), str(len(group)), *worst, *passes])
     header = [
         "change",
         "drawn by",
         "frames",
-        *(f"worst `{name}`" for name in FIGURES),
+        *(f"worst `{name}`" for name in COMPARISON_METRICS),
         *(f"pass `{x}`" for x in LEVELS),
     ]
     return ["## What must pass", "", HARMLESS_TEXT, "", *_table(header, lines)]
@@ -185,10 +185,14 @@ def _defects(rows: Sequence[Measured]) -> list[str]:
         faint = [row for row in group if not row.is_seen]
         moved = sorted(row.figures["largest"] for row in group)
         found = [_found(rows, level) for rows in (seen, faint) for level in (SAME, CROSS)]
-        least = [_figure(_least(name, seen), name) if seen else "" for name in FIGURES]
+        least = [_figure(_least(name, seen), name) if seen else "" for name in COMPARISON_METRICS]
         lines.append([change, f"{moved[0]:.3g} to {moved[-1]:.3g}", *found, *least])
     header = ["defect", "moves some pixel by, levels", f"found at `{SAME}`", f"found at `{CROSS}`"]
-    header += [f"faint ones at `{SAME}`", f"faint ones at `{CROSS}`", *(f"least `{name}`" for name in FIGURES)]
+    header += [
+        f"faint ones at `{SAME}`",
+        f"faint ones at `{CROSS}`",
+        *(f"least `{name}`" for name in COMPARISON_METRICS),
+    ]
     return ["## What must not pass", "", *_table(header, lines)]
 
 
@@ -198,7 +202,7 @@ def _found(rows: Sequence[Measured], level: str) -> str:
 
 def _least(name: str, rows: Sequence[Measured]) -> Measured:
     rows = [row for row in rows if name in row.figures]
-    return (max if FIGURES[name].higher_is_better else min)(rows, key=lambda row: row.figures[name])
+    return (max if COMPARISON_METRICS[name].higher_is_better else min)(rows, key=lambda row: row.figures[name])
 
 
 def _unseen(rows: Sequence[Measured]) -> list[str]:
@@ -216,11 +220,11 @@ def _unseen(rows: Sequence[Measured]) -> list[str]:
     return lines
 
 
-_FIGURE_HEADERS = [*(f"`{name}`" for name in FIGURES), "signed mean of each channel"]
+_FIGURE_HEADERS = [*(f"`{name}`" for name in COMPARISON_METRICS), "signed mean of each channel"]
 
 
 def _all_figures(row: Measured) -> list[str]:
-    figures = [_figure(row, name) for name in FIGURES]
+    figures = [_figure(row, name) for name in COMPARISON_METRICS]
     return [row.subject, row.change, *figures, " ".join(f"{mean:+.2g}" for mean in row.bias)]
 
 
@@ -277,7 +281,7 @@ def _figure(row: Measured, name: str) -> str:
     if name not in row.figures:
         return ""
     value = row.figures[name]
-    return f"{value:.5f}" if FIGURES[name].higher_is_better and value < 1 else _number(value)
+    return f"{value:.5f}" if COMPARISON_METRICS[name].higher_is_better and value < 1 else _number(value)
 
 
 def _number(value: float) -> str:

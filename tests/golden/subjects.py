@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from golden_cases import SCENE
 
-from renderer.frame import Frame, Rasterizer, Stage, Stopwatch, draw, finest_level_at, make_detail, make_pose, prepare
+from renderer.frame import Frame, Rasterizer, Stage, Stopwatch, draw, finest_level_at, make_draw_list, make_lod, prepare
 from renderer.frame.frame import Pose
-from renderer.frame.primitives import Detail
-from renderer.frame.splat_family import SplatDetail
+from renderer.frame.primitives import LOD
+from renderer.frame.splat_primitive import SplatLOD
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Scene, load_scene, tolerance_at
 from renderer.splats import SplatBatch
@@ -117,24 +117,24 @@ class Shot:
 
     def posed(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> Pose:
         """A frame of a stage, this one unless it is said."""
-        detail = make_detail(stage, self.tolerance if tolerance is None else tolerance, _watch())
-        return make_pose(stage, detail, self.subject.frame if frame is None else frame, _watch())
+        detail = make_lod(stage, self.tolerance if tolerance is None else tolerance, _stopwatch())
+        return make_draw_list(stage, detail, self.subject.frame if frame is None else frame, _stopwatch())
 
     def with_splats(self, splats: SplatBatch) -> Pose:
         """The same pose of other splats."""
         detail = self.pose.detail
-        assert isinstance(detail, SplatDetail)
+        assert isinstance(detail, SplatLOD)
         return self.seen_from(self.view, replace(detail, splats=splats))
 
-    def seen_from(self, view: View, detail: Detail | None = None) -> Pose:
+    def seen_from(self, view: View, detail: LOD | None = None) -> Pose:
         """The same detail, sorted for another view."""
         detail = self.pose.detail if detail is None else detail
         return replace(self.pose, detail=detail, view=view, orders=detail.orders(view))
 
     def drawn(self, pose: Pose, rasterizer: Rasterizer | None = None) -> Frame:
         """By the product's own last step."""
-        return draw(self.stage, pose, self.rasterizer if rasterizer is None else rasterizer, _watch())
+        return draw(self.stage, pose, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
 
 
-def _watch() -> Stopwatch:
+def _stopwatch() -> Stopwatch:
     return Stopwatch(time.perf_counter)

@@ -21,7 +21,7 @@ from hsplat_cli.compare.golden.provenance import read_provenance
 from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.compare.picture_file import read_picture
 from renderer.draw import GLRasterizer
-from renderer.frame import splat_family
+from renderer.frame import splat_primitive as splat_family
 from renderer.pyramid import Cut
 from renderer.scene import SplatSpec
 from renderer.splats import SplatBatch

@@ -16,9 +16,9 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
 from renderer.frame import prepare, render_frames
-from renderer.scene import LEAST_TOLERANCE, LONGEST, PROCEDURAL_NAMES, SHORTEST
+from renderer.scene import MAX_WORLD_LENGTH, MIN_TOLERANCE, MIN_WORLD_LENGTH, PROCEDURAL_NAMES
 from renderer.scene.parse import parse_scene
-from renderer.scene.parse_camera import MAX_ANGLE, MAX_ZOOM, MIN_ZOOM, NARROWEST_VIEW, WIDEST_VIEW
+from renderer.scene.parse_camera import MAX_ANGLE, MAX_FIELD_OF_VIEW, MAX_ZOOM, MIN_FIELD_OF_VIEW, MIN_ZOOM
 
 Numbers = st.SearchStrategy[float]
 
@@ -41,9 +41,9 @@ def maybe(**fields: st.SearchStrategy[Any]) -> st.SearchStrategy[dict[str, Any]]
     return st.fixed_dictionaries({}, optional=fields)
 
 
-LENGTH = size(SHORTEST, LONGEST)
+LENGTH = size(MIN_WORLD_LENGTH, MAX_WORLD_LENGTH)
 NEAR_ONE = size(1e-3, 1e3)
-COORDINATE = signed(SHORTEST, LONGEST)
+COORDINATE = signed(MIN_WORLD_LENGTH, MAX_WORLD_LENGTH)
 ANGLE = signed(1e-300, MAX_ANGLE)
 ELEVATION = signed(1e-300, 90)
 DIRECTION = st.tuples(*[COORDINATE] * 3).filter(any).map(list)
@@ -68,7 +68,7 @@ def cameras(draw: st.DrawFn, frames: int, scale: float) -> dict[str, Any]:
     length = st.one_of(
         size(1e-2, 1e2).map(lambda share: share * scale), size(1e-14, 1e14).map(lambda s: s * scale), LENGTH
     )
-    length = length.map(lambda value: min(max(value, SHORTEST), LONGEST))
+    length = length.map(lambda value: min(max(value, MIN_WORLD_LENGTH), MAX_WORLD_LENGTH))
     place = st.tuples(*[st.one_of(st.just(0.0), length, length.map(lambda value: -value))] * 3).map(list)
     key = st.fixed_dictionaries(
         {"azimuth": ANGLE, "elevation": ELEVATION}, optional={"zoom": st.one_of(NEAR_ONE, size(MIN_ZOOM, MAX_ZOOM))}
@@ -86,7 +86,7 @@ def cameras(draw: st.DrawFn, frames: int, scale: float) -> dict[str, Any]:
     )
     lens = maybe(
         projection=st.sampled_from(["perspective", "orthographic"]),
-        field_of_view=st.one_of(st.floats(1, 120), size(NARROWEST_VIEW, WIDEST_VIEW)),
+        field_of_view=st.one_of(st.floats(1, 120), size(MIN_FIELD_OF_VIEW, MAX_FIELD_OF_VIEW)),
         target=st.one_of(st.just("visible"), place),
         distance=length,
         near=st.one_of(st.just(0.0), length),
@@ -99,9 +99,9 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
     frames = draw(st.integers(1, 3))
     side = draw(st.one_of(NEAR_ONE, LENGTH))
     ratios = draw(st.tuples(*[st.one_of(st.just(1.0), size(3e-3, 3e2))] * 3))
-    spacing = [min(max(side * ratio, SHORTEST), LONGEST) for ratio in ratios]
+    spacing = [min(max(side * ratio, MIN_WORLD_LENGTH), MAX_WORLD_LENGTH) for ratio in ratios]
     shape = draw(st.tuples(*[st.integers(1, 5)] * 3))
-    tolerance = size(LEAST_TOLERANCE, 1.7e308)
+    tolerance = size(MIN_TOLERANCE, 1.7e308)
     volume = {"name": draw(st.sampled_from(PROCEDURAL_NAMES)), "shape": list(shape), "spacing": spacing}
     scene = {
         "volume": {"procedural": volume},

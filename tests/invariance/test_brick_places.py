@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, random_cut, transfer_of, view_of
 
-from renderer.bricks import SIDE, BrickBatch
+from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
 from renderer.draw import GLRasterizer, brick_atlas
-from renderer.draw.gl.raster import BricksOn
+from renderer.draw.gl.raster import BrickBackend
 from renderer.scene import ShadingSpec
-from renderer.scene.parse_camera import WIDEST_VIEW
+from renderer.scene.parse_camera import MAX_FIELD_OF_VIEW
 from renderer.scene.parse_output import MAX_SIDE
 from renderer.view import View
 
@@ -31,11 +31,11 @@ def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:
     return batches, view_of(volume, "perspective", (40, 30)), view_of(volume, "inside", (40, 30), azimuth=200.0)
 
 
-@pytest.mark.parametrize("bricks_on", ["device", "processor"])
+@pytest.mark.parametrize("brick_backend", ["device", "processor"])
 @pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
 @pytest.mark.parametrize("most_bytes", [None, 4 << 20], ids=["all at once", "few at once"])
 def test_what_was_drawn_before_changes_nothing(
-    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None, most_bytes: int | None, bricks_on: BricksOn
+    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None, most_bytes: int | None, brick_backend: BrickBackend
 ) -> None:
     batches, view, other = subject(shading)
     if most_bytes is not None:
@@ -53,18 +53,18 @@ def test_what_was_drawn_before_changes_nothing(
         lambda gl, batch: gl.rasterize(batch, np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32), other),
     ]
     for batch in batches:
-        with GLRasterizer(bricks_on=bricks_on) as gl:
+        with GLRasterizer(brick_backend=brick_backend) as gl:
             first = draw(gl, batch)
         for history in histories:
-            with GLRasterizer(bricks_on=bricks_on) as gl:
+            with GLRasterizer(brick_backend=brick_backend) as gl:
                 history(gl, batch)
                 assert draw(gl, batch) == first
 
 
-@pytest.mark.parametrize("bricks_on", ["device", "processor"])
-def test_bricks_are_brought_once(bricks_on: BricksOn) -> None:
+@pytest.mark.parametrize("brick_backend", ["device", "processor"])
+def test_bricks_are_brought_once(brick_backend: BrickBackend) -> None:
     batches, view, _ = subject(None)
-    with GLRasterizer(bricks_on=bricks_on) as gl:
+    with GLRasterizer(brick_backend=brick_backend) as gl:
         for batch in batches:
             order = ordered(batch.cut, view)
             assert gl.bring(batch, order, view)
@@ -73,22 +73,24 @@ def test_bricks_are_brought_once(bricks_on: BricksOn) -> None:
             assert not gl.bring(batch, ordered(batch.cut, view), view)
 
 
-@pytest.mark.parametrize("bricks_on", ["device", "processor"])
-def test_what_was_drawn_is_there(bricks_on: BricksOn) -> None:
+@pytest.mark.parametrize("brick_backend", ["device", "processor"])
+def test_what_was_drawn_is_there(brick_backend: BrickBackend) -> None:
     batches, view, _ = subject(ShadingSpec())
-    with GLRasterizer(bricks_on=bricks_on) as gl:
+    with GLRasterizer(brick_backend=brick_backend) as gl:
         for batch in batches:
             order = ordered(batch.cut, view)
             gl.rasterize(batch, order, view)
             assert not gl.bring(batch, order, view)
 
 
-@pytest.mark.parametrize("bricks_on", ["device", "processor"])
-def test_more_than_there_is_room_for_is_not_brought(monkeypatch: pytest.MonkeyPatch, bricks_on: BricksOn) -> None:
+@pytest.mark.parametrize("brick_backend", ["device", "processor"])
+def test_more_than_there_is_room_for_is_not_brought(
+    monkeypatch: pytest.MonkeyPatch, brick_backend: BrickBackend
+) -> None:
     """It comes and goes as it is drawn."""
     monkeypatch.setattr(brick_atlas, "MOST_BYTES", 1 << 10)
     batches, view, _ = subject(ShadingSpec())
-    with GLRasterizer(bricks_on=bricks_on) as gl:
+    with GLRasterizer(brick_backend=brick_backend) as gl:
         assert not gl.bring(batches[0], ordered(batches[0].cut, view), view)
 
 
@@ -97,21 +99,21 @@ def test_pictures_do_not_depend_on_the_number_of_threads(shading: ShadingSpec | 
     batches, view, _ = subject(shading)
     pictures = []
     for num_threads in (1, 2, 3):
-        with GLRasterizer(bricks_on="processor", num_threads=num_threads) as gl:
+        with GLRasterizer(brick_backend="processor", num_threads=num_threads) as gl:
             pictures.append([gl.rasterize(batch, ordered(batch.cut, view), view).tobytes() for batch in batches])
     assert pictures[0] == pictures[1] == pictures[2]
 
 
-@pytest.mark.parametrize("bricks_on", ["device", "processor"])
+@pytest.mark.parametrize("brick_backend", ["device", "processor"])
 @pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
-def test_samples_stay_in_their_brick(shading: ShadingSpec | None, bricks_on: BricksOn) -> None:
+def test_samples_stay_in_their_brick(shading: ShadingSpec | None, brick_backend: BrickBackend) -> None:
     """In the widest picture that a scene may ask for, whose outer rays float32 puts voxels away from where they are:
     what else lies in the atlas, here no numbers, is not seen."""
     volume = placed(hills((16, 16, 80), 9.0))
     bricks = bricks_of(volume, transfer_of((0, (0.9, 0.2, 0.1), 0.1), (1, (0.1, 0.5, 1.0), 0.3)), shading)
     batch, order = batch_of(level_cut(bricks, 0), bricks, shading=shading), np.zeros(1, np.uint32)
-    eye, scale_px = np.array([3.0, 4.0, 5.0]), 0.5 / math.tan(math.radians(WIDEST_VIEW / 2))
-    with GLRasterizer(bricks_on=bricks_on) as gl:
+    eye, scale_px = np.array([3.0, 4.0, 5.0]), 0.5 / math.tan(math.radians(MAX_FIELD_OF_VIEW / 2))
+    with GLRasterizer(brick_backend=brick_backend) as gl:
         for azimuth in (20.0, 100.0, 200.0, 300.0):
             view = replace(view_of(volume, "inside", (MAX_SIDE, 1), azimuth), target=eye, scale_px=scale_px)
             expected = gl.rasterize(batch, order, view)
@@ -119,6 +121,13 @@ def test_samples_stay_in_their_brick(shading: ShadingSpec | None, bricks_on: Bri
             free = np.flatnonzero(atlas._keys < 0)
             assert len(free) > 0
             with cast(Any, gl)._context:
-                atlas._write(free, np.full((len(free), SIDE, SIDE, SIDE, atlas.num_channels), np.nan, np.float32))
+                atlas._write(
+                    free,
+                    np.full(
+                        (len(free), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, atlas.num_channels),
+                        np.nan,
+                        np.float32,
+                    ),
+                )
             assert expected[..., 3].max() > 0.5
             assert gl.rasterize(batch, order, view).tobytes() == expected.tobytes()

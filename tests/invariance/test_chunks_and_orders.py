@@ -11,7 +11,7 @@ import pytest
 from splatting import cut_of, in_order, look, place_splats, volume_of
 
 from renderer.draw import GLRasterizer
-from renderer.draw.compositing import LEAST_CHUNK, MEAN_LAYERS, splats_at_once
+from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS, splats_per_chunk
 from renderer.draw.gl import raster as raster_gl
 from renderer.frame import prepare, render_frames, view_of
 from renderer.scene import (
@@ -27,8 +27,15 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import make_splats
-from renderer.view import Region, axes_in_runs, make_turning, mean_footprint_px, model_view, visible_orders
-from renderer.view.depth_order import FADE_ANGLE, LEAST_SHARE, NEIGHBOURS, DepthDirection, depth_directions
+from renderer.view import (
+    Region,
+    iter_camera_axes,
+    make_order_blending,
+    mean_footprint_area_px,
+    model_view,
+    visible_orders,
+)
+from renderer.view.order_blending import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, SortDirection, sort_directions
 from renderer.view.paths import camera_pose
 from renderer.view.splat_projection import visible_order
 
@@ -62,8 +69,8 @@ def test_chunks_draw_what_one_go_draws(
             view = look(projection, target=target)
             whole = rasterizer.rasterize(batch, in_order(batch), view)
             with monkeypatch.context() as patch:
-                patch.setattr(raster_gl, "LEAST_CHUNK", 16)
-                patch.setattr(raster_gl, "splats_at_once", lambda *_: 16)
+                patch.setattr(raster_gl, "MIN_CHUNK_SPLATS", 16)
+                patch.setattr(raster_gl, "splats_per_chunk", lambda *_: 16)
                 chunked = rasterizer.rasterize(batch, in_order(batch), view)
             np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
 
@@ -80,30 +87,30 @@ def test_the_mean_footprint(projection: str) -> None:
         scale_px = camera.scale_px / (4.0 / batch.length if camera.perspective else 1.0)
         radius_px = batch.footprint.cutoff * max(sigma / batch.length * scale_px, batch.footprint.narrowest_px)
         # depths differ by 1e-3 / 4, areas by twice that
-        assert mean_footprint_px(batch, in_order(batch), camera, region) == pytest.approx(
+        assert mean_footprint_area_px(batch, in_order(batch), camera, region) == pytest.approx(
             np.pi * radius_px**2, rel=1e-3
         )
     batch = place_splats(100 * centers, 0.1, 0.1, np.ones((9000, 3)), SplatSpec())
     camera = model_view(batch, look(projection, distance=1e-3, size=(2000, 2000)))
-    assert mean_footprint_px(batch, in_order(batch), camera, region) == region.num_pixels
+    assert mean_footprint_area_px(batch, in_order(batch), camera, region) == region.num_pixels
 
 
-@pytest.mark.parametrize(("num_pixels", "footprint_px"), [(1, 1.0), (2000, 8.0), (10**6, 40.0), (10**6, 1e6)])
-def test_a_chunk_has_its_layers_or_the_least_number(num_pixels: int, footprint_px: float) -> None:
-    num = splats_at_once(num_pixels, footprint_px)
-    layers = num * footprint_px / num_pixels
-    assert num == LEAST_CHUNK or MEAN_LAYERS * 0.999 < layers <= MEAN_LAYERS
+@pytest.mark.parametrize(("num_pixels", "footprint_area_px"), [(1, 1.0), (2000, 8.0), (10**6, 40.0), (10**6, 1e6)])
+def test_a_chunk_has_its_layers_or_the_least_number(num_pixels: int, footprint_area_px: float) -> None:
+    num = splats_per_chunk(num_pixels, footprint_area_px)
+    layers = num * footprint_area_px / num_pixels
+    assert num == MIN_CHUNK_SPLATS or MEAN_LAYERS * 0.999 < layers <= MEAN_LAYERS
 
 
 SHEARED = np.array([[1.0, 0.4, 0.0], [0.0, -0.9, 0.2], [0.0, 0.0, 3.0]])
 STEP = 0.25
 
 
-def turns(elevation: float, edges: Float64 = IDENTITY) -> list[list[DepthDirection]]:
+def turns(elevation: float, edges: Float64 = IDENTITY) -> list[list[SortDirection]]:
     """The directions to sort along on a turntable of STEP degrees a frame."""
     path = TurntablePath(round(360 / STEP), elevation=elevation)
-    turning = make_turning(edges, axes_in_runs(path))
-    return [depth_directions(turning, -camera_pose(path, frame).direction) for frame in range(0, path.frames)]
+    turning = make_order_blending(edges, iter_camera_axes(path))
+    return [sort_directions(turning, -camera_pose(path, frame).direction) for frame in range(0, path.frames)]
 
 
 @pytest.mark.parametrize("elevation", [0.0, -0.5, 20.0, 45.0, 80.0, 89.0])
@@ -131,14 +138,14 @@ def test_the_share_in_which_a_neighbour_comes_first_changes_evenly(elevation: fl
         [sum(each.share * (steps @ each.direction > 0) for each in mixture) for mixture in turns(elevation, edges)]
     )
     changes = np.abs(np.diff(shares, axis=0))
-    assert changes.max() < 1.35 * STEP / np.degrees(2 * FADE_ANGLE) + LEAST_SHARE
+    assert changes.max() < 1.35 * STEP / np.degrees(2 * FADE_ANGLE) + MIN_WEIGHT
 
 
 def test_a_camera_that_stands_still_sorts_along_its_view() -> None:
     path = TurntablePath(1, start=30.0, elevation=20.0)
-    turning = make_turning(IDENTITY, axes_in_runs(path))
+    turning = make_order_blending(IDENTITY, iter_camera_axes(path))
     forward = -camera_pose(path, 0).direction
-    (only,) = depth_directions(turning, forward)
+    (only,) = sort_directions(turning, forward)
     np.testing.assert_array_equal(only.direction, forward)
     assert only.share == 1.0
 
@@ -150,7 +157,7 @@ def test_unmixed_is_the_order_of_view_depths(projection: str, azimuth: float) ->
     cut = cut_of(volume_of(np.random.default_rng(6).integers(0, 256, (7, 6, 5), np.uint8)), 0.3)
     splats = make_splats(cut, SplatSpec())
     view = look(projection, azimuth=azimuth, distance=40.0)
-    turning = make_turning(IDENTITY, axes_in_runs(TurntablePath(360)))
+    turning = make_order_blending(IDENTITY, iter_camera_axes(TurntablePath(360)))
     ((share, order),) = visible_orders(splats, cut.without_cells(), view, "unmixed", turning)
     assert share == 1.0
     np.testing.assert_array_equal(order, visible_order(splats, cut, view, "depth"))
@@ -175,7 +182,7 @@ def test_a_film_unmixed_is_the_same_where_there_is_one_order(rasterizer: GLRaste
     both = [list(render_frames(stage, range(9), rasterizer, clock=lambda: 0.0)) for stage in (mixed, unmixed)]
     is_same = []
     for one, other in zip(*both, strict=True):
-        num_orders = len(depth_directions(mixed.turning, view_of(mixed, one.number).forward))
+        num_orders = len(sort_directions(mixed.turning, view_of(mixed, one.number).forward))
         assert one.num_splats == other.num_splats
         is_same.append(num_orders == 1)
         assert (one.radiance.tobytes() == other.radiance.tobytes()) == (num_orders == 1)
@@ -187,7 +194,7 @@ def test_pictures_on_both_sides_of_an_axis_are_mirror_images(rasterizer: GLRaste
     half = np.random.default_rng(2).integers(0, 256, (6, 6, 3), np.uint8)
     cut = cut_of(volume_of(np.concatenate([half, half[..., ::-1]], axis=2)), 0.5)
     splats = make_splats(cut, SplatSpec())
-    turning = make_turning(IDENTITY, axes_in_runs(TurntablePath(360)))
+    turning = make_order_blending(IDENTITY, iter_camera_axes(TurntablePath(360)))
     for azimuth in (0.0, 0.3, 0.8, 2.0, 30.0):
         left, right = (
             sum(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from film_stages import KINDS, stage_of_kind
 
-from hsplat_cli.executors import LocalDrawer
+from hsplat_cli.executors import LocalExecutor
 from hsplat_cli.executors.workers.pool import open_pool
 from renderer.draw import GLRasterizer
 
@@ -13,16 +13,16 @@ NUMBERS = [*range(8), 2]
 
 
 @pytest.mark.parametrize(
-    ("kind", "num_workers", "threads_each"),
+    ("kind", "num_workers", "threads_per_worker"),
     [(kind, 1, 1) for kind in KINDS] + [("plain", 2, 4), ("plain", 3, 2), ("plain", 1, 0)],
 )
 def test_the_same_bytes(
-    rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, kind: str, num_workers: int, threads_each: int
+    rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, kind: str, num_workers: int, threads_per_worker: int
 ) -> None:
     monkeypatch.delenv("LP_NUM_THREADS", raising=False)
     stage = stage_of_kind(kind)
-    expected = list(LocalDrawer(stage, rasterizer).draw(NUMBERS))
-    with open_pool(stage, num_workers, threads_each=threads_each) as pool:
+    expected = list(LocalExecutor(stage, rasterizer).draw(NUMBERS))
+    with open_pool(stage, num_workers, threads_per_worker=threads_per_worker) as pool:
         found = list(pool.draw(NUMBERS))
     assert [drawn.number for drawn in found] == NUMBERS
     for one, other in zip(found, expected, strict=True):
@@ -36,8 +36,8 @@ def test_the_same_bytes(
 def test_only_files_are_sent(rasterizer: GLRasterizer) -> None:
     """Where nobody needs the pixels; they can still be had."""
     stage = stage_of_kind("transparent")
-    expected = list(LocalDrawer(stage, rasterizer).draw(NUMBERS[:2]))
-    with open_pool(stage, 1, threads_each=1, with_pixels=False) as pool:
+    expected = list(LocalExecutor(stage, rasterizer).draw(NUMBERS[:2]))
+    with open_pool(stage, 1, threads_per_worker=1, with_pixels=False) as pool:
         for one, other in zip(pool.draw(NUMBERS[:2]), expected, strict=True):
             assert one.picture.png == other.picture.png
             assert one.picture.pixels.tobytes() == other.picture.pixels.tobytes()

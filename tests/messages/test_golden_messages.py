@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.compare.golden.plan import Change, Plan, described
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
+from hsplat_cli.compare.golden.update_plan import Change, Plan, described
 from renderer.film import encode_png
-from renderer.study import FIGURES
+from renderer.study import COMPARISON_METRICS
 
 FORMAT = "hsplat golden 1"
 DIGEST = "0" * 32
@@ -88,7 +88,7 @@ def test_what_an_update_changes() -> None:
             Change("frame-0000.png", figures=figures(1, 0.0052, 0, 0.00031)),
         ),
         removed=(Golden(7, "frame-0007.png", DIGEST),),
-        unasked=(Golden(8, "frame-0008.png", DIGEST),),
+        unrequested=(Golden(8, "frame-0008.png", DIGEST),),
         num_asked=5,
     )
     assert "\n".join(described(plan)) == (
@@ -99,10 +99,10 @@ def test_what_an_update_changes() -> None:
   levels, worst first   largest   densest       p99      bias
   frame-0001.png             41      9.31        12      1.25
   frame-0000.png              1    0.0052         0   0.00031
-  largest: {FIGURES["largest"].label}
-  densest: {FIGURES["densest"].label}
-  p99: {FIGURES["p99"].label}
-  bias: {FIGURES["bias"].label}
+  largest: {COMPARISON_METRICS["largest"].label}
+  densest: {COMPARISON_METRICS["densest"].label}
+  p99: {COMPARISON_METRICS["p99"].label}
+  bias: {COMPARISON_METRICS["bias"].label}
 to be removed, for nobody asks for it: frame-0007.png
 not asked for, and left as they are (--prune removes them): frame-0008.png
 what has changed since they were drawn: gl was 'llvmpipe'; versions.numpy was '2.1.0'"""

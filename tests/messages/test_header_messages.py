@@ -10,7 +10,7 @@ import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
 from renderer.readers import read_volume
-from renderer.readers.itk import distill
+from renderer.readers.itk import shorten_itk_error
 from renderer.scene import FileSource, VolumeSpec
 
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
@@ -46,8 +46,8 @@ def test_header_of_npy_that_is_damaged(folder, damage):
 
 def test_no_words_of_a_program(folder):
     said = "itk ERROR: GDCMImageIO(0x1): GetVR().Compatible( de.GetVR() ) || de.GetVR() == VR::INVALID"
-    assert [distill(text) for text in (said, "std::bad_alloc")] == [None, None]
-    assert distill("a()\n[nrrd] nrrdLoad: couldn't parse type") == "couldn't parse type"
+    assert [shorten_itk_error(text) for text in (said, "std::bad_alloc")] == [None, None]
+    assert shorten_itk_error("a()\n[nrrd] nrrdLoad: couldn't parse type") == "couldn't parse type"
 
 
 def test_memory_that_a_library_does_not_get(folder, monkeypatch):

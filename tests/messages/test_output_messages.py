@@ -10,7 +10,7 @@ import pytest
 
 from renderer.errors import HsplatError
 from renderer.film import open_film, quantize, require_writable
-from renderer.film.atomic import write_error
+from renderer.film.atomic import output_error
 from renderer.film.encode import open_encoder
 from renderer.scene import OutputSpec
 
@@ -29,7 +29,7 @@ from renderer.scene import OutputSpec
     ],
 )
 def test_what_the_system_refuses(number: int, text: str) -> None:
-    assert str(write_error(OSError(number, os.strerror(number)), Path("out/film.mp4"))) == text
+    assert str(output_error(OSError(number, os.strerror(number)), Path("out/film.mp4"))) == text
 
 
 def test_the_file_that_stands_for_a_folder_is_named(tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.executors import drawn
+from hsplat_cli.executors import frame_result as drawn
 from hsplat_cli.films import differences
-from renderer.film import digest, png_chunks, png_of
+from renderer.film import digest, join_png_chunks, png_chunks
 from renderer.frame import Frame
 
 SMALL = [
@@ -109,7 +109,9 @@ def test_a_kept_frame_that_no_decoder_takes(render: Render) -> None:
     render.at_frame(4, interrupt)
     render("--output", "film.mp4")
     picture, told = (Path(f"film.mp4.unfinished/000001.{suffix}") for suffix in ("png", "json"))
-    content = png_of([(name, b"" if name == b"IDAT" else data) for name, data in png_chunks(picture.read_bytes())])
+    content = join_png_chunks(
+        [(name, b"" if name == b"IDAT" else data) for name, data in png_chunks(picture.read_bytes())]
+    )
     picture.write_bytes(content)
     data = json.loads(told.read_bytes())
     data["record"]["digest"] = digest(content)

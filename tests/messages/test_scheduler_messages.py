@@ -28,7 +28,7 @@ def refused(capsys: pytest.CaptureFixture[str], scheduler: str, *options: str) -
 
 @pytest.fixture(autouse=True)
 def _in_folder(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connection, "_ANSWER_S", 0.5)
+    monkeypatch.setattr(connection, "_CONNECT_TIMEOUT_S", 0.5)
 
 
 @pytest.mark.parametrize("address", ["node7", "http://node7:8786", "tcp://node7:99999", "node7:", "a b:1", "Local"])
@@ -52,7 +52,7 @@ def test_nobody_answers(port: int, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_another_server_answers(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connection, "_ANSWER_S", 3.0)
+    monkeypatch.setattr(connection, "_CONNECT_TIMEOUT_S", 3.0)
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def answer() -> None:

@@ -36,7 +36,7 @@ from brickwork import (
     view_of,
 )
 
-from renderer.bricks import BrickBatch, Bricks, Thrift
+from renderer.bricks import BrickBatch, Bricks, ScreenSampling
 from renderer.draw import GLRasterizer
 from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath
@@ -50,7 +50,7 @@ SPREAD = 1e-3
 
 @pytest.fixture(scope="module", params=["device", "processor"])
 def rasterizer(request: pytest.FixtureRequest) -> Iterator[GLRasterizer]:
-    with GLRasterizer(bricks_on=request.param) as gl:
+    with GLRasterizer(brick_backend=request.param) as gl:
         yield gl
 
 
@@ -63,7 +63,7 @@ def assert_parity(
     assert image.dtype == np.float32
     assert np.isfinite(image).all(), what
     assert expected[..., 3].max() > 0.2, what
-    excess = np.abs(image - expected) - precision - batch.thrift.least_transmittance
+    excess = np.abs(image - expected) - precision - batch.screen_sampling.termination_transmittance
     if excess.max() > 0:
         band = [rasterize_bricks_reference(nudged(batch, sign), order, view) for sign in (-1, 1)]
         excess -= np.max(band, axis=0) - np.min(band, axis=0)
@@ -74,8 +74,8 @@ def assert_parity(
 
 def nudged(batch: BrickBatch, sign: int) -> BrickBatch:
     """With slightly longer, or shorter, steps, and a slightly larger, or smaller, spread."""
-    thrift = replace(batch.thrift, spread=batch.thrift.spread * (1 + sign * SPREAD))
-    return replace(batch, steps=batch.steps * (1 + sign * STEP), thrift=thrift)
+    screen_sampling = replace(batch.screen_sampling, spread=batch.screen_sampling.spread * (1 + sign * SPREAD))
+    return replace(batch, steps=batch.steps * (1 + sign * STEP), screen_sampling=screen_sampling)
 
 
 def hilly(affine: str, shading: ShadingSpec | None, dtype: str = "uint8") -> Bricks:
@@ -148,7 +148,7 @@ def test_thrift_with_pixels(rasterizer: GLRasterizer, strides: tuple[int, ...], 
     for camera in ("perspective", "inside"):
         view = view_of(bricks.volume, camera, size)
         for spread in (0.0, 0.05, 0.3):
-            batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0))
+            batch = batch_of(cut, bricks, screen_sampling=ScreenSampling(strides, spread, 0.0))
             assert_parity(rasterizer, batch, view, (camera, spread))
 
 
@@ -160,9 +160,9 @@ def test_thrift_with_what_is_hidden(rasterizer: GLRasterizer, least: float) -> N
     cut = level_cut(bricks, 0)
     for camera in ("perspective", "inside"):
         view = view_of(bricks.volume, camera)
-        batch = batch_of(cut, dense, step=0.25, thrift=Thrift((1,), 0.0, least))
+        batch = batch_of(cut, dense, step=0.25, screen_sampling=ScreenSampling((1,), 0.0, least))
         image = assert_parity(rasterizer, batch, view, camera)
-        whole = rasterize_bricks_reference(replace(batch, thrift=EXACTLY), ordered(cut, view), view)
+        whole = rasterize_bricks_reference(replace(batch, screen_sampling=EXACTLY), ordered(cut, view), view)
         assert np.abs(image - whole).max() <= least + PRECISION
 
 
@@ -186,7 +186,7 @@ def test_thrift_where_a_picture_is_even(rasterizer: GLRasterizer) -> None:
     for strides in ((4, 1), (4, 2), (4, 2, 1)):
         pictures = []
         for spread in (0.0, 0.03, 0.1):
-            batch = batch_of(cut, bricks, thrift=Thrift(strides, spread, 0.0))
+            batch = batch_of(cut, bricks, screen_sampling=ScreenSampling(strides, spread, 0.0))
             pictures.append(assert_parity(rasterizer, batch, view, (strides, spread)))
         assert all(np.abs(a - b).max() > 0.01 for a, b in pairwise(pictures))
 

@@ -11,7 +11,7 @@ from splatting import cut_of, look, volume_of
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
 from renderer.draw import CellEdges, GLRasterizer, make_brick_edges, make_cell_edges
-from renderer.draw.gl.raster import LEAST_SIDE_PX, LINE_COVER, LINE_OPACITY
+from renderer.draw.gl.raster import LINE_COVER, LINE_OPACITY, MIN_SIDE_PX
 from renderer.draw.overlay import LEVEL_COLORS, level_colors
 from renderer.pyramid import Cut
 from renderer.view import View
@@ -115,7 +115,7 @@ def draw_reference(edges: CellEdges, view: View) -> np.ndarray:
         distance = np.linalg.norm(offset - share[..., None] * (b - a), axis=-1)
         side_px = side * edges.length * ((1 - share) * px_per_unit[0] + share * px_per_unit[1])
         alpha = np.clip(1 - distance, 0, 1) * np.minimum(LINE_COVER * side * side_px, LINE_OPACITY)
-        alpha *= side_px >= LEAST_SIDE_PX
+        alpha *= side_px >= MIN_SIDE_PX
         color = level_colors()[min(level, len(LEVEL_COLORS) - 1)]
         image = image * (1 - alpha[..., None]) + alpha[..., None] * np.append(color, 1)
     return image
@@ -157,7 +157,7 @@ def test_small_cells_fade(rasterizer: GLRasterizer) -> None:
     views = [look("orthographic", distance=1.0, field_of_view=fov, size=(128, 128)) for fov in (50, 90, 170)]
     alphas = [rasterizer.rasterize_edges(edges, view)[..., 3].max() for view in views]
     sides_px = [0.08 * view.scale_px for view in views]
-    assert sides_px[1] > LEAST_SIDE_PX > sides_px[2]
+    assert sides_px[1] > MIN_SIDE_PX > sides_px[2]
     assert alphas[0] / alphas[1] == pytest.approx(sides_px[0] / sides_px[1], rel=0.05)  # the pixels nearest to the line
     assert alphas[2] == 0
 

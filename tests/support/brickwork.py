@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from splatting import look
 
-from renderer.bricks import BRICK, BRICK_LEVELS, BrickBatch, BrickCut, Bricks, Thrift, make_bricks
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickBatch, BrickCut, Bricks, ScreenSampling, make_bricks
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.view import View
@@ -19,7 +19,7 @@ from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 
-EXACTLY = Thrift((1,), 0.0, 0.0)
+EXACTLY = ScreenSampling((1,), 0.0, 0.0)
 
 LIT = ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))
 EACH_SHADING = pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
@@ -81,7 +81,7 @@ def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:
         levels.append(np.full(is_leaf.sum(), level, np.uint8))
         cells.append(nodes[is_leaf])
         nodes = (2 * nodes[~is_leaf][:, None] + (np.arange(8)[:, None] >> np.arange(3) & 1)).reshape(-1, 3)
-        nodes = nodes[np.all(nodes * (BRICK << level >> 1) < bricks.volume.shape_xyz, axis=1)].astype(np.int32)
+        nodes = nodes[np.all(nodes * (BRICK_SIZE << level >> 1) < bricks.volume.shape_xyz, axis=1)].astype(np.int32)
     return cut_of_bricks(bricks, np.concatenate(levels), np.concatenate(cells))
 
 
@@ -97,7 +97,7 @@ def cut_of_bricks(bricks: Bricks, levels: npt.NDArray[np.uint8], cells: npt.NDAr
     boxes, roughness = np.empty((len(levels), 2, 3)), np.empty(len(levels))
     for i, (level, (x, y, z)) in enumerate(zip(levels, cells, strict=True)):
         of_level = bricks.levels[level]
-        boxes[i] = 2.0**level * (BRICK * cells[i] + of_level.boxes[z, y, x].astype(np.float64)) - 0.5
+        boxes[i] = 2.0**level * (BRICK_SIZE * cells[i] + of_level.boxes[z, y, x].astype(np.float64)) - 0.5
         roughness[i] = of_level.roughness[z, y, x]
     is_seen = np.all(boxes[:, 0] < boxes[:, 1], axis=1)
     return BrickCut(levels[is_seen], cells[is_seen], boxes[is_seen], roughness[is_seen], bricks.volume)
@@ -109,13 +109,13 @@ def batch_of(
     *,
     step: float | Sequence[float] = 1.0,
     shading: ShadingSpec | None = None,
-    thrift: Thrift = EXACTLY,
+    screen_sampling: ScreenSampling = EXACTLY,
 ) -> BrickBatch:
     """A batch by hand: one step for all, or one for each level."""
     volume = cut.volume
     steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
     length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * volume.shape_xyz))
-    return BrickBatch(cut, bricks, steps, bricks.pieces, shading, thrift, volume.centre, length)
+    return BrickBatch(cut, bricks, steps, bricks.pieces, shading, screen_sampling, volume.centre, length)
 
 
 def view_of(
@@ -135,7 +135,7 @@ def view_of(
         return outside
     if camera == "near":
         return replace(outside, near=2 * diameter - 0.1 * min(volume.shape_xyz) * volume.finest_spacing)
-    corner = volume.centre_index + 0.21 if camera == "inside" else np.minimum(BRICK - 0.5, volume.centre_index)
+    corner = volume.centre_index + 0.21 if camera == "inside" else np.minimum(BRICK_SIZE - 0.5, volume.centre_index)
     eye = volume.world_from_index[:3, :3] @ corner + volume.world_from_index[:3, 3]
     return replace(outside, target=eye, distance=0.0, scale_px=outside.scale_px / 3)
 

@@ -10,7 +10,7 @@ import time
 
 from film_stages import PLAIN, stage_of
 
-from hsplat_cli.executors import Lifeline
+from hsplat_cli.executors import ChildProcesses
 from hsplat_cli.executors.workers.pool import open_pool
 
 LONG_S = 600
@@ -18,7 +18,7 @@ LONG_S = 600
 
 def draw_for_ever() -> None:
     """A pool at work."""
-    with open_pool(stage_of(PLAIN), 2, threads_each=1) as pool:
+    with open_pool(stage_of(PLAIN), 2, threads_per_worker=1) as pool:
         for count in itertools.count():
             list(pool.draw(range(8)))
             if count == 0:
@@ -27,14 +27,17 @@ def draw_for_ever() -> None:
 
 def start_workers() -> None:
     """A pool whose workers may not be ready."""
-    with open_pool(stage_of(PLAIN), 2, threads_each=1):
+    with open_pool(stage_of(PLAIN), 2, threads_per_worker=1):
         say("starting")
         time.sleep(LONG_S)
 
 
 def have_a_child() -> None:
     """That has workers."""
-    with Lifeline() as lifeline, lifeline.start("children", ["draw_for_ever"], stdout=subprocess.PIPE) as child:
+    with (
+        ChildProcesses() as child_processes,
+        child_processes.start("children", ["draw_for_ever"], stdout=subprocess.PIPE) as child,
+    ):
         assert child.stdout is not None
         say(child.stdout.readline().decode().strip())
         child.wait()

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import ERRORS_ON_A_RAY
-from renderer.transfer import FAINTEST, TransferFunction
+from renderer.bricks import RAY_ERROR_FACTOR
+from renderer.transfer import VISIBILITY_THRESHOLD, TransferFunction
 from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
@@ -43,7 +43,7 @@ def depths_of(volume: Volume, transfer: TransferFunction) -> Float64:
     """[z, y, x, 4]: (tau c, tau) times the finest spacing."""
     colors, extinctions = transfer.classify(volume.values)
     depths = extinctions[..., None] * volume.finest_spacing
-    depths[depths < FAINTEST] = 0.0
+    depths[depths < VISIBILITY_THRESHOLD] = 0.0
     return np.concatenate([colors * depths, depths], axis=-1)
 
 
@@ -98,7 +98,7 @@ def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
     low, high = ranges_of_dual_cells(volume)
 
     def shows(s: Float64) -> Bools:
-        return np.asarray(transfer.classify(s)[1] * volume.finest_spacing >= FAINTEST)
+        return np.asarray(transfer.classify(s)[1] * volume.finest_spacing >= VISIBILITY_THRESHOLD)
 
     shown = shows(low) | shows(high)
     ends = [-np.inf, *transfer.values, np.inf]
@@ -182,7 +182,7 @@ def errors_of_bricks(volume: Volume, transfer: TransferFunction, level: int) -> 
     squares = np.maximum(distances, jumps)
     length = 2**level * np.cbrt(volume.voxel_volume) / volume.finest_spacing
     return {
-        brick: ERRORS_ON_A_RAY * max(part.max(), length * np.sqrt(squares[dual_cells(brick, 16 << level)].max()))
+        brick: RAY_ERROR_FACTOR * max(part.max(), length * np.sqrt(squares[dual_cells(brick, 16 << level)].max()))
         for brick, part in nodes.items()
     }
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from number_types import INTEGERS, limits
 
-from renderer.transfer import TransferFunction, classify_voxel, make_classifier, voxel_codes
+from renderer.transfer import TransferFunction, classify_voxel, make_classifier, raw_voxels
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
@@ -47,7 +47,7 @@ def exactly(by: TransferFunction) -> Callable[[Any], list[Fraction]]:
 def worst_classified(by: TransferFunction, values: Array) -> float:
     """The largest error of a channel of any voxel, as a share of the largest extinction; the spacing is 1."""
     of = placed(values.reshape(1, 1, -1), np.eye(3))
-    rule, codes = make_classifier(of, by, None, opacity=False), voxel_codes(of)
+    rule, codes = make_classifier(of, by, None, opacity=False), raw_voxels(of)
     worst, exact = 0.0, exactly(by)
     for x, scalar in enumerate(of.values[0, 0]):
         got = classify_voxel(codes, *rule, 0, 0, x)

@@ -9,25 +9,25 @@ import os
 import signal
 from typing import Any
 
-from hsplat_cli.executors.cluster.worker import Parcel, draw
+from hsplat_cli.executors.cluster.worker import SerializedStage, draw
 from renderer.errors import InputError
 
 FRAME = 3  # the one that things happen at
 
 
-def kill_always(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+def kill_always(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     if number == FRAME:
         os.kill(os.getpid(), signal.SIGKILL)
-    return draw(parcel, number)
+    return draw(stage_data, number)
 
 
-def input_error(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+def input_error(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     if number == FRAME:
         raise InputError("a bad frame", where="scene.yaml", got="this", expected="that", hint="another")
-    return draw(parcel, number)
+    return draw(stage_data, number)
 
 
-def out_of_memory(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+def out_of_memory(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     if number == FRAME:
         raise MemoryError("all of it is taken")
-    return draw(parcel, number)
+    return draw(stage_data, number)

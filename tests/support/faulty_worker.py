@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hsplat_cli.executors import Drawn, LocalDrawer
+from hsplat_cli.executors import Drawn, LocalExecutor
 from hsplat_cli.executors.workers import worker
 from hsplat_cli.executors.workers.messages import Message
 from renderer.errors import InputError, RenderError
@@ -29,9 +29,9 @@ def main(name: str, folder: Path, rest: Sequence[str]) -> None:
     """Be a worker in which the fault happens."""
     if name in START_FAULTS:
         START_FAULTS[name](folder)
-    whole_draw = LocalDrawer.draw
+    whole_draw = LocalExecutor.draw
 
-    def draw(self: LocalDrawer, numbers: Sequence[int]) -> Iterator[Drawn]:
+    def draw(self: LocalExecutor, numbers: Sequence[int]) -> Iterator[Drawn]:
         if name in DRAW_FAULTS:
             DRAW_FAULTS[name](folder, numbers[0])
         if name in GL_FAULTS and GL_FAULTS[name](folder, numbers[0]):
@@ -39,7 +39,7 @@ def main(name: str, folder: Path, rest: Sequence[str]) -> None:
                 ctypes.CDLL("libGL.so.1").glEnable(0xFFFF)
         return whole_draw(self, numbers)
 
-    LocalDrawer.draw = draw  # type: ignore[method-assign]
+    LocalExecutor.draw = draw  # type: ignore[method-assign]
     worker.main(rest)
 
 

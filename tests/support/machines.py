@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
 from renderer.draw import CellEdges
-from renderer.frame.brick_family import num_samples
+from renderer.frame.brick_primitive import num_samples
 from renderer.splats import SplatBatch
-from renderer.view import View, model_view, square_px
+from renderer.view import View, model_view, total_square_area_px
 
 
 class NothingLasting:
@@ -62,7 +62,7 @@ class SimulatedMachine(NothingLasting):
         if isinstance(batch, BrickBatch):
             num_pixels = num_samples(batch, order, view)
         else:
-            num_pixels = square_px(batch, order, model_view(batch, view))
+            num_pixels = total_square_area_px(batch, order, model_view(batch, view))
         per_frame, per_splat, per_pixel = self._rates
         return per_frame + per_splat * len(order) + per_pixel * num_pixels
 

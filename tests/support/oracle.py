@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import ColormapSpec, Scene, ShadingSpec, TransferSpec, colormap_points
-from renderer.transfer import FAINTEST
+from renderer.transfer import VISIBILITY_THRESHOLD
 from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
 from renderer.volume import Volume
 
@@ -82,9 +82,9 @@ def classify(volume: Volume, transfer: TransferSpec, shading: ShadingSpec | None
     unit = spacing if transfer.unit is None else transfer.unit
     colors, extinctions, deepest = _interpolated(scalars, transfer, unit, spacing)
     depths = extinctions * spacing
-    depths[depths < FAINTEST] = 0.0
+    depths[depths < VISIBILITY_THRESHOLD] = 0.0
     opacities = -np.expm1(-depths)
-    opacities[opacities < FAINTEST] = 0.0
+    opacities[opacities < VISIBILITY_THRESHOLD] = 0.0
     if shading is not None:
         colors = colors * _light(volume, scalars, shading)[..., None]
     scale = _power_of_two(np.abs(scalars).max())

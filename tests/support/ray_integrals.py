@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath, Vector
 from renderer.truth import integrate
-from renderer.truth.integrator import rays_about
+from renderer.truth.integrator import rays_through_pixels
 from renderer.view import View, make_view
 from renderer.view.camera import Float64
 from renderer.volume import Volume
@@ -62,7 +62,7 @@ class Span:
 
 
 def ray_spans(of: Volume, view: View) -> Span:
-    origins, directions, starts = rays_about(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
+    origins, directions, starts = rays_through_pixels(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
     enter, leave = starts.copy(), np.full(starts.shape, np.inf)
     index_from_world = np.linalg.inv(of.world_from_index)
     at = origins @ index_from_world[:3, :3].T + index_from_world[:3, 3]
@@ -80,7 +80,7 @@ def riemann(of: Volume, tf: Transfer, view: View, num_steps: int, shading: Shadi
     values = of.values.astype(float)
     gradients = [np.gradient(values, axis=2 - axis) for axis in range(3)]
     index_from_world = np.linalg.inv(of.world_from_index)
-    origins, directions, starts = rays_about(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
+    origins, directions, starts = rays_through_pixels(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
     origins, directions = (
         origins @ index_from_world[:3, :3].T + index_from_world[:3, 3],
         directions @ index_from_world[:3, :3].T,

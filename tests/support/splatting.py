@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import CameraSpec, ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec, TurntablePath
 from renderer.splats import SplatBatch, make_footprint, make_splats
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 from renderer.view import View, make_view
 from renderer.volume import Volume, make_volume
 
@@ -87,7 +87,7 @@ def cut_of(volume: Volume, opacity: float, *, level: int = 0, tolerance: float =
         ControlPoint(128.0, (0.4, 0.9, 0.3), opacity / 3),
         ControlPoint(255.0, (1.0, 0.3, 0.1), opacity),
     )
-    transfer = make_transfer(TransferSpec(points, unit), volume.finest_spacing)
+    transfer = make_transfer_function(TransferSpec(points, unit), volume.finest_spacing)
     pyramid = build_pyramid(volume, transfer, spec=PyramidSpec(precision="single"), error=ErrorSpec(), num_threads=1)
     return cut_pyramid(pyramid, tolerance, finest_level=level)
 

@@ -15,10 +15,10 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.films import place
-from hsplat_cli.films.assemble import film, merged
+from hsplat_cli.films import output_lock as place
+from hsplat_cli.films.assemble import film, merged_sidecar as merged
 from hsplat_cli.terminal import package_versions
-from renderer.film import digest, encode_png, png_chunks, png_of
+from renderer.film import digest, encode_png, join_png_chunks, png_chunks
 
 SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.
@@ -235,7 +235,7 @@ def test_a_frame_that_cannot_be_decoded(capsys: pytest.CaptureFixture[str]) -> N
     """All its checksums, and its digest, are right."""
     draw_parts()
     header, _, end = png_chunks(Path("parts/0001.png").read_bytes())
-    other = png_of([header, (b"IDAT", b"no data"), end])
+    other = join_png_chunks([header, (b"IDAT", b"no data"), end])
     Path("parts/0001.png").write_bytes(other)
     data = sidecar("parts/frames.0-2.json")
     data["frames"][1]["digest"] = digest(other)

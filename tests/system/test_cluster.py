@@ -20,9 +20,9 @@ from processes import wait_until
 
 import renderer
 from hsplat_cli import main
-from hsplat_cli.executors import LocalDrawer
-from hsplat_cli.executors.cluster import drawer as cluster_drawer
-from hsplat_cli.executors.cluster.drawer import Cluster
+from hsplat_cli.executors import LocalExecutor
+from hsplat_cli.executors.cluster import cluster_executor as cluster_drawer
+from hsplat_cli.executors.cluster.cluster_executor import Cluster
 from hsplat_cli.terminal import package_versions
 from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
@@ -62,7 +62,7 @@ def client() -> Iterator[Client]:
 @pytest.fixture(scope="module")
 def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
     """The files of all frames."""
-    return [drawn.picture.png for drawn in LocalDrawer(stage, rasterizer).draw(range(NUM_FRAMES))]
+    return [drawn.picture.png for drawn in LocalExecutor(stage, rasterizer).draw(range(NUM_FRAMES))]
 
 
 def draw(

@@ -165,7 +165,7 @@ def test_reports_tell_of_what_nobody_expected(monkeypatch: pytest.MonkeyPatch, e
     def fail(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr(judge, "outcome_of", fail)
+    monkeypatch.setattr(judge, "compare_pair", fail)
     assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 2
     assert ElementTree.parse(REPORTS[1]).getroot().get("errors") == "1"
     assert json.loads(Path(REPORTS[0]).read_text())["passes"] is False
@@ -185,7 +185,7 @@ def test_reports_that_cannot_be_written_are_told_first(monkeypatch: pytest.Monke
     def looked_at(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(judge, "outcome_of", looked_at)
+    monkeypatch.setattr(judge, "compare_pair", looked_at)
     Path("file").touch()
     for option, suffix in (("--json", "json"), ("--junit", "xml"), ("--html", "html")):
         assert compare("golden", "actual", option, f"file/report.{suffix}") == 2
@@ -200,7 +200,7 @@ def test_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(judge, "outcome_of", interrupt)
+    monkeypatch.setattr(judge, "compare_pair", interrupt)
     assert compare("film.mp4", "copy.mp4", *WRITE_REPORTS) == 130
     assert list(Path("reports").iterdir()) == []
     assert marked(mark) == set()

@@ -11,7 +11,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.compare import scene as compare_scene
+from hsplat_cli.compare import scene_pairs as compare_scene
 from hsplat_cli.compare.rules import Rules
 from renderer.film import encode_png
 

@@ -19,7 +19,7 @@ from small_scene import small_scene
 from hsplat_cli import main
 from hsplat_cli.commands import golden as command
 from hsplat_cli.compare.picture_file import read_picture
-from hsplat_cli.executors import drawn
+from hsplat_cli.executors import frame_result as drawn
 from renderer.frame import Frame
 
 CODE = Path(main.__file__).parents[1]
@@ -59,7 +59,7 @@ def files() -> dict[str, tuple[bytes, int]]:
 
 def answer(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     """What the user says at the terminal."""
-    monkeypatch.setattr(command, "_may_overwrite", lambda: {"y": True, "n": False}[text])
+    monkeypatch.setattr(command, "_confirm_overwrite", lambda: {"y": True, "n": False}[text])
 
 
 def test_the_first_goldens(capsys: pytest.CaptureFixture[str]) -> None:

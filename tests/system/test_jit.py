@@ -23,14 +23,14 @@ def number() -> int:
 """
 OUTER = """
 from renderer.inner import number
-from renderer.jit import has_compiled_before, jit
+from renderer.jit import has_cached_kernels, jit
 
 @jit
 def doubled() -> int:
     return 2 * number()
 
-before = has_compiled_before()
-print(doubled(), before, has_compiled_before())
+before = has_cached_kernels()
+print(doubled(), before, has_cached_kernels())
 """
 
 

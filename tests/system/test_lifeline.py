@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
-from hsplat_cli.executors import Lifeline
+from hsplat_cli.executors import ChildProcesses
 
 # What the program promises.
 LONGEST_S = 5.0
@@ -29,8 +29,8 @@ def mark(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         os.kill(process, signal.SIGKILL)
 
 
-def start(lifeline: Lifeline, *arguments: str) -> subprocess.Popen[bytes]:
-    return lifeline.start("children", arguments, stdout=subprocess.PIPE)
+def start(child_processes: ChildProcesses, *arguments: str) -> subprocess.Popen[bytes]:
+    return child_processes.start("children", arguments, stdout=subprocess.PIPE)
 
 
 def says(child: subprocess.Popen[bytes]) -> str:
@@ -42,7 +42,7 @@ def says(child: subprocess.Popen[bytes]) -> str:
 @pytest.mark.parametrize("of", ["parent", "group"])
 def test_killed(mark: str, what: str, of: str) -> None:
     """By SIGKILL, of which nobody is told: workers, and workers of a child."""
-    with Lifeline() as lifeline, start(lifeline, what) as parent:
+    with ChildProcesses() as child_processes, start(child_processes, what) as parent:
         assert says(parent) in ("drawing", "starting")
         processes = marked(mark)
         assert len(processes) == (4 if what == "have_a_child" else 3)
@@ -60,8 +60,8 @@ def test_killed(mark: str, what: str, of: str) -> None:
 @pytest.mark.parametrize("what", ["hold_the_lock", "wait", "draw_for_ever"])
 def test_cut(mark: str, what: str) -> None:
     """By the parent, which lives on: at the end of the block, each of several children."""
-    with Lifeline() as lifeline:
-        children = [start(lifeline, what) for _ in range(2)]
+    with ChildProcesses() as child_processes:
+        children = [start(child_processes, what) for _ in range(2)]
         assert all(map(says, children))
     ends = [-signal.SIGKILL] if what == "hold_the_lock" else [-signal.SIGKILL, 1]  # a thread may be first
     for child in children:
@@ -73,8 +73,8 @@ def test_cut(mark: str, what: str) -> None:
 
 def test_a_parent_that_is_gone_already(mark: str) -> None:
     """When the child looks for the first time."""
-    with Lifeline() as lifeline:
-        stopped = start(lifeline, "wait")
+    with ChildProcesses() as child_processes:
+        stopped = start(child_processes, "wait")
         stopped.send_signal(signal.SIGSTOP)
     stopped.send_signal(signal.SIGCONT)
     assert stopped.wait(LONGEST_S) in (1, -signal.SIGKILL)
@@ -88,8 +88,8 @@ def test_a_system_that_sends_no_signal(mark: str) -> None:
         [
             "import fcntl, sys, time",
             "del fcntl.F_SETSIG",
-            "from hsplat_cli.executors.workers.lifeline import hold_on",
-            "hold_on(int(sys.argv[1]))",
+            "from hsplat_cli.executors.workers.child_processes import exit_with_parent",
+            "exit_with_parent(int(sys.argv[1]))",
             "print('waiting', flush=True)",
             "time.sleep(600)",
         ]
@@ -110,14 +110,14 @@ def test_a_child_has_our_modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         (tmp_path / f"{name}.py").write_text("raise SystemExit('the wrong one')")
     monkeypatch.chdir(tmp_path)
     arguments = ["show_modules", "--flag", "a b", os.fsdecode(b"\xff")]
-    with Lifeline() as lifeline, start(lifeline, *arguments) as child:
+    with ChildProcesses() as child_processes, start(child_processes, *arguments) as child:
         path, argv, read = ast.literal_eval(says(child))
     assert (child.returncode, path, argv, read) == (0, sys.path, arguments, "")
 
 
 def test_a_child_has_no_other_files(mark: str) -> None:
     """Only the three streams and the pipe."""
-    with open(os.devnull) as other, Lifeline() as lifeline, start(lifeline, "wait") as child:
+    with open(os.devnull) as other, ChildProcesses() as child_processes, start(child_processes, "wait") as child:
         os.set_inheritable(other.fileno(), True)
         assert says(child) == "waiting"
         assert len(list(Path(f"/proc/{child.pid}/fd").iterdir())) == 4
@@ -126,11 +126,11 @@ def test_a_child_has_no_other_files(mark: str) -> None:
 
 def test_cut_twice(mark: str) -> None:
     """The second time does nothing, although the numbers of the descriptors are others' by then."""
-    lifeline = Lifeline()
-    child = start(lifeline, "wait")
-    lifeline.cut()
+    child_processes = ChildProcesses()
+    child = start(child_processes, "wait")
+    child_processes.cut()
     ends = [os.open(os.devnull, os.O_RDONLY) for _ in range(8)]
-    lifeline.cut()
+    child_processes.cut()
     for end in ends:
         os.close(end)
     assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)
@@ -140,13 +140,13 @@ def test_cut_twice(mark: str) -> None:
 
 def test_who_is_let_go_ends_and_leaves_no_descriptor(mark: str) -> None:
     """However many there have been in a block: a long film may replace many workers."""
-    with Lifeline() as lifeline:
+    with ChildProcesses() as child_processes:
         before = len(os.listdir("/proc/self/fd"))
         for _ in range(3):
-            with start(lifeline, "wait") as child:
+            with start(child_processes, "wait") as child:
                 assert says(child) == "waiting"
-                lifeline.let_go(child)
-                lifeline.let_go(child)
+                child_processes.end_child(child)
+                child_processes.end_child(child)
                 assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)
         assert len(os.listdir("/proc/self/fd")) == before
 
@@ -154,6 +154,6 @@ def test_who_is_let_go_ends_and_leaves_no_descriptor(mark: str) -> None:
 def test_what_cannot_be_started_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.executable", "/nowhere/python")
     before = len(os.listdir("/proc/self/fd"))
-    with pytest.raises(FileNotFoundError), Lifeline() as lifeline:
-        start(lifeline, "wait")
+    with pytest.raises(FileNotFoundError), ChildProcesses() as child_processes:
+        start(child_processes, "wait")
     assert len(os.listdir("/proc/self/fd")) == before

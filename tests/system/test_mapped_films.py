@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli.main import run
-from renderer.film import KeptFrames
+from renderer.film import FrameCheckpoint
 from renderer.readers import read_volume
 from renderer.scene import RawSource, VolumeSpec
 
@@ -64,13 +64,13 @@ def test_a_file_that_shrinks_in_the_middle_of_a_film(
 ) -> None:
     """When the first frame has been finished it loses what is left of it."""
     whole = (folder / "large.raw").stat().st_size
-    keep = KeptFrames.keep
+    keep = FrameCheckpoint.keep
 
     def shrink(*arguments: object, **options: object) -> object:
         os.truncate(folder / "large.raw", 1000)
         return keep(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(KeptFrames, "keep", shrink)
+    monkeypatch.setattr(FrameCheckpoint, "keep", shrink)
     assert run(["render", "scene.yaml", "--workers", workers, "--quiet"]) == 2
     said = capsys.readouterr().err
     assert f"{folder / 'large.raw'}: the volume's file became shorter while it was in use\n" in said

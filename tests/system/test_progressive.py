@@ -15,7 +15,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.executors import drawn
+from hsplat_cli.executors import frame_result as drawn
 from renderer.film import file_digest
 from renderer.frame import Frame
 

@@ -16,11 +16,11 @@ import yaml
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.films import search
+from hsplat_cli.films import tolerance_search as search
 from renderer.draw import GLRasterizer
 from renderer.frame import prepare, render_frames
-from renderer.scene import Scene, at_tolerance, load_scene
-from renderer.study import TRUTH_TOLERANCE, find_truth, over_background, single
+from renderer.scene import Scene, load_scene, with_tolerance
+from renderer.study import TRUTH_TOLERANCE, compute_truth, over_background, single
 
 ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24
@@ -56,7 +56,7 @@ def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLR
         for frame in render_frames(stage, frames, rasterizer, clock=lambda: 0.0)
     }
     return {
-        frame: single(metric, picture, find_truth(stage, frame, TRUTH_TOLERANCE).picture)
+        frame: single(metric, picture, compute_truth(stage, frame, TRUTH_TOLERANCE).picture)
         for frame, picture in pictures.items()
     }
 
@@ -69,7 +69,7 @@ def test_the_whole_film_has_the_accuracy(
     render("--quiet", *change)
     made = sidecar()
     measured = made["schedule"]["measured"]
-    scene = at_tolerance(load_scene(Path("scene.yaml")), made["frames"][0]["tolerance"])
+    scene = with_tolerance(load_scene(Path("scene.yaml")), made["frames"][0]["tolerance"])
     sign, slack = (1, 0.2) if metric == "psnr" else (-1, wanted * (10 ** (0.2 / 20) - 1))  # 0.2 dB either way
     values = accuracies(metric, scene, range(NUM_FRAMES), rasterizer)
     tried = {frame: values[frame] for frame in measured["probes"]}

@@ -16,7 +16,7 @@ import imageio.v3 as imageio
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.executors import drawn
+from hsplat_cli.executors import frame_result as drawn
 
 CODE = Path(main.__file__).parents[1]
 

@@ -18,10 +18,18 @@ import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
-from hsplat_cli.reports import FILES, check_writable, facts_of, plot_style, png_data_uri, svg_of, write_study
+from hsplat_cli.reports import (
+    FILES,
+    figure_to_svg,
+    format_facts,
+    plot_style,
+    png_data_uri,
+    require_writable_files,
+    write_study,
+)
 from hsplat_cli.reports.html import PALETTE
-from hsplat_cli.reports.page import study_page
-from hsplat_cli.reports.plots import TIME, metrics_figure, short_labels, tick_text, trade_figure
+from hsplat_cli.reports.plots import TIME, metrics_figure, short_labels, tick_text, tradeoff_figure
+from hsplat_cli.reports.study_html import study_page
 from renderer.errors import InputError, RenderError
 from renderer.study import Study
 
@@ -166,7 +174,7 @@ def test_what_cannot_be_plotted_is_counted() -> None:
 
 def test_plots_have_a_curve_for_each_series_and_both_fronts() -> None:
     with plot_style():
-        axes = trade_figure(CASES["all"].measurements, TIME).axes[0]
+        axes = tradeoff_figure(CASES["all"].measurements, TIME).axes[0]
     curves = {str(line.get_label()): line for line in axes.lines}
     assert {"gaussian, optical", "vtk gpu", "vtk fixed point"} <= set(curves)
     own, peer = curves["Pareto front of hsplat"], curves["front of VTK, between its settings"]
@@ -186,7 +194,7 @@ def test_the_peers_curves_do_not_run_from_one_image_reduction_to_the_next() -> N
         for m, reduction in points
     ]
     with plot_style():
-        (axes,) = trade_figure(measurements, TIME).axes
+        (axes,) = tradeoff_figure(measurements, TIME).axes
     curves = [line for line in axes.lines if line.get_marker() == "x"]
     assert [list(line.get_ydata()) for line in curves] == [[41, 35], [33, 30]]
     assert axes.get_legend_handles_labels()[1].count("vtk gpu") == 1
@@ -207,7 +215,7 @@ def test_every_axis_has_a_title() -> None:
 def test_labels_do_not_cover_each_other() -> None:
     crowd = [measure(f"tolerance {9 - k}", 10 + k / 2, 10 + k, 30 + k / 8, series=f"series {k}") for k in range(9)]
     with plot_style():
-        figure = trade_figure(crowd, TIME)
+        figure = tradeoff_figure(crowd, TIME)
         figure.draw_without_rendering()
         boxes = [text.get_window_extent() for text in figure.axes[0].texts]
     assert len(boxes) == 9
@@ -216,7 +224,7 @@ def test_labels_do_not_cover_each_other() -> None:
 
 def test_colours_follow_the_page() -> None:
     with plot_style():
-        svg = svg_of(trade_figure(own_series(), TIME), name="plot", alt='a "plot"')
+        svg = figure_to_svg(tradeoff_figure(own_series(), TIME), name="plot", alt='a "plot"')
     assert "var(--series-1)" in svg
     assert not any(light in svg for light, _ in PALETTE.values())
     assert 'aria-label="a &#34;plot&#34;"' in svg
@@ -227,7 +235,7 @@ def test_a_users_matplotlib_settings_change_nothing() -> None:
 
     def draw() -> str:
         with plot_style():
-            return svg_of(trade_figure(own_series(), TIME), name="plot", alt="")
+            return figure_to_svg(tradeoff_figure(own_series(), TIME), name="plot", alt="")
 
     plain = draw()
     with rc_context({"axes.grid": False, "lines.linewidth": 9, "svg.fonttype": "path"}):
@@ -239,7 +247,7 @@ def test_ticks_leave_room_for_each_other(decades: float) -> None:
     measurements = own_series()
     costs = {id(m): 10 ** (decades * k / (len(measurements) - 1)) for k, m in enumerate(measurements)}
     with plot_style():
-        figure = trade_figure(measurements, replace(TIME, of=lambda m: costs[id(m)], spread=None))
+        figure = tradeoff_figure(measurements, replace(TIME, of=lambda m: costs[id(m)], spread=None))
         figure.draw_without_rendering()
         axes = figure.axes[0]
         low, high = axes.get_xlim()
@@ -268,7 +276,7 @@ def test_short_labels(labels: list[str], expected: tuple[str, list[str]]) -> Non
 
 def test_small_texts() -> None:
     assert [tick_text(v) for v in (0.5, 5000, 2e4, 1e6, 5e9)] == ["0.5", "5000", "20 k", "1 M", "5 G"]
-    assert facts_of({"a_b": (1, 2), "c": {"d": None}}) == [("a b", "1 x 2"), ("c", "d unknown")]
+    assert format_facts({"a_b": (1, 2), "c": {"d": None}}) == [("a b", "1 x 2"), ("c", "d unknown")]
     assert png_data_uri(np.zeros((1, 1, 3), np.uint8)).startswith("data:image/png;base64,iVBORw0KGgo")
 
 
@@ -283,10 +291,10 @@ def test_three_files_the_same_every_time(tmp_path: Path) -> None:
 
 
 def test_trying_leaves_nothing(tmp_path: Path) -> None:
-    check_writable(tmp_path / "a" / "b")
+    require_writable_files(tmp_path / "a" / "b")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "index.html").write_text("before", "utf-8")
-    check_writable(tmp_path)
+    require_writable_files(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
     assert (tmp_path / "index.html").read_text("utf-8") == "before"
 
@@ -295,13 +303,13 @@ def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.touch()
     with pytest.raises(InputError) as caught:
-        check_writable(file)
+        require_writable_files(file)
     assert str(caught.value) == (
         f"{file}: the folder of the report is a file\n"
         "  got: a file\n  expected: a folder, or a name that is free\n  hint: name another folder"
     )
     with pytest.raises(InputError) as caught:
-        check_writable(file / "below")
+        require_writable_files(file / "below")
     assert str(caught.value) == f"{file}/below/measure.csv: the folder of the output is a file\n  got: {file}"
     assert list(tmp_path.iterdir()) == [file]
 
@@ -309,7 +317,7 @@ def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
 def test_an_output_that_is_a_folder(tmp_path: Path) -> None:
     (tmp_path / "index.html").mkdir()
     with pytest.raises(InputError, match="the output is a folder"):
-        check_writable(tmp_path)
+        require_writable_files(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
 
 
@@ -319,7 +327,7 @@ def test_a_folder_without_permission(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(Path, "touch", refuse)
     with pytest.raises(RenderError, match="no permission to write here"):
-        check_writable(tmp_path / "a")
+        require_writable_files(tmp_path / "a")
     assert list(tmp_path.iterdir()) == []
 
 

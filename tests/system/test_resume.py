@@ -27,7 +27,7 @@ from resuming import (
 )
 
 from hsplat_cli import main
-from hsplat_cli.films import cause
+from hsplat_cli.films import fingerprint as cause
 from renderer.draw import GLRasterizer
 from renderer.film import digest, encode_png
 

@@ -25,7 +25,7 @@ from resuming import (
 )
 
 from hsplat_cli import main
-from hsplat_cli.films import cause
+from hsplat_cli.films import fingerprint as cause
 from renderer.draw import GLRasterizer
 
 

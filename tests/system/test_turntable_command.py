@@ -22,9 +22,9 @@ from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
-from hsplat_cli.executors import Lifeline
+from hsplat_cli.executors import ChildProcesses
 from hsplat_cli.films import film
-from hsplat_cli.turntable import batch, single
+from hsplat_cli.turntable import batch, one_film as single
 from renderer.scene import load_scene
 
 CODE = Path(main.__file__).parents[1]
@@ -278,10 +278,10 @@ def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) 
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     before = report()
     with monkeypatch.context() as patch:
-        patch.setattr(film, "start_film", interrupt)
+        patch.setattr(film, "prepare_film", interrupt)
         assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 130
         assert report() == before
-    monkeypatch.setattr(film, "find_kept", interrupt)
+    monkeypatch.setattr(film, "resume_checkpoint", interrupt)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert report() == before
     Path("out/uint8.mp4").unlink()
@@ -296,7 +296,7 @@ def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.Monk
         scene = Path("out/uint8.yaml")
         scene.write_text(scene.read_text(encoding="utf-8").replace("frames: 3", "frames: 7"), encoding="utf-8")
 
-    monkeypatch.setattr(single, "tell_first_run", edit)
+    monkeypatch.setattr(single, "report_first_run", edit)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert imageio.imread("out/uint8.mp4", plugin="FFMPEG").shape[0] == 3
 
@@ -305,8 +305,8 @@ def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.Monk
 def stopped(folder: str) -> Iterator[int]:
     """The number of another process that is at turntable.json of this folder and does not go on."""
     program = (
-        "import os, signal, sys\nfrom pathlib import Path\nfrom hsplat_cli.turntable.report import held_report\n"
-        "with held_report(Path(sys.argv[1])):\n    print(flush=True)\n    os.kill(os.getpid(), signal.SIGSTOP)"
+        "import os, signal, sys\nfrom pathlib import Path\nfrom hsplat_cli.turntable.manifest import open_manifest\n"
+        "with open_manifest(Path(sys.argv[1])):\n    print(flush=True)\n    os.kill(os.getpid(), signal.SIGSTOP)"
     )
     environment = os.environ | {"PYTHONPATH": str(CODE)}
     arguments = [sys.executable, "-c", program, folder]
@@ -362,15 +362,17 @@ def test_odd_names() -> None:
 def test_a_process_that_is_killed_fails_alone(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    start = Lifeline.start
+    start = ChildProcesses.start
 
-    def started(lifeline: Lifeline, module: str, arguments: list[str], **options: Any) -> subprocess.Popen[bytes]:
-        process = start(lifeline, module, arguments, **options)
+    def started(
+        child_processes: ChildProcesses, module: str, arguments: list[str], **options: Any
+    ) -> subprocess.Popen[bytes]:
+        process = start(child_processes, module, arguments, **options)
         if arguments[-1] == "in/signed.npy":
             process.kill()
         return process
 
-    monkeypatch.setattr(batch.Lifeline, "start", started)
+    monkeypatch.setattr(batch.ChildProcesses, "start", started)
     assert turntable("in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
     assert [record["status"] for record in report()] == ["done", "failed", "done"]
     assert not [name for name in files("out") if "signed" in name]

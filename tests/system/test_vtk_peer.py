@@ -361,7 +361,7 @@ def test_a_worker_that_dies(tmp_path: Path, temporary: Path, monkeypatch: pytest
 
 
 def test_a_worker_that_hangs(tmp_path: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(vtk_peer, "_LONGEST_SILENCE_S", 1.5)
+    monkeypatch.setattr(vtk_peer, "_FRAME_TIMEOUT_S", 1.5)
     with pytest.raises(RenderError) as caught:
         next(with_stand_in("", tmp_path, monkeypatch))
     assert str(caught.value) == (
@@ -432,7 +432,7 @@ def test_a_vtk_that_does_not_start(action: str, got: str, tmp_path: Path, monkey
     script = tmp_path / "worker.py"
     script.write_text(f"import sys, time\n{action}\n", encoding="utf-8")
     monkeypatch.setattr(vtk_peer, "_SCRIPT", script)
-    monkeypatch.setattr(vtk_peer, "_LONGEST_START_S", 1.5)
+    monkeypatch.setattr(vtk_peer, "_START_TIMEOUT_S", 1.5)
     with pytest.raises(RenderError) as caught:
         describe_vtk()
     assert str(caught.value) == f"--peer vtk: VTK does not start\n  got: {got}\n  hint: measure without the peer"

@@ -13,7 +13,7 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from renderer.draw import GLRasterizer, is_software
-from renderer.draw.gl.raster import WITHOUT_OPENGL
+from renderer.draw.gl.raster import CPU_RENDERER_NAME
 
 # Where libglvnd looks for drivers: there are none.
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
@@ -46,7 +46,7 @@ def test_films_without_opengl() -> None:
         assert result.returncode == 0, result.stderr
     assert films("1") == films("2")
     (sidecar,) = Path("2").glob("*.json")
-    assert json.loads(sidecar.read_bytes())["gl"] == WITHOUT_OPENGL
+    assert json.loads(sidecar.read_bytes())["gl"] == CPU_RENDERER_NAME
 
 
 def test_other_commands_without_opengl() -> None:

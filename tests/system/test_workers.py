@@ -15,13 +15,13 @@ from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, LONG_S, START_FAULTS
 from film_stages import INTEGRATED, PLAIN, stage_of, waves
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
-from hsplat_cli.executors import CrewSpec, LocalDrawer
-from hsplat_cli.executors.crew import Crew
+from hsplat_cli.executors import ExecutorSpec, LocalExecutor
+from hsplat_cli.executors.executor import Executor
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.pool import Pool, open_pool
-from hsplat_cli.executors.workers.process import Patience
+from hsplat_cli.executors.workers.process import HangPolicy
 from hsplat_cli.scenes import Plan
-from renderer.draw import GLRasterizer, LastingRasterizer
+from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.frame import Stage
 
@@ -31,7 +31,7 @@ NUMBERS = [0, 1, 2, 3, 4, 5, 6, 7, 2, 1]  # some twice, and backwards
 SOON_S = 1.0
 
 # With workers that hang.
-LITTLE, MUCH = Patience(look_s=0.05, num_looks=20), Patience()
+LITTLE, MUCH = HangPolicy(check_interval_s=0.05, max_idle_checks=20), HangPolicy()
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def stage() -> Stage:
 
 @pytest.fixture(scope="module")
 def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
-    return [drawn.picture.png for drawn in LocalDrawer(stage, rasterizer).draw(NUMBERS)]
+    return [drawn.picture.png for drawn in LocalExecutor(stage, rasterizer).draw(NUMBERS)]
 
 
 @pytest.fixture(autouse=True)
@@ -89,13 +89,13 @@ ONE, AGAIN = "1 of the processes that draw", ", and what it had was drawn again"
 def test_what_can_be_done_again_is(
     stage: Stage, expected: list[bytes], tmp_path: Path, fault: str, notes: list[str]
 ) -> None:
-    with open_pool(stage, 2, threads_each=1, program=faulty(fault, tmp_path)) as pool:
+    with open_pool(stage, 2, threads_per_worker=1, program=faulty(fault, tmp_path)) as pool:
         assert draw_all(pool) == expected
         assert pool.notes == notes
 
 
 def test_workers_that_die_often(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
-    with open_pool(stage, 1, threads_each=1, program=faulty("kill_often", tmp_path)) as pool:
+    with open_pool(stage, 1, threads_per_worker=1, program=faulty("kill_often", tmp_path)) as pool:
         gc.collect()  # what tests before have left
         before = len(os.listdir("/proc/self/fd"))
         assert draw_all(pool) == expected
@@ -117,7 +117,7 @@ def test_who_hangs_is_replaced(
     stage: Stage, expected: list[bytes], tmp_path: Path, fault: str, num_workers: int, again: str
 ) -> None:
     program = faulty(fault, tmp_path)
-    with open_pool(stage, num_workers, threads_each=1, program=program, patience=LITTLE) as pool:
+    with open_pool(stage, num_workers, threads_per_worker=1, program=program, patience=LITTLE) as pool:
         assert draw_all(pool) == expected
         assert pool.notes == [f"{ONE} hung (no processor time for 1 s) and was replaced{again}"]
 
@@ -126,8 +126,8 @@ def test_who_hangs_and_cannot_be_killed_is_left(
     stage: Stage, expected: list[bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mark: str
 ) -> None:
     """As one is that waits for a device in the kernel; here nobody kills it before the end of the block."""
-    monkeypatch.setattr(process, "_LONGEST_KILL_S", 0.1)
-    with open_pool(stage, 2, threads_each=1, program=faulty("stop_once", tmp_path), patience=LITTLE) as pool:
+    monkeypatch.setattr(process, "_KILL_TIMEOUT_S", 0.1)
+    with open_pool(stage, 2, threads_per_worker=1, program=faulty("stop_once", tmp_path), patience=LITTLE) as pool:
         with monkeypatch.context() as patch:
             patch.setattr(subprocess.Popen, "kill", lambda _: None)
             assert draw_all(pool) == expected
@@ -136,15 +136,15 @@ def test_who_hangs_and_cannot_be_killed_is_left(
 
 
 def test_who_takes_long_is_waited_for(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
-    assert LITTLE.look_s * LITTLE.num_looks < LONG_S
-    with open_pool(stage, 2, threads_each=1, program=faulty("take_long_once", tmp_path), patience=LITTLE) as pool:
+    assert LITTLE.check_interval_s * LITTLE.max_idle_checks < LONG_S
+    with open_pool(stage, 2, threads_per_worker=1, program=faulty("take_long_once", tmp_path), patience=LITTLE) as pool:
         assert draw_all(pool) == expected
         assert pool.notes == []
 
 
 def test_killed_from_outside(stage: Stage, expected: list[bytes], mark: str) -> None:
     """All workers at once, in the midst of a film, and once more while nobody draws."""
-    with open_pool(stage, 2, threads_each=1) as pool:
+    with open_pool(stage, 2, threads_per_worker=1) as pool:
         files = []
         for drawn in pool.draw(NUMBERS):
             if len(files) == 2:
@@ -161,8 +161,8 @@ def kill(processes: set[int]) -> None:
         os.kill(number, signal.SIGKILL)
 
 
-def error_of(stage: Stage, name: str, folder: Path, patience: Patience = MUCH) -> HsplatError:
-    with open_pool(stage, 2, threads_each=1, program=faulty(name, folder), patience=patience) as pool:
+def error_of(stage: Stage, name: str, folder: Path, patience: HangPolicy = MUCH) -> HsplatError:
+    with open_pool(stage, 2, threads_per_worker=1, program=faulty(name, folder), patience=patience) as pool:
         with pytest.raises(HsplatError) as raised:
             draw_all(pool)
         return raised.value
@@ -243,14 +243,14 @@ def test_no_python(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.executable", "/nowhere/python")
     with (
         pytest.raises(RenderError, match="a process that draws cannot be started"),
-        open_pool(stage, 2, threads_each=1),
+        open_pool(stage, 2, threads_per_worker=1),
     ):
         pass
 
 
 def test_a_slow_frame_does_not_let_the_others_run_away(stage: Stage, tmp_path: Path) -> None:
     """Every worker draws at most four frames ahead of the one that is waited for."""
-    with open_pool(stage, 2, threads_each=1, program=faulty("slow_first", tmp_path)) as pool:
+    with open_pool(stage, 2, threads_per_worker=1, program=faulty("slow_first", tmp_path)) as pool:
         frames = pool.draw([*range(8), *range(100, 150)])
         assert next(frames).number == 0
         # Those after the slow one may have been begun by now.
@@ -258,7 +258,7 @@ def test_a_slow_frame_does_not_let_the_others_run_away(stage: Stage, tmp_path: P
 
 
 def test_a_run_that_is_left_is_forgotten(stage: Stage, expected: list[bytes], mark: str) -> None:
-    with open_pool(stage, 2, threads_each=1) as pool:
+    with open_pool(stage, 2, threads_per_worker=1) as pool:
         frames = pool.draw(list(range(8)) * 10)
         next(frames)
         frames.close()  # type: ignore[attr-defined]
@@ -268,7 +268,7 @@ def test_a_run_that_is_left_is_forgotten(stage: Stage, expected: list[bytes], ma
 @pytest.mark.parametrize("error", [LookupError, KeyboardInterrupt])
 def test_leaving_by_an_error_ends_all(stage: Stage, mark: str, error: type[BaseException]) -> None:
     def leave() -> None:
-        with open_pool(stage, 2, threads_each=1) as pool:
+        with open_pool(stage, 2, threads_per_worker=1) as pool:
             for drawn in pool.draw(range(8)):
                 if drawn.number == 2:
                     assert len(marked(mark)) == 2
@@ -281,7 +281,7 @@ def test_leaving_by_an_error_ends_all(stage: Stage, mark: str, error: type[BaseE
 
 def test_leaving_at_once(stage: Stage, mark: str) -> None:
     """Before anybody is ready."""
-    with open_pool(stage, 2, threads_each=1) as pool:
+    with open_pool(stage, 2, threads_per_worker=1) as pool:
         assert len(marked(mark)) == 2 or wait_until(lambda: len(marked(mark)) == 2, SOON_S)
         assert pool.made_by == ()
     assert marked(mark) == set()
@@ -289,7 +289,7 @@ def test_leaving_at_once(stage: Stage, mark: str) -> None:
 
 def test_the_stage_moves(stage: Stage) -> None:
     """To memory that all of them map."""
-    with open_pool(stage, 2, threads_each=1, with_pixels=False) as pool:
+    with open_pool(stage, 2, threads_per_worker=1, with_pixels=False) as pool:
         assert wait_until(lambda: pool.is_ready, 60)
         list(pool.draw(range(8)))
         memory = ours()
@@ -303,9 +303,9 @@ def test_one_process_lets_go_of_what_the_others_draw() -> None:
     stage = stage_of(INTEGRATED, waves("float32"))
     assert stage.bricks is not None
     once = [weakref.ref(thing) for thing in (stage, stage.bricks, stage.volume)]
-    with LastingRasterizer() as rasterizer:
+    with RecoveringRasterizer() as rasterizer:
         plan, most = Plan(stage), 5000  # frames take milliseconds, and workers a second or so
-        with Crew(CrewSpec(workers=2), rasterizer, None).drawer(plan, most) as drawer:
+        with Executor(ExecutorSpec(workers=2), rasterizer, None).drawer(plan, most) as drawer:
             del plan, stage
             drawing = drawer.draw(range(most))
             for drawn in drawing:

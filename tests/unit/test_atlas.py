@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from renderer.bricks import SIDE
+from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import brick_atlas
 from renderer.draw.gl.atlas import GLAtlas
 from renderer.errors import ContextLostError, InputError, RenderError
@@ -49,7 +49,7 @@ class Device:
 
 
 def zeros(keys: Any) -> Any:
-    return np.zeros((len(keys), SIDE, SIDE, SIDE, 4), np.float32)
+    return np.zeros((len(keys), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
 
 
 def test_a_device_with_little_memory_holds_fewer_bricks() -> None:
@@ -58,7 +58,7 @@ def test_a_device_with_little_memory_holds_fewer_bricks() -> None:
     atlas.reserve(1000)
     assert atlas.size == (128, 128, 64)  # 16 MiB; what was too large is given back
     assert device.used == 16 << 20
-    assert atlas.most_places == 7 * 7 * 3
+    assert atlas.max_slots == 7 * 7 * 3
     first = atlas.place(np.arange(147), zeros)
     assert len(np.unique(atlas.corners(first), axis=0)) == 147
     atlas.reserve(1000)  # is not tried again
@@ -88,12 +88,12 @@ def test_a_device_with_small_textures() -> None:
         "  expected: 64 or more\n"
         "  hint: other footprints than splat.footprint: integrated need no 3D textures"
     )
-    assert GLAtlas(Device(1 << 30, largest_side=64), 4, 4000).most_places == 27
+    assert GLAtlas(Device(1 << 30, largest_side=64), 4, 4000).max_slots == 27
 
 
 def test_little_room_by_choice_is_room_for_some(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(brick_atlas, "MOST_BYTES", 1 << 10)
-    assert GLAtlas(Device(1 << 30), 4, 4000).most_places == 27
+    assert GLAtlas(Device(1 << 30), 4, 4000).max_slots == 27
 
 
 def test_a_lost_context(monkeypatch: pytest.MonkeyPatch) -> None:

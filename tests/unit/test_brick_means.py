@@ -7,9 +7,9 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, patches
 
-from renderer.bricks import BRICK, SIDE, MadeMeans, make_bricks, means as brick_means
-from renderer.bricks.kernels import APRON, BRICK_LEVELS
-from renderer.bricks.means import made_means
+from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE, MeanCache, make_bricks, means as brick_means
+from renderer.bricks.kernels import BRICK_LEVELS, HALO
+from renderer.bricks.means import recompute_means
 from renderer.pyramid import Pyramid, build_pyramid, children
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
@@ -25,13 +25,13 @@ def volume_of(shape: Shape, dtype: str) -> Volume:
 def dense_nodes(pyramid: Pyramid, level: int) -> npt.NDArray[np.floating]:
     """[z, y, x, 4]: the stored means of a level, 0 where nothing is visible, and beyond the volume as far as bricks and
     their aprons go."""
-    shape = [((n - 1 >> (level + BRICK_LEVELS)) + 1) * BRICK + 2 * APRON for n in pyramid.volume.values.shape]
+    shape = [((n - 1 >> (level + BRICK_LEVELS)) + 1) * BRICK_SIZE + 2 * HALO for n in pyramid.volume.values.shape]
     means = np.zeros((*shape, 4), pyramid.levels[0].means.dtype)
     nodes, cells = np.arange(len(pyramid.levels[-1].errors)), np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     for number in range(pyramid.num_levels, level, -1):
         above = pyramid.levels[number - 1]
         nodes, cells = children(nodes, cells, above.masks, above.first_children)
-    x, y, z = cells.T + APRON
+    x, y, z = cells.T + HALO
     means[z, y, x] = pyramid.levels[level - 1].means[nodes]
     return means
 
@@ -63,8 +63,10 @@ def test_means_are_those_of_a_complete_pyramid(
         dense = dense_nodes(whole, level)
         grid = [((n - 1) >> (level + BRICK_LEVELS)) + 1 for n in shape]
         cells = np.stack(np.indices(grid)[::-1], axis=-1).reshape(-1, 3).astype(np.int32)
-        for (x, y, z), got in zip((cells * BRICK).tolist(), made_means(pyramid, level, cells), strict=True):
-            np.testing.assert_array_equal(got, dense[z : z + SIDE, y : y + SIDE, x : x + SIDE])
+        for (x, y, z), got in zip((cells * BRICK_SIZE).tolist(), recompute_means(pyramid, level, cells), strict=True):
+            np.testing.assert_array_equal(
+                got, dense[z : z + PADDED_BRICK_SIZE, y : y + PADDED_BRICK_SIZE, x : x + PADDED_BRICK_SIZE]
+            )
         assert len(pyramid.levels[level - 1].errors) == 0
     for one, other in zip(pyramid.levels[2:], whole.levels[2:], strict=whole.num_levels >= 3):
         np.testing.assert_array_equal(one.means, other.means)
@@ -73,7 +75,7 @@ def test_means_are_those_of_a_complete_pyramid(
 
 # What is kept
 
-NUM_BYTES = SIDE**3 * 4 * 2
+NUM_BYTES = PADDED_BRICK_SIZE**3 * 4 * 2
 
 
 @pytest.fixture
@@ -90,17 +92,17 @@ def num_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     def note(pyramid: Pyramid, level: int, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.floating]:
         made.append(len(cells))
-        return made_means(pyramid, level, cells)
+        return recompute_means(pyramid, level, cells)
 
-    monkeypatch.setattr(brick_means, "made_means", note)
+    monkeypatch.setattr(brick_means, "recompute_means", note)
     return made
 
 
 def test_bricks_that_are_asked_for_in_turns(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where half of them have room, half of them are made for each picture."""
-    monkeypatch.setattr(brick_means, "MOST_KEPT_BYTES", 8 * NUM_BYTES)
-    made, kept = num_made(monkeypatch), MadeMeans()
-    want = made_means(pyramid, 1, CELLS)
+    monkeypatch.setattr(brick_means, "MAX_CACHE_BYTES", 8 * NUM_BYTES)
+    made, kept = num_made(monkeypatch), MeanCache()
+    want = recompute_means(pyramid, 1, CELLS)
     for _ in range(4):
         kept.begin(is_used=True)
         for part in (slice(0, 6), slice(6, 12), slice(12, 16)):
@@ -109,9 +111,9 @@ def test_bricks_that_are_asked_for_in_turns(pyramid: Pyramid, monkeypatch: pytes
 
 
 def test_what_is_not_needed_any_more_goes(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brick_means, "MOST_KEPT_BYTES", 8 * NUM_BYTES)
-    made, kept = num_made(monkeypatch), MadeMeans()
-    want = made_means(pyramid, 1, CELLS)
+    monkeypatch.setattr(brick_means, "MAX_CACHE_BYTES", 8 * NUM_BYTES)
+    made, kept = num_made(monkeypatch), MeanCache()
+    want = recompute_means(pyramid, 1, CELLS)
     for part in (slice(0, 8), slice(8, 16), slice(8, 16), slice(8, 16), slice(5, 11)):
         kept.begin(is_used=True)
         np.testing.assert_array_equal(kept.of(pyramid, 1, CELLS[part]), want[part])
@@ -119,7 +121,7 @@ def test_what_is_not_needed_any_more_goes(pyramid: Pyramid, monkeypatch: pytest.
 
 
 def test_nothing_is_kept_where_the_device_holds_all(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
-    made, kept = num_made(monkeypatch), MadeMeans()
+    made, kept = num_made(monkeypatch), MeanCache()
     for is_used in (False, False, True, True, False, True):
         kept.begin(is_used=is_used)
         kept.of(pyramid, 2, CELLS[:2])
@@ -127,7 +129,7 @@ def test_nothing_is_kept_where_the_device_holds_all(pyramid: Pyramid, monkeypatc
 
 
 def test_levels_are_not_mistaken_for_each_other(pyramid: Pyramid) -> None:
-    kept = MadeMeans()
+    kept = MeanCache()
     kept.begin(is_used=True)
     one, two = (kept.of(pyramid, level, CELLS[:2]) for level in (1, 2))
     assert not np.array_equal(one, two)
@@ -136,8 +138,8 @@ def test_levels_are_not_mistaken_for_each_other(pyramid: Pyramid) -> None:
 
 
 def test_no_brick_more_than_there_is_room_for(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brick_means, "MOST_KEPT_BYTES", NUM_BYTES - 1)
-    made, kept = num_made(monkeypatch), MadeMeans()
+    monkeypatch.setattr(brick_means, "MAX_CACHE_BYTES", NUM_BYTES - 1)
+    made, kept = num_made(monkeypatch), MeanCache()
     for _ in range(2):
         kept.begin(is_used=True)
         kept.of(pyramid, 1, CELLS[:3])

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from renderer.bricks import BRICK, DITHER
-from renderer.bricks.sampling import SHORTEST_STEP, steps_at
+from renderer.bricks import BRICK_SIZE, DITHER
+from renderer.bricks.sampling import MIN_STEP, step_sizes
 
 # From corner to corner of a brick, in the shortest steps; docs/architecture.md states it.
 MOST_SAMPLES = 3814
@@ -18,12 +18,12 @@ MOST_SAMPLES = 3814
 @pytest.mark.parametrize("tolerance", [0.0, 5e-324, 1e-6, 0.3, 1e300, math.inf])
 def test_samples_of_a_ray_in_a_brick_are_bounded(tolerance: float, depth: float) -> None:
     roughness = np.array([0.0, 5e-324, 1e-9, 1.0, 1e9, 1.7e308])
-    steps = steps_at(roughness, tolerance, np.full(6, depth))
+    steps = step_sizes(roughness, tolerance, np.full(6, depth))
     assert np.isfinite(steps).all()
     samples = _most_parts(float(steps.min()))
-    assert samples <= MOST_SAMPLES == _most_parts(SHORTEST_STEP)
+    assert samples <= MOST_SAMPLES == _most_parts(MIN_STEP)
 
 
 def _most_parts(step: float) -> int:
     """At a phase of 1, which no pixel has."""
-    return math.floor(BRICK * math.sqrt(3) / step * (1 + DITHER / 2) + 1.5)
+    return math.floor(BRICK_SIZE * math.sqrt(3) / step * (1 + DITHER / 2) + 1.5)

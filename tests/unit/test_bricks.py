@@ -30,9 +30,9 @@ from dense_bricks import (
 )
 from number_types import TYPES, limits
 
-from renderer.bricks import BRICK, ERRORS_ON_A_RAY, Bricks, cut_bricks, make_bricks
-from renderer.bricks.subvoxel import STEEPNESS
-from renderer.pyramid import TOLD_LEVELS
+from renderer.bricks import BRICK_SIZE, RAY_ERROR_FACTOR, Bricks, cut_bricks, make_bricks
+from renderer.bricks.subvoxel import DIFFERENCE_ERROR_SHARE
+from renderer.pyramid import STREAMED_LEVELS
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
@@ -77,7 +77,7 @@ def test_boxes_of_voxels_hold_just_what_may_be_seen(dtype: str) -> None:
         transfer = random_transfer(rng, float(low), float(high))
         shown = dual_cells_shown(volume, transfer)
         boxes = bricks_of(volume, transfer).levels[0].boxes
-        for (x, y, z), part in per_brick(values, BRICK).items():
+        for (x, y, z), part in per_brick(values, BRICK_SIZE).items():
             box = box_of(shown, (x, y, z), np.array(shape))
             np.testing.assert_array_equal(boxes[z, y, x], box)
             shares.append(np.prod(box[1] - box[0]) / part.size)
@@ -122,7 +122,7 @@ def test_boxes_of_nodes_reach_to_the_next_centres(shape: Shape) -> None:
     for number, level in enumerate(bricks.levels[1:], 1):
         cells = means_over_cells(depths_of(volume, SOFT), number)[..., 3] > 0
         extent = np.array(shape) / 2**number
-        for x, y, z in per_brick(cells, BRICK):
+        for x, y, z in per_brick(cells, BRICK_SIZE):
             np.testing.assert_array_equal(level.boxes[z, y, x], box_of(nodes_shown(cells), (x, y, z), extent))
 
 
@@ -132,14 +132,14 @@ def test_means_lie_where_their_cells_are(shape: Shape, precision: str) -> None:
     volume = soft(shape)
     spec = PyramidSpec(precision="half" if precision == "half" else "single")
     bricks = make_bricks(volume, SOFT, spec=spec, error=ErrorSpec())
-    for number, level in enumerate(bricks.levels[TOLD_LEVELS + 1 :], TOLD_LEVELS + 1):
+    for number, level in enumerate(bricks.levels[STREAMED_LEVELS + 1 :], STREAMED_LEVELS + 1):
         means = means_over_cells(depths_of(volume, SOFT), number)
         assert sorted(level.slots[level.slots >= 0]) == list(range(len(level.means)))
-        for (x, y, z), part in per_brick(means, BRICK).items():
+        for (x, y, z), part in per_brick(means, BRICK_SIZE).items():
             slot = level.slots[z, y, x]
             assert (slot >= 0) == bool(part.any())
             if slot >= 0:
-                got = np.zeros((BRICK,) * 3 + (4,))
+                got = np.zeros((BRICK_SIZE,) * 3 + (4,))
                 got[: part.shape[0], : part.shape[1], : part.shape[2]] = part
                 stored = level.means[slot].astype(np.float64) * bricks.pyramid.mean_unit
                 np.testing.assert_allclose(stored, got, rtol=HALF_RTOL if precision == "half" else 1e-5)
@@ -160,7 +160,7 @@ def test_errors_of_a_brick(shape: Shape) -> None:
         errors = errors_of_bricks(volume, SOFT, number)
         above = errors_of_cells(volume, depths, number + 1)
         num_voxels = sums_over_cells(np.ones(shape), number + 1)
-        squares, sizes = per_brick(above**2 * num_voxels, BRICK // 2), per_brick(num_voxels, BRICK // 2)
+        squares, sizes = per_brick(above**2 * num_voxels, BRICK_SIZE // 2), per_brick(num_voxels, BRICK_SIZE // 2)
         own = np.zeros(level.roughness.shape)
         for (x, y, z), error in errors.items():
             want = error if number else 0
@@ -207,7 +207,7 @@ def test_what_shows_between_voxels_only() -> None:
     for number, level in enumerate(levels, 1):
         shown = {(z // 2, y // 2, x // 2) for z, y, x in shown}
         assert {tuple(place) for place in np.argwhere(level.errors > 0).tolist()} == shown
-        assert level.errors.max() == pytest.approx(ERRORS_ON_A_RAY * 2**number * distance)
+        assert level.errors.max() == pytest.approx(RAY_ERROR_FACTOR * 2**number * distance)
 
 
 @pytest.mark.parametrize(("measure", "of"), [("rms", "classified"), ("rms", "scalar")])
@@ -222,10 +222,10 @@ def test_in_the_unit_of_the_measure(measure: Literal["rms"], of: Literal["classi
     opacity = -math.expm1(-2.0)
     distance = opacity * math.sqrt((1 + 0.9**2 + 0.5**2 + 0.2**2) * 0.5 / 3)
     for level in levels:  # of which no cell has voxels of both kinds
-        want = ERRORS_ON_A_RAY * (distance if of == "classified" else STEEPNESS)
+        want = RAY_ERROR_FACTOR * (distance if of == "classified" else DIFFERENCE_ERROR_SHARE)
         assert level.errors.max() == pytest.approx(want, rel=1e-6)
     if of == "scalar":  # one layer of dual cells in 16
-        assert fine.roughness[1, 0, 0] == pytest.approx(STEEPNESS / 4, rel=1e-6)
+        assert fine.roughness[1, 0, 0] == pytest.approx(DIFFERENCE_ERROR_SHARE / 4, rel=1e-6)
     else:
         assert fine.roughness[1, 0, 0] > 0.1
 
@@ -241,8 +241,8 @@ def test_differences_count_wherever_they_are(shift: int) -> None:
     difference = 0.5 * 2  # in four channels
     for number, level in enumerate(bricks_of(volume, ramp).levels):
         if number:
-            relative = level.errors.max() / (ERRORS_ON_A_RAY * 2**number * difference)
-            assert STEEPNESS * (1 - HALF_RTOL) <= relative <= 0.5 * (1 + HALF_RTOL)
+            relative = level.errors.max() / (RAY_ERROR_FACTOR * 2**number * difference)
+            assert DIFFERENCE_ERROR_SHARE * (1 - HALF_RTOL) <= relative <= 0.5 * (1 + HALF_RTOL)
         assert (level.roughness[level.errors > 0] > 0).all()
         assert level.roughness.max() > 0.1
 

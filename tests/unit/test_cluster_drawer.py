@@ -11,8 +11,8 @@ import pytest
 from distributed import KilledWorker
 from film_stages import PLAIN, stage_of
 
-from hsplat_cli.executors.cluster import drawer
-from hsplat_cli.executors.cluster.drawer import ClusterDrawer
+from hsplat_cli.executors.cluster import cluster_executor as drawer
+from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
 from renderer.errors import RenderError
 
 # What a worker does at a frame besides drawing it.
@@ -108,11 +108,11 @@ class Cluster:
             del tasks[0]
             future.end("finished")
 
-    def dismiss(self, worker: str, why: str) -> None:
+    def exclude(self, worker: str, why: str) -> None:
         assert {worker} == self.fit
         self._start()
 
-    def doubt(self, worker: str) -> None:
+    def recheck(self, worker: str) -> None:
         if worker in self.fit:
             self._start()
 
@@ -123,7 +123,7 @@ def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def drawn(cluster: Cluster, numbers: Sequence[int]) -> list[int]:
-    found = ClusterDrawer(cluster, cluster, stage_of(PLAIN)).draw(numbers)  # type: ignore[arg-type]
+    found = ClusterExecutor(cluster, cluster, stage_of(PLAIN)).draw(numbers)  # type: ignore[arg-type]
     return [frame.number for frame in found]
 
 

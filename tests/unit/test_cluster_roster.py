@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from hsplat_cli.executors.cluster import roster
-from hsplat_cli.executors.cluster.roster import Roster
+from hsplat_cli.executors.cluster import registry
+from hsplat_cli.executors.cluster.registry import WorkerRegistry
 from hsplat_cli.executors.cluster.worker import describe
 from hsplat_cli.terminal import package_versions, sources_digest
 from renderer.errors import RenderError
@@ -35,8 +35,8 @@ class Client:
         pass
 
 
-def roster_of(answers: dict[str, Any]) -> Roster:
-    return Roster(Client(answers), ADDRESS, 30.0)  # type: ignore[arg-type]
+def roster_of(answers: dict[str, Any]) -> WorkerRegistry:
+    return WorkerRegistry(Client(answers), ADDRESS, 30.0)  # type: ignore[arg-type]
 
 
 def test_what_a_worker_tells() -> None:
@@ -69,7 +69,7 @@ def test_workers_with_another_hsplat_are_refused(other: Any, told: str) -> None:
 
 def test_that_it_waits_is_said_at_once(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Once, and again when workers have come and gone."""
-    monkeypatch.setattr(roster, "_LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 0.0)
     answers: dict[str, Any] = {}
     waits = "waiting 30 s for one; `dask worker ADDRESS` starts one\n"
     found = roster_of(answers)
@@ -82,17 +82,17 @@ def test_that_it_waits_is_said_at_once(monkeypatch: pytest.MonkeyPatch, capsys: 
     del answers["a"]
     found.look()
     assert capsys.readouterr() == ("", f"the cluster has no workers left: {waits}")
-    quiet = Roster(Client({}), ADDRESS, 30.0, quiet=True)  # type: ignore[arg-type]
+    quiet = WorkerRegistry(Client({}), ADDRESS, 30.0, quiet=True)  # type: ignore[arg-type]
     quiet.look()
     assert capsys.readouterr() == ("", "")
 
 
 def test_who_is_in_doubt_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """At once, whenever all were to be looked at."""
-    monkeypatch.setattr(roster, "_LOOK_EVERY_S", 3600.0)
+    monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 3600.0)
     found = roster_of({"a": SAME, "b": SAME})
     found.look()
-    found.doubt("a")
+    found.recheck("a")
     assert found.fit == {"b"}
     found.look()
     assert found.fit == {"a", "b"}

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from png_files import noise, smooth
 
-from hsplat_cli.compare.judge import judge, outcome_of
+from hsplat_cli.compare.figure_format import figure_text
+from hsplat_cli.compare.judge import compare_pair, judge
 from hsplat_cli.compare.outcome import Comparison, Outcome
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.rules import Rules
-from hsplat_cli.compare.words import figure_text
 from renderer.errors import InputError
 from renderer.study import LEVELS
 
@@ -28,7 +28,7 @@ def changed(by: int, rows: slice = slice(None), columns: slice = slice(None), ch
 
 
 def verdict(actual: Pixels | None, golden: Pixels | None = GREY, limits: Mapping[str, float] = LIMITS) -> Outcome:
-    return outcome_of(Pair("a.png", golden, actual, 3), limits)
+    return compare_pair(Pair("a.png", golden, actual, 3), limits)
 
 
 def test_the_same_pixels() -> None:

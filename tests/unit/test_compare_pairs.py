@@ -11,9 +11,9 @@ from hypothesis import given, strategies as st
 from png_files import noise, smooth, write_film, write_frames
 from processes import MARK, marked, new_mark
 
-from hsplat_cli.compare import film_file
-from hsplat_cli.compare.film_file import decoded_film, num_frames
-from hsplat_cli.compare.pairs import frame_numbers, natural_order, open_pairs
+from hsplat_cli.compare import film_decoder as film_file
+from hsplat_cli.compare.file_pairs import frame_numbers, natural_sort_key, open_pairs
+from hsplat_cli.compare.film_decoder import decode_film, num_frames
 from renderer.errors import InputError
 from renderer.film import encode_png
 
@@ -200,14 +200,14 @@ def test_kinds_that_do_not_go_together(tmp_path: Path) -> None:
 
 def test_natural_order() -> None:
     names = ["b.png", "frame-10.png", "frame-2.png", "2.png", "10.png", "frame-02.png", "frame-.png", "frame-2b.png"]
-    assert sorted(names, key=natural_order) == [
+    assert sorted(names, key=natural_sort_key) == [
         "2.png", "10.png", "b.png", "frame-02.png", "frame-2.png", "frame-2b.png", "frame-10.png", "frame-.png",
     ]  # fmt: skip
 
 
 @given(st.permutations(["", "1", "01", "a1", "a01", "a2", "a10", "a10b", "a10-é", "-", "a"]))
 def test_natural_order_is_an_order(names: list[str]) -> None:
-    assert sorted(names, key=natural_order) == ["", "01", "1", "-", "a", "a01", "a1", "a2", "a10", "a10-é", "a10b"]
+    assert sorted(names, key=natural_sort_key) == ["", "01", "1", "-", "a", "a01", "a1", "a2", "a10", "a10-é", "a10b"]
 
 
 @pytest.mark.parametrize(
@@ -263,7 +263,7 @@ def test_colours_are_those_that_were_drawn(tmp_path: Path, suffix: str, largest:
     the matrix of BT.601 instead is more than ten levels off."""
     colors = [(255, 0, 0), (0, 255, 0), (0, 0, 255), (200, 30, 90), (255, 255, 255), (128, 128, 128)]
     film = write_film(tmp_path / f"film.{suffix}", [np.full((32, 32, 3), color, np.uint8) for color in colors])
-    with decoded_film(film) as frames:
+    with decode_film(film) as frames:
         for color, frame in zip(colors, frames, strict=True):
             assert np.abs(frame[..., :3].astype(int) - color).max() <= largest
             assert frame.shape[2] == 3 or (frame[..., 3] == 255).all()
@@ -321,7 +321,7 @@ def test_a_film_of_huge_frames(films: Path, monkeypatch: pytest.MonkeyPatch, suf
     ],
 )
 def test_how_ffmpeg_is_told_to_keep_all_frames(version: str, option: str) -> None:
-    assert film_file.every_frame(version)[0] == option
+    assert film_file.passthrough_option(version)[0] == option
 
 
 def test_what_is_no_film_file(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from png_files import SIGNATURE, chunk, interlaced, noise, png_file, unfiltered
 from hsplat_cli.compare.picture_file import MAX_PIXELS, read_picture
 from renderer.errors import InputError
 from renderer.film import encode_png
-from renderer.scene import nearest_file
+from renderer.scene import nearest_file_hint
 
 RGB, RGBA = noise(1, 13, 9), noise(2, 13, 9, 4)
 
@@ -193,9 +193,9 @@ def test_what_is_no_file(tmp_path: Path) -> None:
 def test_a_link_to_nothing_is_not_what_was_meant_instead_of_it(tmp_path: Path) -> None:
     link = tmp_path / "picture.png"
     link.symlink_to("nowhere")
-    assert nearest_file(link) is None
+    assert nearest_file_hint(link) is None
     (tmp_path / "pictures.png").touch()
-    assert nearest_file(link) == f"did you mean {tmp_path / 'pictures.png'}?"
+    assert nearest_file_hint(link) == f"did you mean {tmp_path / 'pictures.png'}?"
 
 
 def test_a_link_is_followed(tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 import pytest
 from hypothesis import given, strategies as st
 
-from hsplat_cli.compare import table_of
+from hsplat_cli.compare import comparison_table
+from hsplat_cli.compare.figure_format import printable
 from hsplat_cli.compare.outcome import Comparison, Outcome
-from hsplat_cli.compare.report import MAX_ROWS, json_of, junit_of
-from hsplat_cli.compare.words import printable
+from hsplat_cli.compare.text_reports import MAX_ROWS, comparison_json, comparison_junit
 
 LIMITS = {"largest": 1.0, "flip": 0.01}
 
@@ -49,9 +49,9 @@ MIXED = comparison([same("a.png"), different("b.png"), close("c.png"), missing("
 
 
 def test_a_table_is_short_when_all_is_well() -> None:
-    text = table_of(comparison([same(f"{number}.png") for number in range(118)]))
+    text = comparison_table(comparison([same(f"{number}.png") for number in range(118)]))
     assert text == "118 frames pass at same-machine: 118 the same"
-    text = table_of(
+    text = comparison_table(
         comparison([same(f"{number}.png") for number in range(118)] + [close("x.png", 0.5), close("y.png")])
     )
     assert text == (
@@ -61,12 +61,12 @@ def test_a_table_is_short_when_all_is_well() -> None:
 
 
 def test_a_table_of_one() -> None:
-    assert table_of(comparison([same("a.png")])) == "1 frame passes at same-machine: 1 the same"
-    assert table_of(comparison([missing("a.png")])).endswith("\n\n1 of 1 frame fails: 1 missing")
+    assert comparison_table(comparison([same("a.png")])) == "1 frame passes at same-machine: 1 the same"
+    assert comparison_table(comparison([missing("a.png")])).endswith("\n\n1 of 1 frame fails: 1 missing")
 
 
 def test_a_table_of_what_fails() -> None:
-    assert table_of(MIXED) == (
+    assert comparison_table(MIXED) == (
         "frame  status     reason\n"
         "d.png  missing    ACTUAL has no such frame\n"
         "b.png  different  largest error of a channel 7 levels, at most 1; 1 more figure over its limit\n"
@@ -78,7 +78,7 @@ def test_a_table_of_what_fails() -> None:
 
 def test_a_long_table_is_cut() -> None:
     outcomes = [different(f"{number}.png", 2 + number) for number in range(MAX_ROWS + 3)]
-    lines = table_of(comparison(outcomes)).splitlines()
+    lines = comparison_table(comparison(outcomes)).splitlines()
     assert len(lines) == 1 + MAX_ROWS + 3
     assert lines[1 + MAX_ROWS] == "... and 3 more frames that fail; --json FILE has all of them"
 
@@ -86,18 +86,18 @@ def test_a_long_table_is_cut() -> None:
 def test_notes_are_told_always_and_facts_where_it_fails() -> None:
     facts = {"driver": ("llvmpipe 1", "llvmpipe 2"), "numpy": ("2.0", "2.0")}
     notes = ["films are lossy", "in two\nlines"]
-    assert table_of(comparison([same("a.png")], notes=notes, facts=facts)).splitlines()[1:] == [
+    assert comparison_table(comparison([same("a.png")], notes=notes, facts=facts)).splitlines()[1:] == [
         "note: films are lossy",
         "note: in two\\nlines",
     ]
-    assert table_of(comparison([missing("a.png")], notes=notes, facts=facts)).splitlines()[4:] == [
+    assert comparison_table(comparison([missing("a.png")], notes=notes, facts=facts)).splitlines()[4:] == [
         "note: films are lossy",
         "note: in two\\nlines",
         "driver: llvmpipe 2; of the goldens: llvmpipe 1",
         "hint: with another driver small differences are to be expected, for which there is --level cross-driver",
     ]
     outcome = Comparison("golden", "actual", "cross-driver", [missing("a.png")], facts=facts)
-    assert "hint" not in table_of(outcome)
+    assert "hint" not in comparison_table(outcome)
 
 
 # Files
@@ -107,14 +107,14 @@ def test_the_level_is_not_named_without_other_limits() -> None:
     others = ["largest 200 by g/compare.yaml", "flip none by option"]
     told = comparison([close("a.png")], other_limits=others)
     words = "same-machine (with other limits: largest 200 by g/compare.yaml; flip none by option)"
-    assert table_of(told).splitlines()[0] == f"1 frame passes at {words}: 1 close"
-    assert json.loads(json_of(told))["other_limits"] == others
-    assert ElementTree.fromstring(junit_of(told).encode())[0].get("name") == f"golden at {words}"
-    assert f"level: {words}\n" in junit_of(comparison([different("a.png")], other_limits=others))
+    assert comparison_table(told).splitlines()[0] == f"1 frame passes at {words}: 1 close"
+    assert json.loads(comparison_json(told))["other_limits"] == others
+    assert ElementTree.fromstring(comparison_junit(told).encode())[0].get("name") == f"golden at {words}"
+    assert f"level: {words}\n" in comparison_junit(comparison([different("a.png")], other_limits=others))
 
 
 def test_json_has_everything_worst_first() -> None:
-    data = json.loads(json_of(MIXED))
+    data = json.loads(comparison_json(MIXED))
     assert (data["passes"], data["level"], data["golden"], data["actual"]) == (
         False,
         "same-machine",
@@ -145,7 +145,7 @@ def test_json_has_everything_worst_first() -> None:
 
 def test_junit_is_what_ci_systems_read() -> None:
     """The elements and attributes that the schema of Jenkins' plugin asks for, which others follow."""
-    root = ElementTree.fromstring(junit_of(MIXED).encode())
+    root = ElementTree.fromstring(comparison_junit(MIXED).encode())
     assert (root.tag, root.attrib) == (
         "testsuites",
         {"name": "hsplat compare", "tests": "5", "failures": "3", "errors": "0"},
@@ -179,14 +179,14 @@ def test_junit_is_what_ci_systems_read() -> None:
 
 
 def test_notes_in_junit() -> None:
-    suite = ElementTree.fromstring(junit_of(comparison([same("a.png")], notes=["one", "two"])).encode())[0]
+    suite = ElementTree.fromstring(comparison_junit(comparison([same("a.png")], notes=["one", "two"])).encode())[0]
     assert [child.tag for child in suite] == ["testcase", "system-out"]
     assert suite[1].text == "one\ntwo"
 
 
 def test_facts_in_junit() -> None:
     facts = {"driver": ("llvmpipe 1", "llvmpipe 2")}
-    suite = ElementTree.fromstring(junit_of(comparison([same("a.png")], facts=facts)).encode())[0]
+    suite = ElementTree.fromstring(comparison_junit(comparison([same("a.png")], facts=facts)).encode())[0]
     assert [child.tag for child in suite] == ["properties", "testcase"]
     assert [(each.tag, each.attrib) for each in suite[0]] == [
         ("property", {"name": "golden driver", "value": "llvmpipe 1"}),
@@ -210,20 +210,20 @@ def test_facts_in_junit() -> None:
 def test_odd_names(name: str, shown: str) -> None:
     assert printable(name) == shown
     told = comparison([missing(name), different("b.png")])
-    assert table_of(told).splitlines()[1].startswith(f"{shown}  ")
-    assert json.loads(json_of(told))["frames"][0]["name"] == name
-    assert ElementTree.fromstring(junit_of(told).encode())[0][0].get("name") == shown
+    assert comparison_table(told).splitlines()[1].startswith(f"{shown}  ")
+    assert json.loads(comparison_json(told))["frames"][0]["name"] == name
+    assert ElementTree.fromstring(comparison_junit(told).encode())[0][0].get("name") == shown
 
 
 @given(st.text(st.characters(codec=None, categories=None), max_size=20))
 def test_any_name_gives_xml_that_can_be_read(name: str) -> None:
     told = Comparison(name, name, "exact", [missing(name)], notes=[name])
-    (suite,) = ElementTree.fromstring(junit_of(told).encode())
+    (suite,) = ElementTree.fromstring(comparison_junit(told).encode())
     assert suite[0].get("name") == printable(name)
-    json.loads(json_of(told).encode())
-    table_of(told).encode()
+    json.loads(comparison_json(told).encode())
+    comparison_table(told).encode()
 
 
 def test_the_same_comparison_gives_the_same_text() -> None:
-    for text_of in (table_of, json_of, junit_of):
+    for text_of in (comparison_table, comparison_json, comparison_junit):
         assert text_of(MIXED) == text_of(comparison(list(MIXED.outcomes)))

@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 from hsplat_cli.commands.compare import compare
 from hsplat_cli.compare.rules import Rules, load_rules
 from renderer.errors import InputError, SceneError
-from renderer.study import FIGURES, LEVELS
+from renderer.study import COMPARISON_METRICS, LEVELS
 
 SAME_MACHINE, CROSS_DRIVER = LEVELS["same-machine"].limits, LEVELS["cross-driver"].limits
 
@@ -87,13 +87,13 @@ def test_other_limits_than_the_level_has_are_told(tmp_path: Path) -> None:
     assert Rules().other_limits == []
 
 
-@given(st.dictionaries(st.sampled_from(list(FIGURES)), st.one_of(st.none(), st.floats(0, 1)), max_size=6))
+@given(st.dictionaries(st.sampled_from(list(COMPARISON_METRICS)), st.one_of(st.none(), st.floats(0, 1)), max_size=6))
 def test_limits_are_in_the_order_in_which_they_are_looked_at(changes: dict[str, float | None]) -> None:
     names = list(Rules(limits=changes).limits_for(""))
-    assert names == [name for name in FIGURES if name in names]
+    assert names == [name for name in COMPARISON_METRICS if name in names]
 
 
-@pytest.mark.parametrize(("name", "words"), [("level", LEVELS), ("limits", FIGURES)])
+@pytest.mark.parametrize(("name", "words"), [("level", LEVELS), ("limits", COMPARISON_METRICS)])
 def test_the_help_names_all(name: str, words: Iterable[str]) -> None:
     (option,) = [option for option in compare.params if option.name == name]
     assert isinstance(option, click.Option)

@@ -15,13 +15,13 @@ import numpy.typing as npt
 import pytest
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 
-from hsplat_cli.compare import gallery as gallery_module, page as page_module
-from hsplat_cli.compare.curve import error_curve
-from hsplat_cli.compare.gallery import DETAIL_PX, FEW, PICTURE_PX, Exhibit, Gallery
+from hsplat_cli.compare import comparison_html as page_module, gallery as gallery_module
+from hsplat_cli.compare.comparison_html import comparison_page, verdict
+from hsplat_cli.compare.error_plot import plot_errors
+from hsplat_cli.compare.figure_format import limit_text, limits_text, share_text, signed_text, value_text
+from hsplat_cli.compare.gallery import CROP_PX, NUM_PASSING_SHOWN, PICTURE_PX, Gallery, GalleryFrame
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status
-from hsplat_cli.compare.page import comparison_page, verdict
 from hsplat_cli.compare.pair import Pair, Pixels
-from hsplat_cli.compare.words import limit_text, limits_text, share_text, signed_text, value_text
 
 EVIL = "</script><b onclick='x'>\"&{{ 7 * 7 }}"
 LIMITS = {"largest": 1.0, "p99": 0.0}
@@ -225,8 +225,8 @@ def points_of(svg: str) -> list[list[tuple[float, float]]]:
 def test_the_curve_has_a_point_for_each_frame_and_a_mark_for_each_failure() -> None:
     cases = [off_by(levels, f"f{number}", number) for number, levels in enumerate([0, 1, 10, 100, 1] * 4, start=30)]
     comparison, _ = shown(*cases, absent("missing", "f50", 50))
-    curve = error_curve(comparison)
-    assert curve is not None and curve.are_numbers
+    curve = plot_errors(comparison)
+    assert curve is not None and curve.has_frame_numbers
     assert [len(points) for points in points_of(curve.svg)] == [20, 20]
     assert curve.svg.count('class="cross"') == 9 and curve.svg.count("<title>") == 9
     largest = points_of(curve.svg)[0]
@@ -239,15 +239,15 @@ def test_the_curve_has_a_point_for_each_frame_and_a_mark_for_each_failure() -> N
 
 def test_the_curve_breaks_where_there_is_nothing_to_compare() -> None:
     comparison, _ = shown(off_by(1, "a", 1), absent("missing", "b", 2), off_by(1, "c", 3))
-    curve = error_curve(comparison)
+    curve = plot_errors(comparison)
     assert curve is not None
     (line, *_) = re.findall(r'<path d="([^"]*)" class="curve"', curve.svg)
     assert line.count("M") == 2 and line.count("L") == 0
 
 
 def test_frames_without_numbers_stand_in_their_order() -> None:
-    curve = error_curve(shown(off_by(1, "a"), off_by(1, "b"))[0])
-    assert curve is not None and not curve.are_numbers and "place of the frame" in curve.svg
+    curve = plot_errors(shown(off_by(1, "a"), off_by(1, "b"))[0])
+    assert curve is not None and not curve.has_frame_numbers and "place of the frame" in curve.svg
 
 
 def test_an_error_where_none_is_allowed_lies_over_the_limit_as_far_as_it_is_large() -> None:
@@ -255,7 +255,7 @@ def test_an_error_where_none_is_allowed_lies_over_the_limit_as_far_as_it_is_larg
         Outcome(f"{levels}", "different", "", {"largest": 1.0, "p99": levels}, LIMITS, ["p99"])
         for levels in (1.0, 9.0, 99.0)
     ]
-    curve = error_curve(Comparison("g", "a", "same-machine", outcomes))
+    curve = plot_errors(Comparison("g", "a", "same-machine", outcomes))
     assert curve is not None
     ((_, limit), *_), ((_, one), (_, nine), (_, all_of_99)) = points_of(curve.svg)
     assert limit > one > nine > all_of_99
@@ -265,21 +265,21 @@ def test_an_error_where_none_is_allowed_lies_over_the_limit_as_far_as_it_is_larg
 
 
 def test_nothing_to_plot() -> None:
-    assert error_curve(CASES["no limits"]()[0]) is None
-    assert error_curve(CASES["only missing"]()[0]) is not None
+    assert plot_errors(CASES["no limits"]()[0]) is None
+    assert plot_errors(CASES["only missing"]()[0]) is not None
 
 
 # ------------------------------------------------------------------------------------------------------------ gallery
 
 
 def names(gallery: Gallery) -> list[str]:
-    return [exhibit.outcome.name for exhibit in gallery.exhibits]
+    return [gallery_frame.outcome.name for gallery_frame in gallery.gallery_frames]
 
 
 def test_the_gallery_keeps_the_worst_of_many(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
-    make = gallery_module._exhibit
-    monkeypatch.setattr(gallery_module, "_exhibit", lambda o, p: (made.append(o.name), make(o, p))[1])
+    make = gallery_module._make_gallery_frame
+    monkeypatch.setattr(gallery_module, "_make_gallery_frame", lambda o, p: (made.append(o.name), make(o, p))[1])
     order = np.random.default_rng(7).permutation(2000)
     gallery = Gallery(most=5)
     golden = picture()
@@ -313,14 +313,14 @@ def test_where_nothing_is_allowed_the_largest_errors_are_the_worst() -> None:
 def test_where_something_fails_nothing_else_is_shown() -> None:
     assert names(mixed()[1]) == ["a3.png", "a4.png", "a5.png", "a2.png", "a6.png"]
     _, gallery = shown(*(off_by(number % 2, f"{number:02}") for number in range(40)))
-    assert names(gallery) == [f"{number:02}" for number in range(1, 2 * FEW, 2)]
+    assert names(gallery) == [f"{number:02}" for number in range(1, 2 * NUM_PASSING_SHOWN, 2)]
     assert names(CASES["same"]()[1]) == []
 
 
-def exhibit_of(golden: Pixels, actual: Pixels) -> Exhibit:
+def exhibit_of(golden: Pixels, actual: Pixels) -> GalleryFrame:
     gallery = Gallery()
     gallery.see(judged("a", 9), Pair("a", golden, actual))
-    return gallery.exhibits[0]
+    return gallery.gallery_frames[0]
 
 
 def test_the_difference_has_levels_and_signs() -> None:
@@ -342,9 +342,9 @@ def test_the_smallest_difference_is_a_level() -> None:
 @pytest.mark.parametrize("levels", [-1, 1, 90])
 def test_a_single_wrong_pixel_survives_scaling_down(levels: int) -> None:
     golden = picture(2 * PICTURE_PX + 1, 700)
-    exhibit = exhibit_of(golden, spoiled(golden, levels, 2 * PICTURE_PX, 699))
-    assert exhibit.pixels_per_side == 3 and exhibit.worst == (699, 2 * PICTURE_PX)
-    whole, difference = exhibit.whole, exhibit.whole.difference
+    gallery_frame = exhibit_of(golden, spoiled(golden, levels, 2 * PICTURE_PX, 699))
+    assert gallery_frame.pixels_per_side == 3 and gallery_frame.worst == (699, 2 * PICTURE_PX)
+    whole, difference = gallery_frame.whole, gallery_frame.whole.difference
     assert whole.golden is not None and difference is not None
     assert whole.golden.shape == difference.shape == (342, 234, 3) and (whole.golden == 100).all()
     where = [2 if levels < 0 else 0]
@@ -359,11 +359,17 @@ def test_what_is_most_off_is_shown_pixel_by_pixel(
     y: int, x: int, corner: tuple[int, int], place: tuple[int, int]
 ) -> None:
     golden = picture(100, 60)
-    exhibit = exhibit_of(golden, spoiled(golden, 7, y, x))
-    assert (exhibit.worst, exhibit.corner) == ((x, y), corner)
-    assert exhibit.detail is not None and exhibit.detail.difference is not None and exhibit.detail.actual is not None
-    assert exhibit.detail.difference.shape == (DETAIL_PX, DETAIL_PX, 3)
-    assert exhibit.detail.difference[place].tolist() == [7, 0, 0] and exhibit.detail.actual[place].tolist() == [
+    gallery_frame = exhibit_of(golden, spoiled(golden, 7, y, x))
+    assert (gallery_frame.worst, gallery_frame.corner) == ((x, y), corner)
+    assert (
+        gallery_frame.detail is not None
+        and gallery_frame.detail.difference is not None
+        and gallery_frame.detail.actual is not None
+    )
+    assert gallery_frame.detail.difference.shape == (CROP_PX, CROP_PX, 3)
+    assert gallery_frame.detail.difference[place].tolist() == [7, 0, 0] and gallery_frame.detail.actual[
+        place
+    ].tolist() == [
         100,
         107,
         100,
@@ -371,18 +377,18 @@ def test_what_is_most_off_is_shown_pixel_by_pixel(
 
 
 def test_small_frames_need_no_enlargement() -> None:
-    assert exhibit_of(picture(2 * DETAIL_PX, 4), spoiled(picture(2 * DETAIL_PX, 4), 7, 3, 1)).detail is None
-    detail = exhibit_of(picture(2 * DETAIL_PX + 1, 4), spoiled(picture(2 * DETAIL_PX + 1, 4), 7, 3, 1)).detail
-    assert detail is not None and detail.golden is not None and detail.golden.shape == (DETAIL_PX, 4, 3)
+    assert exhibit_of(picture(2 * CROP_PX, 4), spoiled(picture(2 * CROP_PX, 4), 7, 3, 1)).detail is None
+    detail = exhibit_of(picture(2 * CROP_PX + 1, 4), spoiled(picture(2 * CROP_PX + 1, 4), 7, 3, 1)).detail
+    assert detail is not None and detail.golden is not None and detail.golden.shape == (CROP_PX, 4, 3)
 
 
 def test_colours_are_averaged_as_far_as_they_are_opaque() -> None:
     golden = np.zeros((2 * PICTURE_PX, 2, 4), np.uint8)
     golden[::2, 0] = (200, 100, 50, 255)
     golden[::2, 1] = (255, 255, 255, 0)
-    exhibit = exhibit_of(golden, golden)
-    assert exhibit.whole.golden is not None and exhibit.whole.golden.shape == (PICTURE_PX, 1, 4)
-    assert (exhibit.whole.golden == (200, 100, 50, 64)).all()
+    gallery_frame = exhibit_of(golden, golden)
+    assert gallery_frame.whole.golden is not None and gallery_frame.whole.golden.shape == (PICTURE_PX, 1, 4)
+    assert (gallery_frame.whole.golden == (200, 100, 50, 64)).all()
 
 
 def pixels_in(text: str) -> list[npt.NDArray[Any]]:

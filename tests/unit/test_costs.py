@@ -11,25 +11,25 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from splatting import look, place_splats
 
-from renderer.frame import CostLog, Load, load_of
+from renderer.frame import CostLog, Workload, workload_of
 from renderer.frame.costs import CostModel, fit_costs
 from renderer.frame.frame import Pose
-from renderer.frame.splat_family import SplatDetail
+from renderer.frame.splat_primitive import SplatLOD
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
-from renderer.view import make_turning
+from renderer.view import make_order_blending
 from renderer.view.splat_projection import visible_order
 
 RATES = CostModel(per_frame=4e-3, per_splat=5e-7, per_pixel=2e-9, per_written=8e-3)
 FAST = CostModel(per_frame=2e-4, per_splat=3e-10, per_pixel=8e-12, per_written=1e-3)
 
 
-def loads(rng: np.random.Generator, num: int) -> list[Load]:
+def loads(rng: np.random.Generator, num: int) -> list[Workload]:
     """Many small splats or few large ones, written or not."""
     splats = 10 ** rng.uniform(2, 6, num)
     pixels = splats * 10 ** rng.uniform(0.5, 3, num)
     return [
-        Load(*load) for load in zip(splats.tolist(), pixels.tolist(), rng.integers(0, 2, num).tolist(), strict=True)
+        Workload(*load) for load in zip(splats.tolist(), pixels.tolist(), rng.integers(0, 2, num).tolist(), strict=True)
     ]
 
 
@@ -68,7 +68,7 @@ def test_nothing_drawn_yet() -> None:
 @pytest.mark.parametrize("num", [1, 30])
 def test_one_load_tells_the_speed(num: int, speed: float) -> None:
     """Other loads cost what they would on a typical machine of that speed."""
-    typical, load = fit_costs([]), Load(2e4, 3e6, 1)
+    typical, load = fit_costs([]), Workload(2e4, 3e6, 1)
     model = fit_costs([(load, speed * typical.seconds(load))] * num)
     np.testing.assert_allclose(rates_of(model), speed * rates_of(typical), rtol=1e-9)
 
@@ -77,30 +77,30 @@ def test_one_load_tells_the_speed(num: int, speed: float) -> None:
 @given(
     samples=st.lists(
         st.tuples(
-            st.builds(Load, st.floats(0, 1e9), st.floats(0, 1e12), st.integers(0, 1)),
+            st.builds(Workload, st.floats(0, 1e9), st.floats(0, 1e12), st.integers(0, 1)),
             st.one_of(st.just(0.0), st.floats(1e-9, 1e5)),
         ),
         max_size=8,
     )
 )
-def test_no_rate_is_negative_whatever_was_measured(samples: list[tuple[Load, float]]) -> None:
+def test_no_rate_is_negative_whatever_was_measured(samples: list[tuple[Workload, float]]) -> None:
     rates = rates_of(fit_costs(samples))
     assert np.isfinite(rates).all() and (rates >= 0).all() and (rates > 0).any()
 
 
 def test_more_of_anything_never_takes_less() -> None:
     """Even if frames took less, the more there was to draw."""
-    samples = [(Load(1e5 * k, 1e7 * k, 1), 1.0 / k) for k in range(1, 6)]
+    samples = [(Workload(1e5 * k, 1e7 * k, 1), 1.0 / k) for k in range(1, 6)]
     model = fit_costs(samples)
     grown = [model.seconds(load) for load, _ in samples]
     assert all(before <= after for before, after in pairwise(grown))
     assert grown[0] > 0.2 and grown[-1] < 1.0
 
 
-def logged(seconds_of_frames: list[float], load: Load) -> CostLog:
+def logged(seconds_of_frames: list[float], load: Workload) -> CostLog:
     log = CostLog()
     for k in range(1, 5):  # trials, before the film
-        trial = Load(load.num_splats * k / 4, load.num_pixels * k / 4, 0)
+        trial = Workload(load.num_splats * k / 4, load.num_pixels * k / 4, 0)
         log.add(trial, RATES.seconds(trial))
     for seconds in seconds_of_frames:
         log.add(load, seconds)
@@ -109,18 +109,18 @@ def logged(seconds_of_frames: list[float], load: Load) -> CostLog:
 
 @pytest.mark.parametrize("factor", [2.0, 0.5])
 def test_a_machine_that_changes_its_speed_is_followed(factor: float) -> None:
-    load = Load(1e5, 2e6, 1)
+    load = Workload(1e5, 2e6, 1)
     before, after = RATES.seconds(load), factor * RATES.seconds(load)
     for num_before in (5, 40):
         for num_after in (4, 5, 8, 30):
             log = logged([before] * num_before + [after] * num_after, load)
             assert log.predict(load) == pytest.approx(after, rel=1e-9)  # the median of the last seven
-            larger = Load(1.3 * load.num_splats, 1.3 * load.num_pixels, 1)
+            larger = Workload(1.3 * load.num_splats, 1.3 * load.num_pixels, 1)
             assert log.predict(larger) == pytest.approx(factor * RATES.seconds(larger), rel=0.1)
 
 
 def test_one_slow_frame_changes_little() -> None:
-    load = Load(1e5, 2e6, 1)
+    load = Workload(1e5, 2e6, 1)
     usual = RATES.seconds(load)
     for place in range(6):
         seconds = [usual] * 12
@@ -130,7 +130,7 @@ def test_one_slow_frame_changes_little() -> None:
 
 def test_trials_alone_predict_frames() -> None:
     """All but the writing is known, and that is taken to be a typical machine's."""
-    load = Load(1e5, 2e6, 0)
+    load = Workload(1e5, 2e6, 0)
     assert logged([], load).predict(load) == pytest.approx(RATES.seconds(load), rel=1e-3)
 
 
@@ -143,7 +143,7 @@ def pose_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48))
     volume: object = None
     cut = Cut(nothing, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), volume)  # type: ignore[arg-type]
     order = visible_order(batch, cut, view, "unmixed")
-    detail = SplatDetail(0.1, batch, cut, "unmixed", make_turning(np.eye(4), [np.eye(3)[None]]))
+    detail = SplatLOD(0.1, batch, cut, "unmixed", make_order_blending(np.eye(4), [np.eye(3)[None]]))
     return Pose(0, detail, view, [(share, order) for share in shares], 0.0)
 
 
@@ -165,7 +165,7 @@ def test_what_a_frame_draws_against_a_count() -> None:
     centers = rng.uniform(-0.35, 0.35, (50, 3))
     sigma = 1.6 / scale_px
     batch = place_splats(centers, sigma)
-    load = load_of(pose_of(batch, 1.0))
+    load = workload_of(pose_of(batch, 1.0))
     assert load.num_splats == 50 and load.num_written == 1
     count = covered_pixels(batch, batch.footprint.cutoff * 1.6, size)
     # A square of 10 x 10 pixels has as many centres in it, give or take half a row and half a column.
@@ -179,13 +179,13 @@ def test_a_few_large_cells_among_many_small_ones_are_all_counted() -> None:
     axes = np.where(np.arange(len(centers)) < 20, 0.08, 0.002)[:, None, None] * np.eye(3)
     batch = place_splats(centers, axes)
     large, small = place_splats(centers[:20], axes[:20]), place_splats(centers[20:], axes[20:])
-    total, *parts = (load_of(pose_of(each, 1.0)).num_pixels for each in (batch, large, small))
+    total, *parts = (workload_of(pose_of(each, 1.0)).num_pixels for each in (batch, large, small))
     assert total == pytest.approx(sum(parts), rel=0.01)
 
 
 def test_every_order_is_drawn() -> None:
     batch = place_splats(np.random.default_rng(5).uniform(-0.3, 0.3, (20, 3)), 0.05)
-    one, three = load_of(pose_of(batch, 1.0)), load_of(pose_of(batch, 0.5, 0.3, 0.2), is_written=False)
+    one, three = workload_of(pose_of(batch, 1.0)), workload_of(pose_of(batch, 0.5, 0.3, 0.2), is_written=False)
     assert three.num_splats == 3 * one.num_splats
     assert three.num_pixels == pytest.approx(3 * one.num_pixels)
     assert (one.num_written, three.num_written) == (1, 0)
@@ -193,4 +193,4 @@ def test_every_order_is_drawn() -> None:
 
 def test_what_is_out_of_view_costs_nothing() -> None:
     batch = place_splats([[50.0, 0, 0]], 0.05)
-    assert load_of(pose_of(batch, 1.0)) == Load(0, 0.0, 1)
+    assert workload_of(pose_of(batch, 1.0)) == Workload(0, 0.0, 1)

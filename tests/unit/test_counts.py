@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hsplat_cli.terminal import counted, counted_span
+from hsplat_cli.terminal import counted, pluralize_range
 
 
 def test_counted() -> None:
@@ -10,7 +10,7 @@ def test_counted() -> None:
 
 
 def test_counted_span() -> None:
-    assert [counted_span(nums, "splat") for nums in ([1, 1], [7], [0, 1, 0], [3, 9, 1])] == [
+    assert [pluralize_range(nums, "splat") for nums in ([1, 1], [7], [0, 1, 0], [3, 9, 1])] == [
         "1 splat",
         "7 splats",
         "0 to 1 splat",

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 
-from renderer.bricks import SIDE
+from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import GLRasterizer, brick_atlas, is_software, subsampling as lattices
 from renderer.draw.brick_atlas import brick_bytes
-from renderer.draw.cpu.atlas import CPUAtlas, most_atlas_bytes
-from renderer.draw.cpu.bricks import CPUBrickDrawer
-from renderer.draw.cpu.march import _inside, bin_boxes, draw_tiles
+from renderer.draw.cpu.atlas import CPUAtlas, max_atlas_bytes
+from renderer.draw.cpu.bricks import CPUBrickRenderer
+from renderer.draw.cpu.march import _inside, bin_bricks, draw_tiles
 from renderer.draw.cpu.sample import opacity
 from renderer.draw.raster_bricks_reference import _are_alike, _between
 from renderer.draw.subsampling import interpolated, refined
@@ -54,8 +54,8 @@ def test_opacities_keep_their_digits() -> None:
 
 def test_places_stay_in_the_brick() -> None:
     """Where rounding, or what is no number, would lead beyond its texels."""
-    for place in (-math.inf, -1.0, 0.0, 8.5, SIDE - 1.0, 1e300, math.inf, math.nan):
-        assert 0 < _inside(place) < SIDE - 1
+    for place in (-math.inf, -1.0, 0.0, 8.5, PADDED_BRICK_SIZE - 1.0, 1e300, math.inf, math.nan):
+        assert 0 < _inside(place) < PADDED_BRICK_SIZE - 1
     assert _inside(8.5) == 8.5
 
 
@@ -66,9 +66,9 @@ def test_boxes_come_to_all_tiles_that_they_lie_over() -> None:
     rectangles[::7, 2] = rectangles[::7, 0]  # empty
     side, columns, rows = 16, 5, 5
     starts, none = np.empty(columns * rows + 1, np.int64), np.empty(0, np.int64)
-    num = bin_boxes(rectangles, side, columns, starts, none)
+    num = bin_bricks(rectangles, side, columns, starts, none)
     numbers = np.empty(num + 3, np.int64)
-    assert bin_boxes(rectangles, side, columns, starts, numbers) == num
+    assert bin_bricks(rectangles, side, columns, starts, numbers) == num
     for tile in range(columns * rows):
         top, left = tile // columns * side, tile % columns * side
         is_over = (
@@ -98,7 +98,7 @@ def test_lattices_are_refined_as_the_reference_does(factor: int, spread: float) 
 
 def test_threads_do_not_change_what_lies_between_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
     nodes, size = np.random.default_rng(3).random((7, 9, 4)).astype(np.float32), (31, 25)
-    monkeypatch.setattr(lattices, "_LEAST_PIXELS", 1)
+    monkeypatch.setattr(lattices, "_MIN_PIXELS_PER_THREAD", 1)
     pictures = []
     for num in (1, 3):
         threads = Threads(num)
@@ -110,12 +110,15 @@ def test_threads_do_not_change_what_lies_between_nodes(monkeypatch: pytest.Monke
 
 def brick(keys: Any) -> Any:
     """Texels that tell of their key."""
-    return np.broadcast_to(np.asarray(keys, np.float32)[:, None, None, None], (len(keys), SIDE, SIDE, SIDE))
+    return np.broadcast_to(
+        np.asarray(keys, np.float32)[:, None, None, None],
+        (len(keys), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE),
+    )
 
 
 def content(atlas: CPUAtlas, keys: Any) -> list[float]:
     places = atlas.place(np.asarray(keys), pytest.fail)
-    return [float(atlas.texels[first]) for first in atlas.firsts(places)]
+    return [float(atlas.texels[first]) for first in atlas.texel_offsets(places)]
 
 
 def test_bricks_stay_where_they_are_when_there_are_more() -> None:
@@ -128,7 +131,7 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     assert atlas.texels is texels
     assert atlas.num_missing(np.arange(10)) == 0
     assert content(atlas, np.arange(10)) == list(range(10))
-    assert len(atlas.texels) == 1000 * SIDE**3  # no more than there are bricks
+    assert len(atlas.texels) == 1000 * PADDED_BRICK_SIZE**3  # no more than there are bricks
     atlas.release()
     assert atlas.num_missing(np.arange(10)) == 10
     assert len(atlas.texels) == 0
@@ -136,8 +139,8 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
 
 def test_bricks_that_were_drawn_longest_ago_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(brick_atlas, "MOST_BYTES", 4 * brick_bytes(1))
-    assert most_atlas_bytes(1, 1000) == 4 * brick_bytes(1)
-    assert most_atlas_bytes(1, 3) == 3 * brick_bytes(1)
+    assert max_atlas_bytes(1, 1000) == 4 * brick_bytes(1)
+    assert max_atlas_bytes(1, 3) == 3 * brick_bytes(1)
     atlas = CPUAtlas(1, 1000)
     atlas.reserve(1000)
     for keys in ([1, 2], [3, 4], [1], [7, 8]):
@@ -148,7 +151,7 @@ def test_bricks_that_were_drawn_longest_ago_go_first(monkeypatch: pytest.MonkeyP
 
 def test_an_atlas_with_room_for_less_than_a_brick_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(brick_atlas, "MOST_BYTES", 1)
-    assert CPUAtlas(4, 10).most_places == 1
+    assert CPUAtlas(4, 10).max_slots == 1
 
 
 @pytest.mark.parametrize(
@@ -170,7 +173,7 @@ def test_threads_end_with_the_rasterizer() -> None:
     bricks = bricks_of(placed(hills((20, 30, 40), 9.0), AFFINES["straight"]), GLASS)
     view = view_of(bricks.volume, "perspective", (60, 50))
     batch = batch_of(level_cut(bricks, 0), bricks)
-    with GLRasterizer(bricks_on="processor", num_threads=3) as gl:
+    with GLRasterizer(brick_backend="processor", num_threads=3) as gl:
         gl.rasterize(batch, ordered(batch.cut, view), view)
         assert threading.active_count() > before
     assert threading.active_count() == before
@@ -182,7 +185,7 @@ def test_loops_are_compiled_once_for_any_number_of_threads() -> None:
     view = view_of(bricks.volume, "perspective", (640, 480))
     batch = batch_of(level_cut(bricks, 0), bricks)
     for num_threads in (1, 3):
-        drawer = CPUBrickDrawer(num_threads)
+        drawer = CPUBrickRenderer(num_threads)
         drawer.draw(batch, ordered(batch.cut, view), view)
         drawer.release()
     assert {tiles.layout for tiles, *_ in cast(Any, draw_tiles).signatures} == {"C"}

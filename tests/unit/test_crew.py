@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hsplat_cli.executors import Drawn, crew
+from hsplat_cli.executors import Drawn, executor
 from hsplat_cli.terminal import cores, num_cores
 from renderer.errors import RenderError
 from renderer.film import Picture
@@ -28,7 +28,7 @@ class Alone:
         self.seconds, self.made_by, self.notes = seconds, ("here",), ()
         self.plan = SimpleNamespace(stage="in memory")
 
-    def hand_over(self, stage: str) -> None:
+    def switch_stage(self, stage: str) -> None:
         self.plan = SimpleNamespace(stage=stage)
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
@@ -67,7 +67,7 @@ class Pool:
 
 def who(seconds: float, pool: Pool, *, num: int = 10, must: bool = False) -> tuple[str, Sequence[str]]:
     """A letter for each frame, `a` or `p`, and the notes."""
-    drawer = crew._GrowingDrawer(Alone(seconds), pool.call, must=must)  # type: ignore[arg-type]
+    drawer = executor._GrowingExecutor(Alone(seconds), pool.call, must=must)  # type: ignore[arg-type]
     frames = list(drawer.draw(range(100, 100 + num)))
     assert [frame.number for frame in frames] == list(range(100, 100 + num))
     assert drawer.made_by == (("here", "there") if pool.is_called and pool.fails != "start" else ("here",))
@@ -123,8 +123,8 @@ def test_unless_they_are_asked_for(fails: str) -> None:
     ],
 )
 def test_how_many_workers(gl: str, free: float, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(crew, "_free_bytes", lambda: free)
-    assert crew._default_workers(gl, STAGE) == most  # type: ignore[arg-type]
+    monkeypatch.setattr(executor, "_free_bytes", lambda: free)
+    assert executor._default_num_workers(gl, STAGE) == most  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("size", "mib"), [(16, 400 + 3), (512, 400 + 3 * 256)])
@@ -132,14 +132,14 @@ def test_workers_are_counted_by_what_their_bricks_may_take(
     size: int, mib: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With a software renderer atlases are memory of the machine: of a few bricks little, of many all they may take."""
-    monkeypatch.setattr(crew, "num_cores", lambda: 100)
+    monkeypatch.setattr(executor, "num_cores", lambda: 100)
     grids = [(max(1, size >> 4 + level),) * 3 for level in range(max(1, size.bit_length() - 4))]
     bricks = SimpleNamespace(levels=[SimpleNamespace(boxes=np.empty((*grid, 2, 3), np.float32)) for grid in grids])
     stage = SimpleNamespace(bricks=bricks, scene=SimpleNamespace(shading=None))
     each = mib * 2**20
     for num in (1, 2, 7):
-        monkeypatch.setattr(crew, "_free_bytes", lambda num=num: 2 * each * (num + 0.3))
-        assert crew._default_workers("llvmpipe", stage) == num  # type: ignore[arg-type]
+        monkeypatch.setattr(executor, "_free_bytes", lambda num=num: 2 * each * (num + 0.3))
+        assert executor._default_num_workers("llvmpipe", stage) == num  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import yaml
 
 from hsplat_cli.commands.compare import compare
 from renderer.scene import load_scene, scene_to_dict
-from renderer.study import FIGURES, LEVELS
+from renderer.study import COMPARISON_METRICS, LEVELS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -72,8 +72,8 @@ def test_the_table_of_figures_has_the_limits_of_every_level(page: str) -> None:
     (table,) = re.findall(r"(?m)^\| figure \| what it is .*\n(?:\|.*\n)+", (ROOT / page).read_text("utf-8"))
     header, _, *lines = ([cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines())
     assert header[2:] == [f"`{level}`" for level in LEVELS]
-    assert [line[0] for line in lines] == [f"`{name}`" for name in FIGURES]
-    for (name, figure), (_, what, *limits) in zip(FIGURES.items(), lines, strict=True):
+    assert [line[0] for line in lines] == [f"`{name}`" for name in COMPARISON_METRICS]
+    for (name, figure), (_, what, *limits) in zip(COMPARISON_METRICS.items(), lines, strict=True):
         assert what.startswith(figure.label) and ("levels" in what) == bool(figure.unit), name
         expected = [level.limits.get(name) for level in LEVELS.values()]
         assert [float(limit) if limit else None for limit in limits] == expected, name

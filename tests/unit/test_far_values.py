@@ -11,8 +11,8 @@ from kinds_of_data import KINDS, axes, head_in_hounsfield_units, two_materials
 
 from renderer.scene import ColormapSpec
 from renderer.suggest import Suggestion, measure, suggest
-from renderer.suggest.nodata import FarValue
-from renderer.transfer import make_transfer
+from renderer.suggest.nodata import OutlierValue
+from renderer.transfer import make_transfer_function
 from renderer.volume import make_volume
 
 Array = npt.NDArray[Any]
@@ -31,7 +31,7 @@ def suggested(values: Array, colormap: str | None = None) -> Suggestion:
 
 
 def extinction(suggestion: Suggestion, *values: float) -> list[float]:
-    return list(make_transfer(suggestion.transfer, 1.0).classify(np.array(values))[1])
+    return list(make_transfer_function(suggestion.transfer, 1.0).classify(np.array(values))[1])
 
 
 @pytest.mark.parametrize("fill", [1e20, 9.96921e36, FLOAT_MAX, -FLOAT_MAX, -1e5])
@@ -73,7 +73,11 @@ def test_a_fill_value_and_outliers_on_its_side_and_on_the_other() -> None:
     values[SLAB] = -9999
     values[30, 30, 30:32] = -1e12, 1e30
     num = np.count_nonzero(values == -9999)
-    assert measure(values).far == (FarValue(-1e12, 1, False), FarValue(-9999.0, num, True), FarValue(1e30, 1, False))
+    assert measure(values).far == (
+        OutlierValue(-1e12, 1, False),
+        OutlierValue(-9999.0, num, True),
+        OutlierValue(1e30, 1, False),
+    )
 
 
 def mixed(num: int, far: float) -> Array:
@@ -106,4 +110,4 @@ def test_values_near_the_limits_of_their_type_do_not_overflow() -> None:
     assert measure(values).far == ()
     whole = np.arange(1000, dtype=np.int64).reshape(10, 10, 10)
     whole[0, 0] = np.iinfo(np.int64).min
-    assert measure(whole).far == (FarValue(-(2**63), 10, True),)
+    assert measure(whole).far == (OutlierValue(-(2**63), 10, True),)

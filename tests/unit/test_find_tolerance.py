@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.draw import CellEdges
-from renderer.frame import Stage, family_of, prepare
+from renderer.frame import Stage, make_primitive, prepare
 from renderer.scene import (
     AccuracyGoal,
     CameraSpec,
@@ -30,9 +30,9 @@ from renderer.scene import (
     Want,
 )
 from renderer.splats import SplatBatch
-from renderer.study import Found, KeptTruths, Trial, Truth, find_tolerance
+from renderer.study import Found, Trial, Truth, TruthCache, find_tolerance
 from renderer.study.tolerances import two_digit_numbers
-from renderer.study.truths import as_kept
+from renderer.study.truths import round_to_float32
 from renderer.truth import Convergence
 from renderer.view import View
 from tests.support.machines import NothingLasting
@@ -104,7 +104,7 @@ def test_the_coarsest_that_is_good_on_all_frames_that_are_tried(stage: Stage) ->
     told: list[Trial] = []
     found = search(stage, want, told=told)
     enough = (0.6 / want.value) ** 2
-    rungs = (number for number in two_digit_numbers(10.0, 0.01) if family_of(stage).num_cells(number) >= enough)
+    rungs = (number for number in two_digit_numbers(10.0, 0.01) if make_primitive(stage).num_cells(number) >= enough)
     assert found.tolerance == next(rungs)
     final = [trial for trial in told if trial.tolerance == found.tolerance]
     assert tuple(sorted(trial.frame for trial in final)) == found.frames
@@ -119,7 +119,7 @@ def test_beyond_full_resolution(stage: Stage, metric: str, value: float) -> None
     found = search(stage, Want(metric, value))  # type: ignore[arg-type]
     assert found.tolerance is None
     assert found.worst.tolerance == 0
-    assert found.worst.num_cells == family_of(stage).num_cells(0.0)
+    assert found.worst.num_cells == make_primitive(stage).num_cells(0.0)
 
 
 @pytest.mark.parametrize("frames", [range(6, 12), [1, 5, 20], range(0, NUM_FRAMES, 5), [7]])
@@ -146,7 +146,7 @@ def test_truths_are_found_once_and_kept_in_float32() -> None:
         asked.append(frame)
         return Truth(frame, exact + frame, np.full(shape[:2], frame > 0), Convergence((0.5,), (0.0,), (frame,)))
 
-    truth_of = KeptTruths(find)
+    truth_of = TruthCache(find)
     tracemalloc.start()
     try:
         for frame in (0, 1, 2, 1, 0):
@@ -159,7 +159,7 @@ def test_truths_are_found_once_and_kept_in_float32() -> None:
     truth = truth_of(2)
     assert (truth.frame, truth.convergence.num_pixels, truth.on_volume.all()) == (2, (2,), True)
     assert truth.picture.dtype == np.float64
-    np.testing.assert_array_equal(truth.picture, as_kept(exact + 2))
+    np.testing.assert_array_equal(truth.picture, round_to_float32(exact + 2))
     np.testing.assert_array_max_ulp(truth_of(0).picture.astype(np.float32), exact.astype(np.float32), 0)
 
 
@@ -174,7 +174,7 @@ def test_what_is_kept_of_truths_is_enough(stage: Stage, metric: str, value: floa
     want = Want(metric, value)  # type: ignore[arg-type]
     told: tuple[list[Trial], list[Trial]] = ([], [])
     exact = search(stage, want, truth_of=truth_of, told=told[0])
-    kept = search(stage, want, truth_of=KeptTruths(truth_of), told=told[1])
+    kept = search(stage, want, truth_of=TruthCache(truth_of), told=told[1])
     assert (exact.tolerance, exact.frames, exact.worst.frame) == (kept.tolerance, kept.frames, kept.worst.frame)
     assert [want.of(trial.value) for trial in told[0]] == [want.of(trial.value) for trial in told[1]]
     assert len(told[0]) > 5
@@ -189,7 +189,7 @@ def test_equal_pictures_are_equal_as_they_are_kept(stage: Stage) -> None:
 
     behind = replace(stage.scene.output, background=(0.1, 0.1, 0.1))
     empty = replace(stage, scene=replace(stage.scene, output=behind))
-    truths = KeptTruths(lambda frame: replace(Truths()(frame), picture=np.full((*SHAPE, 3), 0.1)))
+    truths = TruthCache(lambda frame: replace(Truths()(frame), picture=np.full((*SHAPE, 3), 0.1)))
     found = find_tolerance(
         empty, range(3), Want("psnr", 90.0), Nothing(), truth_of=truths, clock=lambda: 0.0, on_trial=[].append
     )

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.study import FIGURES, SSIM_WINDOW_PX, FrameDifference, frame_difference, single
+from renderer.study import COMPARISON_METRICS, SSIM_WINDOW_PX, FrameDifference, frame_difference, single
 from renderer.study.frame_difference import WINDOW_PX
 from renderer.study.metrics import REACH_PX, mapped
 
@@ -31,7 +31,7 @@ def test_equal_pictures_differ_by_nothing(channels: int) -> None:
     picture = noise((24, 33, channels))
     difference = FrameDifference(picture, picture.copy())
     expected = {"largest": 0, "p99": 0, "flip": 0, "ssim": 1, "densest": 0, "bias": 0}
-    assert difference.figures(FIGURES) == pytest.approx(expected, abs=1e-12)
+    assert difference.figures(COMPARISON_METRICS) == pytest.approx(expected, abs=1e-12)
     assert difference.bias == (0.0,) * channels
     assert not difference.levels.any()
     assert not difference.signed.any()
@@ -69,7 +69,7 @@ def test_a_pixel_changes_what_is_seen_within_reach_only(name: str) -> None:
     golden = noise((64, 64, 3)) / 255
     actual = golden.copy()
     actual[30, 33] = 1 - actual[30, 33].round()
-    perfect = float(FIGURES[name].higher_is_better)
+    perfect = float(COMPARISON_METRICS[name].higher_is_better)
     rows, columns = np.nonzero(np.abs(mapped(name, actual, golden) - perfect) > 1e-12)
     reach = max(30 - rows.min(), rows.max() - 30, 33 - columns.min(), columns.max() - 33)
     assert 0 < reach <= REACH_PX
@@ -147,7 +147,7 @@ def test_as_much_as_in_the_picture_in_which_it_is_more_so() -> None:
 
 
 def test_what_cannot_be_seen_does_not_count() -> None:
-    assert FrameDifference(clear((1, 2, 3), 0), clear((200, 100, 0), 0)).figures(FIGURES) == pytest.approx(
+    assert FrameDifference(clear((1, 2, 3), 0), clear((200, 100, 0), 0)).figures(COMPARISON_METRICS) == pytest.approx(
         {"largest": 0, "p99": 0, "flip": 0, "ssim": 1, "densest": 0, "bias": 0}, abs=1e-12
     )
 
@@ -169,7 +169,7 @@ def test_an_opaque_alpha_changes_no_figure_of_the_colors() -> None:
     opaque = np.full((16, 16, 1), 255, np.uint8)
     bare = FrameDifference(golden, actual)
     with_alpha = FrameDifference(np.dstack([golden, opaque]), np.dstack([actual, opaque]))
-    assert with_alpha.figures(FIGURES) == bare.figures(FIGURES)
+    assert with_alpha.figures(COMPARISON_METRICS) == bare.figures(COMPARISON_METRICS)
     assert with_alpha.bias == (*bare.bias, 0.0)
 
 
@@ -189,7 +189,7 @@ def test_metrics_of_the_eye_look_at_transparent_pictures_over_the_worse_of_black
 
 def test_figures_come_in_their_order_whatever_is_asked_for_first() -> None:
     difference = FrameDifference(noise((16, 16, 3), 5), noise((16, 16, 3), 6))
-    assert list(difference.figures(reversed(FIGURES))) == list(FIGURES)
+    assert list(difference.figures(reversed(COMPARISON_METRICS))) == list(COMPARISON_METRICS)
     assert list(difference.figures(["bias", "largest"])) == ["largest", "bias"]
     assert difference.figures([]) == {}
 
@@ -197,8 +197,8 @@ def test_figures_come_in_their_order_whatever_is_asked_for_first() -> None:
 def test_all_have_a_number_but_ssim_in_a_picture_smaller_than_its_window() -> None:
     side = SSIM_WINDOW_PX
     for shape, left_out in (((side, side), set()), ((side - 1, side), {"ssim"}), ((1, 1), {"ssim"})):
-        figures = FrameDifference(noise((*shape, 3), 7), noise((*shape, 3), 8)).figures(FIGURES)
-        assert set(FIGURES) - set(figures) == left_out
+        figures = FrameDifference(noise((*shape, 3), 7), noise((*shape, 3), 8)).figures(COMPARISON_METRICS)
+        assert set(COMPARISON_METRICS) - set(figures) == left_out
         assert all(math.isfinite(value) for value in figures.values())
 
 
@@ -212,15 +212,15 @@ def test_both_directions_are_equally_far() -> None:
 def test_pictures_are_not_changed() -> None:
     golden, actual = noise((12, 12, 4), 11), noise((12, 12, 4), 12)
     before = golden.copy(), actual.copy()
-    FrameDifference(golden, actual).figures(FIGURES)
+    FrameDifference(golden, actual).figures(COMPARISON_METRICS)
     assert (golden == before[0]).all()
     assert (actual == before[1]).all()
 
 
 def test_a_limit_is_the_last_value_that_passes() -> None:
-    assert FIGURES["largest"].passes(4.0, 4.0)
-    assert not FIGURES["largest"].passes(math.nextafter(4.0, 5.0), 4.0)
-    assert FIGURES["ssim"].passes(0.98, 0.98)
-    assert not FIGURES["ssim"].passes(math.nextafter(0.98, 0.0), 0.98)
-    assert not FIGURES["largest"].passes(math.nan, 4.0)
-    assert not FIGURES["ssim"].passes(math.nan, 0.98)
+    assert COMPARISON_METRICS["largest"].passes(4.0, 4.0)
+    assert not COMPARISON_METRICS["largest"].passes(math.nextafter(4.0, 5.0), 4.0)
+    assert COMPARISON_METRICS["ssim"].passes(0.98, 0.98)
+    assert not COMPARISON_METRICS["ssim"].passes(math.nextafter(0.98, 0.0), 0.98)
+    assert not COMPARISON_METRICS["largest"].passes(math.nan, 4.0)
+    assert not COMPARISON_METRICS["ssim"].passes(math.nan, 0.98)

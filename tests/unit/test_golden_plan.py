@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hsplat_cli.compare.golden.draw import Drawing
-from hsplat_cli.compare.golden.plan import Plan, described, make_plan
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
+from hsplat_cli.compare.golden.render import Drawing
+from hsplat_cli.compare.golden.update_plan import Plan, described, make_plan
 from renderer.errors import InputError
 from renderer.film import digest, encode_png, file_digest
 
@@ -140,7 +140,7 @@ def test_goldens_that_nobody_asks_for(desk: Desk, prune: bool) -> None:
     desk.keep(0, 5, 7)
     plan = desk.plan(GREY, prune=prune)
     others = [golden for golden in desk.before.goldens if golden.frame > 0]
-    assert (plan.unasked, plan.removed) == (([], others) if prune else (others, []))
+    assert (plan.unrequested, plan.removed) == (([], others) if prune else (others, []))
     assert plan.changes_anything == prune
     assert [golden.frame for golden in plan.after.goldens] == ([0] if prune else [0, 5, 7])
 

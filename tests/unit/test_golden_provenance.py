@@ -20,8 +20,8 @@ from hsplat_cli.compare.golden.provenance import (
     Golden,
     Provenance,
     changes,
-    golden_file,
-    origin_of,
+    golden_file_name,
+    origin_from_sidecar,
     provenance_bytes,
     read_provenance,
 )
@@ -40,7 +40,7 @@ TOLD: dict[str, Any] = {  # of what lies beside frames, as much as matters here
         }
     },
 }
-ORIGIN = origin_of(TOLD)
+ORIGIN = origin_from_sidecar(TOLD)
 WRITTEN = Provenance(ORIGIN, (Golden(0, "frame-0000.png", DIGEST, "today"), Golden(7, "frame-0007.png", DIGEST)))
 
 
@@ -70,18 +70,18 @@ def test_where_files_lie_is_not_told() -> None:
     raw["scene"]["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nonfinite": "error"}
     assert ORIGIN["volume"]["name"] == "engine.nhdr"
     assert ORIGIN["scene"]["volume"] == {"crop": None, "nonfinite": "error"}
-    assert origin_of(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nonfinite": "error"}
+    assert origin_from_sidecar(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nonfinite": "error"}
     spaced = copy.deepcopy(TOLD)
     spaced["scene"]["volume"] = {"file": "/scans/a.npy", "spacing": [1, 1, 2]}
-    assert origin_of(spaced)["scene"]["volume"] == {"spacing": [1, 1, 2]}
-    assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_of(raw)))
+    assert origin_from_sidecar(spaced)["scene"]["volume"] == {"spacing": [1, 1, 2]}
+    assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_from_sidecar(raw)))
 
 
 @pytest.mark.parametrize("name", ["a\nb.npy", "\x1b[31m.npy", "\udcff.npy", "x" * 300])
 def test_any_name_of_a_volume_can_be_read_again(name: str, tmp_path: Path) -> None:
     told = copy.deepcopy(TOLD)
     told["volume"]["name"] = name
-    (tmp_path / NAME).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_of(told))))
+    (tmp_path / NAME).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_from_sidecar(told))))
     assert read_provenance(tmp_path).origin["volume"]["name"].isprintable()
 
 
@@ -96,7 +96,7 @@ def test_any_name_of_a_volume_can_be_read_again(name: str, tmp_path: Path) -> No
     ],
 )
 def test_names_are_in_the_order_of_frames(frame: int, num_frames: int, name: str) -> None:
-    assert golden_file(frame, num_frames) == name
+    assert golden_file_name(frame, num_frames) == name
 
 
 def test_what_has_changed() -> None:
@@ -219,7 +219,7 @@ def test_what_is_too_large_is_not_even_parsed(tmp_path: Path, monkeypatch: pytes
 
 
 def test_a_million_goldens_are_not_too_large() -> None:
-    longest = Golden(999_999, golden_file(999_999, 1_000_000), DIGEST)
+    longest = Golden(999_999, golden_file_name(999_999, 1_000_000), DIGEST)
     one, two = (len(provenance_bytes(replace(WRITTEN, goldens=(longest,) * num))) for num in (1, 2))
     assert one + 1_000_000 * (two - one) < provenance.MOST_BYTES
 

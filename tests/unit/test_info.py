@@ -117,7 +117,7 @@ def test_voxels_that_stay_in_their_file_are_not_in_memory(tmp_path, monkeypatch)
     np.save(tmp_path / "a.npy", RAMP.astype(np.int16))
     assert "int16, 120 bytes in memory\n" in run(str(tmp_path / "a.npy"))
     assert json.loads(run(str(tmp_path / "a.npy"), "--json"))["stays_in_file"] is False
-    monkeypatch.setattr(common, "_MAPPED_FROM", 1)  # those of a large file
+    monkeypatch.setattr(common, "_MIN_MAPPED_BYTES", 1)  # those of a large file
     assert "int16, 120 bytes, which stay in the file\n" in run(str(tmp_path / "a.npy"))
     assert json.loads(run(str(tmp_path / "a.npy"), "--json"))["stays_in_file"] is True
 

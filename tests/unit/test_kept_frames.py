@@ -15,19 +15,19 @@ import pytest
 
 from renderer.errors import RenderError
 from renderer.film import (
-    KeptFrames,
+    FrameCheckpoint,
     Picture,
     atomic as staging,
     digest,
     encode_png,
     file_digest,
-    forget_frames,
+    frame_matches_digest,
     frame_path,
     is_file,
-    is_frame,
-    is_record,
+    is_frame_record,
+    join_png_chunks,
     png_chunks,
-    png_of,
+    remove_checkpoint_frames,
 )
 from renderer.scene import OutputSpec
 
@@ -56,11 +56,11 @@ def output(request: pytest.FixtureRequest, tmp_path: Path) -> OutputSpec:
     return OutputSpec(tmp_path / request.param, size=(6, 4))
 
 
-def reopened(folder: Path, output: OutputSpec, cause: dict[str, Any] = CAUSE, **options: Any) -> KeptFrames:
-    return KeptFrames(folder, output, NUMBERS, cause, **options)
+def reopened(folder: Path, output: OutputSpec, cause: dict[str, Any] = CAUSE, **options: Any) -> FrameCheckpoint:
+    return FrameCheckpoint(folder, output, NUMBERS, cause, **options)
 
 
-def keep(folder: Path, output: OutputSpec, *numbers: int, cause: dict[str, Any] = CAUSE) -> KeptFrames:
+def keep(folder: Path, output: OutputSpec, *numbers: int, cause: dict[str, Any] = CAUSE) -> FrameCheckpoint:
     kept = reopened(folder, output, cause)
     for number in numbers:
         kept.keep(number, png(number), record(number))
@@ -77,7 +77,7 @@ def test_they_are_there_again(folder: Path, output: OutputSpec) -> None:
     second = reopened(folder, output)
     assert second.records == first.records == {i: record(i) | {"digest": digest(png(i))} for i in (0, 2)}
     np.testing.assert_array_equal(second.picture(2).pixels, Picture(png=png(2)).pixels)
-    assert (second.former_cause, second.num_former) == (None, 0)
+    assert (second.former_fingerprint, second.num_outdated) == (None, 0)
 
 
 def test_there_is_nothing_but_pictures_records_and_their_cause(folder: Path, output: OutputSpec) -> None:
@@ -127,19 +127,19 @@ def test_a_record_of_garbage(folder: Path, output: OutputSpec, garbage: bytes) -
 )  # fmt: skip
 def test_what_is_no_record(change: dict[str, Any]) -> None:
     whole = record(1) | {"digest": "00"}
-    assert is_record(whole)
-    assert is_record(whole | {"predicted_seconds": 0.1})
-    assert is_record(whole | {"blank": True})
-    assert not is_record(whole | change)
+    assert is_frame_record(whole)
+    assert is_frame_record(whole | {"predicted_seconds": 0.1})
+    assert is_frame_record(whole | {"blank": True})
+    assert not is_frame_record(whole | change)
 
 
 @pytest.mark.parametrize("key", ["frame", "digest", "tolerance", "cells", "splats", "seconds"])
 def test_a_record_without_a_part(key: str) -> None:
     whole = record(1) | {"digest": "00"}
     del whole[key]
-    assert not is_record(whole)
-    assert is_record(whole, has_digest=False) == (key == "digest")
-    assert not is_record(whole | {"digest": None}, has_digest=False)
+    assert not is_frame_record(whole)
+    assert is_frame_record(whole, has_digest=False) == (key == "digest")
+    assert not is_frame_record(whole | {"digest": None}, has_digest=False)
 
 
 def test_a_record_that_tells_of_another_frame(folder: Path, output: OutputSpec) -> None:
@@ -187,13 +187,13 @@ def test_a_picture_of_another_size(folder: Path, output: OutputSpec) -> None:
 def test_a_picture_that_is_none(folder: Path, output: OutputSpec, content: bytes) -> None:
     (folder / "file").write_bytes(content)
     assert is_file(folder / "file", digest(content))
-    assert not is_frame(folder / "file", digest(content), output)
+    assert not frame_matches_digest(folder / "file", digest(content), output)
 
 
 def damaged(content: bytes, *, is_checksum_right: bool) -> bytes:
     """A PNG file of the same header, whose compressed pixels are cut off."""
     chunks = [(name, data[:-9] if name == b"IDAT" else data) for name, data in png_chunks(content)]
-    changed = png_of(chunks)
+    changed = join_png_chunks(chunks)
     return changed if is_checksum_right else changed[:50] + bytes([changed[50] ^ 1]) + changed[51:]
 
 
@@ -220,12 +220,12 @@ def test_another_cause(folder: Path, output: OutputSpec) -> None:
     other = CAUSE | {"versions": {"numpy": "2.1"}}
     kept = reopened(folder, output, other)
     assert kept.records == {}
-    assert kept.former_cause == {"scene": {"size": [6, 4]}, "versions": {"numpy": "2.0"}}
-    assert kept.num_former == 3
+    assert kept.former_fingerprint == {"scene": {"size": [6, 4]}, "versions": {"numpy": "2.0"}}
+    assert kept.num_outdated == 3
     assert list(folder.iterdir()) == []
     kept.keep(1, png(1), record(1))
     again = reopened(folder, output, other)
-    assert (set(again.records), again.former_cause, again.num_former) == ({1}, None, 0)
+    assert (set(again.records), again.former_fingerprint, again.num_outdated) == ({1}, None, 0)
 
 
 def test_a_cause_that_is_not_known_any_more(folder: Path, output: OutputSpec) -> None:
@@ -234,7 +234,7 @@ def test_a_cause_that_is_not_known_any_more(folder: Path, output: OutputSpec) ->
     told.unlink()
     assert set(reopened(folder, output).records) == {0, 1}
     kept = reopened(folder, output, {"versions": {"numpy": "2.1"}})
-    assert (kept.records, kept.former_cause, kept.num_former) == ({}, {}, 2)
+    assert (kept.records, kept.former_fingerprint, kept.num_outdated) == ({}, {}, 2)
 
 
 def test_a_long_cause_is_kept_once(folder: Path, output: OutputSpec) -> None:
@@ -249,7 +249,7 @@ def test_a_long_cause_is_kept_once(folder: Path, output: OutputSpec) -> None:
 def test_afresh(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2)
     kept = reopened(folder, output, afresh=True)
-    assert (kept.records, kept.former_cause, kept.num_former) == ({}, None, 0)
+    assert (kept.records, kept.former_fingerprint, kept.num_outdated) == ({}, None, 0)
     assert list(folder.iterdir()) == []
     assert reopened(folder, output).records == {}
 
@@ -259,7 +259,7 @@ def test_pictures_under_their_final_names_are_never_removed(folder: Path, output
     finals = [path for path in folder.parent.rglob("*.png") if path.parent != folder]
     reopened(folder, output, {"other": 1})
     reopened(folder, output, afresh=True)
-    forget_frames(folder, output, NUMBERS)
+    remove_checkpoint_frames(folder, output, NUMBERS)
     assert all(path.is_file() for path in finals)
     assert len(finals) == (0 if output.file.suffix == ".mp4" else 2)
 
@@ -267,26 +267,26 @@ def test_pictures_under_their_final_names_are_never_removed(folder: Path, output
 def test_jobs_with_other_frames_share_nothing(folder: Path, tmp_path: Path) -> None:
     """As two of a job array, which both are at work: neither sees nor removes what the other has."""
     output = OutputSpec(tmp_path / "{frame}.png", size=(6, 4))
-    first = KeptFrames(folder, output, [0, 1], CAUSE)
-    second = KeptFrames(folder, output, [2, 3], {"other": 1})
+    first = FrameCheckpoint(folder, output, [0, 1], CAUSE)
+    second = FrameCheckpoint(folder, output, [2, 3], {"other": 1})
     for i in (0, 1):
         first.keep(i, png(i), record(i))
         second.keep(i + 2, png(i + 2), record(i + 2))
-    forget_frames(folder, output, [0, 1])
-    assert set(KeptFrames(folder, output, [2, 3], {"other": 1}).records) == {2, 3}
-    assert KeptFrames(folder, output, [0, 1], {"other": 1}).num_former == 0
+    remove_checkpoint_frames(folder, output, [0, 1])
+    assert set(FrameCheckpoint(folder, output, [2, 3], {"other": 1}).records) == {2, 3}
+    assert FrameCheckpoint(folder, output, [0, 1], {"other": 1}).num_outdated == 0
 
 
 def test_frames_of_another_cause_need_not_be_forgotten(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0)
-    other = KeptFrames(folder, output, [1, 2], {"other": 1})
+    other = FrameCheckpoint(folder, output, [1, 2], {"other": 1})
     for number in (1, 2):
         other.keep(number, png(number), record(number))
     (folder / "000003.png").write_bytes(b"no record came")
-    forget_frames(folder, output, NUMBERS, CAUSE)
+    remove_checkpoint_frames(folder, output, NUMBERS, CAUSE)
     assert not list(folder.glob("00000[03].*"))
-    assert KeptFrames(folder, output, [1, 2], {"other": 1}).records == other.records
-    forget_frames(folder, output, NUMBERS, {"other": 1})
+    assert FrameCheckpoint(folder, output, [1, 2], {"other": 1}).records == other.records
+    remove_checkpoint_frames(folder, output, NUMBERS, {"other": 1})
     assert list(folder.iterdir()) == []
 
 
@@ -299,7 +299,7 @@ def test_all_that_a_film_kept_is_forgotten(folder: Path, tmp_path: Path) -> None
     names = ["note.txt", "1.png", "000001.json.bak", "a000001.png", "lock"]
     for name in names:
         (folder / name).touch()
-    forget_frames(folder, output, [0])
+    remove_checkpoint_frames(folder, output, [0])
     assert sorted(path.name for path in folder.iterdir()) == sorted(names)
 
 
@@ -309,7 +309,7 @@ def test_a_folder_that_vanishes(folder: Path, output: OutputSpec) -> None:
     with pytest.raises(RenderError, match="the folder of the output is gone"):
         kept.keep(1, png(1), record(1))
     assert not folder.exists()
-    forget_frames(folder, output, NUMBERS)
+    remove_checkpoint_frames(folder, output, NUMBERS)
 
 
 def test_a_picture_that_vanishes(folder: Path, output: OutputSpec) -> None:
@@ -348,7 +348,7 @@ def test_frames_that_another_place_tells_of(folder: Path, output: OutputSpec) ->
     picture_of(folder, output, 1).write_bytes(b"changed")
     kept = reopened(folder, output)
     assert kept.records == {}
-    kept.add_former(told)
+    kept.adopt_records(told)
     assert set(kept.records) == {0, 2}
 
 
@@ -408,5 +408,5 @@ def test_a_kill_between_any_two_steps(
     for number in kept.records:
         assert kept.picture(number).png == png(number)
     staging.remove_temporaries(folder)
-    forget_frames(folder, output, NUMBERS)
+    remove_checkpoint_frames(folder, output, NUMBERS)
     assert list(folder.iterdir()) == []

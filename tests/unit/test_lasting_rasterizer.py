@@ -17,11 +17,11 @@ from film_stages import PLAIN, SCENES, stage_of
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.executors import LocalDrawer, crew
-from renderer.draw import GLRasterizer, LastingRasterizer
+from hsplat_cli.executors import LocalExecutor, executor
+from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import ContextLostError, RenderError
-from renderer.frame import CostLog, Details, Pacer, Stage, try_drawings
-from renderer.scene import at_tolerances
+from renderer.frame import BudgetController, CostLog, Details, Stage, calibrate_costs
+from renderer.scene import with_tolerances
 
 NO_CAPABILITY = 0xFFFF
 LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]
@@ -34,10 +34,10 @@ class _Failing(GLRasterizer):
         super().__init__()
         self._fails = fails
 
-    def _require_no_failure(self) -> None:
+    def _require_no_error(self) -> None:
         if next(self._fails):
             ctypes.CDLL("libGL.so.1").glEnable(NO_CAPABILITY)
-        super()._require_no_failure()
+        super()._require_no_error()
 
 
 def failing_at(pictures: Iterable[int]) -> Callable[[], GLRasterizer]:
@@ -47,7 +47,7 @@ def failing_at(pictures: Iterable[int]) -> Callable[[], GLRasterizer]:
     return lambda: _Failing(fails)
 
 
-def in_turn(*makes: Callable[[], GLRasterizer]) -> Callable[[], GLRasterizer]:
+def run_sequentially(*makes: Callable[[], GLRasterizer]) -> Callable[[], GLRasterizer]:
     left = iter(makes)
 
     def make() -> GLRasterizer:
@@ -61,14 +61,14 @@ def stage() -> Stage:
     return stage_of(PLAIN)
 
 
-def pngs(stage: Stage, rasterizer: GLRasterizer | LastingRasterizer) -> list[bytes]:
-    return [drawn.picture.png for drawn in LocalDrawer(stage, rasterizer).draw(range(8))]
+def pngs(stage: Stage, rasterizer: GLRasterizer | RecoveringRasterizer) -> list[bytes]:
+    return [drawn.picture.png for drawn in LocalExecutor(stage, rasterizer).draw(range(8))]
 
 
 @pytest.mark.parametrize("kind", ["plain", "overlay", "gouraud", "integrated"])
 def test_the_film_is_the_same(rasterizer: GLRasterizer, kind: str) -> None:
     stage = stage_of(SCENES[kind])
-    with LastingRasterizer(failing_at({0, 4})) as lasting:
+    with RecoveringRasterizer(failing_at({0, 4})) as lasting:
         assert pngs(stage, lasting) == pngs(stage, rasterizer)
         assert lasting.notes == ["OpenGL's context was lost 2 times, and what it had was drawn again"]
 
@@ -86,7 +86,7 @@ def test_a_context_that_refuses_is_lost(
         return whole_buffer(self, *arguments, **options)
 
     expected = pngs(stage, rasterizer)
-    with LastingRasterizer() as lasting:
+    with RecoveringRasterizer() as lasting:
         monkeypatch.setattr(moderngl.Context, "buffer", buffer)
         assert pngs(stage, lasting) == expected
         assert lasting.notes == LOST_ONCE
@@ -96,7 +96,7 @@ def test_a_context_that_refuses_is_lost(
 def test_bricks_are_uploaded_again(monkeypatch: pytest.MonkeyPatch, step: str, refused: int) -> None:
     """Atlas, table, target and boxes go with their context, whichever is to be made when it is found lost."""
     stage = stage_of(SCENES["integrated"])
-    on_device = partial(GLRasterizer, bricks_on="device")
+    on_device = partial(GLRasterizer, brick_backend="device")
     with on_device() as gl:
         expected = pngs(stage, gl)
     whole_step = getattr(moderngl.Context, step)
@@ -107,7 +107,7 @@ def test_bricks_are_uploaded_again(monkeypatch: pytest.MonkeyPatch, step: str, r
             raise moderngl.Error("cannot create it")
         return whole_step(self, *arguments, **options)
 
-    with LastingRasterizer(on_device) as lasting:
+    with RecoveringRasterizer(on_device) as lasting:
         monkeypatch.setattr(moderngl.Context, step, refusing)
         assert pngs(stage, lasting) == expected
         assert next(calls) > refused + 1
@@ -115,14 +115,14 @@ def test_bricks_are_uploaded_again(monkeypatch: pytest.MonkeyPatch, step: str, r
 
 
 def test_nothing_is_said_where_nothing_is_lost(stage: Stage) -> None:
-    with LastingRasterizer() as lasting:
+    with RecoveringRasterizer() as lasting:
         pngs(stage, lasting)
         assert lasting.notes == []
 
 
 def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRasterizer) -> None:
     with (
-        LastingRasterizer(failing_at({3, 4})) as lasting,
+        RecoveringRasterizer(failing_at({3, 4})) as lasting,
         pytest.raises(ContextLostError, match="its context was lost\n  got: GL_INVALID_ENUM"),
     ):
         pngs(stage, lasting)
@@ -130,16 +130,16 @@ def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRas
 
 def test_frames_on_a_budget_of_time(stage: Stage, rasterizer: GLRasterizer) -> None:
     """Those of each tolerance are what they are without a loss; trial drawings may lose their context, too."""
-    with LastingRasterizer(failing_at({0, 6, 9})) as lasting:
+    with RecoveringRasterizer(failing_at({0, 6, 9})) as lasting:
         details = Details(stage, CostLog())
-        try_drawings(details, 0, 0.0, lasting, clock=time.perf_counter)
-        pacer = Pacer(details, lambda frame: 0.01)
-        found = list(LocalDrawer(stage, lasting, pacer).draw(range(8)))
+        calibrate_costs(details, 0, 0.0, lasting, clock=time.perf_counter)
+        pacer = BudgetController(details, lambda frame: 0.01)
+        found = list(LocalExecutor(stage, lasting, pacer).draw(range(8)))
         assert lasting.notes == ["OpenGL's context was lost 3 times, and what it had was drawn again"]
     tolerances = {drawn.number: drawn.record["tolerance"] for drawn in found}
     assert list(tolerances) == list(range(8))
     assert [drawn.picture.png for drawn in found] == pngs(
-        replace(stage, scene=at_tolerances(stage.scene, tolerances)), rasterizer
+        replace(stage, scene=with_tolerances(stage.scene, tolerances)), rasterizer
     )
 
 
@@ -149,7 +149,7 @@ def test_another_device_is_none(stage: Stage) -> None:
     class _Other(GLRasterizer):
         renderer_name = "another one"  # type: ignore[assignment]
 
-    with LastingRasterizer(in_turn(failing_at({2}), _Other)) as lasting:
+    with RecoveringRasterizer(run_sequentially(failing_at({2}), _Other)) as lasting:
         with pytest.raises(ContextLostError, match="its context was lost"):
             pngs(stage, lasting)
         assert lasting.notes == []
@@ -160,7 +160,7 @@ def test_no_other_context(stage: Stage) -> None:
         raise RenderError("no OpenGL 3.3 context could be made")
 
     with (
-        LastingRasterizer(in_turn(failing_at({2}), refuse)) as lasting,
+        RecoveringRasterizer(run_sequentially(failing_at({2}), refuse)) as lasting,
         pytest.raises(ContextLostError, match="its context was lost"),
     ):
         pngs(stage, lasting)
@@ -174,7 +174,7 @@ def test_the_command_goes_on_and_says_so(
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
     make = failing_at({2})
-    monkeypatch.setattr(crew, "open_lasting_rasterizer", lambda *, needs_opengl: LastingRasterizer(make))
+    monkeypatch.setattr(executor, "open_recovering_rasterizer", lambda *, needs_opengl: RecoveringRasterizer(make))
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "lost.mp4"]) == 0
     assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
     assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()

@@ -14,7 +14,7 @@ import pytest
 from film_stages import INTEGRATED, PLAIN
 from volume_files import write_volume
 
-from hsplat_cli.executors.workers.shared import SharedStage, map_stage
+from hsplat_cli.executors.workers.shared_stage import SharedStage, map_stage
 from renderer.bricks import make_bricks, mean_texels, scalar_texels
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
@@ -36,7 +36,7 @@ HINT = "large volumes are read from their files while they are drawn: start agai
 @pytest.fixture
 def everything_mapped(monkeypatch: pytest.MonkeyPatch) -> None:
     """Volumes need not be large."""
-    monkeypatch.setattr(common, "_MAPPED_FROM", 1)
+    monkeypatch.setattr(common, "_MIN_MAPPED_BYTES", 1)
 
 
 def noise(shape: tuple[int, ...] = (9, 7, 11), dtype: str = "uint8") -> Array:
@@ -62,7 +62,7 @@ def test_the_same_voxels_as_in_memory(name: str, dtype: str, tmp_path: Path, mon
         copied = read(tmp_path / name)
         assert copied.source is None
         with monkeypatch.context() as patch:
-            patch.setattr(common, "_MAPPED_FROM", 1)
+            patch.setattr(common, "_MIN_MAPPED_BYTES", 1)
             volume = read(tmp_path / name)
         np.testing.assert_array_equal(volume.values, noise(dtype=dtype))
         assert type(volume.values) is np.ndarray and volume.values.dtype.isnative

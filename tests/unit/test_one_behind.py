@@ -8,15 +8,15 @@ from contextlib import closing
 
 import pytest
 
-from hsplat_cli.films.behind import one_behind
+from hsplat_cli.films.background import run_overlapped
 
 LONGEST_S = 30.0  # until a thread that waits is taken for stuck
 
 
 def test_results_come_in_order_of_their_tasks() -> None:
     """As many as there are tasks, of none none."""
-    assert list(one_behind(lambda k=k: k for k in range(7))) == list(range(7))
-    assert list(one_behind(iter(()))) == []
+    assert list(run_overlapped(lambda k=k: k for k in range(7))) == list(range(7))
+    assert list(run_overlapped(iter(()))) == []
 
 
 def test_the_next_is_made_ready_while_one_is_done() -> None:
@@ -33,25 +33,25 @@ def test_the_next_is_made_ready_while_one_is_done() -> None:
         is_ready.set()
         yield lambda: True
 
-    assert list(one_behind(tasks())) == [True, True]
+    assert list(run_overlapped(tasks())) == [True, True]
     assert len(threads) == 2
 
 
 def test_never_two_at_a_time() -> None:
     """A task begins when the one before it has ended, though that takes its time."""
     at_work, most = 0, 0
-    guard, pause = threading.Lock(), threading.Event()
+    guard_mapping, pause = threading.Lock(), threading.Event()
 
     def task() -> None:
         nonlocal at_work, most
-        with guard:
+        with guard_mapping:
             at_work += 1
             most = max(most, at_work)
         pause.wait(0.01)
-        with guard:
+        with guard_mapping:
             at_work -= 1
 
-    assert len(list(one_behind([task] * 5))) == 5
+    assert len(list(run_overlapped([task] * 5))) == 5
     assert most == 1
 
 
@@ -71,7 +71,7 @@ def test_what_has_begun_is_finished_where_the_next_cannot_be_made(error: type[Ba
         raise error
 
     with pytest.raises(error):
-        list(one_behind(tasks()))
+        list(run_overlapped(tasks()))
     assert done == [1]
 
 
@@ -83,7 +83,7 @@ def test_what_a_task_raises_comes_and_ends_the_rest() -> None:
         raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        list(one_behind([lambda: done.append(1), fails, lambda: done.append(2)]))
+        list(run_overlapped([lambda: done.append(1), fails, lambda: done.append(2)]))
     assert done == [1]
 
 
@@ -96,7 +96,7 @@ def test_closing_waits_for_what_has_begun() -> None:
         is_left.wait(LONGEST_S)
         done.append(2)
 
-    with closing(one_behind([lambda: done.append(1), second, lambda: done.append(3)])) as results:
+    with closing(run_overlapped([lambda: done.append(1), second, lambda: done.append(3)])) as results:
         next(results)
         is_left.set()
     assert done == [1, 2]

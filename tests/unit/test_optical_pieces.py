@@ -7,10 +7,10 @@ import pytest
 from brickwork import batch_of, bricks_of, level_cut
 from number_types import random_ranges
 
-from renderer.bricks import SIDE, Bricks, scalar_texels
-from renderer.draw.cpu.bricks import CPUBrickDrawer
+from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
+from renderer.draw.cpu.bricks import CPUBrickRenderer
 from renderer.draw.raster_bricks_reference import _classified
-from renderer.transfer import GUIDE_SIZE, OpticalPieces, TransferFunction, optical_pieces
+from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume
 
 
@@ -43,7 +43,7 @@ def test_texels_are_classified_as_voxels_are() -> None:
             )
         bricks = bricks_of(make_volume(values.reshape(1, 1, -1), np.eye(4), "voxels"), transfer)
         texels = scalar_texels(bricks, np.zeros((1, 3), np.int32), lit=False)[
-            0, 1, 1, 1 : 1 + min(values.size, SIDE - 2)
+            0, 1, 1, 1 : 1 + min(values.size, PADDED_BRICK_SIZE - 2)
         ]
         got = classified(bricks, texels)
         colors, extinctions = transfer.classify(values.ravel()[: len(texels)])
@@ -53,7 +53,7 @@ def test_texels_are_classified_as_voxels_are() -> None:
         assert np.abs(got[:, :3] - colors)[seen].max(initial=0) <= room, case
 
 
-def steepest(pieces: OpticalPieces) -> float:
+def steepest(pieces: PiecewiseTransfer) -> float:
     """What a unit of u changes, at most, in pieces that are wider than the rounding of texels."""
     wide = np.diff(pieces.ends[:-1], prepend=-1.0) > 1e-5
     return float(np.abs(pieces.slopes[:-1][wide]).max(initial=0.0))
@@ -77,16 +77,16 @@ def test_each_label_has_its_own_side_of_a_step() -> None:
 def test_what_is_narrow_is_as_high_as_it_is() -> None:
     """A tent 20 wide in a range of a million, on a ramp; and a window of one among 16 bits."""
     values, extinctions = np.array([0, 290, 300, 310, 1e6]), np.array([0, 0, 1.0, 1e-4, 0.5])
-    pieces = optical_pieces(TransferFunction(values, np.ones((5, 3)), extinctions, 1.0), 1.0, 0.0, 1e6)
+    pieces = make_piecewise_transfer(TransferFunction(values, np.ones((5, 3)), extinctions, 1.0), 1.0, 0.0, 1e6)
     np.testing.assert_allclose(at(pieces, np.array([290, 295, 300, 305, 310]) / 1e6), [0, 0.5, 1, 0.5, 1e-4], atol=1e-3)
     values = np.array([2.5, 2.5, 3.5, 3.5, 65535])
-    pieces = optical_pieces(
+    pieces = make_piecewise_transfer(
         TransferFunction(values, np.ones((5, 3)), np.array([0, 2.0, 2, 0, 0.1]), 1.0), 1.0, 0, 65535
     )
     np.testing.assert_allclose(at(pieces, np.array([2, 3, 4]) / 65535), [0, 2, 0], atol=1e-5)
 
 
-def at(pieces: OpticalPieces, u: Float64) -> Float64:
+def at(pieces: PiecewiseTransfer, u: Float64) -> Float64:
     """Extinctions."""
     k = np.searchsorted(pieces.ends, u.astype(np.float32), side="right")
     return np.asarray(pieces.lows[k, 3] + (u - pieces.origins[k]) * pieces.slopes[k, 3].astype(np.float64))
@@ -96,7 +96,7 @@ def test_the_guide_never_leads_too_far() -> None:
     """And, from 0 on, no further away than its part of the range has pieces."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        pieces = optical_pieces(random_transfer(rng, -3.0, 5.0, 40), 1.0, 0.0, 2.0)
+        pieces = make_piecewise_transfer(random_transfer(rng, -3.0, 5.0, 40), 1.0, 0.0, 2.0)
         u = np.concatenate([rng.uniform(0, 1, 5000), pieces.ends[:-1]]).astype(np.float32)
         u = u[(u >= 0) & (u < 1)]
         bucket = (u * np.float32(GUIDE_SIZE)).astype(int)
@@ -114,7 +114,7 @@ def test_pieces_are_finite(last: float) -> None:
     """Over scalars too small for their inverse, or too large for their difference."""
     values = np.array([-last, -last / 2, 0.0, 0.0, last / 3, last])
     transfer = TransferFunction(values, np.ones((6, 3)), np.array([0, 1.0, 2, 0, 3, 0]), 1.0)
-    pieces = optical_pieces(transfer, 1.0, -last, last)
+    pieces = make_piecewise_transfer(transfer, 1.0, -last, last)
     assert all(np.isfinite(array).all() for array in (pieces.ends[:-1], pieces.origins, pieces.lows, pieces.slopes))
     assert pieces.ends[-1] == np.inf
     np.testing.assert_allclose(at(pieces, np.array([0.25, 0.5, 2 / 3])), [1, 0, 3], atol=0.2)
@@ -126,6 +126,6 @@ def test_the_loops_are_told_once() -> None:
         make_volume(np.arange(8.0).reshape(2, 2, 2), np.eye(4), "few"),
         random_transfer(np.random.default_rng(1), 0.0, 7.0),
     )
-    batch, drawer = batch_of(level_cut(bricks, 0), bricks), CPUBrickDrawer(1)
+    batch, drawer = batch_of(level_cut(bricks, 0), bricks), CPUBrickRenderer(1)
     assert drawer._pieces_of(batch) is drawer._pieces_of(batch)
     drawer.release()

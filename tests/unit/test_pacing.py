@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.frame import CostLog, Details, Pacer, Stage, Stopwatch, prepare, render_frames, try_drawings
+from renderer.frame import BudgetController, CostLog, Details, Stage, Stopwatch, calibrate_costs, prepare, render_frames
 from renderer.scene import (
     CameraSpec,
     ControlPoint,
@@ -46,8 +46,8 @@ def film(
 ) -> tuple[list[float], list[float], list[int]]:
     """Seconds, tolerances and cells of the frames."""
     details = Details(stage, CostLog())
-    try_drawings(details, 0, 0.3 * seconds_of(0), machine, clock=machine.clock)
-    pacer = Pacer(details, seconds_of)
+    calibrate_costs(details, 0, 0.3 * seconds_of(0), machine, clock=machine.clock)
+    pacer = BudgetController(details, seconds_of)
     taken, tolerances, cells = [], [], []
     start = machine.now
     for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, guide=pacer):
@@ -122,8 +122,8 @@ def test_a_prediction_is_of_the_whole_frame(stage: Stage) -> None:
     """From its start until it has been taken care of."""
     machine = SimulatedMachine()
     details = Details(stage, CostLog())
-    try_drawings(details, 0, 0.01, machine, clock=machine.clock)
-    pacer = Pacer(details, lambda frame: 0.03)
+    calibrate_costs(details, 0, 0.01, machine, clock=machine.clock)
+    pacer = BudgetController(details, lambda frame: 0.03)
     predicted, taken, start = [], [], machine.now
     for frame in render_frames(stage, range(20), machine, clock=machine.clock, guide=pacer):
         machine.now += 5e-3
@@ -155,8 +155,8 @@ def test_a_cut_is_chosen_before_the_first_frame(stage: Stage) -> None:
     """So that a still has its time for itself."""
     machine = SimulatedMachine()
     details = Details(stage, CostLog())
-    try_drawings(details, 7, 0.01, machine, clock=machine.clock)
-    pacer = Pacer(details, lambda frame: 0.03)
+    calibrate_costs(details, 7, 0.01, machine, clock=machine.clock)
+    pacer = BudgetController(details, lambda frame: 0.03)
     pacer.choose(7, Stopwatch(machine.clock))
     (frame,) = render_frames(stage, [7], machine, clock=machine.clock, guide=pacer)
     assert "cut" not in frame.seconds

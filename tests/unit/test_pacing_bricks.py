@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from film_stages import INTEGRATED, stage_of
 
-from renderer.frame import CostLog, Details, Pacer, Stage, render_frames, try_drawings
+from renderer.frame import BudgetController, CostLog, Details, Stage, calibrate_costs, render_frames
 from renderer.scene import CameraSpec, ErrorSpec, OutputSpec, ProceduralSource, TimeBudget, TurntablePath, VolumeSpec
 from tests.support.machines import BringingMachine, SimulatedMachine
 
@@ -32,8 +32,8 @@ def stage() -> Stage:
 def film(stage: Stage, machine: SimulatedMachine, seconds: float) -> tuple[list[float], list[float]]:
     """Seconds and tolerances of the frames."""
     details = Details(stage, CostLog())
-    try_drawings(details, 0, 0.3 * seconds, machine, clock=machine.clock)
-    pacer = Pacer(details, lambda frame: seconds)
+    calibrate_costs(details, 0, 0.3 * seconds, machine, clock=machine.clock)
+    pacer = BudgetController(details, lambda frame: seconds)
     taken, tolerances = [], []
     start = machine.now
     for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, guide=pacer):
@@ -96,8 +96,8 @@ def test_predictions_hold_for_a_film(stage: Stage) -> None:
     """Of a machine whose costs are the samples."""
     machine = SimulatedMachine()
     details = Details(stage, CostLog())
-    try_drawings(details, 0, 0.01, machine, clock=machine.clock)
-    pacer = Pacer(details, lambda frame: 0.04)
+    calibrate_costs(details, 0, 0.01, machine, clock=machine.clock)
+    pacer = BudgetController(details, lambda frame: 0.04)
     predicted, taken, start = [], [], machine.now
     for frame in render_frames(stage, range(20), machine, clock=machine.clock, guide=pacer):
         machine.now += WRITING_S
@@ -148,10 +148,10 @@ def test_what_a_frame_took_is_told(stage: Stage) -> None:
     """With what it did for the others, in a step of its own."""
     machine = BringingMachine()
     details = Details(stage, CostLog())
-    try_drawings(details, 0, 0.01, machine, clock=machine.clock)
+    calibrate_costs(details, 0, 0.01, machine, clock=machine.clock)
     start = machine.now
     first, second = render_frames(
-        stage, range(2), machine, clock=machine.clock, guide=Pacer(details, lambda frame: 0.03)
+        stage, range(2), machine, clock=machine.clock, guide=BudgetController(details, lambda frame: 0.03)
     )
     assert sum(first.seconds.values()) + sum(second.seconds.values()) == pytest.approx(machine.now - start)
     assert first.seconds["bricks"] == pytest.approx(10 * first.seconds["draw"])

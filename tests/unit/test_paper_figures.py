@@ -14,13 +14,13 @@ import pytest
 
 from hsplat_cli.studies import Studio
 from hsplat_cli.studies.paper import footprints, levels, octrees, one_splat, opacity, refinement
-from hsplat_cli.studies.paper.figure import Claim
+from hsplat_cli.studies.paper.paper_figure import Claim
 from renderer.draw import CellEdges, GLRasterizer
 from renderer.frame import Rasterizer
 from renderer.pyramid import cut_pyramid
 from renderer.scene import Scene, load_scene
 from renderer.splats import SplatBatch
-from renderer.study import TRUTH_TOLERANCE, find_truth
+from renderer.study import TRUTH_TOLERANCE, compute_truth
 from renderer.view import View
 from tests.support.machines import NothingLasting
 
@@ -50,7 +50,7 @@ def test_the_truth_of_a_shaded_scene_has_converged(studio: Studio) -> None:
     do without shading: the light factor is no polynomial."""
     changes = "shading={}", "output.size=[16, 16]"
     stage = studio.stage(scene("5_octrees.yaml", STAND_IN, *changes))
-    finer = find_truth(stage, 0, TRUTH_TOLERANCE / 100).picture
+    finer = compute_truth(stage, 0, TRUTH_TOLERANCE / 100).picture
     assert np.abs(studio.truth(stage) - finer).max() < TRUTH_TOLERANCE
 
 
@@ -211,7 +211,7 @@ def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(studio: Stu
 def test_octrees_that_refine_elsewhere_are_not_passed() -> None:
     good = [octrees.Octree(2.0**-k, (100 * 8**k, 10), 20.0 + k, 1.0, 5.0 + k) for k in range(3)]
     assert verdicts(octrees.judge(octrees.Octrees(tuple(good), ()))) == [True, True]
-    steady = [replace(octree, cells_where_varied=1.0) for octree in good]
+    steady = [replace(octree, cells_high_variation=1.0) for octree in good]
     assert verdicts(octrees.judge(octrees.Octrees(tuple(steady), ()))) == [True, False]
     assert verdicts(octrees.judge(octrees.Octrees(tuple(good[::-1]), ()))) == [False, True]
     small = [replace(octree, cells_by_level=(k, 1)) for k, octree in enumerate(good)]

@@ -14,7 +14,7 @@ from film_stages import KINDS, PLAIN, stage_of, stage_of_kind, waves
 
 from renderer.frame import Stage, pack, unpack
 from renderer.frame.transport import ALIGNMENT
-from renderer.scene import SplatBudget, at_tolerances
+from renderer.scene import SplatBudget, with_tolerances
 
 
 def there_and_back(stage: Stage) -> Stage:
@@ -83,7 +83,7 @@ def test_a_volume_is_there_once() -> None:
 def test_a_schedule_that_nobody_could_write(plain: Stage) -> None:
     """A budget of splats that some frames can have all of: tolerance 0 beside others."""
     tolerances = {frame: 0.0 if frame < 3 else 0.1 / frame for frame in range(8)}
-    scene = at_tolerances(replace(PLAIN, error=replace(PLAIN.error, goal=SplatBudget(((0, 9.0),)))), tolerances)
+    scene = with_tolerances(replace(PLAIN, error=replace(PLAIN.error, goal=SplatBudget(((0, 9.0),)))), tolerances)
     stage = replace(plain, scene=scene)
     assert_same(stage, there_and_back(stage))
 

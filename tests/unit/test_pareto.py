@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from renderer.study import cost_at, pareto_front, setbacks
+from renderer.study import cost_at_psnr, pareto_front, setbacks
 
 numbers = st.floats(0, 10) | st.just(math.nan)
 
@@ -30,15 +30,15 @@ def test_nothing_beats_the_front_and_something_beats_the_rest(points: list[tuple
 
 def test_the_price_between_two_settings_is_log_linear() -> None:
     psnrs, costs = [30.0, 40.0, 35.0], [1.0, 100.0, 500.0]  # the last one is beaten
-    assert cost_at(psnrs, costs, 35.0) == pytest.approx(10.0)
-    assert cost_at(psnrs, costs, 40.0) == 100.0
-    assert cost_at(psnrs, costs, 20.0) == 1.0
-    assert cost_at(psnrs, costs, 41.0) == math.inf
-    assert cost_at([], [], 30.0) == math.inf
+    assert cost_at_psnr(psnrs, costs, 35.0) == pytest.approx(10.0)
+    assert cost_at_psnr(psnrs, costs, 40.0) == 100.0
+    assert cost_at_psnr(psnrs, costs, 20.0) == 1.0
+    assert cost_at_psnr(psnrs, costs, 41.0) == math.inf
+    assert cost_at_psnr([], [], 30.0) == math.inf
 
 
 def test_a_perfect_picture_is_the_price_of_what_nothing_else_reaches() -> None:
-    assert cost_at([30.0, math.inf], [1.0, 7.0], 60.0) == 7.0
+    assert cost_at_psnr([30.0, math.inf], [1.0, 7.0], 60.0) == 7.0
 
 
 def test_setbacks_of_either_direction() -> None:

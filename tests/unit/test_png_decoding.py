@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.film import Picture, encode_png, png_chunks, png_of
+from renderer.film import Picture, encode_png, join_png_chunks, png_chunks
 from renderer.film.png import decode_png
 
 FRAMES = sorted((Path(__file__).parents[1] / "golden" / "frames").glob("*/*.png"))
@@ -62,7 +62,7 @@ HUGE = struct.pack(">IIBBBBB", 2**32 - 1, 2**32 - 1, 8, 6, 0, 0, 0)
 
 
 def file_of(rows: bytes, header: bytes = HEADER, end: bytes = b"") -> bytes:
-    return png_of([(b"IHDR", header), (b"IDAT", zlib.compress(rows) + end), (b"IEND", b"")])
+    return join_png_chunks([(b"IHDR", header), (b"IDAT", zlib.compress(rows) + end), (b"IEND", b"")])
 
 
 def test_the_file_that_the_others_differ_from() -> None:
@@ -76,21 +76,25 @@ OTHERS = {
     "a byte too many": file_of(4 * ROW + b"\0"),
     "far too many": file_of(4 * ROW + bytes(10**6)),
     "something behind the rows": file_of(4 * ROW, end=b"\0"),
-    "no rows": png_of([(b"IHDR", HEADER), (b"IDAT", b""), (b"IEND", b"")]),
-    "rows that are cut off": png_of([(b"IHDR", HEADER), (b"IDAT", zlib.compress(4 * ROW)[:-1]), (b"IEND", b"")]),
-    "rows that are not compressed": png_of([(b"IHDR", HEADER), (b"IDAT", 4 * ROW), (b"IEND", b"")]),
-    "a sum that is wrong": png_of(
+    "no rows": join_png_chunks([(b"IHDR", HEADER), (b"IDAT", b""), (b"IEND", b"")]),
+    "rows that are cut off": join_png_chunks(
+        [(b"IHDR", HEADER), (b"IDAT", zlib.compress(4 * ROW)[:-1]), (b"IEND", b"")]
+    ),
+    "rows that are not compressed": join_png_chunks([(b"IHDR", HEADER), (b"IDAT", 4 * ROW), (b"IEND", b"")]),
+    "a sum that is wrong": join_png_chunks(
         [(b"IHDR", HEADER), (b"IDAT", zlib.compress(4 * ROW)[:-4] + b"none"), (b"IEND", b"")]
     ),
-    "no data": png_of([(b"IHDR", HEADER), (b"IEND", b"")]),
-    "two pieces": png_of([(b"IHDR", HEADER), (b"IDAT", zlib.compress(4 * ROW)), (b"IDAT", b""), (b"IEND", b"")]),
+    "no data": join_png_chunks([(b"IHDR", HEADER), (b"IEND", b"")]),
+    "two pieces": join_png_chunks(
+        [(b"IHDR", HEADER), (b"IDAT", zlib.compress(4 * ROW)), (b"IDAT", b""), (b"IEND", b"")]
+    ),
     "interlaced": file_of(4 * ROW, HEADER[:-1] + b"\1"),
     "16 bits": file_of(4 * ROW, HEADER[:8] + b"\x10" + HEADER[9:]),
     "grey": file_of(4 * ROW, HEADER[:9] + b"\0" + HEADER[10:]),
     "no width": file_of(4 * b"\2", bytes(4) + HEADER[4:]),
     "no height": file_of(b"", HEADER[:4] + bytes(4) + HEADER[8:]),
     "huge": file_of(4 * ROW, HUGE),
-    "a chunk more": png_of([*png_chunks(file_of(4 * ROW))[:2], (b"tEXt", b"a"), (b"IEND", b"")]),
+    "a chunk more": join_png_chunks([*png_chunks(file_of(4 * ROW))[:2], (b"tEXt", b"a"), (b"IEND", b"")]),
     "cut off": file_of(4 * ROW)[:-1],
     "no PNG file": b"GIF89a",
     "empty": b"",

@@ -13,8 +13,8 @@ import pytest
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
 from hsplat_cli.reports import bytes_text, short_count_text, terminal_table
-from hsplat_cli.reports.costs import fronts_of, prices, splats_front
-from hsplat_cli.reports.numbers import count_text, metric_text, ms_text, ratio_text
+from hsplat_cli.reports.costs import pareto_fronts, prices, splats_front
+from hsplat_cli.reports.number_format import count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.reports.tables import TERMINAL_COLUMNS, csv_text, json_text
 from renderer.study import METRICS, Measurement, Study, pareto_front
 
@@ -83,7 +83,7 @@ def test_numbers(text: str, expected: str) -> None:
 
 
 def test_fronts_are_those_of_each_tool() -> None:
-    time, splats = fronts_of(ALL.measurements)
+    time, splats = pareto_fronts(ALL.measurements)
     own, peers = ALL.measurements[:4], ALL.measurements[4:]
     for members, first in ((own, 0), (peers, 4)):
         front = pareto_front([m.frame_seconds for m in members], [-m.overall.everywhere.psnr for m in members])
@@ -93,7 +93,7 @@ def test_fronts_are_those_of_each_tool() -> None:
 
 
 def test_what_is_undefined_is_on_no_front() -> None:
-    assert fronts_of(ODD.measurements) == (frozenset({1}), frozenset({1}))
+    assert pareto_fronts(ODD.measurements) == (frozenset({1}), frozenset({1}))
 
 
 def test_prices_are_interpolated_on_the_front() -> None:

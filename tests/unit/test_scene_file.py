@@ -12,8 +12,8 @@ import yaml
 from hypothesis import given, settings, strategies as st
 
 from renderer.errors import InputError
-from renderer.scene import FileSource, Mark, NotYamlError, Scene, load_scene, read_tree, scene_to_dict
-from renderer.scene.yaml_tree import MAX_NODES, Place
+from renderer.scene import FileSource, Mark, NotYamlError, Scene, load_scene, parse_yaml, scene_to_dict
+from renderer.scene.yaml_tree import MAX_NODES, SourceLocation
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
@@ -54,30 +54,30 @@ def load(path: Path, *overrides: str, **options: Any) -> Scene:
     ],
 )
 def test_scalars_are_those_of_yaml_1_2(text: str, value: object) -> None:
-    data = read_tree(text).data
+    data = parse_yaml(text).data
     assert data == value
     assert type(data) is type(value)
 
 
 def test_places() -> None:
-    tree = read_tree("a: 1\nb:\n  c: [2,\n      3]\n  d:\n  - x\n  - {e: y}\n")
+    tree = parse_yaml("a: 1\nb:\n  c: [2,\n      3]\n  d:\n  - x\n  - {e: y}\n")
     assert tree.data == {"a": 1, "b": {"c": [2, 3], "d": ["x", {"e": "y"}]}}
     assert tree.places == {
-        "": Place(Mark(1, 1), Mark(1, 1)),
-        "a": Place(Mark(1, 1), Mark(1, 4)),
-        "b": Place(Mark(2, 1), Mark(2, 1)),
-        "b.c": Place(Mark(3, 3), Mark(3, 6)),
-        "b.c.0": Place(Mark(3, 7), Mark(3, 7)),
-        "b.c.1": Place(Mark(4, 7), Mark(4, 7)),
-        "b.d": Place(Mark(5, 3), Mark(5, 3)),
-        "b.d.0": Place(Mark(6, 5), Mark(6, 5)),
-        "b.d.1": Place(Mark(7, 5), Mark(7, 5)),
-        "b.d.1.e": Place(Mark(7, 6), Mark(7, 9)),
+        "": SourceLocation(Mark(1, 1), Mark(1, 1)),
+        "a": SourceLocation(Mark(1, 1), Mark(1, 4)),
+        "b": SourceLocation(Mark(2, 1), Mark(2, 1)),
+        "b.c": SourceLocation(Mark(3, 3), Mark(3, 6)),
+        "b.c.0": SourceLocation(Mark(3, 7), Mark(3, 7)),
+        "b.c.1": SourceLocation(Mark(4, 7), Mark(4, 7)),
+        "b.d": SourceLocation(Mark(5, 3), Mark(5, 3)),
+        "b.d.0": SourceLocation(Mark(6, 5), Mark(6, 5)),
+        "b.d.1": SourceLocation(Mark(7, 5), Mark(7, 5)),
+        "b.d.1.e": SourceLocation(Mark(7, 6), Mark(7, 9)),
     }
 
 
 def test_an_anchor_is_its_value_each_time() -> None:
-    tree = read_tree("a: &x [1, 2]\nb: *x\n")
+    tree = parse_yaml("a: &x [1, 2]\nb: *x\n")
     assert tree.data == {"a": [1, 2], "b": [1, 2]}
     assert tree.data["a"] is not tree.data["b"]
 
@@ -94,16 +94,16 @@ def test_too_many_values_are_refused_before_they_are_composed(item: str, monkeyp
 
     monkeypatch.setattr("yaml.composer.Composer.compose_node", counted)
     with pytest.raises(NotYamlError, match=f"more than {MAX_NODES} values"):
-        read_tree(f"[&anchor b{f', {item}' * MAX_NODES}]")
+        parse_yaml(f"[&anchor b{f', {item}' * MAX_NODES}]")
     assert num_composed <= 2 * MAX_NODES  # each value of a mapping has a key
 
 
 def test_keys_are_no_values() -> None:
     most = MAX_NODES - 1  # the mapping is a value, too
     keys = [f"k{number}" for number in range(most)]
-    assert list(read_tree("\n".join(f"{key}:" for key in keys)).data) == keys
+    assert list(parse_yaml("\n".join(f"{key}:" for key in keys)).data) == keys
     with pytest.raises(NotYamlError, match=f"more than {MAX_NODES} values"):
-        read_tree("\n".join(f"{key}:" for key in [*keys, "one_more"]))
+        parse_yaml("\n".join(f"{key}:" for key in [*keys, "one_more"]))
 
 
 TREES = st.recursive(
@@ -116,7 +116,7 @@ TREES = st.recursive(
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(data=TREES, flow=st.booleans())
 def test_what_pyyaml_writes_is_read_again(data: object, flow: bool) -> None:
-    tree = read_tree(yaml.safe_dump(data, allow_unicode=True, default_flow_style=flow))
+    tree = parse_yaml(yaml.safe_dump(data, allow_unicode=True, default_flow_style=flow))
     assert tree.data == data
     assert tree.problems == []
 
@@ -266,7 +266,7 @@ def test_spoilt_files_give_complaints_and_nothing_else(tmp_path: Path) -> None:
 @given(text=st.lists(st.sampled_from(SNIPPETS) | st.text(max_size=3), max_size=12).map("".join))
 def test_any_text_is_read_or_refused(text: str) -> None:
     try:
-        read_tree(text)
+        parse_yaml(text)
     except NotYamlError as error:
         assert str(error)  # noqa: PT017  (both ways out are right)
 

@@ -16,8 +16,8 @@ from hypothesis import assume, given, settings, strategies as st
 from renderer.errors import SceneError
 from renderer.scene import (
     MAX_LEVEL,
+    MIN_WORLD_LENGTH,
     PROCEDURAL_NAMES,
-    SHORTEST,
     AccuracyGoal,
     ByFrame,
     CameraSpec,
@@ -43,7 +43,7 @@ from renderer.scene import (
 )
 from renderer.scene.limits import proportion_problems
 from renderer.scene.parse import parse_scene
-from renderer.scene.parse_error import LONGEST_S, MOST_PSNR_DB, MOST_SPLATS, SHORTEST_S
+from renderer.scene.parse_error_schedule import LONGEST_S, MAX_PSNR_DB, MAX_SPLATS, MIN_SECONDS
 from renderer.scene.spec import Keyframe
 
 HERE = Path(__file__).resolve()
@@ -57,7 +57,7 @@ def finite(low: float = -1e6, high: float = 1e6) -> st.SearchStrategy[float]:
 PART = finite(0, 1)
 POSITIVE = finite(1e-6, 1e6)
 VECTOR = st.tuples(finite(), finite(), finite())
-DIRECTION = VECTOR.filter(lambda vector: max(map(abs, vector)) >= SHORTEST)
+DIRECTION = VECTOR.filter(lambda vector: max(map(abs, vector)) >= MIN_WORLD_LENGTH)
 SPACING = st.tuples(*[finite(0.01, 100)] * 3)
 SHAPE = st.tuples(*[st.integers(8, 64)] * 3)
 COLOR = st.tuples(PART, PART, PART)
@@ -137,9 +137,9 @@ def errors(frames: int) -> st.SearchStrategy[ErrorSpec]:
     """With a tolerance, which may be 0 where it stays so, or with a goal."""
     tolerance = st.one_of(st.just(((0, 0.0),)), st.just(((frames - 1, 0.0),)), by_frame(frames, POSITIVE))
     goal = st.one_of(
-        st.builds(SplatBudget, by_frame(frames, st.integers(1, MOST_SPLATS))),
-        st.builds(TimeBudget, by_frame(frames, finite(SHORTEST_S, LONGEST_S))),
-        st.builds(AccuracyGoal, st.just("psnr"), finite(1e-6, MOST_PSNR_DB)),
+        st.builds(SplatBudget, by_frame(frames, st.integers(1, MAX_SPLATS))),
+        st.builds(TimeBudget, by_frame(frames, finite(MIN_SECONDS, LONGEST_S))),
+        st.builds(AccuracyGoal, st.just("psnr"), finite(1e-6, MAX_PSNR_DB)),
         st.builds(AccuracyGoal, st.just("rmse"), finite(1e-6, 1)),
     )
     measures = st.sampled_from([("optical", "classified"), ("rms", "classified"), ("rms", "scalar")])

@@ -22,7 +22,7 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
     scene_to_dict,
-    splats_as_asked,
+    splat_section_without_defaults,
 )
 from renderer.scene.parse import parse_scene
 from renderer.scene.parse_volume import MAX_VOXELS
@@ -82,10 +82,13 @@ def test_what_nobody_asked_of_splats_is_left_out() -> None:
     """And what is left makes the same splats."""
     for asked in ({"footprint": "gaussian"}, {"footprint": "gouraud", "radial": 5, "order": "boxes"}):
         scene = parse({**SMALL, "splat": asked})
-        told = splats_as_asked(scene_to_dict(scene)["splat"])
+        told = splat_section_without_defaults(scene_to_dict(scene)["splat"])
         assert told == asked and parse({**SMALL, "splat": told}) == scene
-    assert splats_as_asked({"footprint": "integrated"}) == {"footprint": "integrated"}
-    assert splats_as_asked({"opacity_correction": 1, "sgima": 2}) == {"opacity_correction": 1, "sgima": 2}
+    assert splat_section_without_defaults({"footprint": "integrated"}) == {"footprint": "integrated"}
+    assert splat_section_without_defaults({"opacity_correction": 1, "sgima": 2}) == {
+        "opacity_correction": 1,
+        "sgima": 2,
+    }
 
 
 def test_defaults_are_those_of_the_dataclasses() -> None:

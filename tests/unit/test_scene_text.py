@@ -22,7 +22,7 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
     load_scene,
-    read_tree,
+    parse_yaml,
 )
 from renderer.suggest import Suggestion
 
@@ -167,7 +167,7 @@ def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: Sp
     (tmp_path / "scan.npy").touch()
     text = scene_text(
         VolumeSpec(FileSource(tmp_path / "scan.npy")),
-        replace(SUGGESTION, are_names=True, splat=splat),
+        replace(SUGGESTION, is_categorical=True, splat=splat),
         FilmOptions(),
         folder=tmp_path,
         output=Path("scan.mp4"),
@@ -180,10 +180,10 @@ def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: Sp
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_numbers(value: float) -> None:
-    assert read_tree(f"a: {number(value)}").data == {"a": value}
+    assert parse_yaml(f"a: {number(value)}").data == {"a": value}
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
 def test_texts(text: str) -> None:
-    assert read_tree(f"a: {quoted(text)}").data == {"a": text}
-    assert read_tree(f"a: 1 # {plain_text(text)}").data == {"a": 1}
+    assert parse_yaml(f"a: {quoted(text)}").data == {"a": text}
+    assert parse_yaml(f"a: 1 # {plain_text(text)}").data == {"a": 1}

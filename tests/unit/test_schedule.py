@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from renderer.scene import (
-    LEAST_TOLERANCE,
+    MIN_TOLERANCE,
     AccuracyGoal,
     CameraSpec,
     ControlPoint,
@@ -24,12 +24,12 @@ from renderer.scene import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
-    at_tolerance,
-    at_tolerances,
-    least_tolerance,
+    min_tolerance,
     scene_to_dict,
     tolerance_at,
     value_at,
+    with_tolerance,
+    with_tolerances,
 )
 from renderer.scene.parse import parse_scene
 
@@ -43,7 +43,7 @@ SCENE = Scene(
 )
 GOALS = (SplatBudget(((0, 1000), (9, 5))), TimeBudget(((0, 0.5),)), AccuracyGoal("psnr", 30), AccuracyGoal("rmse", 0.1))
 
-TOLERANCE = st.floats(LEAST_TOLERANCE, sys.float_info.max)
+TOLERANCE = st.floats(MIN_TOLERANCE, sys.float_info.max)
 
 
 def test_one_entry_is_constant() -> None:
@@ -87,15 +87,15 @@ def test_budgets_are_interpolated_like_tolerances() -> None:
 
 
 def test_the_least_tolerance() -> None:
-    assert least_tolerance(ErrorSpec(((0, 0.5), (8, 0.02), (9, 0.1)))) == 0.02
-    assert least_tolerance(ErrorSpec(((0, 0.5), (1, 0.0)))) == 0.0
-    assert least_tolerance(ErrorSpec(((3, 7.0),))) == 7.0
+    assert min_tolerance(ErrorSpec(((0, 0.5), (8, 0.02), (9, 0.1)))) == 0.02
+    assert min_tolerance(ErrorSpec(((0, 0.5), (1, 0.0)))) == 0.0
+    assert min_tolerance(ErrorSpec(((3, 7.0),))) == 7.0
 
 
 @pytest.mark.parametrize("goal", GOALS, ids=lambda goal: type(goal).__name__)
 def test_a_goal_may_come_to_any_tolerance(goal: SplatBudget | TimeBudget | AccuracyGoal) -> None:
     error = ErrorSpec(goal=goal)
-    assert least_tolerance(error) == 0.0
+    assert min_tolerance(error) == 0.0
     with pytest.raises(AssertionError, match="to be resolved first"):
         tolerance_at(error, 0)
 
@@ -105,7 +105,7 @@ def test_a_goal_may_come_to_any_tolerance(goal: SplatBudget | TimeBudget | Accur
 GAPS_AND_TOLERANCES = st.lists(
     st.tuples(
         st.one_of(st.just(1), st.integers(1, 9)),
-        st.one_of(st.just(0.0), st.sampled_from([LEAST_TOLERANCE, 0.1, 0.5]), TOLERANCE),
+        st.one_of(st.just(0.0), st.sampled_from([MIN_TOLERANCE, 0.1, 0.5]), TOLERANCE),
     ),
     min_size=1,
     max_size=30,
@@ -119,7 +119,7 @@ def test_every_frame_has_its_tolerance_in_the_scene_and_in_its_json(first: int, 
     for gap, tolerance in steps:
         tolerances[frame] = tolerance
         frame += gap
-    scene = at_tolerances(SCENE, tolerances)
+    scene = with_tolerances(SCENE, tolerances)
     assert {frame: tolerance_at(scene.error, frame) for frame in tolerances} == tolerances
     assert parse_scene(json.loads(json.dumps(scene_to_dict(scene))), base=Path()) == scene
     assert scene.error.goal is None and scene.error.finest_level == 1
@@ -127,14 +127,14 @@ def test_every_frame_has_its_tolerance_in_the_scene_and_in_its_json(first: int, 
 
 def test_equal_tolerances_are_written_once() -> None:
     """Runs of them have an entry at both ends, and one for the whole film is a number."""
-    assert at_tolerances(SCENE, dict.fromkeys(range(3, 99), 0.1)) == at_tolerance(SCENE, 0.1)
-    assert scene_to_dict(at_tolerance(SCENE, 0.1))["error"]["tolerance"] == 0.1
+    assert with_tolerances(SCENE, dict.fromkeys(range(3, 99), 0.1)) == with_tolerance(SCENE, 0.1)
+    assert scene_to_dict(with_tolerance(SCENE, 0.1))["error"]["tolerance"] == 0.1
     tolerances = dict.fromkeys(range(40), 0.5) | dict.fromkeys(range(40, 60), 0.1) | {60: 0.0}
-    assert at_tolerances(SCENE, tolerances).error.tolerance == ((0, 0.5), (39, 0.5), (40, 0.1), (59, 0.1), (60, 0.0))
+    assert with_tolerances(SCENE, tolerances).error.tolerance == ((0, 0.5), (39, 0.5), (40, 0.1), (59, 0.1), (60, 0.0))
 
 
 def test_frames_between_those_that_are_drawn_belong_to_the_one_before() -> None:
-    error = at_tolerances(SCENE, {0: 0.5, 10: 0.1, 20: 0.2}).error
+    error = with_tolerances(SCENE, {0: 0.5, 10: 0.1, 20: 0.2}).error
     assert [tolerance_at(error, frame) for frame in (0, 5, 9, 10, 15, 19, 20, 99)] == [
         0.5, 0.5, 0.5, 0.1, 0.1, 0.1, 0.2, 0.2,
     ]  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from film_stages import PLAIN, stage_of
 
-from hsplat_cli.executors.workers.shared import SharedStage, map_stage
+from hsplat_cli.executors.workers.shared_stage import SharedStage, map_stage
 from renderer.errors import RenderError
 from renderer.frame import Stage
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.film import film_beside, sidecar_path, write_sidecar
+from renderer.film import film_path_of_sidecar, sidecar_path, write_sidecar
 from renderer.scene.parse import parse_scene
 
 SCENE = parse_scene(
@@ -49,7 +49,7 @@ def test_it_lies_beside_the_output(output: str, frames: Sequence[int], sidecar: 
     """Of numbered frames each part of the path, here of 120 frames, has one of its own."""
     scene = replace(SCENE, output=replace(SCENE.output, file=Path(output)))
     assert sidecar_path(scene, frames) == Path(sidecar)
-    assert film_beside(Path("new") / Path(sidecar).name, Path(output)) == Path("new") / Path(output).name
+    assert film_path_of_sidecar(Path("new") / Path(sidecar).name, Path(output)) == Path("new") / Path(output).name
 
 
 def test_it_says_what_it_was_given(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from hsplat_cli.scenes import Job, load_job, sidecar_file
 from renderer.errors import InputError
-from renderer.film import film_beside
+from renderer.film import film_path_of_sidecar
 from renderer.scene import MAX_SCENE_BYTES, ErrorSpec, input_file
 
 SIDECAR: dict[str, Any] = {
@@ -60,7 +60,7 @@ def test_what_is_taken_from_it() -> None:
     assert job.original.path == Path("film.mp4.json")
     assert job.original.fingerprint == "0123456789abcdef0123456789abcdef"
     assert job.original.told == {"met": False, "shortfall": "why"}
-    assert job.original.made_with == {"python": "3.10.0", "hsplat": "0.1.0", "GL": "GL 4.5"}
+    assert job.original.tool_versions == {"python": "3.10.0", "hsplat": "0.1.0", "GL": "GL 4.5"}
     assert job.original.cause == "89" * 16
 
 
@@ -76,7 +76,7 @@ def test_which_sources_have_drawn_it(cause: Any, sources: dict[str, str]) -> Non
     """Where that is told."""
     job = load(SIDECAR | {"cause": cause})
     assert job.original is not None
-    assert job.original.made_with == {"python": "3.10.0", "hsplat": "0.1.0", "GL": "GL 4.5"} | sources
+    assert job.original.tool_versions == {"python": "3.10.0", "hsplat": "0.1.0", "GL": "GL 4.5"} | sources
 
 
 @pytest.mark.usefixtures("folder")
@@ -105,7 +105,7 @@ def test_tolerances_that_somebody_put_in(error: dict[str, Any], asked: dict[str,
     job = load(SIDECAR | {"scene": SIDECAR["scene"] | {"error": error}})
     assert job.asked == asked
     assert job.original is not None
-    assert job.original.told == job.original.made_with == {}
+    assert job.original.told == job.original.tool_versions == {}
 
 
 @pytest.mark.usefixtures("folder")
@@ -173,7 +173,7 @@ def test_there_is_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_where_the_film_lies(sidecar: str, recorded: str, film: str) -> None:
-    assert film_beside(Path(sidecar), Path(recorded)) == Path(film)
+    assert film_path_of_sidecar(Path(sidecar), Path(recorded)) == Path(film)
 
 
 @pytest.mark.usefixtures("folder")
@@ -261,5 +261,5 @@ def refuses(content: str | bytes, **options: Any) -> bool:
         return False
     assert text
     assert "INVALID" not in text
-    assert "_Refused" not in text
+    assert "_RejectedValue" not in text
     return True

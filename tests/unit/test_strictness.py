@@ -7,21 +7,21 @@ import math
 
 import pytest
 
-from renderer.study import FIGURES, LEVELS, exceeded, severity
+from renderer.study import COMPARISON_METRICS, LEVELS, exceeded, severity
 
 
 def test_levels_limit_figures_that_there_are() -> None:
     assert list(LEVELS) == ["exact", "same-machine", "cross-driver"]
     for name, level in LEVELS.items():
         assert level.name == name
-        assert set(level.limits) <= set(FIGURES)
+        assert set(level.limits) <= set(COMPARISON_METRICS)
         assert all(math.isfinite(limit) and limit >= 0 for limit in level.limits.values())
 
 
 def test_a_level_lets_pass_what_stricter_ones_do() -> None:
     for strict, loose in itertools.pairwise(LEVELS.values()):
         limits = {name: limit for name, limit in loose.limits.items() if name in strict.limits}
-        assert all(FIGURES[name].passes(strict.limits[name], limit) for name, limit in limits.items())
+        assert all(COMPARISON_METRICS[name].passes(strict.limits[name], limit) for name, limit in limits.items())
 
 
 def test_exceeded_are_the_figures_over_their_limits_in_order() -> None:

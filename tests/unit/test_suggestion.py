@@ -29,7 +29,7 @@ from renderer.scene import (
 )
 from renderer.suggest import Suggestion, measure, suggest, suggestion
 from renderer.suggest.suggestion import hounsfield_zero
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
@@ -45,7 +45,7 @@ def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) 
 
 
 def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:
-    return list(make_transfer(transfer, spacing).classify(np.array(values))[1])
+    return list(make_transfer_function(transfer, spacing).classify(np.array(values))[1])
 
 
 def picture(values: Array, rasterizer: GLRasterizer, size: int = 64) -> Array:
@@ -182,7 +182,7 @@ def test_padding_is_not_seen() -> None:
 
 def test_signs_are_alike() -> None:
     """Both lobes, mirrored, are as dense, in colours of their own."""
-    transfer = make_transfer(suggested(signed()).transfer, 1.0)
+    transfer = make_transfer_function(suggested(signed()).transfer, 1.0)
     value = 0.7 * float(signed().max())
     colors, depths = transfer.classify(np.array([-value, 0.0, value]))
     assert depths[1] == 0
@@ -215,17 +215,17 @@ def test_splats_are_suggested_for_labels_that_fit_in_memory(tmp_path: Path, monk
     volume = volume_of(labels())
     statistics = measure(volume.values)
     in_memory = suggest(volume, statistics)
-    assert in_memory.are_names and in_memory.splat == SplatSpec(footprint="gaussian")
+    assert in_memory.is_categorical and in_memory.splat == SplatSpec(footprint="gaussian")
     mask = suggested((labels() > 1).astype(np.uint8))
-    assert not mask.are_names and mask.splat is None
+    assert not mask.is_categorical and mask.splat is None
     assert suggested(two_materials("uint8")).splat is None
-    monkeypatch.setattr(common, "_MAPPED_FROM", 1)
+    monkeypatch.setattr(common, "_MIN_MAPPED_BYTES", 1)
     np.save(tmp_path / "labels.npy", labels())
     in_file = read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy")))
     assert suggest(in_file, statistics).splat == SplatSpec(footprint="gaussian")
     monkeypatch.setattr(suggestion, "_MOST_BYTES_OF_SPLATS", in_file.values.nbytes - 1)
     too_large = suggest(in_file, statistics)
-    assert too_large.are_names and too_large.splat is None
+    assert too_large.is_categorical and too_large.splat is None
 
 
 def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:

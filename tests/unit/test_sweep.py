@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.draw import CellEdges
-from renderer.frame import Stage, family_of, prepare
+from renderer.frame import Stage, make_primitive, prepare
 from renderer.scene import (
     AccuracyGoal,
     CameraSpec,
@@ -27,8 +27,8 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import SplatBatch
-from renderer.study import Truth, compare, measure_setting, plan_sweep, pooled, spread_frames
-from renderer.study.truths import extreme_frames
+from renderer.study import Truth, compare, measure_setting, plan_sweep, pool_accuracies, spread_frames
+from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
 from renderer.view import View
 from tests.support.machines import NothingLasting
@@ -101,7 +101,7 @@ def test_the_first_pass_warms_up_and_gives_the_pictures(stage: Stage) -> None:
     assert len(grey.eyes) == 2 * (1 + 3)
     expected = [compare(np.full((16, 20, 3), 0.25), truth.picture, truth.on_volume) for truth in truths()]
     assert [sample.accuracy for sample in found.samples] == expected
-    assert found.overall == pooled(expected)
+    assert found.overall == pool_accuracies(expected)
     assert found.peak_bytes == 300
     assert [sample.frame for sample in found.samples] == list(FRAMES)
     for sample in found.samples:
@@ -110,7 +110,7 @@ def test_the_first_pass_warms_up_and_gives_the_pictures(stage: Stage) -> None:
     assert {name: len(times) for name, times in found.seconds.items()} == {"cut": 3, "splats": 3}
     assert found.pyramid_seconds == stage.seconds["pyramid"]
     assert found.frame_seconds == pytest.approx(3e-3)
-    assert found.num_cells == found.num_splats == family_of(stage).num_cells(0.1)
+    assert found.num_cells == found.num_splats == make_primitive(stage).num_cells(0.1)
     assert (found.picture == 64).all() and (found.difference == 0).all()
 
 
@@ -141,7 +141,9 @@ def test_a_plan_goes_through_all_combinations_from_coarse_to_fine(stage: Stage) 
     assert [(p.scene.error.measure, p.scene.splat, p.tolerance) for p in plan] == [
         (measure, splat, tolerance) for measure in prepared for splat in splats for tolerance in (0.5, 0.1, 0.0)
     ]
-    assert all(p.work == family_of(stage).num_cells(p.tolerance) for p in plan if p.scene.error.measure == "optical")
+    assert all(
+        p.work == make_primitive(stage).num_cells(p.tolerance) for p in plan if p.scene.error.measure == "optical"
+    )
     # At tolerance 0 the six series have two pictures: one for each footprint.
     assert len({p.picture_key() for p in plan}) == 2 * 3 * 2 + 2
     slow, quick = (next(p for p in plan if p.scene.splat == splat and p.tolerance == 0) for splat in splats[1::-1])
@@ -245,4 +247,4 @@ class Growing(NothingLasting):
 
 def test_the_smallest_and_the_largest_picture(stage: Stage) -> None:
     """The eye of this turntable goes from -y over +x to +y, so that it looks along -x on frame 2 and along x on 6."""
-    assert extreme_frames(stage, range(8), 1.0, Growing(), clock=lambda: 0.0) == (2, 6)
+    assert extreme_coverage_frames(stage, range(8), 1.0, Growing(), clock=lambda: 0.0) == (2, 6)

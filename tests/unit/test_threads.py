@@ -36,7 +36,7 @@ def test_what_fails_is_raised(threads: Threads) -> None:
 @pytest.mark.parametrize(("num", "least", "num_parts"), [(0, 5, 1), (9, 5, 1), (10, 5, 2), (15, 5, 3), (100, 1, 3)])
 def test_parts_are_large_enough_and_make_up_the_whole(threads: Threads, num: int, least: int, num_parts: int) -> None:
     parts: list[tuple[int, int]] = []
-    threads.in_parts(lambda first, end: parts.append((first, end)), num, least)
+    threads.for_ranges(lambda first, end: parts.append((first, end)), num, least)
     parts.sort()
     assert len(parts) == (num_parts if threads.num == 3 else 1)
     assert [first for first, _ in parts] == [0, *(end for _, end in parts[:-1])]
@@ -52,6 +52,6 @@ def test_what_is_made_in_parts_is_in_order(threads: Threads) -> None:
         names.add(threading.current_thread().name)
         return part[:, None] * [1, 10]
 
-    np.testing.assert_array_equal(threads.concatenated(make, items, 4), items[:, None] * [1, 10])
+    np.testing.assert_array_equal(threads.map_concatenated(make, items, 4), items[:, None] * [1, 10])
     assert any(name.startswith("hsplat-bricks") for name in names) == (threads.num > 1)
-    assert threads.concatenated(make, items[:0], 4).shape == (0, 2)
+    assert threads.map_concatenated(make, items[:0], 4).shape == (0, 2)

@@ -7,15 +7,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renderer.bricks import Thrift
-from renderer.bricks.sampling import MOST_SPREAD, MOST_UNSEEN, SPREAD, STRIDES, UNSEEN, thrift_at
+from renderer.bricks import ScreenSampling
+from renderer.bricks.sampling import (
+    MAX_DIFFERENCE_THRESHOLD,
+    MAX_TERMINATION_TRANSMITTANCE,
+    SPREAD,
+    STRIDES,
+    TERMINATION_TRANSMITTANCE,
+    screen_sampling_at,
+)
 
 TOLERANCES = np.geomspace(1e-4, 1e2, 61).tolist()
 CELL_PX = [1e-3, 0.3, 1.0, 2.0, 5.0, 40.0, 1e6]
 
 
 def test_nothing_is_spared_at_0() -> None:
-    assert thrift_at(0.0, 1.0) == Thrift((1,), 0.0, 0.0)
+    assert screen_sampling_at(0.0, 1.0) == ScreenSampling((1,), 0.0, 0.0)
 
 
 @pytest.mark.parametrize("cell_px", CELL_PX)
@@ -23,13 +30,15 @@ def test_all_pixels_are_drawn_at_fine_tolerances(cell_px: float) -> None:
     """The default among them. What is hidden follows the tolerance there, too."""
     below = np.nextafter(STRIDES[-1][0], 0)
     for tolerance in (1e-4, 0.01, 0.1, below):
-        assert thrift_at(tolerance, cell_px) == Thrift((1,), 0.0, UNSEEN * tolerance)
+        assert screen_sampling_at(tolerance, cell_px) == ScreenSampling(
+            (1,), 0.0, TERMINATION_TRANSMITTANCE * tolerance
+        )
 
 
 def test_what_is_hidden_stays_so_at_any_tolerance() -> None:
-    found = [thrift_at(tolerance, 3.0).least_transmittance for tolerance in TOLERANCES]
+    found = [screen_sampling_at(tolerance, 3.0).termination_transmittance for tolerance in TOLERANCES]
     assert found == sorted(found)
-    assert found[-1] == MOST_UNSEEN
+    assert found[-1] == MAX_TERMINATION_TRANSMITTANCE
 
 
 @pytest.mark.parametrize(
@@ -48,13 +57,15 @@ def test_what_is_hidden_stays_so_at_any_tolerance() -> None:
 )
 def test_lattices(tolerance: float, cell_px: float, strides: tuple[int, ...]) -> None:
     """Of 1.35 cells at most from node to node for each tenth of the tolerance; all of them are refined."""
-    spread = min(SPREAD * tolerance, MOST_SPREAD) if len(strides) > 1 else 0.0
-    assert thrift_at(tolerance, cell_px) == Thrift(strides, spread, min(UNSEEN * tolerance, MOST_UNSEEN))
+    spread = min(SPREAD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
+    assert screen_sampling_at(tolerance, cell_px) == ScreenSampling(
+        strides, spread, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE)
+    )
 
 
 def test_nodes_do_not_stand_beside_a_thin_volume() -> None:
     """Two of them, at least, are on its thinnest side."""
-    assert [thrift_at(2.0, 5.0, thinnest_px).strides for thinnest_px in (7.9, 8.0, 15.9, 16.0)] == [
+    assert [screen_sampling_at(2.0, 5.0, thinnest_px).strides for thinnest_px in (7.9, 8.0, 15.9, 16.0)] == [
         (1,),
         (4, 2),
         (4, 2),
@@ -65,9 +76,9 @@ def test_nodes_do_not_stand_beside_a_thin_volume() -> None:
 def test_coarser_tolerances_and_larger_cells_draw_no_more() -> None:
     for tolerance in TOLERANCES:
         for small, large in pairwise(CELL_PX):
-            assert thrift_at(tolerance, small).strides[0] <= thrift_at(tolerance, large).strides[0]
+            assert screen_sampling_at(tolerance, small).strides[0] <= screen_sampling_at(tolerance, large).strides[0]
     for cell_px in CELL_PX:
         for fine, coarse in pairwise(TOLERANCES):
-            first, last = thrift_at(fine, cell_px).strides, thrift_at(coarse, cell_px).strides
+            first, last = screen_sampling_at(fine, cell_px).strides, screen_sampling_at(coarse, cell_px).strides
             assert first[0] <= last[0] and first[-1] <= last[-1]
             assert all(a % b == 0 and a > b for a, b in pairwise(last))

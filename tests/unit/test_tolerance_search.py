@@ -10,9 +10,9 @@ from hypothesis import given, strategies as st
 
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid, root_error
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
-from renderer.study.search import coarsest_good
-from renderer.study.tolerances import distinct_rungs, ladder, spread_tolerances, two_digit_numbers
-from renderer.transfer import make_transfer
+from renderer.study.search import find_coarsest_passing
+from renderer.study.tolerances import distinct_tolerances, ladder, spread_tolerances, two_digit_numbers
+from renderer.transfer import make_transfer_function
 from renderer.volume import make_volume
 
 
@@ -25,7 +25,7 @@ def pyramid() -> Pyramid:
 
 def _pyramid(values: np.ndarray) -> Pyramid:
     points = ControlPoint(0.0, (1.0, 1.0, 1.0), 0.01), ControlPoint(255.0, (1.0, 0.0, 0.0), 0.5)
-    transfer = make_transfer(TransferSpec(points), 1.0)
+    transfer = make_transfer_function(TransferSpec(points), 1.0)
     return build_pyramid(make_volume(values, np.eye(4), "test"), transfer, spec=PyramidSpec(), error=ErrorSpec())
 
 
@@ -40,12 +40,12 @@ def test_the_ladder_starts_with_a_single_cell_and_goes_down(pyramid: Pyramid) ->
 
 def test_an_even_volume_is_one_cell_or_all_voxels() -> None:
     pyramid = _pyramid(np.full((8, 8, 8), 100, np.uint8))
-    assert list(ladder(pyramid)) == list(distinct_rungs(pyramid, _counter(pyramid))) == [1.0]
+    assert list(ladder(pyramid)) == list(distinct_tolerances(pyramid, _counter(pyramid))) == [1.0]
     assert spread_tolerances(pyramid, _counter(pyramid), 10) == (1.0, 0.0)
 
 
 def test_rungs_end_where_the_cut_is_nearly_the_finest(pyramid: Pyramid) -> None:
-    counts = [len(cut_pyramid(pyramid, rung)) for rung in distinct_rungs(pyramid, _counter(pyramid))]
+    counts = [len(cut_pyramid(pyramid, rung)) for rung in distinct_tolerances(pyramid, _counter(pyramid))]
     assert all(b > 1.03 * a for a, b in pairwise(counts))
     assert counts[0] == 1 and counts[-1] > 0.97 * len(cut_pyramid(pyramid, 1e-300))
 
@@ -81,7 +81,7 @@ def test_the_coarsest_of_two_digits_is_found(limit: float) -> None:
         tried.append(tolerance)
         return tolerance <= limit
 
-    found = coarsest_good(is_good, RUNGS)
+    found = find_coarsest_passing(is_good, RUNGS)
     assert found is not None and found <= limit
     assert found == max(number for number in two_digit_numbers(50.0, 1e-6) if number <= limit)
     assert len(tried) == len(set(tried)) <= len(RUNGS) + 6
@@ -89,11 +89,11 @@ def test_the_coarsest_of_two_digits_is_found(limit: float) -> None:
 
 def test_a_lucky_coarse_tolerance_does_not_hide_behind_a_bad_finer_one() -> None:
     """Not monotonic: the search comes from the coarse side and meets the lucky one first."""
-    assert coarsest_good(lambda tolerance: tolerance == 1.0 or tolerance < 0.01, RUNGS) == 1.0
+    assert find_coarsest_passing(lambda tolerance: tolerance == 1.0 or tolerance < 0.01, RUNGS) == 1.0
 
 
 def test_zero_and_nothing() -> None:
-    assert coarsest_good(lambda tolerance: tolerance == 0.0, RUNGS) == 0.0
-    assert coarsest_good(lambda _: False, RUNGS) is None
-    assert coarsest_good(lambda _: True, RUNGS) == RUNGS[0]
-    assert coarsest_good(lambda _: True, []) == 0.0
+    assert find_coarsest_passing(lambda tolerance: tolerance == 0.0, RUNGS) == 0.0
+    assert find_coarsest_passing(lambda _: False, RUNGS) is None
+    assert find_coarsest_passing(lambda _: True, RUNGS) == RUNGS[0]
+    assert find_coarsest_passing(lambda _: True, []) == 0.0

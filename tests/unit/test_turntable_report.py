@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from hsplat_cli.executors import CrewSpec
+from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import FilmOptions, SuggestedScene
-from hsplat_cli.turntable import Order, batch, report as report_module, run_batch, single, write_report
-from hsplat_cli.turntable.report import FILE, held_report
-from hsplat_cli.turntable.single import write_scene
+from hsplat_cli.turntable import Order, batch, manifest as report_module, one_film as single, run_batch, update_manifest
+from hsplat_cli.turntable.manifest import FILE, open_manifest
+from hsplat_cli.turntable.one_film import write_scene
 from renderer.errors import InputError, RenderError
 from renderer.scene import FileSource, VolumeSpec
 
@@ -36,11 +36,11 @@ def films(folder: Path) -> list[dict[str, Any]]:
 def test_records_of_other_films_stay_while_their_scenes_do(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
     first = [record("a", **WRITTEN), record("b", **WRITTEN), record("c", "failed")]
-    write_report(tmp_path, first)
+    update_manifest(tmp_path, first)
     assert films(tmp_path) == first  # of the command's own, all, whatever there is
-    write_report(tmp_path, [record("d")])
+    update_manifest(tmp_path, [record("d")])
     assert films(tmp_path) == [first[0], first[2], record("d")]
-    write_report(tmp_path, [record("a", "failed", error="it did")])
+    update_manifest(tmp_path, [record("a", "failed", error="it did")])
     assert films(tmp_path) == [first[2], record("d"), {**WRITTEN, **record("a", "failed", error="it did")}]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", FILE]
 
@@ -51,40 +51,40 @@ def test_records_without_scenes_stay_while_their_volumes_do(tmp_path: Path) -> N
     (tmp_path / "link").symlink_to(folder)  # what is relative to the folder is so without links
     (tmp_path / "a.npy").touch()
     failed = [record(name, "failed", error="it did", scene_of=f"../../{name}.npy") for name in "ab"]
-    write_report(tmp_path / "link", failed)
-    write_report(tmp_path / "link", [record("c")])
+    update_manifest(tmp_path / "link", failed)
+    update_manifest(tmp_path / "link", [record("c")])
     assert films(folder) == [failed[0], record("c")]
     (tmp_path / "a.npy").unlink()
-    write_report(folder, [record("d")])
+    update_manifest(folder, [record("d")])
     assert films(folder) == [record("c"), record("d")]
 
 
 def test_a_scene_stays_known_as_it_was_when_a_film_fails(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
-    write_report(tmp_path, [record("a", **WRITTEN)])
-    write_report(tmp_path, [record("a", "failed", error="it did", scene_of="another.npy")])
+    update_manifest(tmp_path, [record("a", **WRITTEN)])
+    update_manifest(tmp_path, [record("a", "failed", error="it did", scene_of="another.npy")])
     assert films(tmp_path) == [record("a", "failed", error="it did", **WRITTEN)]
 
 
 def test_what_was_not_begun_changes_nothing(tmp_path: Path) -> None:
     """Nor what was interrupted before: what is told of the film that is there holds."""
-    write_report(tmp_path, [record("a", frames=3), record("b", "failed"), record("c", "begun")])
-    write_report(tmp_path, [record(name, "not begun") for name in "abcd"])
+    update_manifest(tmp_path, [record("a", frames=3), record("b", "failed"), record("c", "begun")])
+    update_manifest(tmp_path, [record(name, "not begun") for name in "abcd"])
     assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "begun")]
-    write_report(tmp_path, [record(name, "interrupted") for name in "abcd"])
+    update_manifest(tmp_path, [record(name, "interrupted") for name in "abcd"])
     assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "interrupted")]
-    write_report(tmp_path / "new", [record("a", "interrupted"), record("b", "not begun")])
+    update_manifest(tmp_path / "new", [record("a", "interrupted"), record("b", "not begun")])
     assert list((tmp_path / "new").iterdir()) == []
 
 
 WRITER = """
 import sys
 from pathlib import Path
-from hsplat_cli.turntable.report import write_report
+from hsplat_cli.turntable.manifest import update_manifest
 for number in range(10):
     name = f"{sys.argv[2]}-{number}"
     scene = f"out/{name}.yaml"
-    write_report(Path(sys.argv[1]), [{"volume": name, "scene": scene, "film": name, "status": "done"}])
+    update_manifest(Path(sys.argv[1]), [{"volume": name, "scene": scene, "film": name, "status": "done"}])
 """
 
 
@@ -101,8 +101,8 @@ def test_several_processes_lose_nothing(tmp_path: Path) -> None:
 HOLDER = """
 import sys
 from pathlib import Path
-from hsplat_cli.turntable.report import held_report
-with held_report(Path(sys.argv[1])):
+from hsplat_cli.turntable.manifest import open_manifest
+with open_manifest(Path(sys.argv[1])):
     print(flush=True)
     sys.stdin.read()
 """
@@ -112,14 +112,14 @@ with held_report(Path(sys.argv[1])):
 def test_nobody_waits_for_ever(
     patience_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(report_module, "_SILENT_S", 0.1)
+    monkeypatch.setattr(report_module, "_NOTICE_DELAY_S", 0.1)
     arguments = [sys.executable, "-c", HOLDER, str(tmp_path)]
     environment = os.environ | {"PYTHONPATH": str(CODE)}
     with subprocess.Popen(arguments, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"\n"
         with pytest.raises(RenderError) as caught:
-            write_report(tmp_path, [record("a")], patience_s)
+            update_manifest(tmp_path, [record("a")], patience_s)
         process.communicate(b"")
     holder, file = f"process {process.pid} on {os.uname().nodename}", tmp_path / FILE
     assert str(caught.value) == (
@@ -127,7 +127,7 @@ def test_nobody_waits_for_ever(
         "  hint: end that process, or let it go on; the same command makes only what is missing"
     )
     assert capsys.readouterr().err == (f"{file}: waiting for {holder}\n" if patience_s else "")
-    write_report(tmp_path, [record("a")], 0.0)
+    update_manifest(tmp_path, [record("a")], 0.0)
     assert films(tmp_path) == [record("a")]
 
 
@@ -159,9 +159,9 @@ FORGED = {
 def test_what_is_damaged_counts_for_nothing(case: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
     (tmp_path / FILE).write_bytes(FORGED[case])
-    with held_report(tmp_path) as report:
+    with open_manifest(tmp_path) as report:
         assert report.written(Path("a.yaml")) is None
-    write_report(tmp_path, [record("b")])
+    update_manifest(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
 
 
@@ -179,37 +179,37 @@ def test_what_is_damaged_takes_nothing_else_with_it(tmp_path: Path) -> None:
     ]
     content = {"title": "scans", "films": [good[0], *broken, good[1]], "deep": json.loads(50 * "[" + 50 * "]")}
     (tmp_path / FILE).write_text(json.dumps(content | {"odd": float("inf")}), encoding="utf-8")
-    write_report(tmp_path, [record("f")])
+    update_manifest(tmp_path, [record("f")])
     assert json.loads((tmp_path / FILE).read_bytes()) == {"films": [*good, record("f")], "title": "scans"}
 
 
 def test_names_of_any_kind(tmp_path: Path) -> None:
     forged = [GOOD | {"scene": scene} for scene in ("\ud800.yaml", "a\0.yaml", "..", "", "/", "a" * 300)]
     (tmp_path / FILE).write_text(json.dumps({"films": forged}), encoding="utf-8")
-    write_report(tmp_path, [record("b")])
+    update_manifest(tmp_path, [record("b")])
     assert films(tmp_path)[-1] == record("b")
 
 
 def test_what_is_too_large_counts_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_report(tmp_path, [record("a")])
+    update_manifest(tmp_path, [record("a")])
     monkeypatch.setattr(report_module, "_MOST_BYTES", 50)
-    write_report(tmp_path, [record("b")])
+    update_manifest(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
 
 
 def test_something_else_of_that_name(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / FILE)
-    write_report(tmp_path, [record("b")])
+    update_manifest(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
     (tmp_path / "folder" / FILE).mkdir(parents=True)
     with pytest.raises(InputError, match="the output is a folder"):
-        write_report(tmp_path / "folder", [record("b")])
+        update_manifest(tmp_path / "folder", [record("b")])
 
 
 def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> Order:
     (folder / volume).touch()
-    spec, crew = VolumeSpec(FileSource(folder / volume)), CrewSpec(None, None)
-    return Order(spec, FilmOptions(), None, folder / "out" / "scan.yaml", folder / "out" / "scan.mp4", crew, force)
+    spec, executor = VolumeSpec(FileSource(folder / volume)), ExecutorSpec(None, None)
+    return Order(spec, FilmOptions(), None, folder / "out" / "scan.yaml", folder / "out" / "scan.mp4", executor, force)
 
 
 def orders(folder: Path, *names: str) -> list[Order]:
@@ -224,7 +224,7 @@ def test_a_batch_that_is_interrupted_keeps_what_is_told(
         raise KeyboardInterrupt
 
     films_there = [record(name, frames=3) for name in "abc"]
-    write_report(tmp_path, films_there)
+    update_manifest(tmp_path, films_there)
     monkeypatch.setattr(batch, "_made", interrupt)
     with pytest.raises(KeyboardInterrupt):
         run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, quiet=True)
@@ -243,16 +243,16 @@ def test_a_batch_writes_what_it_has_to_tell_once(tmp_path: Path, monkeypatch: py
     def made(order: Order, options: object) -> dict[str, Any]:
         if order.scene.name == "c.yaml":
             assert [film["status"] for film in films(tmp_path)] == ["done", "done"]
-            write_report(tmp_path, [record("a", "failed", error="another command's")])
+            update_manifest(tmp_path, [record("a", "failed", error="another command's")])
         return order.record("done")
 
     def write(folder: Path, records: list[dict[str, Any]], patience_s: float) -> None:
         if fails.pop(0):
             raise RenderError("the disk is full")
-        write_report(folder, records, patience_s)
+        update_manifest(folder, records, patience_s)
 
     monkeypatch.setattr(batch, "_made", made)
-    monkeypatch.setattr(batch, "write_report", write)
+    monkeypatch.setattr(batch, "update_manifest", write)
     run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, quiet=True)
     assert {Path(film["scene"]).stem: film["status"] for film in films(tmp_path)} == {
         "a": "failed",
@@ -370,7 +370,7 @@ def test_a_film_is_done_until_its_scene_is_another(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     write_scene(order(tmp_path), scene("one"))
     assert films(folder)[0]["status"] == "begun"
-    write_report(folder, [order(tmp_path).record("done") | {"frames": 3}])
+    update_manifest(folder, [order(tmp_path).record("done") | {"frames": 3}])
     done = films(folder)
     write_scene(order(tmp_path), scene("one"))
     assert films(folder) == done

@@ -13,7 +13,7 @@ from kinds_of_data import KINDS, N, axes, ball
 from hsplat_cli.scenes import FilmOptions, suggest_scene
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
-from renderer.suggest import measure, suggest, unseen_value
+from renderer.suggest import measure, suggest, suggest_nonfinite_fill
 
 Array = npt.NDArray[Any]
 
@@ -34,7 +34,7 @@ def found(folder: Path, values: Array) -> tuple[float | None, str]:
     np.save(folder / "scan.npy", values)
     source = FileSource(folder / "scan.npy")
     volume = read_volume(VolumeSpec(source, nonfinite="lowest"))
-    value = unseen_value(volume, measure(volume.values))
+    value = suggest_nonfinite_fill(volume, measure(volume.values))
     if value is not None:
         volume = read_volume(VolumeSpec(source, nonfinite=value))
     return value, suggest(volume, measure(volume.values)).kind

@@ -31,7 +31,7 @@ from renderer.scene import (
 )
 from renderer.scene.parse import parse_scene
 from renderer.splats import make_splats
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 
 Array = npt.NDArray[Any]
 
@@ -92,7 +92,7 @@ def test_info_of_values_at_the_ends(tmp_path: Path, case: int) -> None:
         "camera": {"path": {"type": "turntable", "frames": 1}},
         "output": {"file": "a.mp4"},
     }
-    by = make_transfer(parse_scene(scene, base=tmp_path).transfer_function, 1.0)
+    by = make_transfer_function(parse_scene(scene, base=tmp_path).transfer_function, 1.0)
     assert by.classify(values)[1].max() > 0
 
 
@@ -141,7 +141,7 @@ def test_the_smallest_and_the_largest_voxels_are_drawn(tmp_path: Path, scale: fl
     (tmp_path / "a.raw").write_bytes(bytes(range(1, 9)))
     source = RawSource(tmp_path / "a.raw", (2, 2, 2), "uint8", spacing=(scale, scale, scale))
     of = read_volume(VolumeSpec(source))
-    by = make_transfer(TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.5),)), of.finest_spacing)
+    by = make_transfer_function(TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.5),)), of.finest_spacing)
     pyramid = build_pyramid(of, by, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1)
     for tolerance in (0.0, 1e-3):
         splats = make_splats(cut_pyramid(pyramid, tolerance), SplatSpec())

@@ -8,7 +8,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from hsplat_cli.executors.workers.messages import Message, error_from_plain, error_to_plain, incoming, receive, send
+from hsplat_cli.executors.workers.messages import (
+    Message,
+    error_from_plain,
+    error_to_plain,
+    receive,
+    receive_available,
+    send,
+)
 from renderer.errors import ContextLostError, HsplatError, InputError, Problem, RenderError, SceneError
 
 Ends = tuple[socket.socket, socket.socket]
@@ -40,7 +47,7 @@ def test_one_after_the_other(ends: Ends) -> None:
 
 
 def test_nobody_waits_for_what_is_missing(ends: Ends) -> None:
-    messages, message = incoming(ends[1]), Message({"drawn": {}}, (b"x" * 100, b"", b"y"))
+    messages, message = receive_available(ends[1]), Message({"drawn": {}}, (b"x" * 100, b"", b"y"))
     send(ends[0], message)
     send(ends[0], message)
     content = ends[1].recv(1000)

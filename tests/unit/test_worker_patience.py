@@ -8,19 +8,19 @@ from collections.abc import Iterator
 
 import pytest
 
-from hsplat_cli.executors import Lifeline
+from hsplat_cli.executors import ChildProcesses
 from hsplat_cli.executors.workers import process
-from hsplat_cli.executors.workers.process import Patience, WorkerProcess
+from hsplat_cli.executors.workers.process import HangPolicy, WorkerProcess
 
-PATIENCE = Patience(num_looks=3)
+PATIENCE = HangPolicy(max_idle_checks=3)
 
 
 @pytest.fixture
 def worker() -> Iterator[WorkerProcess[int]]:
     """It is not ready, and will not be."""
-    with open(os.devnull, "rb") as nothing, Lifeline() as lifeline:
+    with open(os.devnull, "rb") as nothing, ChildProcesses() as child_processes:
         program, environment = ("children", "wait"), dict(os.environ)
-        found = WorkerProcess[int](lifeline, program, nothing.fileno(), environment, PATIENCE)
+        found = WorkerProcess[int](child_processes, program, nothing.fileno(), environment, PATIENCE)
         yield found
         found.kill()
         found.close()
@@ -34,8 +34,8 @@ def times(monkeypatch: pytest.MonkeyPatch) -> list[int | None]:
     return found
 
 
-def hangs_after(worker: WorkerProcess[int], num_looks: int) -> bool:
-    for _ in range(num_looks):
+def hangs_after(worker: WorkerProcess[int], max_idle_checks: int) -> bool:
+    for _ in range(max_idle_checks):
         assert not worker.hangs
         worker.look()
     return worker.hangs
@@ -74,12 +74,12 @@ def test_where_the_system_does_not_tell(worker: WorkerProcess[int], times: list[
 def test_one_that_is_not_to_be_ended_is_left(worker: WorkerProcess[int], monkeypatch: pytest.MonkeyPatch) -> None:
     """As one is that waits for a device in the kernel."""
     monkeypatch.setattr(process, "_LONGEST_END_S", 0.01)
-    monkeypatch.setattr(process, "_LONGEST_KILL_S", 0.01)
+    monkeypatch.setattr(process, "_KILL_TIMEOUT_S", 0.01)
     with monkeypatch.context() as patch:
         patch.setattr(subprocess.Popen, "kill", lambda _: None)
         worker.close()
         assert worker.is_left and worker.was_killed
-        assert str(worker.last_words()) == (
+        assert str(worker.exit_error()) == (
             "a process that draws has hung\n  got: it does not end, though it was killed"
         )
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.films import differences
-from hsplat_cli.scenes import load_object
+from hsplat_cli.scenes import load_json_object
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
     FRAME_NUMBER,
@@ -42,8 +42,8 @@ MOST_BYTES = 2**27
 # Of an origin, in the order of their weight.
 _PARTS = ("volume", "gl", "scene", "versions")
 
-_LONGEST_LINE = 200
-_MOST_VOXELS = 2**62
+_MAX_LINE_LENGTH = 200
+_MAX_VOXELS = 2**62
 
 _GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})\.png")
 _DIGEST = re.compile("[0-9a-f]{32}")
@@ -74,17 +74,17 @@ class Provenance:
     goldens: tuple[Golden, ...]
 
 
-def golden_file(frame: int, num_frames: int) -> str:
+def golden_file_name(frame: int, num_frames: int) -> str:
     """`frame-0007.png`; with so many digits that the files of the whole path are in the order of their names."""
     return f"frame-{frame:0{max(4, len(str(num_frames - 1)))}}.png"
 
 
-def is_golden_file(name: str) -> bool:
-    """Whether a file is called as `golden_file` calls one, for whatever frame."""
+def is_golden_file_name(name: str) -> bool:
+    """Whether a file is called as `golden_file_name` calls one, for whatever frame."""
     return _GOLDEN_FILE.fullmatch(name) is not None
 
 
-def origin_of(told: Mapping[str, Any]) -> dict[str, Any]:
+def origin_from_sidecar(told: Mapping[str, Any]) -> dict[str, Any]:
     """The origin of frames, of what the JSON file beside them tells; where the volume lies is left out.
 
     So are the name, rate and quality of a film: goldens are PNG files.
@@ -95,24 +95,24 @@ def origin_of(told: Mapping[str, Any]) -> dict[str, Any]:
         section["raw"] = {key: value for key, value in section["raw"].items() if key != "file"}
     return {
         "volume": {
-            "name": as_line(Path(volume["name"]).name),
+            "name": to_single_line(Path(volume["name"]).name),
             "fingerprint": volume["fingerprint"],
             "shape": volume["shape"],
             "dtype": volume["dtype"],
         },
-        "gl": as_line(told["gl"]),
+        "gl": to_single_line(told["gl"]),
         "scene": cause["scene"] | {"volume": section},
-        "versions": {name: as_line(version) for name, version in cause["versions"].items()},
+        "versions": {name: to_single_line(version) for name, version in cause["versions"].items()},
     }
 
 
-def as_line(text: str) -> str:
+def to_single_line(text: str) -> str:
     """Text that may come from anywhere, such as the name of a file, as a line for terminals and reports."""
-    return text if _is_line(text) else show(text)
+    return text if _is_single_line(text) else show(text)
 
 
-def _is_line(text: str) -> bool:
-    return text.isprintable() and 0 < len(text) <= _LONGEST_LINE
+def _is_single_line(text: str) -> bool:
+    return text.isprintable() and 0 < len(text) <= _MAX_LINE_LENGTH
 
 
 def changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: str) -> str:
@@ -144,8 +144,8 @@ _END = "\n}"
 
 def parse_date(text: str | None) -> str | None:
     """What `--date` gives: any text of one line. Raises InputError."""
-    if text is not None and not _is_line(text):
-        expected = f"one line of at most {_LONGEST_LINE} characters, such as 2026-11-21"
+    if text is not None and not _is_single_line(text):
+        expected = f"one line of at most {_MAX_LINE_LENGTH} characters, such as 2026-11-21"
         raise InputError("not a date that can be recorded", where="--date", got=show(text), expected=expected)
     return text
 
@@ -156,7 +156,7 @@ def read_provenance(folder: Path) -> Provenance:
     content = _read(path)
     if len(content) > MOST_BYTES:
         raise InputError(f"too large for a {NAME}", where=str(path), expected=f"at most {MOST_BYTES} bytes")
-    data = load_object(decode(content, path), path, kind=NAME) if may_be_json(content) else {}
+    data = load_json_object(decode(content, path), path, kind=NAME) if may_be_json(content) else {}
     if data.get("format") != FORMAT:
         raise InputError(
             "not a record of goldens that this version of hsplat can read",
@@ -189,7 +189,7 @@ def _read(path: Path) -> bytes:
 
 
 def _parse_line(node: Node) -> str:
-    if isinstance(node.value, str) and _is_line(node.value):
+    if isinstance(node.value, str) and _is_single_line(node.value):
         return node.value
     return _LINE.refuse(node, "not a line of text", got=show(node.value))
 
@@ -232,12 +232,12 @@ def _build_golden(node: Node, given: dict[str, Any]) -> Golden:
     return Golden(**given)
 
 
-_LINE: Kind[str] = Kind(f"one line of at most {_LONGEST_LINE} characters", _parse_line)
+_LINE: Kind[str] = Kind(f"one line of at most {_MAX_LINE_LENGTH} characters", _parse_line)
 _HEX: Kind[str] = Kind("32 hexadecimal digits", _parse_digest)
 _VOLUME_TABLE: Table = {
     "name": _LINE,
     "fingerprint": _HEX,
-    "shape": sequence(integer(least=1, most=_MOST_VOXELS), "three numbers of voxels", count=3),
+    "shape": sequence(integer(least=1, most=_MAX_VOXELS), "three numbers of voxels", count=3),
     "dtype": _LINE,
 }
 _GOLDEN_TABLE: Table = {"frame": FRAME_NUMBER, "file": _LINE, "digest": _HEX, "date": _LINE}

@@ -15,29 +15,29 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.compare.golden.draw import Drawing, drawn
-from hsplat_cli.compare.golden.plan import Plan, described, make_plan, unasked_lines
 from hsplat_cli.compare.golden.provenance import (
     NAME,
     Golden,
     Provenance,
-    golden_file,
+    golden_file_name,
     provenance_bytes,
     read_provenance,
 )
-from hsplat_cli.executors import CrewSpec
+from hsplat_cli.compare.golden.render import Drawing, drawn
+from hsplat_cli.compare.golden.update_plan import Plan, described, make_plan, unrequested_lines
+from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, deferrable_interrupts
 from renderer.errors import InputError
-from renderer.film import explained, locked, staged_together
+from renderer.film import explained, locked, staged_files
 from renderer.scene import MAX_SCENE_BYTES
 
-_UNFINISHED = "golden.unfinished"
+_STAGING_FOLDER = "golden.unfinished"
 _LIMITS = "compare.yaml"  # read by `hsplat compare`, which goldens do without
 
 
 @dataclass(frozen=True)
-class Wish:
+class GoldenOptions:
     """What the user asks for: goldens of these frames in this folder. The rest is as on the command line.
 
     frames: None for those that are golden already, or where there are none for all that the scene has.
@@ -52,31 +52,31 @@ class Wish:
     quiet: bool = False
 
 
-def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) -> None:
+def update_goldens(job: Job, golden_options: GoldenOptions, executor: ExecutorSpec, ask: Callable[[], bool]) -> None:
     """Draw the frames and keep them; where there are goldens already, only once `ask` says so.
 
     Raises InputError where there are goldens and nobody wants an update, other files of their names, or goldens that
     would stay though the scene is another; what drawing and writing raise; and click's Exit with 1 where the user does
     not want what changes.
     """
-    folder = wish.folder
-    with locked(folder / _UNFINISHED, [0], folder / NAME):
+    folder = golden_options.folder
+    with locked(folder / _STAGING_FOLDER, [0], folder / NAME):
         before = read_provenance(folder) if os.path.lexists(folder / NAME) else None
-        if before is not None and not wish.update:
+        if before is not None and not golden_options.update:
             raise InputError(
                 "there are goldens already",
                 where=str(folder),
                 got=counted(len(before.goldens), "frame"),
                 hint="--update says what has changed, and writes it over them; `hsplat compare SCENE FOLDER` compares",
             )
-        frames = wish.frames or _same_frames(before, job.frames)
+        frames = golden_options.frames or _default_frames(before, job.frames)
         names = _names(frames, before, job.scene.camera.path.frames)
         _require_free(folder, names.values(), before)
-        with drawn(job, frames, crew, quiet=wish.quiet) as drawing:
-            plan = make_plan(folder, before, names, drawing, date=wish.date, prune=wish.prune)
+        with drawn(job, frames, executor, quiet=golden_options.quiet) as drawing:
+            plan = make_plan(folder, before, names, drawing, date=golden_options.date, prune=golden_options.prune)
             plan.require_one_origin(folder)
-            must_ask = before is not None and plan.changes_anything and not wish.yes
-            if must_ask or not wish.quiet:
+            must_ask = before is not None and plan.changes_anything and not golden_options.yes
+            if must_ask or not golden_options.quiet:
                 _tell(_report(plan, drawing, folder))
             if not plan.changes_anything:
                 return
@@ -84,7 +84,7 @@ def keep_goldens(job: Job, wish: Wish, crew: CrewSpec, ask: Callable[[], bool]) 
                 _tell(["nothing was written"])
                 raise click.exceptions.Exit(1)
             _apply(plan, folder)
-    if not wish.quiet:
+    if not golden_options.quiet:
         num_written, num_all = len(plan.sources), len(plan.after.goldens)
         goldens = counted(num_all, "golden")
         num = goldens if num_written == num_all else f"{num_written} of {goldens} written"
@@ -96,13 +96,13 @@ def _report(plan: Plan, drawing: Drawing, folder: Path) -> Iterator[str]:
     yield from (f"note: {note}" for note in drawing.notes)
     if not plan.changes_anything:
         yield f"{folder}: nothing changes"
-        yield from unasked_lines(plan)
+        yield from unrequested_lines(plan)
     elif plan.before is not None:
         yield from described(plan)
-        yield from _limits_left(plan.removed, folder)
+        yield from _stale_limit_notes(plan.removed, folder)
 
 
-def _limits_left(removed: Sequence[Golden], folder: Path) -> Iterator[str]:
+def _stale_limit_notes(removed: Sequence[Golden], folder: Path) -> Iterator[str]:
     """What is said about goldens that go, and that the file of limits still names."""
     path = folder / _LIMITS
     if not path.is_file():
@@ -115,7 +115,7 @@ def _limits_left(removed: Sequence[Golden], folder: Path) -> Iterator[str]:
 
 
 def _apply(plan: Plan, folder: Path) -> None:
-    with deferrable_interrupts() as defer_interrupts, staged_together(folder / _UNFINISHED) as write:
+    with deferrable_interrupts() as defer_interrupts, staged_files(folder / _STAGING_FOLDER) as write:
         write(folder / NAME, provenance_bytes(plan.after))
         for name, source in plan.sources.items():
             with explained(source):
@@ -132,7 +132,7 @@ def _tell(lines: Iterable[str]) -> None:
         click.echo(line)
 
 
-def _same_frames(before: Provenance | None, drawable: Sequence[int]) -> Sequence[int]:
+def _default_frames(before: Provenance | None, drawable: Sequence[int]) -> Sequence[int]:
     """Those that are golden and that the scene still has; all that it has where there are none."""
     golden = frozenset() if before is None else frozenset(each.frame for each in before.goldens)
     return [frame for frame in drawable if frame in golden] or drawable
@@ -141,7 +141,7 @@ def _same_frames(before: Provenance | None, drawable: Sequence[int]) -> Sequence
 def _names(frames: Sequence[int], before: Provenance | None, num_frames: int) -> dict[int, str]:
     """Of the files of these frames; a golden that is there keeps the name that it has."""
     listed = {} if before is None else {golden.frame: golden.file for golden in before.goldens}
-    return {frame: listed.get(frame) or golden_file(frame, num_frames) for frame in frames}
+    return {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
 
 
 def _require_free(folder: Path, names: Iterable[str], before: Provenance | None) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.executors.executor_arguments import ADDRESSES, LOCAL, require_address
+from hsplat_cli.executors.options import ADDRESSES, LOCAL, require_address
 from hsplat_cli.terminal import deferrable_interrupts, num_cores
 from renderer.errors import InputError, RenderError
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 # Of the scheduler, to answer at all.
-_ANSWER_S = 6.0
+_CONNECT_TIMEOUT_S = 6.0
 # For clients and processes, to end in peace.
-_FAREWELL_S = 2.0
+_CLOSE_TIMEOUT_S = 2.0
 
 
 @contextlib.contextmanager
@@ -33,7 +33,7 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
     """
     require_address(address)
     with contextlib.ExitStack() as stack:
-        stack.enter_context(_silence())
+        stack.enter_context(_silenced_logs())
         if address == LOCAL:
             client = _client(stack.enter_context(_local_cluster(num_workers or num_cores())))
         else:
@@ -42,13 +42,13 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
         try:
             yield client
         finally:
-            client.close(timeout=_FAREWELL_S)
+            client.close(timeout=_CLOSE_TIMEOUT_S)
 
 
 def _client(target: Any) -> Client:
     from distributed import Client
 
-    return Client(target, timeout=_ANSWER_S, set_as_default=False, name="hsplat")
+    return Client(target, timeout=_CONNECT_TIMEOUT_S, set_as_default=False, name="hsplat")
 
 
 def _require_scheduler(address: str) -> None:
@@ -56,7 +56,7 @@ def _require_scheduler(address: str) -> None:
     nobody, other = "nobody answers at this address", "what answers at this address is no Dask scheduler"
     hint = "`dask scheduler` starts one, and says its address"
     try:
-        kind = asyncio.run(asyncio.wait_for(_kind_of_server(address), _ANSWER_S))
+        kind = asyncio.run(asyncio.wait_for(_kind_of_server(address), _CONNECT_TIMEOUT_S))
     except Exception as error:  # Dask may take the words of another kind of server for anything
         what = nobody if isinstance(error, (OSError, asyncio.TimeoutError)) else other
         raise InputError(what, where=f"--scheduler {address}", expected=ADDRESSES, hint=hint) from error
@@ -70,7 +70,7 @@ async def _kind_of_server(address: str) -> str:
     from distributed.comm import connect
     from distributed.core import send_recv
 
-    comm = await connect(address, timeout=_ANSWER_S, **Security().get_connection_args("client"))
+    comm = await connect(address, timeout=_CONNECT_TIMEOUT_S, **Security().get_connection_args("client"))
     try:
         return str((await send_recv(comm, op="identity"))["type"])
     finally:
@@ -83,7 +83,7 @@ def _local_cluster(num_workers: int) -> Iterator[Any]:
     from distributed import LocalCluster
 
     with contextlib.ExitStack() as stack:
-        with deferrable_interrupts() as defer_interrupts, _interrupts_kept_from_children():
+        with deferrable_interrupts() as defer_interrupts, _sigint_blocked_in_children():
             defer_interrupts()  # a cluster that is half there cannot be ended
             try:
                 cluster = LocalCluster(
@@ -103,11 +103,11 @@ def _local_cluster(num_workers: int) -> Iterator[Any]:
 
 def _close(cluster: Any) -> None:
     with contextlib.suppress(TimeoutError):  # its processes end with this one
-        cluster.close(timeout=_FAREWELL_S)
+        cluster.close(timeout=_CLOSE_TIMEOUT_S)
 
 
 @contextlib.contextmanager
-def _interrupts_kept_from_children() -> Iterator[None]:
+def _sigint_blocked_in_children() -> Iterator[None]:
     """Ctrl-C reaches all processes of a terminal; those of threads that begin in this block do not notice.
 
     They would end, and be replaced, while this process ends them.
@@ -121,7 +121,7 @@ def _interrupts_kept_from_children() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _silence() -> Iterator[None]:
+def _silenced_logs() -> Iterator[None]:
     """No log lines of Dask's and of what it stands on: what matters to a user is an error or a note of ours."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
@@ -132,9 +132,9 @@ def _silence() -> Iterator[None]:
     finally:
         # What has ended may complain until Python does.
         for name in list(logging.root.manager.loggerDict):
-            if name.partition(".")[0] in _CHATTY:
+            if name.partition(".")[0] in _NOISY_LOGGERS:
                 logging.getLogger(name).disabled = True
         logging.disable(before)
 
 
-_CHATTY = ("asyncio", "distributed", "tornado")
+_NOISY_LOGGERS = ("asyncio", "distributed", "tornado")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.executors.drawn import Drawn, LocalDrawer
+from hsplat_cli.executors.frame_result import Drawn, LocalExecutor
 from hsplat_cli.executors.rasterizers import open_rasterizer
 from hsplat_cli.terminal import package_versions, sources_digest
 from renderer.errors import ContextLostError
@@ -27,7 +27,7 @@ class Studio:
     """A stage and a GL context to draw it with, in a thread of their own: GL contexts belong to threads.
 
     num_threads: of the software renderer, unless LP_NUM_THREADS is set.
-    made_with: what the pictures depend on, by name: versions, and the OpenGL as `GL`.
+    tool_versions: what the pictures depend on, by name: versions, and the OpenGL as `GL`.
     """
 
     def __init__(self, content: memoryview, num_threads: int) -> None:
@@ -42,12 +42,12 @@ class Studio:
         os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
         stage = unpack(content)
         self._rasterizer = open_rasterizer(needs_opengl=stage.scene.needs_opengl)
-        self._drawer = LocalDrawer(stage, self._rasterizer)
-        self.made_with = package_versions() | {"GL": self._rasterizer.renderer_name}
+        self._executor = LocalExecutor(stage, self._rasterizer)
+        self.tool_versions = package_versions() | {"GL": self._rasterizer.renderer_name}
 
     def draw(self, number: int) -> Drawn:
         """One frame, once those that other threads have asked for are done."""
-        return self._thread.submit(lambda: next(self._drawer.draw([number]))).result()
+        return self._thread.submit(lambda: next(self._executor.draw([number]))).result()
 
     def close(self) -> None:
         """Let the GL context go; does not wait for it."""
@@ -55,7 +55,7 @@ class Studio:
         self._thread.shutdown(wait=False)
 
 
-class Parcel:
+class SerializedStage:
     """The bytes of a stage, as `renderer.frame.transport` packs them, and in a worker the studio that draws it.
 
     Dask keeps one of them in each worker's memory for as long as the client needs it. So that is how long the studio
@@ -65,11 +65,11 @@ class Parcel:
     """
 
     def __init__(self, content: npt.NDArray[np.uint8]) -> None:
-        self._content, self._studio = content, None
+        self._content, self._render_thread = content, None
         self._lock = threading.Lock()
 
-    def __reduce__(self) -> tuple[type[Parcel], tuple[npt.NDArray[np.uint8]]]:
-        return Parcel, (self._content,)
+    def __reduce__(self) -> tuple[type[SerializedStage], tuple[npt.NDArray[np.uint8]]]:
+        return SerializedStage, (self._content,)
 
     def __sizeof__(self) -> int:
         return self._content.nbytes
@@ -77,21 +77,21 @@ class Parcel:
     def studio(self, num_threads: int) -> Studio:
         """Made when it is first asked for."""
         with self._lock:
-            if self._studio is None:
+            if self._render_thread is None:
                 content = self._content if self._content.flags.writeable else self._content.copy()
-                self._studio = Studio(content.data, num_threads)
-                self._closing = weakref.finalize(self, self._studio.close)
+                self._render_thread = Studio(content.data, num_threads)
+                self._closing = weakref.finalize(self, self._render_thread.close)
                 self._closing.atexit = False  # when threads have ended
-            return self._studio
+            return self._render_thread
 
     def give_up(self, studio: Studio) -> None:
         """Make a new one when it is asked for again."""
         with self._lock:
-            if self._studio is studio:
-                self._studio = None
+            if self._render_thread is studio:
+                self._render_thread = None
                 self._closing()
 
-    _studio: Studio | None
+    _render_thread: Studio | None
 
 
 def describe() -> dict[str, Any]:
@@ -106,14 +106,14 @@ def describe() -> dict[str, Any]:
 _sources_digest = functools.cache(sources_digest)
 
 
-def draw(parcel: Parcel, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+def draw(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     """A frame's PNG file, what its film's sidecar tells of it, and what it was made with."""
     from distributed import get_worker
 
-    studio = parcel.studio(get_worker().state.nthreads)
+    studio = stage_data.studio(get_worker().state.nthreads)
     try:
         drawn = studio.draw(number)
     except ContextLostError:
-        parcel.give_up(studio)
+        stage_data.give_up(studio)
         raise
-    return drawn.picture.png, drawn.record, studio.made_with
+    return drawn.picture.png, drawn.record, studio.tool_versions

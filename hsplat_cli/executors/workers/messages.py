@@ -44,7 +44,7 @@ def receive(end: socket.socket) -> Message:
     return message
 
 
-def incoming(end: socket.socket) -> Iterator[Message | None]:
+def receive_available(end: socket.socket) -> Iterator[Message | None]:
     """The messages that come, each once it is whole, and None wherever more has to be waited for.
 
     So nobody has to wait for a sender that has stopped half way through. Raises EOFError, or OSError, when there will
@@ -55,15 +55,15 @@ def incoming(end: socket.socket) -> Iterator[Message | None]:
 
 def _incoming(end: socket.socket, flags: int) -> Iterator[Message | None]:
     while True:
-        (length,) = _LENGTH.unpack((yield from _exactly(end, _LENGTH.size, flags)))
-        content, lengths = json.loads((yield from _exactly(end, length, flags)))
+        (length,) = _LENGTH.unpack((yield from _receive_exactly(end, _LENGTH.size, flags)))
+        content, lengths = json.loads((yield from _receive_exactly(end, length, flags)))
         runs = []
         for length in lengths:
-            runs.append((yield from _exactly(end, length, flags)))
+            runs.append((yield from _receive_exactly(end, length, flags)))
         yield Message(content, tuple(runs))
 
 
-def _exactly(end: socket.socket, num_bytes: int, flags: int) -> Generator[None, None, bytes]:
+def _receive_exactly(end: socket.socket, num_bytes: int, flags: int) -> Generator[None, None, bytes]:
     content = bytearray(num_bytes)
     missing = memoryview(content)
     while missing:

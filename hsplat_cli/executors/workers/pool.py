@@ -18,11 +18,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hsplat_cli.executors.drawn import Drawn
-from hsplat_cli.executors.workers.lifeline import Lifeline
+from hsplat_cli.executors.frame_result import Drawn
+from hsplat_cli.executors.workers.child_processes import ChildProcesses
 from hsplat_cli.executors.workers.messages import Message, error_from_plain
-from hsplat_cli.executors.workers.process import Patience, WorkerProcess, worker_environment
-from hsplat_cli.executors.workers.shared import SharedStage
+from hsplat_cli.executors.workers.process import HangPolicy, WorkerProcess, worker_environment
+from hsplat_cli.executors.workers.shared_stage import SharedStage
 from renderer.errors import HsplatError, RenderError
 from renderer.film import Picture
 from renderer.frame import Stage
@@ -32,11 +32,11 @@ PROGRAM = ("hsplat_cli.executors.workers.worker",)
 # A worker has the next frame at hand when one is done.
 _TASKS_EACH = 2
 # Finished frames that wait for a slow one, and those being drawn, are so many for each worker.
-_WINDOW_EACH = 4
+_WINDOW_PER_WORKER = 4
 # A frame that kills whoever draws it is given up after so many; so are workers that die before they are ready.
-_MOST_DEATHS = 3
+_MAX_DEATHS = 3
 
-_PATIENCE = Patience()
+_HANG_POLICY = HangPolicy()
 
 
 @contextmanager
@@ -44,19 +44,19 @@ def open_pool(
     stage: Stage,
     num_workers: int,
     *,
-    threads_each: int,
+    threads_per_worker: int,
     with_pixels: bool = True,
     program: Sequence[str] = PROGRAM,
-    patience: Patience = _PATIENCE,
+    patience: HangPolicy = _HANG_POLICY,
 ) -> Iterator[Pool]:
     """Start worker processes, which need about a second until they are ready; after the block there are none.
 
     With 0 of them, `Pool.start` has to start some before anything is drawn.
 
-    The stage moves to shared memory: `Pool.stage` is the one to go on with. threads_each: of Mesa's software renderer,
-    in each worker; where LP_NUM_THREADS is set, that holds. with_pixels: pictures come with their pixels beside the
-    file that they would have to be decoded from. program: the module that workers run, and arguments. patience: with
-    those that hang.
+    The stage moves to shared memory: `Pool.stage` is the one to go on with. threads_per_worker: of Mesa's software
+    renderer, in each worker; where LP_NUM_THREADS is set, that holds. with_pixels: pictures come with their pixels
+    beside the file that they would have to be decoded from. program: the module that workers run, and arguments.
+    patience: with those that hang.
 
     Raises RenderError where the memory or the processes cannot be had. `Pool.is_ready` and `Pool.draw` raise what a
     worker failed with, and RenderError where a frame could not be drawn in spite of several tries.
@@ -64,8 +64,8 @@ def open_pool(
     with ExitStack() as stack:
         shared = stack.enter_context(closing(SharedStage(stage)))
         del stage
-        lifeline = stack.enter_context(Lifeline())
-        pool = Pool(shared, lifeline, tuple(program), threads_each, with_pixels, patience)
+        child_processes = stack.enter_context(ChildProcesses())
+        pool = Pool(shared, child_processes, tuple(program), threads_per_worker, with_pixels, patience)
         stack.callback(pool.close)
         pool.start(num_workers)
         yield pool
@@ -77,11 +77,11 @@ class _Task:
 
     place: int
     number: int = field(compare=False)
-    run: _Run = field(compare=False)
+    run: _DrawCall = field(compare=False)
     num_deaths: int = field(compare=False, default=0)
 
 
-class _Run:
+class _DrawCall:
     """The frames of one call of `draw`.
 
     waiting: a heap of those that nobody is at. done: by place, until they are taken.
@@ -101,22 +101,22 @@ class Pool:
     def __init__(
         self,
         shared: SharedStage,
-        lifeline: Lifeline,
+        child_processes: ChildProcesses,
         program: Sequence[str],
-        threads_each: int,
+        threads_per_worker: int,
         with_pixels: bool,
-        patience: Patience,
+        patience: HangPolicy,
     ) -> None:
         self.stage = shared.stage
-        self._descriptor, self._lifeline, self._program = shared.descriptor, lifeline, program
-        self._environment = worker_environment(threads_each)
+        self._descriptor, self._child_processes, self._program = shared.descriptor, child_processes, program
+        self._environment = worker_environment(threads_per_worker)
         self._with_pixels = with_pixels
         self._workers: list[WorkerProcess[_Task]] = []
         self._selector = selectors.DefaultSelector()
         self._renderer_names: dict[str, None] = {}  # a set that keeps its order
         self._num_failed_starts = 0
         self._losses: Counter[tuple[str, bool]] = Counter()  # by how workers were lost, and whether with frames
-        self._patience, self._next_look = patience, time.monotonic() + patience.look_s
+        self._hang_policy, self._next_check = patience, time.monotonic() + patience.check_interval_s
 
     @property
     def notes(self) -> list[str]:
@@ -135,7 +135,7 @@ class Pool:
     @property
     def is_ready(self) -> bool:
         """Whether any worker can draw; it does not wait."""
-        self._listen(0)
+        self._poll_messages(0)
         return any(worker.is_ready for worker in self._workers)
 
     def draw(self, numbers: Sequence[int]) -> Iterator[Drawn]:
@@ -143,19 +143,19 @@ class Pool:
 
         It may be left before its end. Only few frames are drawn ahead of what was taken.
         """
-        run = _Run(numbers)
+        run = _DrawCall(numbers)
         for place in range(len(numbers)):
-            self._hand_out(run, place)
+            self._assign_tasks(run, place)
             while place not in run.done:
-                self._listen(None)
-                self._hand_out(run, place)
+                self._poll_messages(None)
+                self._assign_tasks(run, place)
             yield run.done.pop(place)
 
     def start(self, num_workers: int) -> None:
         """Start so many workers more."""
         for _ in range(num_workers):
             worker = WorkerProcess[_Task](
-                self._lifeline, self._program, self._descriptor, self._environment, self._patience
+                self._child_processes, self._program, self._descriptor, self._environment, self._hang_policy
             )
             self._workers.append(worker)
             self._selector.register(worker, selectors.EVENT_READ)
@@ -169,9 +169,9 @@ class Pool:
         self._workers.clear()
         self._selector.close()
 
-    def _hand_out(self, run: _Run, place: int) -> None:
+    def _assign_tasks(self, run: _DrawCall, place: int) -> None:
         """Give tasks to the workers while the frame of a place is waited for."""
-        end = place + _WINDOW_EACH * len(self._workers)
+        end = place + _WINDOW_PER_WORKER * len(self._workers)
         while run.waiting and run.waiting[0].place < end:
             ready = [worker for worker in self._workers if worker.is_ready]
             worker = min(ready, key=lambda worker: len(worker.tasks), default=None)
@@ -183,31 +183,31 @@ class Pool:
             worker.tasks.append(task)
             worker.send(Message({"draw": task.number, "pixels": self._with_pixels}))
 
-    def _listen(self, seconds: float | None) -> None:
+    def _poll_messages(self, seconds: float | None) -> None:
         """Take what workers have to say, of which there is something or will be within this time; None is a while."""
-        until_look = max(0.0, self._next_look - time.monotonic())
+        until_look = max(0.0, self._next_check - time.monotonic())
         for key, _ in self._selector.select(until_look if seconds is None else seconds):
             worker: WorkerProcess[_Task] = key.fileobj  # type: ignore[assignment]
             try:
                 message = worker.receive()
             except EOFError:
-                self._bury(worker, None)
+                self._replace_worker(worker, None)
             else:
                 if message is not None:
-                    self._take(worker, message)
-        if time.monotonic() >= self._next_look:
-            self._look()
+                    self._handle_message(worker, message)
+        if time.monotonic() >= self._next_check:
+            self._end_hung_workers()
 
-    def _look(self) -> None:
+    def _end_hung_workers(self) -> None:
         """End workers that hang."""
         for worker in list(self._workers):
             worker.look()
             if worker.hangs:
                 worker.kill()
-                self._bury(worker, None)
-        self._next_look = time.monotonic() + self._patience.look_s
+                self._replace_worker(worker, None)
+        self._next_check = time.monotonic() + self._hang_policy.check_interval_s
 
-    def _take(self, worker: WorkerProcess[_Task], message: Message) -> None:
+    def _handle_message(self, worker: WorkerProcess[_Task], message: Message) -> None:
         ((kind, content),) = message.content.items()
         if kind == "ready":
             worker.renderer_name = content
@@ -218,7 +218,7 @@ class Pool:
             task.run.done[task.place] = Drawn(task.number, self._picture(*message.runs), content)
         elif kind == "lost":
             worker.kill()
-            self._bury(worker, error_from_plain(content))
+            self._replace_worker(worker, error_from_plain(content))
         else:
             raise error_from_plain(content)
 
@@ -230,37 +230,37 @@ class Pool:
         shape = height, width, 4 if output.background is None else 3
         return Picture(np.frombuffer(pixels, np.uint8).reshape(shape), png)
 
-    def _bury(self, worker: WorkerProcess[_Task], error: HsplatError | None) -> None:
+    def _replace_worker(self, worker: WorkerProcess[_Task], error: HsplatError | None) -> None:
         """Replace a worker that has died, or has to go with an error; what it had goes back to those that wait."""
         self._selector.unregister(worker)
         self._workers.remove(worker)
         worker.close()
         may_be_chance = error is not None or worker.was_killed
         self._losses[self._how_lost(worker, error), bool(worker.tasks)] += 1
-        error = error or worker.last_words()
+        error = error or worker.exit_error()
         if not worker.is_ready:
             self._num_failed_starts += 1
-            if not may_be_chance or self._num_failed_starts == _MOST_DEATHS:
+            if not may_be_chance or self._num_failed_starts == _MAX_DEATHS:
                 raise error
         for task in worker.tasks:
             heapq.heappush(task.run.waiting, task)
         if worker.tasks:
             task = worker.tasks[0]
             task.num_deaths += 1
-            if task.num_deaths == _MOST_DEATHS:
-                raise self._gave_up(task, error)
+            if task.num_deaths == _MAX_DEATHS:
+                raise self._too_many_deaths_error(task, error)
         self.start(1)
 
     def _how_lost(self, worker: WorkerProcess[_Task], error: HsplatError | None) -> str:
         if error is not None:
             how = "lost OpenGL's context"
         else:
-            how = f"hung ({self._patience.verdict})" if worker.hangs else "died"
+            how = f"hung ({self._hang_policy.verdict})" if worker.hangs else "died"
         return how + ", could not be ended" * worker.is_left
 
-    def _gave_up(self, task: _Task, error: HsplatError) -> RenderError:
+    def _too_many_deaths_error(self, task: _Task, error: HsplatError) -> RenderError:
         return RenderError(
-            f"{error.what}, {_MOST_DEATHS} times at the same frame",
+            f"{error.what}, {_MAX_DEATHS} times at the same frame",
             where=", ".join(filter(None, (error.where, f"frame {task.number}"))),
             got=error.got,
             expected=error.expected,

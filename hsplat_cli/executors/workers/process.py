@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from hsplat_cli.executors.workers.lifeline import Lifeline
-from hsplat_cli.executors.workers.messages import Message, incoming, send
+from hsplat_cli.executors.workers.child_processes import ChildProcesses
+from hsplat_cli.executors.workers.messages import Message, receive_available, send
 from renderer.errors import RenderError
 from renderer.film import StreamTail
 
@@ -26,23 +26,24 @@ _NUM_LAST_LINES = 5
 
 # A process that has closed its socket is about to end; one that does not is killed. One that is killed ends as soon as
 # the kernel can let go of it, which may be never, where a device or a file system does not answer.
-_LONGEST_END_S, _LONGEST_KILL_S = 1.0, 5.0
+_LONGEST_END_S, _KILL_TIMEOUT_S = 1.0, 5.0
 
 
 @dataclass(frozen=True)
-class Patience:
-    """A worker is looked at each `look_s` seconds; one that was idle at `num_looks` of them in a row hangs.
+class HangPolicy:
+    """A worker is looked at each `check_interval_s` seconds; one that was idle at
+    `max_idle_checks` of them in a row hangs.
 
     It is looks that count, and not the time: where the machine sleeps, or this process is stopped, all that is one.
     """
 
-    look_s: float = 5.0
-    num_looks: int = 12
+    check_interval_s: float = 5.0
+    max_idle_checks: int = 12
 
     @property
     def verdict(self) -> str:
         """On one that hangs."""
-        return f"no processor time for {self.look_s * self.num_looks:g} s"
+        return f"no processor time for {self.check_interval_s * self.max_idle_checks:g} s"
 
 
 class WorkerProcess(Generic[Task]):
@@ -54,24 +55,24 @@ class WorkerProcess(Generic[Task]):
 
     def __init__(
         self,
-        lifeline: Lifeline,
+        child_processes: ChildProcesses,
         program: Sequence[str],
         descriptor: int,
         environment: Mapping[str, str],
-        patience: Patience,
+        patience: HangPolicy,
     ) -> None:
         self.renderer_name: str | None = None
         self.tasks: deque[Task] = deque()
-        self._patience, self._num_idle_looks = patience, 0
+        self._hang_policy, self._num_idle_checks = patience, 0
         self._processor_time: int | None = None
         self._killed_at: float | None = None
         self._socket, other = socket.socketpair()
-        self._lifeline = lifeline
+        self._child_processes = child_processes
         module, *arguments = program
         with other:
             numbers = [str(other.fileno()), str(descriptor)]
             try:
-                self._process = lifeline.start(
+                self._process = child_processes.start(
                     module,
                     [*arguments, *numbers],
                     pass_fds=[other.fileno(), descriptor],
@@ -84,7 +85,7 @@ class WorkerProcess(Generic[Task]):
                 raise RenderError("a process that draws cannot be started", got=str(error)) from error
         assert self._process.stderr is not None
         self._words = StreamTail(self._process.stderr)
-        self._incoming = incoming(self._socket)
+        self._incoming = receive_available(self._socket)
 
     def fileno(self) -> int:
         """To wait for messages with."""
@@ -105,7 +106,7 @@ class WorkerProcess(Generic[Task]):
 
         Raises EOFError when there will be none, for it has ended.
         """
-        self._num_idle_looks = 0
+        self._num_idle_checks = 0
         try:
             return next(self._incoming)
         except OSError as error:  # it ended with a task unread
@@ -116,12 +117,12 @@ class WorkerProcess(Generic[Task]):
         before, self._processor_time = self._processor_time, _processor_time(self._process.pid)
         has_work = bool(self.tasks) or not self.is_ready
         is_idle = has_work and before is not None and before == self._processor_time
-        self._num_idle_looks = self._num_idle_looks + 1 if is_idle else 0
+        self._num_idle_checks = self._num_idle_checks + 1 if is_idle else 0
 
     @property
     def hangs(self) -> bool:
         """Whether it has something to do and has, for look after look, neither used the processor nor sent anything."""
-        return self._num_idle_looks >= self._patience.num_looks
+        return self._num_idle_checks >= self._hang_policy.max_idle_checks
 
     def kill(self) -> None:
         """End it at once."""
@@ -134,8 +135,8 @@ class WorkerProcess(Generic[Task]):
         if self._killed_at is None and not self._ends_within(_LONGEST_END_S):
             self.kill()
         if self._killed_at is not None:
-            self._ends_within(self._killed_at + _LONGEST_KILL_S - time.monotonic())
-        self._lifeline.let_go(self._process)
+            self._ends_within(self._killed_at + _KILL_TIMEOUT_S - time.monotonic())
+        self._child_processes.end_child(self._process)
         self._socket.close()
 
     def _ends_within(self, seconds: float) -> bool:
@@ -155,11 +156,11 @@ class WorkerProcess(Generic[Task]):
         """Whether it ended by a signal, or would have."""
         return self.is_left or self._process.returncode < 0
 
-    def last_words(self) -> RenderError:
+    def exit_error(self) -> RenderError:
         """How it ended, after `close`, and what it said last."""
         status = self._process.returncode
         if self.hangs:
-            how = self._patience.verdict
+            how = self._hang_policy.verdict
         elif status is None:
             how = "it does not end, though it was killed"
         else:
@@ -174,9 +175,9 @@ class WorkerProcess(Generic[Task]):
         )
 
 
-def worker_environment(threads_each: int) -> dict[str, str]:
+def worker_environment(threads_per_worker: int) -> dict[str, str]:
     """Ours, with so many threads for Mesa's software renderer unless the user has said how many."""
-    return {"LP_NUM_THREADS": str(threads_each)} | os.environ
+    return {"LP_NUM_THREADS": str(threads_per_worker)} | os.environ
 
 
 def _processor_time(process: int) -> int | None:

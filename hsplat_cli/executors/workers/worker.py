@@ -13,12 +13,12 @@ import sys
 import time
 from collections.abc import Sequence
 
-from hsplat_cli.executors.drawn import Drawn, LocalDrawer
+from hsplat_cli.executors.frame_result import Drawn, LocalExecutor
 from hsplat_cli.executors.rasterizers import open_rasterizer
 from hsplat_cli.executors.workers.messages import Message, error_to_plain, receive, send
-from hsplat_cli.executors.workers.shared import map_stage
+from hsplat_cli.executors.workers.shared_stage import map_stage
 from renderer.errors import ContextLostError, HsplatError, RenderError
-from renderer.frame import Rasterizer, Stage, Stopwatch, draw, make_detail, make_pose
+from renderer.frame import Rasterizer, Stage, Stopwatch, draw, make_draw_list, make_lod
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -41,7 +41,7 @@ def _serve(end: socket.socket, descriptor: int) -> None:
     with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
         _warm_up(stage, rasterizer)
         send(end, Message({"ready": rasterizer.renderer_name}))
-        drawer = LocalDrawer(stage, rasterizer)
+        drawer = LocalExecutor(stage, rasterizer)
         while True:
             order = receive(end).content
             drawn = _drawn(drawer, order["draw"])
@@ -52,10 +52,10 @@ def _serve(end: socket.socket, descriptor: int) -> None:
 def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
     """Draw the whole volume as one splat: kernels are loaded, and shaders compiled, before the first frame."""
     watch = Stopwatch(time.perf_counter)
-    draw(stage, make_pose(stage, make_detail(stage, math.inf, watch), 0, watch), rasterizer, watch)
+    draw(stage, make_draw_list(stage, make_lod(stage, math.inf, watch), 0, watch), rasterizer, watch)
 
 
-def _drawn(drawer: LocalDrawer, number: int) -> Drawn:
+def _drawn(drawer: LocalExecutor, number: int) -> Drawn:
     try:
         (drawn,) = drawer.draw([number])
     except MemoryError as error:

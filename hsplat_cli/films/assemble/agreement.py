@@ -20,7 +20,7 @@ _MOST_SHOWN = 4
 
 
 @dataclass(frozen=True)
-class Picked:
+class PickedFrame:
     """A frame of the film, and the part that it is taken from."""
 
     number: int
@@ -45,7 +45,7 @@ def film_problems(parts: Sequence[Part]) -> Iterator[Problem]:
     for part, kind in zip(parts, kinds, strict=True):
         if kind != usual:
             now = dict(_leaves(_kind(part)))
-            keys = [key for key in {**before, **now} if before.get(key, _NONE) != now.get(key, _NONE)]
+            keys = [key for key in {**before, **now} if before.get(key, _MISSING) != now.get(key, _MISSING)]
             yield Problem(
                 "",
                 "a part of another film",
@@ -81,7 +81,7 @@ def _error(part: Part) -> dict[str, Any]:
     return dict(part.scene.get("error", {}))
 
 
-_NONE = object()
+_MISSING = object()
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
@@ -105,13 +105,13 @@ def _shown(keys: Sequence[str], values: Mapping[str, Any]) -> str:
 # The whole of it
 
 
-def pick(parts: Sequence[Part], numbers: Iterable[int]) -> tuple[list[Picked], list[Problem]]:
+def pick(parts: Sequence[Part], numbers: Iterable[int]) -> tuple[list[PickedFrame], list[Problem]]:
     """These frames, each from one of the parts that have it, and what keeps them from being a film."""
-    found: dict[int, list[Picked]] = {}
+    found: dict[int, list[PickedFrame]] = {}
     for part in parts:
         for record in part.records:
-            found.setdefault(record["frame"], []).append(Picked(record["frame"], part, record))
-    picked: list[Picked] = []
+            found.setdefault(record["frame"], []).append(PickedFrame(record["frame"], part, record))
+    picked: list[PickedFrame] = []
     problems: list[Problem] = []
     missing: list[int] = []
     for number in numbers:
@@ -120,12 +120,12 @@ def pick(parts: Sequence[Part], numbers: Iterable[int]) -> tuple[list[Picked], l
             continue
         first, *others = found[number]
         picked.append(first)
-        problems += [problem for other in others for problem in _double_problems(first, other)]
+        problems += [problem for other in others for problem in _duplicate_problems(first, other)]
     problems += _missing_problems(missing, parts[0])
     return picked, problems
 
 
-def _double_problems(first: Picked, other: Picked) -> Iterator[Problem]:
+def _duplicate_problems(first: PickedFrame, other: PickedFrame) -> Iterator[Problem]:
     """A frame in two parts may be in one file, or in two of the same bytes."""
     if first.file.resolve() == other.file.resolve():
         return
@@ -163,21 +163,21 @@ def _command(part: Part, start: int, stop: int) -> str:
 # As they were drawn
 
 
-def file_problems(picked: Sequence[Picked], shape: tuple[int, int, int]) -> Iterator[Problem]:
+def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) -> Iterator[Problem]:
     """Of each picture that is not there or not what it was when it was drawn: in what.
 
     shape: (height, width, channels) that they are to have.
     """
-    gone: dict[Path, list[Picked]] = {}
-    untold: dict[Path, list[Picked]] = {}
+    gone: dict[Path, list[PickedFrame]] = {}
+    without_digest: dict[Path, list[PickedFrame]] = {}
     by_digest = {frame.record["digest"]: frame.number for frame in picked if "digest" in frame.record}
     for frame in picked:
         content = _content(frame.file)
         if content is None:
             gone.setdefault(frame.part.path, []).append(frame)
         elif "digest" not in frame.record:
-            untold.setdefault(frame.part.path, []).append(frame)
-        elif why := _why_not(content, frame, shape, by_digest):
+            without_digest.setdefault(frame.part.path, []).append(frame)
+        elif why := _picture_problem(content, frame, shape, by_digest):
             hint = f"remove it, and {shlex.join(['hsplat', 'render', str(frame.part.path)])} draws it again"
             yield Problem("", f"not the picture of frame {frame.number}", got=why, hint=hint, place=str(frame.file))
     for path, frames in gone.items():
@@ -188,7 +188,7 @@ def file_problems(picked: Sequence[Picked], shape: tuple[int, int, int]) -> Iter
             hint=f"{shlex.join(['hsplat', 'render', str(path)])} draws them again",
             place=str(path),
         )
-    for path, frames in untold.items():
+    for path, frames in without_digest.items():
         yield Problem(
             "",
             "nothing tells whether its pictures are those that were drawn",
@@ -198,7 +198,9 @@ def file_problems(picked: Sequence[Picked], shape: tuple[int, int, int]) -> Iter
         )
 
 
-def _why_not(content: bytes, frame: Picked, shape: tuple[int, int, int], by_digest: Mapping[str, int]) -> str | None:
+def _picture_problem(
+    content: bytes, frame: PickedFrame, shape: tuple[int, int, int], by_digest: Mapping[str, int]
+) -> str | None:
     """What is wrong with a picture; None if nothing is."""
     try:
         found = png_shape(content)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.films.assemble.agreement import Picked, file_problems, film_problems, pick
-from hsplat_cli.films.assemble.merged import cause_of_parts, merged_record, part_notes, parts_of
+from hsplat_cli.films.assemble.agreement import PickedFrame, file_problems, film_problems, pick
+from hsplat_cli.films.assemble.merged_sidecar import merged_record, part_notes, parts_fingerprint, parts_of
 from hsplat_cli.films.assemble.parts import Part
-from hsplat_cli.films.cause import Cause, cause_record, made_before
-from hsplat_cli.films.place import taken
+from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record, read_recorded_film
+from hsplat_cli.films.output_lock import taken
 from hsplat_cli.terminal import counted, deferrable_interrupts, progress
 from renderer.errors import InputError, SceneError
 from renderer.film import (
@@ -25,7 +25,7 @@ from renderer.film import (
     picture_shape,
     require_encoder,
     sidecar_of,
-    staged_together,
+    staged_files,
     write_sidecar,
 )
 from renderer.scene import OutputSpec
@@ -44,7 +44,7 @@ def assemble_film(
     picked, problems = pick(parts, numbers)
     sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
     with taken(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
-        cause = None if problems else cause_of_parts(picked, output)
+        cause = None if problems else parts_fingerprint(picked, output)
         if cause is not None and not force and _is_there(sidecar, cause, picked, output):
             if not quiet:
                 click.echo(f"{output.file} is up to date; --force puts it together again", err=True)
@@ -56,7 +56,7 @@ def assemble_film(
         notes = [*write(picked, output, folder, defer_interrupts, quiet=quiet), *part_notes(picked)]
         record = merged_record(picked, output, time.perf_counter() - start) | {"notes": notes}
         if cause is not None:
-            record |= cause_record(cause, output)
+            record |= fingerprint_record(cause, output)
         write_sidecar(sidecar, record, folder)
     if not quiet:
         num_parts = len(parts_of(picked))
@@ -67,12 +67,12 @@ def assemble_film(
         click.echo(f"how it was made: {sidecar}")
 
 
-def _is_there(sidecar: Path, cause: Cause, picked: Sequence[Picked], output: OutputSpec) -> bool:
+def _is_there(sidecar: Path, cause: JobFingerprint, picked: Sequence[PickedFrame], output: OutputSpec) -> bool:
     """Whether the film is there, of the very pictures that the parts tell of.
 
     They need not be the same each time a part is drawn: on a budget of time they depend on the clock.
     """
-    before = made_before(sidecar, output)
+    before = read_recorded_film(sidecar, output)
     if before is None or not before.is_up_to_date(cause, output, [frame.number for frame in picked]):
         return False
     digests = [record.get("digest") for record in before.records]
@@ -80,7 +80,7 @@ def _is_there(sidecar: Path, cause: Cause, picked: Sequence[Picked], output: Out
 
 
 def _encode(
-    picked: Sequence[Picked], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
+    picked: Sequence[PickedFrame], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
 ) -> Sequence[str]:
     """A film of the pictures; notes about it."""
     numbers = [frame.number for frame in picked]
@@ -90,7 +90,7 @@ def _encode(
     return film.notes
 
 
-def _decoded(frame: Picked, content: bytes) -> Pixels:
+def _decoded(frame: PickedFrame, content: bytes) -> Pixels:
     try:
         return Picture(png=content).pixels
     except ValueError as error:
@@ -99,17 +99,17 @@ def _decoded(frame: Picked, content: bytes) -> Pixels:
 
 
 def _copy(
-    picked: Sequence[Picked], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
+    picked: Sequence[PickedFrame], output: OutputSpec, folder: Path, finishing: Callable[[], None], *, quiet: bool
 ) -> Sequence[str]:
     """The same files under the names of the output, all at the end."""
-    with staged_together(folder) as write:
+    with staged_files(folder) as write:
         for frame, content in _contents(picked, output, quiet=quiet):
             write(frame_path(output.file, frame.number), content)
         finishing()
     return ()
 
 
-def _contents(picked: Sequence[Picked], output: OutputSpec, *, quiet: bool) -> Iterator[tuple[Picked, bytes]]:
+def _contents(picked: Sequence[PickedFrame], output: OutputSpec, *, quiet: bool) -> Iterator[tuple[PickedFrame, bytes]]:
     with progress(len(picked), label=output.file.name, quiet=quiet) as bar:
         for frame in picked:
             with explained(frame.file):

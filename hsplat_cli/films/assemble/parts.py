@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.films.assemble.told import told_problems
-from hsplat_cli.scenes import Sidecar, matches, sidecar_in
+from hsplat_cli.films.assemble.part_schema import part_problems
+from hsplat_cli.scenes import Sidecar, matches, parse_sidecar
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film import Record, film_beside, frame_path, is_record
+from renderer.film import Record, film_path_of_sidecar, frame_path, is_frame_record
 from renderer.scene import MAX_FRAMES, OUTPUT_FILE, ErrorSpec, Node, read_content
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
@@ -60,7 +60,7 @@ def find_parts(names: Sequence[str]) -> list[Part]:
     parts: dict[Path, Part] = {}
     problems: list[Problem] = []
     for name in names:
-        for path in _expanded(name, problems):
+        for path in _expand_name(name, problems):
             for part in _parts_at(path, problems):
                 parts[part.path.resolve()] = part
     if problems:
@@ -68,7 +68,7 @@ def find_parts(names: Sequence[str]) -> list[Part]:
     return sorted(parts.values(), key=lambda part: (part.records[0]["frame"], str(part.path)))
 
 
-def _expanded(name: str, problems: list[Problem]) -> list[Path]:
+def _expand_name(name: str, problems: list[Problem]) -> list[Path]:
     """What a glob matches; any other name as it is."""
     try:
         return matches(name)
@@ -95,7 +95,7 @@ def _parts_at(path: Path, problems: list[Problem]) -> Iterator[Part]:
 def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Part]:
     try:
         content = read_content(path)
-        sidecar = sidecar_in(content, path)
+        sidecar = parse_sidecar(content, path)
     except SceneError as error:
         problems.extend(error.problems)
         return
@@ -111,13 +111,13 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     data = json.loads(content)
     wrong = [*sidecar.problems, *_file_problems(sidecar)] or [
         *_record_problems(data),
-        *told_problems(data),
+        *part_problems(data),
         *_path_problems(sidecar),
     ]
     if wrong:
         problems.extend(replace(problem, place=str(path)) for problem in wrong)
         return
-    yield Part(path, data, sidecar.original.asked, film_beside(path, file))
+    yield Part(path, data, sidecar.original.asked, film_path_of_sidecar(path, file))
 
 
 def _problem(error: InputError, place: str) -> Problem:
@@ -140,7 +140,7 @@ def _file_problems(sidecar: Sidecar) -> list[Problem]:
 def _record_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
     """Of the first frame that says too little: the others may for the same reason."""
     for index, record in enumerate(data["frames"]):
-        if not is_record(record, has_digest=False):
+        if not is_frame_record(record, has_digest=False):
             expected = "tolerance, cells, splats and seconds, as this version writes them"
             yield Problem(f"frames.{index}", "a frame with too little about it", expected=expected)
             return

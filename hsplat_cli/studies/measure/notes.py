@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from renderer.study import Measurement
 
 # Smaller setbacks are not told: they are below the digits that are shown.
-_LEAST_SETBACK = {"psnr": 0.01, "ssim": 1e-4, "flip": 1e-4}
+_MIN_SETBACK = {"psnr": 0.01, "ssim": 1e-4, "flip": 1e-4}
 
 
 def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
@@ -41,7 +41,7 @@ def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
     return notes
 
 
-def monotony_notes(measurements: Sequence[Measurement]) -> list[str]:
+def monotonicity_notes(measurements: Sequence[Measurement]) -> list[str]:
     """Which series do not always get better as the tolerance falls, by which metric, and by how much at worst."""
     from renderer.study import METRICS, setbacks
 
@@ -53,10 +53,10 @@ def monotony_notes(measurements: Sequence[Measurement]) -> list[str]:
     for name, points in series.items():
         points.sort(key=lambda point: -float(point.setting.options["tolerance"]))
         for metric in METRICS:
-            if metric.name not in _LEAST_SETBACK:
+            if metric.name not in _MIN_SETBACK:
                 continue
             values = [float(getattr(point.overall.everywhere, metric.name)) for point in points]
-            worse = setbacks(values, higher_is_better=metric.higher_is_better, least=_LEAST_SETBACK[metric.name])
+            worse = setbacks(values, higher_is_better=metric.higher_is_better, least=_MIN_SETBACK[metric.name])
             if worse:
                 at = max(worse, key=lambda i: abs(values[i] - values[i - 1]))
                 unit = f" {metric.unit}" if metric.unit else ""

@@ -14,11 +14,11 @@ from renderer.scene import ErrorSpec, Scene, SplatSpec, Want, did_you_mean, list
 T = TypeVar("T")
 
 # The finest mesh of a Gouraud footprint that a scene may ask for.
-_MOST_ANGULAR, _MOST_RADIAL = 64, 32
+_MAX_ANGULAR, _MAX_RADIAL = 64, 32
 
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
 _CORRECTIONS = {"on": True, "off": False}
-_NO_CORRECTION = "the integrated footprint has no opacity correction that could be off; it is measured as it is"
+_NO_CORRECTION_NOTE = "the integrated footprint has no opacity correction that could be off; it is measured as it is"
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measur
     footprint_names = ["gaussian", "gouraud", "gouraud:12x4", "integrated"]
     shapes = _items("--footprints", footprints, lambda word: _footprint(word, scene.splat), footprint_names)
     pairs = _items("--measures", measures, _MEASURES.get, list(_MEASURES))
-    splats = [_corrected(shape, is_on) for is_on in are_corrected for shape in shapes]
-    is_without = not any(are_corrected) and any(shape.footprint == "integrated" for shape in shapes)
+    splats = [_with_correction(shape, is_on) for is_on in are_corrected for shape in shapes]
+    needs_correction_note = not any(are_corrected) and any(shape.footprint == "integrated" for shape in shapes)
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
         splats=tuple(dict.fromkeys(splats)),
         tolerances=None if tolerances is None else _items("--tolerances", tolerances, _tolerance, ["0.5", "0.1", "0"]),
-        notes=(_NO_CORRECTION,) * is_without,
+        notes=(_NO_CORRECTION_NOTE,) * needs_correction_note,
     )
 
 
@@ -94,12 +94,12 @@ def _footprint(word: str, splat: SplatSpec) -> SplatSpec | None:
     if match is None:
         return None
     angular, radial = map(int, match.groups())
-    if not (3 <= angular <= _MOST_ANGULAR and 1 <= radial <= _MOST_RADIAL):
+    if not (3 <= angular <= _MAX_ANGULAR and 1 <= radial <= _MAX_RADIAL):
         return None
     return replace(splat, footprint="gouraud", angular=angular, radial=radial)
 
 
-def _corrected(splat: SplatSpec, is_on: bool) -> SplatSpec:
+def _with_correction(splat: SplatSpec, is_on: bool) -> SplatSpec:
     return splat if splat.footprint == "integrated" else replace(splat, opacity_correction=is_on)
 
 

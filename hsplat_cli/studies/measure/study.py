@@ -13,12 +13,12 @@ from typing import Any
 import click
 
 from hsplat_cli.executors import open_rasterizer
-from hsplat_cli.films import find_truths, nothing_to_measure
-from hsplat_cli.reports import check_writable, require_page_packages, terminal_table, write_study
-from hsplat_cli.scenes import read_guarded
-from hsplat_cli.studies.measure.notes import monotony_notes, scene_notes
+from hsplat_cli.films import find_truths, nothing_visible_error
+from hsplat_cli.reports import require_page_packages, require_writable_files, terminal_table, write_study
+from hsplat_cli.scenes import read_volume_guarded
+from hsplat_cli.studies.measure.notes import monotonicity_notes, scene_notes
 from hsplat_cli.studies.measure.options import Sweep
-from hsplat_cli.studies.measure.stage import prepared
+from hsplat_cli.studies.measure.prepare import prepared
 from hsplat_cli.studies.peers.vtk_peer import (
     check_vtk,
     describe_vtk,
@@ -26,13 +26,13 @@ from hsplat_cli.studies.peers.vtk_peer import (
     vtk_settings,
     with_transparent_border,
 )
-from hsplat_cli.terminal import PeakMemory, counted, describe_machine, progress, tell_first_run
+from hsplat_cli.terminal import PeakMemory, counted, describe_machine, progress, report_first_run
 from renderer.errors import HsplatError
 from renderer.frame import Stage, view_of
 from renderer.scene import Scene, scene_to_dict
 from renderer.study import (
     Measurement,
-    Planned,
+    PlannedSetting,
     Study,
     Truth,
     is_loop,
@@ -43,7 +43,7 @@ from renderer.study import (
     splat_setting,
     spread_frames,
 )
-from renderer.transfer import make_transfer
+from renderer.transfer import make_transfer_function
 from renderer.view import View
 from renderer.volume import Volume
 
@@ -76,10 +76,10 @@ def run_study(request: Request) -> None:
     scene = request.scene
     require_page_packages()
     require_measuring_packages()
-    check_writable(request.folder)
+    require_writable_files(request.folder)
     if request.peer:
         check_vtk(scene)
-    tell_first_run(quiet=request.quiet)
+    report_first_run(quiet=request.quiet)
     needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
     with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # tried before a voxel is read
         machine = describe_machine(rasterizer.renderer_name)
@@ -93,7 +93,7 @@ def run_study(request: Request) -> None:
     truths, records = find_truths(stage, frames, request.truth_tolerance, quiet=request.quiet)
     del stage  # one pyramid at a time is in memory
     if not any(truth.on_volume.any() for truth in truths):
-        raise nothing_to_measure(len(truths))
+        raise nothing_visible_error(len(truths))
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
     try:
@@ -114,7 +114,7 @@ def run_study(request: Request) -> None:
             truth_tolerance=request.truth_tolerance,
             truths=tuple(records),
             measurements=tuple(measurements),
-            notes=(*notes, *monotony_notes(measurements)),
+            notes=(*notes, *monotonicity_notes(measurements)),
         )
         _write_and_print(study, request.folder)
     if end:
@@ -123,10 +123,12 @@ def run_study(request: Request) -> None:
 
 def _volume(request: Request) -> Volume:
     """The scene's volume; its border is transparent where a peer is measured whose volumes end earlier."""
-    volume = read_guarded(request.scene.volume)
+    volume = read_volume_guarded(request.scene.volume)
     if request.peer is None:
         return volume
-    return with_transparent_border(volume, make_transfer(request.scene.transfer_function, volume.finest_spacing))
+    return with_transparent_border(
+        volume, make_transfer_function(request.scene.transfer_function, volume.finest_spacing)
+    )
 
 
 def _measurements(
@@ -141,12 +143,14 @@ def _measurements(
     if request.peer:
         work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
     with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:
-        for measurement in chain(_own(request, plan, volume, truths), _peer(request, volume, truths, views)):
+        for measurement in chain(_own(request, plan, volume, truths), _measure_peer(request, volume, truths, views)):
             yield measurement
             bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
 
 
-def _own(request: Request, plan: Sequence[Planned], volume: Volume, truths: Sequence[Truth]) -> Iterator[Measurement]:
+def _own(
+    request: Request, plan: Sequence[PlannedSetting], volume: Volume, truths: Sequence[Truth]
+) -> Iterator[Measurement]:
     """One pyramid at a time is in memory; pictures known to be equal are drawn once.
 
     Every setting has a GL context of its own: a software driver keeps what the largest picture took, which would be
@@ -175,12 +179,14 @@ def _pyramid_key(scene: Scene) -> Hashable:
     return scene.error.measure, scene.error.of, scene.splat.footprint == "integrated"
 
 
-def _peer(request: Request, volume: Volume, truths: Sequence[Truth], views: Sequence[View]) -> Iterator[Measurement]:
+def _measure_peer(
+    request: Request, volume: Volume, truths: Sequence[Truth], views: Sequence[View]
+) -> Iterator[Measurement]:
     if request.peer is None:
         return
     yield from measure_vtk(
         volume,
-        make_transfer(request.scene.transfer_function, volume.finest_spacing),
+        make_transfer_function(request.scene.transfer_function, volume.finest_spacing),
         views,
         truths,
         request.scene.output.background,

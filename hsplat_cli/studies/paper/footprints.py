@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Pixels, Row, Table
-from hsplat_cli.studies.paper.studio import Studio, transfer_of, with_splat
+from hsplat_cli.studies.paper.figure_renderer import Studio, transfer_of, with_splat
+from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Pixels, Row, Table
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Stage, view_of
@@ -23,9 +23,9 @@ Float64 = npt.NDArray[np.float64]
 # Angular and radial subdivisions of the fans.
 SUBDIVISIONS = ((4, 1), (6, 2), (8, 3), (12, 5), (16, 8), (32, 16))
 # Fans of at least so many triangles are expected to keep a splat's integral to this share.
-FINE_ENOUGH, INTEGRAL_SHARE = 40, 0.05
+MIN_TRIANGLES, MAX_INTEGRAL_ERROR = 40, 0.05
 # Of the peak; the finest fan is expected to be this near to the smooth profile.
-SMOOTH_SHARE = 0.02
+MAX_DEVIATION = 0.02
 # Rings of pixels, by their distance from the centre, in which the plot shows mean, least and largest.
 NUM_RINGS = 48
 
@@ -101,20 +101,20 @@ def measure(scene: Scene, studio: Studio) -> Footprints:
 def judge(numbers: Footprints) -> tuple[Claim, ...]:
     """What the numbers say of the paper's claims."""
     deviations = [fan.deviation for fan in numbers.fans]
-    fine = [abs(fan.integral_error) for fan in numbers.fans if fan.num_triangles >= FINE_ENOUGH]
+    fine = [abs(fan.integral_error) for fan in numbers.fans if fan.num_triangles >= MIN_TRIANGLES]
     return (
         Claim(
             "A splat can be drawn as a collection of Gouraud-shaded polygons, and the more of them the nearer it comes "
             "to a smooth Gaussian footprint.",
-            f"the largest deviation falls with every subdivision, and is under {SMOOTH_SHARE:.0%} of the peak at last",
+            f"the largest deviation falls with every subdivision, and is under {MAX_DEVIATION:.0%} of the peak at last",
             " > ".join(f"{deviation:.1%}" for deviation in deviations),
-            all(after < before for before, after in pairwise(deviations)) and deviations[-1] < SMOOTH_SHARE,
+            all(after < before for before, after in pairwise(deviations)) and deviations[-1] < MAX_DEVIATION,
         ),
         Claim(
             "A few dozen triangles are enough for a splat to add what it should to the picture.",
-            f"with {FINE_ENOUGH} triangles or more the integral is right within {INTEGRAL_SHARE:.0%}",
+            f"with {MIN_TRIANGLES} triangles or more the integral is right within {MAX_INTEGRAL_ERROR:.0%}",
             f"at most {max(fine):.2%} off",
-            max(fine) < INTEGRAL_SHARE,
+            max(fine) < MAX_INTEGRAL_ERROR,
         ),
     )
 
@@ -169,7 +169,7 @@ def _caption(item: Footprint) -> str:
 
 
 def _profiles(numbers: Footprints) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot
+    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
 
     plot, axes = new_plot("distance from the centre, standard deviations", "alpha")
     shown: Sequence[Footprint] = [fan for fan in numbers.fans if fan.name in ("fan 4 x 1", "fan 8 x 3", "fan 32 x 16")]
@@ -187,7 +187,7 @@ def _profiles(numbers: Footprints) -> Chart:
 
 
 def _meshes(scene: Scene) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plots
+    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plots
 
     plot, all_axes = new_plots(len(SUBDIVISIONS), side=1.6)
     for axes, (angular, radial) in zip(all_axes, SUBDIVISIONS, strict=True):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.studies.paper.studio import Studio, transfer_of, with_error, with_splat
+from hsplat_cli.studies.paper.figure_renderer import Studio, transfer_of, with_error, with_splat
+from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Stage, view_of
@@ -20,13 +20,13 @@ from renderer.truth import integrate
 INSIDE_SHARE = 0.5
 # Verdicts are on the levels with at least this many cells along the shortest side: fewer are mostly border, which
 # footprints blur over a cell's width whatever their opacity is.
-LEAST_CELLS = 4
+MIN_CELLS = 4
 # Of voxels, so that verdicts are on two levels or more.
-LEAST_SIDE = 2 * LEAST_CELLS
+MIN_SIDE_VOXELS = 2 * MIN_CELLS
 # Of alpha, in the mean over the inside.
-AGREES = 0.03
+AGREEMENT_TOLERANCE = 0.03
 # Without correction, the coarsest level judged is expected to be so many times as far from level 0 as with.
-TIMES_AS_FAR = 5.0
+MIN_ERROR_RATIO = 5.0
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Distance:
 
 @dataclass(frozen=True)
 class Levels:
-    """From level 0 to the root. num_judged: levels with LEAST_CELLS cells or more along the shortest side."""
+    """From level 0 to the root. num_judged: levels with MIN_CELLS cells or more along the shortest side."""
 
     corrected: tuple[Distance, ...]
     uncorrected: tuple[Distance, ...]
@@ -70,7 +70,7 @@ def make(scene: Scene, studio: Studio) -> Figure:
             _table("Without correction, against level 0", levels.uncorrected),
         ),
         notes=(
-            f"Verdicts are on levels 0 to {levels.num_judged - 1}, with {LEAST_CELLS} cells or more along the shortest "
+            f"Verdicts are on levels 0 to {levels.num_judged - 1}, with {MIN_CELLS} cells or more along the shortest "
             "side. Coarser ones are mostly border, blurred over the width of a cell with and without correction.",
         ),
     )
@@ -82,11 +82,11 @@ def measure(scene: Scene, studio: Studio) -> Levels:
     values = stage.volume.values
     if values.min() != values.max():
         raise InputError("figure 4 is of a volume of one material", hint="volume.procedural: {name: constant, ...}")
-    if min(stage.volume.shape_xyz) < LEAST_SIDE:
+    if min(stage.volume.shape_xyz) < MIN_SIDE_VOXELS:
         raise InputError(
             "figure 4 compares levels, and this volume is too small for two of them",
             got=" x ".join(map(str, stage.volume.shape_xyz)) + " voxels",
-            expected=f"{LEAST_SIDE} or more along every side",
+            expected=f"{MIN_SIDE_VOXELS} or more along every side",
         )
     alpha = integrate(stage.volume, transfer_of(stage), view_of(stage, 0), step_voxels=1.0)[..., 3]
     if not alpha.any():
@@ -98,7 +98,7 @@ def measure(scene: Scene, studio: Studio) -> Levels:
     inside = way >= INSIDE_SHARE * way.max()
     corrected, row = _drawn(with_splat(stage, opacity_correction=True), inside, studio)
     uncorrected, row_without = _drawn(with_splat(stage, opacity_correction=False), inside, studio)
-    num_judged = (min(stage.volume.shape_xyz) // LEAST_CELLS).bit_length()
+    num_judged = (min(stage.volume.shape_xyz) // MIN_CELLS).bit_length()
     return Levels(
         corrected, uncorrected, num_judged, (Row("With correction", row), Row("Without correction", row_without))
     )
@@ -113,19 +113,20 @@ def judge(levels: Levels) -> tuple[Claim, ...]:
     return (
         Claim(
             "With opacity correction a constant volume looks alike at every level of the pyramid.",
-            f"the mean alpha of the inside is that of level 0 within {AGREES:g}, at levels 0 to {coarsest.level}",
+            f"the mean alpha of the inside is that of level 0 within {AGREEMENT_TOLERANCE:g}, "
+            f"at levels 0 to {coarsest.level}",
             f"at most {max(off):.4f} off (level 0: {corrected[0].mean_alpha:.4f}); RGB differs by {coarsest.rmse:.4f} "
             f"(RMS) at level {coarsest.level}",
-            max(off) < AGREES,
+            max(off) < AGREEMENT_TOLERANCE,
         ),
         Claim(
             "Without it, the volume fades as the level rises.",
             f"the mean alpha of the inside falls from level to level, and level {coarsest.level} is at least "
-            f"{TIMES_AS_FAR:g} times as far from level 0 as with correction",
+            f"{MIN_ERROR_RATIO:g} times as far from level 0 as with correction",
             f"mean alphas {', '.join(f'{distance.mean_alpha:.3f}' for distance in uncorrected)}; at level "
             f"{coarsest.level} RGB differs by {coarsest_without.rmse:.4f} (RMS), {times:.1f} times as much as with "
             "correction",
-            bool(np.all(np.diff([distance.mean_alpha for distance in uncorrected]) < 0) and times >= TIMES_AS_FAR),
+            bool(np.all(np.diff([distance.mean_alpha for distance in uncorrected]) < 0) and times >= MIN_ERROR_RATIO),
         ),
     )
 
@@ -174,7 +175,7 @@ def _table(caption: str, distances: tuple[Distance, ...]) -> Table:
 
 
 def _chart(levels: Levels) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot
+    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
 
     plot, axes = new_plot("level", "mean alpha of the inside")
     for distances, color, label in (

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.reports import short_count_text
-from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.studies.paper.studio import Studio, transfer_of, with_error
+from hsplat_cli.studies.paper.figure_renderer import Studio, transfer_of, with_error
+from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Stage, finest_level_at
@@ -22,29 +22,29 @@ from renderer.study import over_background, single
 Float64 = npt.NDArray[np.float64]
 
 # Tolerances, as multiples of the scene's.
-FACTORS = (8.0, 4.0, 1.0, 0.25)
+TOLERANCE_FACTORS = (8.0, 4.0, 1.0, 0.25)
 # Cells are counted in blocks of 2^BLOCK_LEVEL voxels a side.
 BLOCK_LEVEL = 4
 # A cut of fewer cells has hardly begun to be refined anywhere.
-LEAST_CELLS = 100
+MIN_CELLS = 100
 # The quarter of the blocks in which the data vary most are expected to have so many times the cells of that where they
 # vary least.
-TIMES_THE_CELLS = 4.0
+MIN_CELL_RATIO = 4.0
 
 
 @dataclass(frozen=True)
 class Octree:
     """One cut. cells_by_level: from level 0 to the root.
 
-    cells_where_steady, cells_where_varied: a block's, in the mean over the quarter of the visible blocks in which the
-    opacity of the data varies least and most; a cell of many blocks counts in each with its share.
+    cells_low_variation, cells_high_variation: a block's, in the mean over the quarter of the visible blocks in which
+    the opacity of the data varies least and most; a cell of many blocks counts in each with its share.
     """
 
     tolerance: float
     cells_by_level: tuple[int, ...]
     psnr_db: float
-    cells_where_steady: float
-    cells_where_varied: float
+    cells_low_variation: float
+    cells_high_variation: float
 
     @property
     def num_cells(self) -> int:
@@ -54,9 +54,9 @@ class Octree:
     @property
     def times(self) -> float:
         """How many times the cells there are where the data vary; 1 where there are none in either."""
-        if not self.cells_where_steady:
-            return math.inf if self.cells_where_varied else 1.0
-        return self.cells_where_varied / self.cells_where_steady
+        if not self.cells_low_variation:
+            return math.inf if self.cells_high_variation else 1.0
+        return self.cells_high_variation / self.cells_low_variation
 
 
 @dataclass(frozen=True)
@@ -105,23 +105,23 @@ def measure(scene: Scene, studio: Studio) -> Octrees:
     visible = np.flatnonzero(variation >= 0)
     if not visible.size:
         raise InputError("figure 5 is of something visible", hint="raise the opacities of the transfer function")
-    by_variation = visible[np.argsort(variation.reshape(-1)[visible], kind="stable")]
-    quarter = max(1, len(by_variation) // 4)
+    blocks_by_variation = visible[np.argsort(variation.reshape(-1)[visible], kind="stable")]
+    quarter = max(1, len(blocks_by_variation) // 4)
     octrees, plain, overlaid = [], [], []
-    for factor in FACTORS:
+    for factor in TOLERANCE_FACTORS:
         tolerance = factor * base
         drawn = with_error(stage, tolerance=((0, tolerance),))
         without = studio.draw(replace(drawn, scene=replace(drawn.scene, overlay="none")))
         with_lines = studio.draw(replace(drawn, scene=replace(drawn.scene, overlay="octree")))
         cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(drawn, tolerance))
-        in_blocks = _cells_in_blocks(cut, variation.shape).reshape(-1)
+        cells_per_block = _cells_in_blocks(cut, variation.shape).reshape(-1)
         octrees.append(
             Octree(
                 tolerance,
                 tuple(np.bincount(cut.levels, minlength=stage.pyramid.num_levels + 1).tolist()),
                 single("psnr", over_background(without.radiance, background), truth),
-                float(in_blocks[by_variation[:quarter]].mean()),
-                float(in_blocks[by_variation[-quarter:]].mean()),
+                float(cells_per_block[blocks_by_variation[:quarter]].mean()),
+                float(cells_per_block[blocks_by_variation[-quarter:]].mean()),
             )
         )
         overlaid.append(Picture(with_lines.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
@@ -135,7 +135,7 @@ def judge(numbers: Octrees) -> tuple[Claim, ...]:
     octrees = numbers.octrees
     is_finer = all(after.num_cells > before.num_cells for before, after in pairwise(octrees))
     is_better = all(after.psnr_db > before.psnr_db for before, after in pairwise(octrees))
-    refined = [octree for octree in octrees if octree.num_cells >= LEAST_CELLS]
+    refined = [octree for octree in octrees if octree.num_cells >= MIN_CELLS]
     return (
         Claim(
             "As the tolerated error falls the octree gets more cells, and the picture nearer to the exact one.",
@@ -145,10 +145,10 @@ def judge(numbers: Octrees) -> tuple[Claim, ...]:
         ),
         Claim(
             "The octree is refined where the data vary, and stays coarse where they are steady.",
-            f"in every octree of {LEAST_CELLS} cells or more, the quarter of the blocks where the data vary most has "
-            f"{TIMES_THE_CELLS:g} times as many cells as that where they vary least, or more",
+            f"in every octree of {MIN_CELLS} cells or more, the quarter of the blocks where the data vary most has "
+            f"{MIN_CELL_RATIO:g} times as many cells as that where they vary least, or more",
             ", ".join(f"{counted(octree.num_cells, 'cell')} {octree.times:.1f} times" for octree in octrees),
-            bool(refined) and all(octree.times >= TIMES_THE_CELLS for octree in refined),
+            bool(refined) and all(octree.times >= MIN_CELL_RATIO for octree in refined),
         ),
     )
 
@@ -203,8 +203,8 @@ def _table(numbers: Octrees) -> Table:
                 *map(str, octree.cells_by_level),
                 f"{octree.num_cells}",
                 f"{octree.psnr_db:.2f}",
-                f"{octree.cells_where_steady:.2f}",
-                f"{octree.cells_where_varied:.1f}",
+                f"{octree.cells_low_variation:.2f}",
+                f"{octree.cells_high_variation:.1f}",
                 f"{octree.times:.1f}",
             )
             for octree in numbers.octrees
@@ -213,7 +213,7 @@ def _table(numbers: Octrees) -> Table:
 
 
 def _chart(numbers: Octrees) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot
+    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
 
     plot, axes = new_plot("level", "cells")
     for color, octree in zip(SERIES, numbers.octrees, strict=False):

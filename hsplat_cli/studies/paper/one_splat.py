@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.studies.paper.studio import OPAQUE, Studio, transfer_of, with_error, with_splat
+from hsplat_cli.studies.paper.figure_renderer import OPAQUE, Studio, transfer_of, with_error, with_splat
+from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Row, Table
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Frame
@@ -17,9 +17,9 @@ from renderer.scene import MAX_LEVEL, ProceduralSource, Scene
 
 SIDES = (1, 2, 4, 8, 16, 32)
 # Of an optical depth: what float16 in the pyramid and float32 in the picture leave, ten times over.
-AGREES = 0.005
+AGREEMENT_TOLERANCE = 0.005
 # Of the optical depth of a whole picture: footprints end where 0.2 % of them is left, and pixels sample them.
-AGREES_IN_TOTAL = 0.01
+TOTAL_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -97,22 +97,23 @@ def judge(splats: Splats) -> tuple[Claim, ...]:
         Claim(
             "The transparency of a splat that stands for cells of twice the side is squared, again and again: "
             "1 - a_2 = (1 - a_1)^2.",
-            f"for n voxels in depth, 1 - alpha is (1 - alpha of one voxel)^n, within {AGREES:.1%} of the exponent",
+            f"for n voxels in depth, 1 - alpha is (1 - alpha of one voxel)^n, "
+            f"within {AGREEMENT_TOLERANCE:.1%} of the exponent",
             f"exponents {', '.join(f'{ratio:.3f}' for ratio in corrected)}; at most {off:.2%} off",
-            off < AGREES,
+            off < AGREEMENT_TOLERANCE,
         ),
         Claim(
             "Without the correction a splat is as faint for a large block of voxels as for a single one.",
-            f"alpha is the same for all numbers of voxels, within {AGREES:.1%} of the optical depth",
+            f"alpha is the same for all numbers of voxels, within {AGREEMENT_TOLERANCE:.1%} of the optical depth",
             f"alpha from {min(splats.uncorrected):.4f} to {max(splats.uncorrected):.4f}; at most {change:.2%} off",
-            change < AGREES,
+            change < AGREEMENT_TOLERANCE,
         ),
         Claim(
             "One splat can stand for a whole block of voxels: it adds as much to the picture as they do.",
             "the optical depth of the whole picture is that of the voxels drawn one by one, within "
-            f"{AGREES_IN_TOTAL:.0%}",
+            f"{TOTAL_TOLERANCE:.0%}",
             f"{', '.join(f'{total:.4f}' for total in splats.totals)} times as much",
-            all(abs(total - 1) < AGREES_IN_TOTAL for total in splats.totals),
+            all(abs(total - 1) < TOTAL_TOLERANCE for total in splats.totals),
         ),
     )
 
@@ -165,7 +166,7 @@ def _table(splats: Splats) -> Table:
 
 
 def _chart(splats: Splats) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot
+    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
 
     plot, axes = new_plot("voxels a side", "alpha in the middle")
     expected = [-math.expm1(side * math.log1p(-splats.corrected[0])) for side in SIDES]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.studies.paper.figure import Chart, Claim, Figure, Picture, Row, Table
-from hsplat_cli.studies.paper.studio import OPAQUE, Studio, with_error, with_splat
+from hsplat_cli.studies.paper.figure_renderer import OPAQUE, Studio, with_error, with_splat
+from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Row, Table
 from renderer.errors import InputError
 from renderer.frame import Stage, view_of
 from renderer.scene import ProceduralSource, Scene
@@ -19,11 +19,11 @@ OPACITIES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 # The one that is drawn as a picture.
 SHOWN_OPACITY = 0.05
 # Of alpha. A lattice of splats ripples by up to 1.1 % of the optical depth, which is 0.004 of alpha at most.
-AGREES = 0.005
+AGREEMENT_TOLERANCE = 0.005
 # Pixels of one voxel each would all sample the ripple at the same place of its period: no mean evens that out.
-LEAST_VOXEL_PX = 1.5
+MIN_VOXEL_PX = 1.5
 # Of alpha: between level 0 and the coarsest one, this is visible at a glance.
-VISIBLE = 0.1
+MIN_VISIBLE_LOSS = 0.1
 
 
 @dataclass(frozen=True)
@@ -119,17 +119,17 @@ def judge(slab: Slab) -> tuple[Claim, ...]:
         Claim(
             "A cell that stands for 2^k voxels in depth needs the opacity 1 - (1 - a)^(2^k); with it, a column is as "
             "opaque at every resolution.",
-            f"at every opacity and level alpha is that of the closed form within {AGREES:g}",
+            f"at every opacity and level alpha is that of the closed form within {AGREEMENT_TOLERANCE:g}",
             f"at most {off:.4f} off",
-            bool(off < AGREES),
+            bool(off < AGREEMENT_TOLERANCE),
         ),
         Claim(
             "Cells that keep the opacity of a voxel make coarse pictures too transparent.",
-            f"alpha is that of too few voxels, within {AGREES:g}, and falls by more than {VISIBLE:g} from level 0 to "
-            f"level {slab.num_levels - 1} at some opacity",
+            f"alpha is that of too few voxels, within {AGREEMENT_TOLERANCE:g}, and falls by more than "
+            f"{MIN_VISIBLE_LOSS:g} from level 0 to level {slab.num_levels - 1} at some opacity",
             f"at most {off_without:.4f} off; at a = {slab.opacities[half]:g} alpha falls from "
             f"{slab.uncorrected[half, 0]:.3f} to {slab.uncorrected[half, -1]:.3f}",
-            bool(off_without < AGREES and loss[half] > VISIBLE),
+            bool(off_without < AGREEMENT_TOLERANCE and loss[half] > MIN_VISIBLE_LOSS),
         ),
     )
 
@@ -149,11 +149,11 @@ def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
     voxel_px = view.scale_px * stage.volume.finest_spacing
     width, height = view.size
     half = round(depth * voxel_px / 2)
-    if voxel_px < LEAST_VOXEL_PX or half > min(width, height) // 2:
+    if voxel_px < MIN_VOXEL_PX or half > min(width, height) // 2:
         raise InputError(
             f"figure 2 is of the middle {depth} x {depth} voxels of a slab, in pixels that are smaller than voxels",
             got=f"voxels of {voxel_px:.3g} pixels in a picture of {width} x {height} pixels",
-            expected=f"voxels of {LEAST_VOXEL_PX:g} pixels or more, {depth} of them in its height and in its width",
+            expected=f"voxels of {MIN_VOXEL_PX:g} pixels or more, {depth} of them in its height and in its width",
             hint="output.size sets how many pixels there are, camera.distance how many voxels they show",
         )
     row, column = height // 2, width // 2
@@ -175,7 +175,7 @@ def _table(slab: Slab, caption: str, alphas: Float64, *, corrected: bool) -> Tab
 
 
 def _chart(slab: Slab) -> Chart:
-    from hsplat_cli.studies.paper.plots import SERIES, new_plot
+    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
 
     plot, axes = new_plot("opacity of a voxel", "opacity of a cell")
     fine = np.linspace(0, 0.999, 400)

@@ -5,25 +5,25 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hsplat_cli.studies.paper.figure import Claim, Figure, Picture, Row, Table
-from hsplat_cli.studies.paper.studio import Studio, with_error
+from hsplat_cli.studies.paper.figure_renderer import Studio, with_error
+from hsplat_cli.studies.paper.paper_figure import Claim, Figure, Picture, Row, Table
 from hsplat_cli.terminal import counted
 from renderer.frame import Stage
 from renderer.scene import Scene
 from renderer.study import DIFFERENCE_GAIN, difference_picture, over_background, single
 
-FIVE_TIMES_A_SECOND, FIVE_SECONDS = 0.2, 5.0
+INTERACTIVE_FRAME_S, REFINED_FRAME_S = 0.2, 5.0
 # What is looked for is a little faster than needed, because no two frames take the same time.
-SPARE = 0.9
+BUDGET_SHARE = 0.9
 # Tolerances between which one is looked for, and how often the ratio between them is halved: to 9 %.
 COARSEST, FINEST, NUM_HALVINGS = 100.0, 1e-3, 7
 QUICK_REPETITIONS, REPETITIONS = 3, 7
 # Timed again, what was found may be too slow: then it is made so many times coarser, and so often.
-COARSER, NUM_TRIES = 1.25, 4
+COARSENING_FACTOR, MAX_TRIES = 1.25, 4
 # An error of a tenth of the brightest, in the root mean square: the large parts are where they belong.
 USEFUL_DB = 20.0
 # Pictures nearer than this to each other are told apart only side by side.
-ALIKE_DB = 35.0
+INDISTINGUISHABLE_DB = 35.0
 
 
 @dataclass(frozen=True)
@@ -82,17 +82,17 @@ def measure(scene: Scene, studio: Studio) -> Refinement:
     stage = studio.stage(scene)
     background = scene.output.background
     truth = studio.truth(stage)
-    full_seconds = _seconds_at(stage, 0.0, studio, QUICK_REPETITIONS)
+    full_seconds = _frame_seconds_at(stage, 0.0, studio, QUICK_REPETITIONS)
     drawings, seen, pictures, differences = [], [], [], []
     for name, budget in (
-        ("five times a second", FIVE_TIMES_A_SECOND),
-        ("in five seconds", FIVE_SECONDS),
+        ("five times a second", INTERACTIVE_FRAME_S),
+        ("in five seconds", REFINED_FRAME_S),
         ("full resolution", None),
     ):
         if budget is None or full_seconds <= budget:
             tolerance, seconds = 0.0, full_seconds
         else:
-            tolerance, seconds = _finest_within(stage, budget, studio)
+            tolerance, seconds = _finest_tolerance_within(stage, budget, studio)
         frame = studio.draw(with_error(stage, tolerance=((0, tolerance),)))
         seen.append(over_background(frame.radiance, background))
         drawing = Drawing(
@@ -121,7 +121,7 @@ def judge(numbers: Refinement) -> tuple[Claim, ...]:
     return (
         Claim(
             "A picture that is good enough to look around with can be drawn several times a second.",
-            f"a frame takes {FIVE_TIMES_A_SECOND:g} s or less in the median and has {USEFUL_DB:g} dB or more against "
+            f"a frame takes {INTERACTIVE_FRAME_S:g} s or less in the median and has {USEFUL_DB:g} dB or more against "
             "the ray integral",
             f"{quick.seconds:.3f} s, {quick.psnr_db:.1f} dB with {counted(quick.num_splats, 'splat')}",
             quick.fits and quick.psnr_db >= USEFUL_DB,
@@ -135,32 +135,33 @@ def judge(numbers: Refinement) -> tuple[Claim, ...]:
         ),
         Claim(
             "A picture of a few seconds is hardly to be told from that at full resolution.",
-            f"it takes {FIVE_SECONDS:g} s or less, and has {ALIKE_DB:g} dB or more against that at full resolution",
+            f"it takes {REFINED_FRAME_S:g} s or less, and has {INDISTINGUISHABLE_DB:g} dB "
+            "or more against that at full resolution",
             f"{middle.seconds:.2f} s, {alike}",
-            middle.fits and numbers.psnr_to_full_db >= ALIKE_DB,
+            middle.fits and numbers.psnr_to_full_db >= INDISTINGUISHABLE_DB,
         ),
     )
 
 
-def _finest_within(stage: Stage, budget: float, studio: Studio) -> tuple[float, float]:
+def _finest_tolerance_within(stage: Stage, budget: float, studio: Studio) -> tuple[float, float]:
     """The smallest tolerance found whose frames take no longer, and what they take; a coarse one where none does."""
     finest, coarsest = math.log(FINEST), math.log(COARSEST)
     for _ in range(NUM_HALVINGS):
         middle = (finest + coarsest) / 2
-        if _seconds_at(stage, math.exp(middle), studio, QUICK_REPETITIONS) <= SPARE * budget:
+        if _frame_seconds_at(stage, math.exp(middle), studio, QUICK_REPETITIONS) <= BUDGET_SHARE * budget:
             coarsest = middle
         else:
             finest = middle
     tolerance, seconds = 0.0, math.inf
-    for k in range(NUM_TRIES):
-        tolerance = float(f"{math.exp(coarsest) * COARSER**k:.3g}")
-        seconds = _seconds_at(stage, tolerance, studio, REPETITIONS)
+    for k in range(MAX_TRIES):
+        tolerance = float(f"{math.exp(coarsest) * COARSENING_FACTOR**k:.3g}")
+        seconds = _frame_seconds_at(stage, tolerance, studio, REPETITIONS)
         if seconds <= budget:
             break
     return tolerance, seconds
 
 
-def _seconds_at(stage: Stage, tolerance: float, studio: Studio, repetitions: int) -> float:
+def _frame_seconds_at(stage: Stage, tolerance: float, studio: Studio, repetitions: int) -> float:
     return studio.frame_seconds(with_error(stage, tolerance=((0, tolerance),)), repetitions=repetitions)
 
 

@@ -36,7 +36,7 @@ from renderer.study import (
     Truth,
     compare,
     difference_thumbnail,
-    pooled,
+    pool_accuracies,
     thumbnail,
 )
 from renderer.transfer import TransferFunction
@@ -63,8 +63,8 @@ _ERRORS = "errors.txt"
 # VTK's near plane must be in front of the eye; this part of the far plane's depth keeps float32 depths apart.
 _NEAREST_PART = 1e-4
 # A worker that has not finished a frame, or told what VTK it has, for so long is taken for dead.
-_LONGEST_SILENCE_S = 600.0
-_LONGEST_START_S = 120.0
+_FRAME_TIMEOUT_S = 600.0
+_START_TIMEOUT_S = 120.0
 _LONGEST_END_S = 10.0
 _NUM_LAST_LINES = 8
 _TERMINAL_COLOR = re.compile(r"\x1b\[[0-9;]*m")
@@ -105,7 +105,7 @@ def describe_vtk() -> dict[str, str]:
             capture_output=True,
             encoding="utf-8",
             errors="replace",
-            timeout=_LONGEST_START_S,
+            timeout=_START_TIMEOUT_S,
         )
     except subprocess.TimeoutExpired as error:
         raise _failed("VTK does not start", "--peer vtk", f"no answer for {error.timeout:g} s", "") from error
@@ -208,7 +208,7 @@ def measure_vtk(
                     Sample(truth.frame, None, {"draw": seconds}, accuracy)
                     for truth, seconds, accuracy in zip(truths, times, accuracies, strict=True)
                 ),
-                overall=pooled(accuracies),
+                overall=pool_accuracies(accuracies),
                 peak_bytes=None,
                 picture=small[0],
                 difference=small[1],
@@ -221,7 +221,7 @@ def _folder(
 ) -> Iterator[Path]:
     """What the worker reads, in a folder that is gone after the block."""
     finest = volume.finest_spacing
-    voxels, lowest, half_span = _for_vtk(volume.values)
+    voxels, lowest, half_span = _convert_voxels(volume.values)
     points = _points(transfer, finest)
     points[:, 0] = (points[:, 0] / 2 - lowest / 2) / half_span
     job = {
@@ -239,7 +239,7 @@ def _folder(
         yield folder
 
 
-def _for_vtk(values: Array) -> tuple[Array, float, float]:
+def _convert_voxels(values: Array) -> tuple[Array, float, float]:
     """Voxels as VTK draws them, and the (lowest, half the span) for which they are `(value - lowest) / span`.
 
     Types that it has no texture for become float32 in [0, 1], so that values far from 0 keep their differences. All is
@@ -336,7 +336,7 @@ class _Worker:
             hung.set()
             self._process.kill()
 
-        silence = threading.Timer(_LONGEST_SILENCE_S, give_up)
+        silence = threading.Timer(_FRAME_TIMEOUT_S, give_up)
         silence.start()
         try:
             self._process.stdin.write(json.dumps({"setting": setting, "camera": camera}) + "\n")
@@ -357,7 +357,7 @@ class _Worker:
     def _failure(self, setting: dict[str, Any], *, hung: bool) -> RenderError:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_LONGEST_END_S)  # its answers have ended, it is about to
-        end = f"no answer for {_LONGEST_SILENCE_S:g} s" if hung else f"exit status {self._process.returncode}"
+        end = f"no answer for {_FRAME_TIMEOUT_S:g} s" if hung else f"exit status {self._process.returncode}"
         words = (self._folder / _ERRORS).read_text(encoding="utf-8", errors="replace")
         where = f"vtk {setting['mapper']}, step {setting['sample_distance']:g}"
         return _failed("VTK failed to draw a frame", where, end, words)

@@ -16,33 +16,33 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BrickBatch, toward_light
-from renderer.draw.brick_store import BrickStore
-from renderer.draw.brick_view import BrickPicture
+from renderer.draw.brick_store import BrickCache
+from renderer.draw.brick_view import BrickView
 from renderer.draw.cpu.atlas import CPUAtlas
-from renderer.draw.cpu.march import Boxes, Float64, Int64, Rays, bin_boxes, draw_tiles
+from renderer.draw.cpu.march import Boxes, Float64, Int64, Rays, bin_bricks, draw_tiles
 from renderer.draw.cpu.sample import Field, Float32
 from renderer.draw.subsampling import interpolated, num_nodes, refined
 from renderer.scene import ShadingSpec
 from renderer.threads import Threads
-from renderer.transfer import OpticalPieces
-from renderer.view import View, ray_frame
+from renderer.transfer import PiecewiseTransfer
+from renderer.view import View, ray_setup
 
 # Nodes along a tile's sides, where every pixel is one, and where few are. Tiles of 16 draw each brick more often, tiles
 # of 64 share their rays with no cache.
-SIDE_OF_ALL, SIDE_OF_FEW = 32, 16
+TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
 # Tasks of a thread, each of tiles side by side, which have bricks in common.
 _TASKS_EACH = 4
 # Of a rectangle's edges; the shaders have the same.
 _ROUNDING_PX = 2e-3
 
 
-class CPUBrickDrawer:
+class CPUBrickRenderer:
     """Draws on so many threads; pictures do not depend on their number. `release` ends them."""
 
     def __init__(self, num_threads: int) -> None:
         self._threads = Threads(num_threads)
-        self._store = BrickStore(partial(CPUAtlas, is_planar=True), CPUAtlas, self._threads)
-        self._pieces: tuple[OpticalPieces, Float32] | None = None
+        self._store = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, self._threads)
+        self._pieces: tuple[PiecewiseTransfer, Float32] | None = None
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Make those bricks of `batch[order]` ready that are not; whether there were any."""
@@ -51,14 +51,14 @@ class CPUBrickDrawer:
     def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float32:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         picture = self._store.begin(batch, order, view)
-        self._store.begin_drawing(picture)
-        strides = batch.thrift.strides
+        self._store.begin_frame(picture)
+        strides = batch.screen_sampling.strides
         columns, rows = num_nodes(view.size, strides[0])
         image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
         self._draw_boxes(picture, strides[0], is_drawn, image)
         for coarse, stride in pairwise(strides):
             shape = num_nodes(view.size, stride)
-            image, is_drawn = refined(image, coarse // stride, batch.thrift.spread, shape, self._threads)
+            image, is_drawn = refined(image, coarse // stride, batch.screen_sampling.spread, shape, self._threads)
             self._draw_boxes(picture, stride, is_drawn, image)
         return image if strides[-1] == 1 else interpolated(image, strides[-1], view.size, self._threads)
 
@@ -71,7 +71,7 @@ class CPUBrickDrawer:
         self.forget()
         self._threads.release()
 
-    def _draw_boxes(self, picture: BrickPicture, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:
+    def _draw_boxes(self, picture: BrickView, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:
         """Group by group, as many as there is room for, each behind what has been drawn before."""
         start = 0
         while start < len(picture.order):
@@ -80,16 +80,16 @@ class CPUBrickDrawer:
             start = end
 
     def _draw_group(
-        self, picture: BrickPicture, group: slice, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32
+        self, picture: BrickView, group: slice, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32
     ) -> None:
         """Some boxes behind what is in the image."""
         boxes, field = self._boxes(picture, group), self._field(picture)
         rows, columns = is_drawn.shape
-        rectangles = _in_nodes(picture.rectangles_px[group], stride, (columns, rows))
-        side = SIDE_OF_ALL if stride == 1 else SIDE_OF_FEW
-        starts, numbers = _bins(rectangles, side, (columns, rows))
+        rectangles = _grid_windows(picture.rectangles_px[group], stride, (columns, rows))
+        side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
+        starts, numbers = _tile_bins(rectangles, side, (columns, rows))
         tiles = np.flatnonzero(starts[1:] > starts[:-1])
-        opaque = np.float32(picture.batch.thrift.opaque)
+        opaque = np.float32(picture.batch.screen_sampling.opaque)
         rays = _rays(picture)
 
         def draw(some: Int64) -> None:
@@ -100,22 +100,22 @@ class CPUBrickDrawer:
         num_tasks = min(len(tiles), _TASKS_EACH * self._threads.num) if self._threads.num > 1 else 1
         self._threads.each(draw, np.array_split(tiles, max(1, num_tasks)))
 
-    def _boxes(self, picture: BrickPicture, group: slice) -> Boxes:
+    def _boxes(self, picture: BrickView, group: slice) -> Boxes:
         """What the loops are told of bricks, which are made ready."""
-        keys, firsts = picture.keys[group], np.empty(len(picture.keys[group]), np.int64)
+        keys, texel_offsets = picture.keys[group], np.empty(len(picture.keys[group]), np.int64)
         for atlas, is_chosen, texels in self._store.kinds(picture):
             chosen = is_chosen[group]
-            firsts[chosen] = atlas.firsts(atlas.place(keys[chosen], texels))
+            texel_offsets[chosen] = atlas.texel_offsets(atlas.place(keys[chosen], texels))
         return Boxes(
             picture.bounds[group],
             picture.corners[group],
             picture.cells_per_voxel[group],
             picture.steps[group],
             picture.is_mean[group],
-            firsts,
+            texel_offsets,
         )
 
-    def _field(self, picture: BrickPicture) -> Field:
+    def _field(self, picture: BrickView) -> Field:
         batch = picture.batch
         (scalars, _, _), (means, _, _) = self._store.kinds(picture)
         shading = batch.shading or ShadingSpec()
@@ -123,7 +123,7 @@ class CPUBrickDrawer:
         return Field(
             scalars.texels,
             means.texels,
-            np.float32(batch.depth_of_spacing),
+            np.float32(batch.spacings_per_model_unit),
             self._pieces_of(batch),
             batch.pieces.guide,
             batch.shading is not None,
@@ -141,14 +141,14 @@ class CPUBrickDrawer:
         return self._pieces[1]
 
 
-def _rays(picture: BrickPicture) -> Rays:
+def _rays(picture: BrickView) -> Rays:
     batch, view = picture.batch, picture.view
-    frame = ray_frame(batch.cut.volume, batch.length, view)
+    frame = ray_setup(batch.cut.volume, batch.length, view)
     center_px = view.size[0] / 2, view.size[1] / 2
     return Rays(frame.origins, frame.directions, float(frame.slope_per_px), float(frame.start), center_px)
 
 
-def _in_nodes(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> Int64:
+def _grid_windows(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> Int64:
     """int64 [n, 4]: left, top, right and bottom of the nodes in rectangles, half-open, and of those that rounding may
     have put outside. Node 0 is the centre of pixel 0. shape: columns and rows of the lattice."""
     most = np.array(shape)
@@ -157,12 +157,12 @@ def _in_nodes(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> In
     return np.hstack([low, high]).astype(np.int64)
 
 
-def _bins(rectangles: Int64, side: int, shape: tuple[int, int]) -> tuple[Int64, Int64]:
-    """As `bin_boxes` has them: where the boxes of each tile begin, and their numbers. shape: as in `_in_nodes`."""
+def _tile_bins(rectangles: Int64, side: int, shape: tuple[int, int]) -> tuple[Int64, Int64]:
+    """As `bin_bricks` has them: where the boxes of each tile begin, and their numbers. shape: as in `_grid_windows`."""
     columns, rows = (-(-n // side) for n in shape)
     starts, numbers = np.empty(columns * rows + 1, np.int64), np.empty(8 * len(rectangles), np.int64)
-    num = bin_boxes(rectangles, side, columns, starts, numbers)
+    num = bin_bricks(rectangles, side, columns, starts, numbers)
     if num > len(numbers):
         numbers = np.empty(num, np.int64)
-        bin_boxes(rectangles, side, columns, starts, numbers)
+        bin_bricks(rectangles, side, columns, starts, numbers)
     return starts, numbers

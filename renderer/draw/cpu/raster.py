@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
-from renderer.draw.cpu.bricks import CPUBrickDrawer
-from renderer.draw.gl.raster import WITHOUT_OPENGL, Image
+from renderer.draw.cpu.bricks import CPUBrickRenderer
+from renderer.draw.gl.raster import CPU_RENDERER_NAME, Image
 from renderer.draw.overlay import CellEdges
 from renderer.splats import SplatBatch
 from renderer.view import View
@@ -18,10 +18,10 @@ from renderer.view import View
 class CPURasterizer:
     """As GLRasterizer, for scenes that do not need OpenGL (`Scene.needs_opengl`): it has nothing but bricks."""
 
-    renderer_name = WITHOUT_OPENGL
+    renderer_name = CPU_RENDERER_NAME
 
     def __init__(self, *, num_threads: int = 2) -> None:
-        self._bricks = CPUBrickDrawer(num_threads)
+        self._bricks = CPUBrickRenderer(num_threads)
 
     def __enter__(self) -> CPURasterizer:
         return self

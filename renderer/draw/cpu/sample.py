@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import SIDE
+from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.jit import fma, jit
 from renderer.transfer import GUIDE_SIZE
 
@@ -21,32 +21,32 @@ Color = tuple[np.float32, np.float32, np.float32, np.float32]
 Shares = tuple[np.float32, np.float32, np.float32]
 
 # Floats of a piece of the transfer function: end, origin, (r, g, b, tau) there, and their slopes.
-PIECE = 10
+PIECE_FLOATS = 10
 # Texels of a brick.
-NUM_TEXELS = SIDE**3
+TEXELS_PER_BRICK = PADDED_BRICK_SIZE**3
 
-_GUIDE_SIZE, _LAST_OF_GUIDE = np.float32(GUIDE_SIZE), np.float32(GUIDE_SIZE - 1)
+_GUIDE_SIZE, _LAST_BUCKET = np.float32(GUIDE_SIZE), np.float32(GUIDE_SIZE - 1)
 # From one texel of a brick to the next along y and z.
-_ROW, _PLANE = SIDE, SIDE**2
+_ROW_STRIDE, _PLANE_STRIDE = PADDED_BRICK_SIZE, PADDED_BRICK_SIZE**2
 
 _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
 _HALF: np.float32 = np.float32(0.5)
 _LOG2_E, _LN_2, _MOST_DEPTH = np.float32(1 / math.log(2)), np.float32(math.log(2)), np.float32(40.0)
-_POWERS = (2.0 ** -np.arange(64.0)).astype(np.float32)
+_POWERS_OF_HALF = (2.0 ** -np.arange(64.0)).astype(np.float32)
 
 
 class Field(NamedTuple):
     """What is looked up.
 
-    scalars: float32, of each brick [SIDE^3], or with light [4, SIDE^3] with the gradient. means: of each [SIDE^3, 4].
-    depth_of_spacing: as in BrickBatch.
-    pieces: float32 [pieces * PIECE]. guide: int32 [GUIDE_SIZE]. Both as in OpticalPieces.
+    scalars: float32, of each brick [PADDED_BRICK_SIZE^3], or with light [4, PADDED_BRICK_SIZE^3] with the gradient.
+    means: of each [PADDED_BRICK_SIZE^3, 4]. spacings_per_model_unit: as in BrickBatch.
+    pieces: float32 [pieces * PIECE_FLOATS]. guide: int32 [GUIDE_SIZE]. Both as in PiecewiseTransfer.
     """
 
     scalars: Float32
     means: Float32
-    depth_of_spacing: np.float32
+    spacings_per_model_unit: np.float32
     pieces: Float32
     guide: Int32
     is_lit: bool
@@ -60,13 +60,13 @@ def bucket(scalar: np.float32) -> np.uint64:
     """Of the guide; what is no number has the first."""
     place = scalar * _GUIDE_SIZE
     place = place if place > _0 else _0
-    place = place if place < _LAST_OF_GUIDE else _LAST_OF_GUIDE
+    place = place if place < _LAST_BUCKET else _LAST_BUCKET
     number: np.uint64 = np.uint64(np.int32(place))
     return number
 
 
 @jit
-def optical_at(pieces: Float32, row: np.uint64, scalar: np.float32) -> Color:
+def evaluate_piece(pieces: Float32, row: np.uint64, scalar: np.float32) -> Color:
     """(tau, r, g, b) of a scalar in the piece that has this row."""
     offset = scalar - pieces[row + np.uint64(1)]
     return (
@@ -82,7 +82,11 @@ def cell_at(number: np.float32, place: Shares, step: Shares) -> tuple[int, Share
     """Of a sample by its number: the texel of the brick at or below it, and how far it is beyond that."""
     x, y, z = fma(number, step[0], place[0]), fma(number, step[1], place[1]), fma(number, step[2], place[2])
     i, j, k = np.int32(x), np.int32(y), np.int32(z)
-    return np.int64((k * SIDE + j) * SIDE + i), (x - np.float32(i), y - np.float32(j), z - np.float32(k))
+    return np.int64((k * PADDED_BRICK_SIZE + j) * PADDED_BRICK_SIZE + i), (
+        x - np.float32(i),
+        y - np.float32(j),
+        z - np.float32(k),
+    )
 
 
 @jit
@@ -94,17 +98,17 @@ def _lerp(share: np.float32, one: np.float32, other: np.float32) -> np.float32:
 def scalar_at(texels: Float32, at: int, shares: Shares) -> np.float32:
     """Between eight texels, the lowest of which is `at`."""
     low = np.uint64(at)
-    high = low + np.uint64(_PLANE)
+    high = low + np.uint64(_PLANE_STRIDE)
     u, v, w = shares
     below = _lerp(
         v,
         _lerp(u, texels[low], texels[low + np.uint64(1)]),
-        _lerp(u, texels[low + np.uint64(_ROW)], texels[low + np.uint64(_ROW + 1)]),
+        _lerp(u, texels[low + np.uint64(_ROW_STRIDE)], texels[low + np.uint64(_ROW_STRIDE + 1)]),
     )
     above = _lerp(
         v,
         _lerp(u, texels[high], texels[high + np.uint64(1)]),
-        _lerp(u, texels[high + np.uint64(_ROW)], texels[high + np.uint64(_ROW + 1)]),
+        _lerp(u, texels[high + np.uint64(_ROW_STRIDE)], texels[high + np.uint64(_ROW_STRIDE + 1)]),
     )
     return _lerp(w, below, above)
 
@@ -142,22 +146,26 @@ def opacity(x: np.float32) -> np.float32:
     power = fma(r, power, np.float32(1 / 6))
     power = fma(r, power, _HALF)
     power = fma(r, fma(r, power, _1), _1)
-    return fma(-power, _POWERS[np.uint64(n)], _1)
+    return fma(-power, _POWERS_OF_HALF[np.uint64(n)], _1)
 
 
 @jit
-def four_at(texels: Float32, at: int, shares: Shares) -> Color:
+def sample_rgba(texels: Float32, at: int, shares: Shares) -> Color:
     """Four channels between eight texels, the lowest of which begins at `at`."""
     low = np.uint64(at)
-    high = low + np.uint64(4 * _PLANE)
+    high = low + np.uint64(4 * _PLANE_STRIDE)
     u, v, w = shares
-    below = _mixed(v, _four_between(u, texels, low), _four_between(u, texels, low + np.uint64(4 * _ROW)))
-    above = _mixed(v, _four_between(u, texels, high), _four_between(u, texels, high + np.uint64(4 * _ROW)))
-    return _mixed(w, below, above)
+    below = _lerp_rgba(
+        v, _lerp_texels_rgba(u, texels, low), _lerp_texels_rgba(u, texels, low + np.uint64(4 * _ROW_STRIDE))
+    )
+    above = _lerp_rgba(
+        v, _lerp_texels_rgba(u, texels, high), _lerp_texels_rgba(u, texels, high + np.uint64(4 * _ROW_STRIDE))
+    )
+    return _lerp_rgba(w, below, above)
 
 
 @jit
-def _four_between(share: np.float32, texels: Float32, at: np.uint64) -> Color:
+def _lerp_texels_rgba(share: np.float32, texels: Float32, at: np.uint64) -> Color:
     """Between a texel and the next one along x."""
     return (
         _lerp(share, texels[at], texels[at + np.uint64(4)]),
@@ -168,7 +176,7 @@ def _four_between(share: np.float32, texels: Float32, at: np.uint64) -> Color:
 
 
 @jit
-def _mixed(share: np.float32, one: Color, other: Color) -> Color:
+def _lerp_rgba(share: np.float32, one: Color, other: Color) -> Color:
     return (
         _lerp(share, one[0], other[0]),
         _lerp(share, one[1], other[1]),

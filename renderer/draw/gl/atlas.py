@@ -17,12 +17,12 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from renderer.bricks import SIDE
+from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import brick_atlas
 from renderer.draw.brick_atlas import Atlas, Float32, Int64
 from renderer.errors import ContextLostError, RenderError
 
-_LEAST_SIDE, _LARGEST_SIDE = 64, 2048  # texels
+_MIN_SIDE, _MAX_SIDE = 64, 2048  # texels
 
 
 class GLAtlas(Atlas):
@@ -37,21 +37,21 @@ class GLAtlas(Atlas):
             raise RenderError(
                 "this device cannot draw bricks: its 3D textures are too small",
                 got=f"at most {largest_side} texels a side",
-                expected=f"{_LEAST_SIDE} or more",
+                expected=f"{_MIN_SIDE} or more",
                 hint="other footprints than splat.footprint: integrated need no 3D textures",
             )
         self.size = self._sizes[0]  # texels along x, y and z
         self.texture: Any = None
 
     @property
-    def most_places(self) -> int:
+    def max_slots(self) -> int:
         """How many bricks the device may hold."""
-        return _num_places(self._sizes[-1])
+        return _num_slots(self._sizes[-1])
 
     def corners(self, places: Int64) -> Int64:
         """int64 [n, 3]: the first texels (x, y, z), apron and all, of places."""
-        x, y, _ = (side // SIDE for side in self.size)
-        return np.column_stack([places % x, places // x % y, places // (x * y)]) * SIDE
+        x, y, _ = (side // PADDED_BRICK_SIZE for side in self.size)
+        return np.column_stack([places % x, places // x % y, places // (x * y)]) * PADDED_BRICK_SIZE
 
     def release(self) -> None:
         """Give the texture back."""
@@ -64,19 +64,19 @@ class GLAtlas(Atlas):
         """A texture with room for so many, and some more; what was in the old one is gone."""
         self.release()
         while self.texture is None:
-            self.size = _size_for(num, self._sizes)
+            self.size = _texture_size_for(num, self._sizes)
             self.texture = self._made()
-        self._resize(_num_places(self.size))
+        self._resize(_num_slots(self.size))
         self.texture.filter = moderngl.LINEAR, moderngl.LINEAR
         self.texture.repeat_x = self.texture.repeat_y = self.texture.repeat_z = False
 
     def _write(self, places: Int64, content: Float32) -> None:
         for corner, brick in zip(self.corners(places).tolist(), content, strict=True):
-            self.texture.write(brick, viewport=(*corner, SIDE, SIDE, SIDE))
+            self.texture.write(brick, viewport=(*corner, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE))
 
     def _made(self) -> Any:
         """A texture of this size; None where the device has no memory for it, but perhaps for a smaller one."""
-        room = f"{_num_bytes(self.size, self.num_channels) >> 20} MiB, for {_num_places(self.size)} bricks"
+        room = f"{_num_bytes(self.size, self.num_channels) >> 20} MiB, for {_num_slots(self.size)} bricks"
         try:
             texture = self._context.texture3d(self.size, self.num_channels, dtype="f4")
         except moderngl.Error as error:
@@ -104,8 +104,8 @@ class GLAtlas(Atlas):
 def _sizes(num_channels: int, largest_side: int) -> Iterator[tuple[int, int, int]]:
     """All that a texture may have, small ones first: one side after the other is doubled. MOST_BYTES is no limit
     of the first."""
-    size = _LEAST_SIDE, _LEAST_SIDE, _LEAST_SIDE
-    while max(size) <= min(largest_side, _LARGEST_SIDE):
+    size = _MIN_SIDE, _MIN_SIDE, _MIN_SIDE
+    while max(size) <= min(largest_side, _MAX_SIDE):
         yield size
         x, y, z = size
         size = (2 * x, y, z) if x == z else (x, 2 * y, z) if y == z else (x, y, 2 * z)
@@ -113,13 +113,13 @@ def _sizes(num_channels: int, largest_side: int) -> Iterator[tuple[int, int, int
             return
 
 
-def _size_for(num: int, sizes: Sequence[tuple[int, int, int]]) -> tuple[int, int, int]:
+def _texture_size_for(num: int, sizes: Sequence[tuple[int, int, int]]) -> tuple[int, int, int]:
     """The smallest with room for so many bricks, and as many more; the last one where there is none."""
-    return next((size for size in sizes if _num_places(size) >= 2 * num), sizes[-1])
+    return next((size for size in sizes if _num_slots(size) >= 2 * num), sizes[-1])
 
 
-def _num_places(size: tuple[int, int, int]) -> int:
-    return math.prod(side // SIDE for side in size)
+def _num_slots(size: tuple[int, int, int]) -> int:
+    return math.prod(side // PADDED_BRICK_SIZE for side in size)
 
 
 def _num_bytes(size: tuple[int, int, int], num_channels: int) -> int:

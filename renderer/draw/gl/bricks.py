@@ -18,14 +18,14 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import APRON, DITHER, PHASE_PER_PX, BrickBatch, toward_light
-from renderer.draw.brick_store import BrickStore
-from renderer.draw.brick_view import BrickPicture
+from renderer.bricks import DITHER, HALO, JITTER_PER_PX, BrickBatch, toward_light
+from renderer.draw.brick_store import BrickCache
+from renderer.draw.brick_view import BrickView
 from renderer.draw.gl.atlas import GLAtlas
 from renderer.draw.subsampling import interpolated, num_nodes
 from renderer.threads import Threads
-from renderer.transfer import OpticalPieces
-from renderer.view import View, ray_frame
+from renderer.transfer import PiecewiseTransfer
+from renderer.view import View, ray_setup
 
 Image = npt.NDArray[np.float32]
 Programs = Callable[[str, str], Any]
@@ -34,12 +34,12 @@ Programs = Callable[[str, str], Any]
 # costs more than it saves where few pixels are drawn.
 NUM_GROUPS = 4
 
-SCALARS, MEANS, GUIDE, PIECES, IMAGE, DIFFERING = range(6)  # texture units
+SCALARS, MEANS, GUIDE, PIECES, IMAGE, REFINEMENT = range(6)  # texture units
 
 # Of the transfer function in a texture's row, as in brick_pieces.glsl.
 PIECES_IN_ROW = 1024
 # What filters of devices may take from a scalar between equal ones: one on a step must stay on its upper side.
-FILTERED = np.float32(2.0**-22)
+FILTER_ERROR = np.float32(2.0**-22)
 
 # Stands for infinity where float32 is wanted.
 LARGEST = 1e30
@@ -53,7 +53,7 @@ VERTEX_FORMAT = "4f 3f 3f 3f 3f 2f"
 
 
 @dataclass(frozen=True)
-class _Lattice:
+class _PixelGrid:
     """Nodes at every `stride`-th pixel, as many as cover the image.
 
     target: colours, which are in `image`, and depths; mask: only depths. differing: a mark for each block.
@@ -64,28 +64,28 @@ class _Lattice:
     image: Any
     target: Any
     mask: Any
-    differing: Any
+    refinement_mask: Any
 
     def release(self) -> None:
         """Give back all that it has on the device."""
         for thing in (
             self.mask, self.target.depth_attachment, self.target, self.image,
-            self.differing.color_attachments[0], self.differing,
+            self.refinement_mask.color_attachments[0], self.refinement_mask,
         ):  # fmt: skip
             thing.release()
 
 
-class GLBrickDrawer:
+class GLBrickRenderer:
     """Draws in a context that is given; what lives there is kept for the next picture. num_threads: for what is done
     beforehand, and afterwards. `release` ends them."""
 
     def __init__(self, context: Any, programs: Programs, largest_point_px: float, num_threads: int) -> None:
         self._context, self._programs, self._largest_point_px = context, programs, largest_point_px
         self._threads = Threads(num_threads)
-        self._lattices: dict[int, _Lattice] = {}
+        self._pixel_grids: dict[int, _PixelGrid] = {}
         self._image_size = (0, 0)
-        self._store = BrickStore(partial(GLAtlas, context), partial(GLAtlas, context), self._threads)
-        self._transfer: tuple[OpticalPieces, list[Any]] | None = None
+        self._store = BrickCache(partial(GLAtlas, context), partial(GLAtlas, context), self._threads)
+        self._transfer: tuple[PiecewiseTransfer, list[Any]] | None = None
 
     def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Bring those bricks of `batch[order]` to the device that are not there; whether there were any."""
@@ -95,12 +95,12 @@ class GLBrickDrawer:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         self._look_at(batch, view.size)
         picture = self._store.begin(batch, order, view)
-        self._store.begin_drawing(picture)
+        self._store.begin_frame(picture)
         programs, vertices = self._prepared(batch, view), _vertices(picture)
         coarse = None
-        for stride in batch.thrift.strides:
-            lattice = self._lattice(stride)
-            self._begin(lattice, coarse, batch.thrift.spread)
+        for stride in batch.screen_sampling.strides:
+            lattice = self._pixel_grid(stride)
+            self._init_grid(lattice, coarse, batch.screen_sampling.spread)
             self._draw_boxes(programs, picture, vertices, lattice)
             coarse = lattice
         assert coarse is not None
@@ -125,9 +125,9 @@ class GLBrickDrawer:
             self._transfer = None
             self._transfer = batch.pieces, [self._table(content) for content in _tables(batch.pieces)]
         if self._image_size != size:
-            for lattice in self._lattices.values():
+            for lattice in self._pixel_grids.values():
                 lattice.release()
-            self._lattices, self._image_size = {}, size
+            self._pixel_grids, self._image_size = {}, size
 
     def _table(self, content: npt.NDArray[np.float32]) -> Any:
         """A texture of float32 [rows, columns, channels]."""
@@ -136,8 +136,8 @@ class GLBrickDrawer:
         texture.filter = moderngl.NEAREST, moderngl.NEAREST
         return texture
 
-    def _lattice(self, stride: int) -> _Lattice:
-        if stride not in self._lattices:
+    def _pixel_grid(self, stride: int) -> _PixelGrid:
+        if stride not in self._pixel_grids:
             width, height = num_nodes(self._image_size, stride)
             image = self._context.texture((width, height), 4, dtype="f4")
             depths = self._context.depth_renderbuffer((width, height))
@@ -145,38 +145,38 @@ class GLBrickDrawer:
             mask = self._context.framebuffer([], depths)
             image.filter = moderngl.LINEAR, moderngl.LINEAR
             image.repeat_x = image.repeat_y = False
-            differing = self._context.framebuffer([self._context.texture((width, height), 1)])
+            refinement_mask = self._context.framebuffer([self._context.texture((width, height), 1)])
             _ = self._context.error  # moderngl binds the target before once more, which may be gone
-            self._lattices[stride] = _Lattice(stride, (width, height), image, target, mask, differing)
-        return self._lattices[stride]
+            self._pixel_grids[stride] = _PixelGrid(stride, (width, height), image, target, mask, refinement_mask)
+        return self._pixel_grids[stride]
 
-    def _begin(self, lattice: _Lattice, coarse: _Lattice | None, spread: float) -> None:
+    def _init_grid(self, lattice: _PixelGrid, coarse: _PixelGrid | None, spread: float) -> None:
         """Clear a lattice, or fill it from a coarser one but for what is to be drawn."""
         if coarse is None:
             lattice.target.use()
             lattice.target.depth_mask = True
             lattice.target.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
             return
-        self._find_differing(coarse, spread)
+        self._mark_refinement(coarse, spread)
         program = self._programs("whole_vertex.glsl", "refined_fragment.glsl")
         program["shift"] = (coarse.stride // lattice.stride).bit_length() - 1
-        program["coarse"], program["differing"] = IMAGE, DIFFERING
+        program["coarse"], program["differing"] = IMAGE, REFINEMENT
         coarse.image.use(IMAGE)
-        coarse.differing.color_attachments[0].use(DIFFERING)
+        coarse.refinement_mask.color_attachments[0].use(REFINEMENT)
         lattice.target.use()
         lattice.target.depth_mask = True
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"
-        self._draw_whole(program)
+        self._draw_fullscreen(program)
 
-    def _find_differing(self, lattice: _Lattice, spread: float) -> None:
+    def _mark_refinement(self, lattice: _PixelGrid, spread: float) -> None:
         """Note which blocks of a lattice are not to be interpolated."""
         program = self._programs("whole_vertex.glsl", "differing_fragment.glsl")
         program["image"], program["spread"] = IMAGE, spread
         lattice.image.use(IMAGE)
-        lattice.differing.use()
+        lattice.refinement_mask.use()
         self._context.enable_only(moderngl.NOTHING)
-        self._draw_whole(program)
+        self._draw_fullscreen(program)
 
     def _prepared(self, batch: BrickBatch, view: View) -> tuple[Any, Any]:
         """The programs of scalars and of means, with what is the same for a batch and a view.
@@ -184,17 +184,17 @@ class GLBrickDrawer:
         There are two, for software renderers go through what either needs for all pixels of a program that has both.
         """
         look_up_scalars = "brick_pieces.glsl " + ("brick_lit.glsl" if batch.shading else "brick_plain.glsl")
-        rays = ray_frame(batch.cut.volume, batch.length, view)
+        rays = ray_setup(batch.cut.volume, batch.length, view)
         common = {
             "center_px": tuple(n / 2 for n in view.size),
             "origins": tuple(rays.origins.T.ravel()),  # GL matrices are column by column
             "directions": tuple(rays.directions.T.ravel()),
             "slope_per_px": rays.slope_per_px,
             "start": max(rays.start, -LARGEST),
-            "opaque": batch.thrift.opaque,
-            "phase_per_px": PHASE_PER_PX,
+            "opaque": batch.screen_sampling.opaque,
+            "jitter_per_px": JITTER_PER_PX,
             "dither": DITHER,
-            "depth_of_spacing": batch.depth_of_spacing,
+            "spacings_per_model_unit": batch.spacings_per_model_unit,
         }
         of_scalars: dict[str, Any] = {"atlas": SCALARS, "guide": GUIDE, "pieces": PIECES}
         if batch.shading:
@@ -213,13 +213,13 @@ class GLBrickDrawer:
         return programs[0], programs[1]
 
     def _draw_boxes(
-        self, programs: tuple[Any, Any], picture: BrickPicture, vertices: npt.NDArray[Any], lattice: _Lattice
+        self, programs: tuple[Any, Any], picture: BrickView, vertices: npt.NDArray[Any], lattice: _PixelGrid
     ) -> None:
         """Group by group, each behind what has been drawn before."""
         for program in programs:
             program["stride_px"], program["num_nodes"] = lattice.stride, lattice.size
-        thrift, num = picture.batch.thrift, len(picture.order)
-        num_groups = NUM_GROUPS if thrift.strides == (1,) else 1
+        screen_sampling, num = picture.batch.screen_sampling, len(picture.order)
+        num_groups = NUM_GROUPS if screen_sampling.strides == (1,) else 1
         most, start = -(-num // num_groups), 0
         while start < num:
             end = self._store.end_of_group(picture, start, most)
@@ -230,13 +230,11 @@ class GLBrickDrawer:
             self._context.blend_func = moderngl.ONE_MINUS_DST_ALPHA, moderngl.ONE
             self._context.depth_func = "<"
             self._draw_group(programs, picture.is_mean[start:end], vertices[start:end], lattice.stride)
-            if thrift.least_transmittance > 0 and num_groups > 1 and end < num:
-                self._mask_saturated(lattice, thrift.least_transmittance)
+            if screen_sampling.termination_transmittance > 0 and num_groups > 1 and end < num:
+                self._mask_saturated(lattice, screen_sampling.termination_transmittance)
             start = end
 
-    def _place(
-        self, programs: tuple[Any, Any], picture: BrickPicture, vertices: npt.NDArray[Any], group: slice
-    ) -> None:
+    def _place(self, programs: tuple[Any, Any], picture: BrickView, vertices: npt.NDArray[Any], group: slice) -> None:
         """Bring bricks to the device, and tell the vertices where they are."""
         keys, kinds = picture.keys[group], self._store.kinds(picture)
         for program, unit, (atlas, is_chosen, texels) in zip(programs, (SCALARS, MEANS), kinds, strict=True):
@@ -244,7 +242,7 @@ class GLBrickDrawer:
             if not chosen.any():
                 continue
             corners = atlas.corners(atlas.place(keys[chosen], texels))
-            vertices["first_texel"][np.flatnonzero(chosen) + group.start] = corners + APRON
+            vertices["first_texel"][np.flatnonzero(chosen) + group.start] = corners + HALO
             atlas.texture.use(unit)
             program["atlas_scale"] = tuple(1 / n for n in atlas.size)
 
@@ -266,24 +264,24 @@ class GLBrickDrawer:
         for thing in (*boxes, buffer):
             thing.release()
 
-    def _mask_saturated(self, lattice: _Lattice, least: float) -> None:
+    def _mask_saturated(self, lattice: _PixelGrid, least: float) -> None:
         """Bring pixels that are opaque, or nearly so, to the front in the depth buffer: they are drawn no more."""
         program = self._programs("whole_vertex.glsl", "saturated_fragment.glsl")
-        program["image"], program["least_transmittance"] = IMAGE, least
+        program["image"], program["termination_transmittance"] = IMAGE, least
         lattice.image.use(IMAGE)
         lattice.mask.use()
         lattice.mask.depth_mask = True
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"
-        self._draw_whole(program)
+        self._draw_fullscreen(program)
 
-    def _draw_whole(self, program: Any) -> None:
+    def _draw_fullscreen(self, program: Any) -> None:
         triangle = self._context.vertex_array(program, [])
         triangle.render(moderngl.TRIANGLES, vertices=3)
         triangle.release()
 
 
-def _vertices(picture: BrickPicture) -> npt.NDArray[Any]:
+def _vertices(picture: BrickView) -> npt.NDArray[Any]:
     """VERTEX [n]: what the device is told of each brick, but for its place in the atlas."""
     vertices = np.zeros(len(picture.order), VERTEX)
     vertices["rectangle_px"] = picture.rectangles_px
@@ -293,12 +291,12 @@ def _vertices(picture: BrickPicture) -> npt.NDArray[Any]:
     return vertices
 
 
-def _tables(pieces: OpticalPieces) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def _tables(pieces: PiecewiseTransfer) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Guide and pieces as brick_pieces.glsl has them, float32 [rows, columns, channels]."""
     num_rows = -(-len(pieces.ends) // PIECES_IN_ROW)
     rows = np.zeros((num_rows, 3, PIECES_IN_ROW, 4), np.float32)
     where = np.divmod(np.arange(len(pieces.ends)), PIECES_IN_ROW)
     rows[where[0], 0, where[1]], rows[where[0], 1, where[1]] = pieces.lows, pieces.slopes
-    rows[where[0], 2, where[1], 0] = np.minimum(pieces.ends - FILTERED, np.float32(LARGEST))
+    rows[where[0], 2, where[1], 0] = np.minimum(pieces.ends - FILTER_ERROR, np.float32(LARGEST))
     rows[where[0], 2, where[1], 1] = pieces.origins
     return pieces.guide.astype(np.float32)[None, :, None], rows.reshape(3 * num_rows, PIECES_IN_ROW, 4)

@@ -25,17 +25,17 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
-from renderer.draw.compositing import LEAST_CHUNK, composite_over, splats_at_once
-from renderer.draw.cpu.bricks import CPUBrickDrawer
-from renderer.draw.gl.bricks import GLBrickDrawer
+from renderer.draw.compositing import MIN_CHUNK_SPLATS, composite_over, splats_per_chunk
+from renderer.draw.cpu.bricks import CPUBrickRenderer
+from renderer.draw.gl.bricks import GLBrickRenderer
 from renderer.draw.gl.shaders import load_shader
 from renderer.draw.overlay import CellEdges, level_colors
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
-from renderer.view import ModelView, Region, View, covered_region, longest_sigma, mean_footprint_px, model_view
+from renderer.view import ModelView, Region, View, covered_region, longest_sigma, mean_footprint_area_px, model_view
 
 Image = npt.NDArray[np.float32]
-BricksOn = Literal["device", "processor"]
+BrickBackend = Literal["device", "processor"]
 Draw = Callable[[npt.NDArray[np.uint32]], None]  # draws these splats of a batch, back to front
 
 # Splats on the device at a time: 9 MiB of vertices.
@@ -46,9 +46,9 @@ EDGE_FORMAT, EDGE_NAMES, EDGE_BYTES = "3f 3f 1f/i", ("start", "end", "level"), 2
 
 # Where cells have a side of s model units and of p pixels, up to 2 / s of them lie behind one another, and the lines of
 # one layer cover about 2 / p of the image: a solid fog. So a line's opacity is LINE_COVER * s * p, which bounds what a
-# region adds up to whatever the size of its cells, and never more than LINE_OPACITY. Cells under LEAST_SIDE_PX have no
+# region adds up to whatever the size of its cells, and never more than LINE_OPACITY. Cells under MIN_SIDE_PX have no
 # lines.
-LINE_COVER, LINE_OPACITY, LEAST_SIDE_PX = 0.75, 0.8, 3.0
+LINE_COVER, LINE_OPACITY, MIN_SIDE_PX = 0.75, 0.8, 3.0
 
 # What the shader's uniform block holds, 48 bytes each; GL guarantees 16 KiB.
 MAX_SHAPES = 256
@@ -59,37 +59,37 @@ VERTEX_FORMAT, VERTEX_NAMES, VERTEX_BYTES = "3f 4f 1f", ("center", "areas", "sha
 # EGL devices tried before giving up; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
 
-WITHOUT_OPENGL = "no OpenGL: drawn on the processor"
+CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 # Parts of names of what draws on the processor: of drivers in GL_RENDERER.
-_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "SwiftShader", WITHOUT_OPENGL)
+_SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "SwiftShader", CPU_RENDERER_NAME)
 
-PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
+EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
 class GLRasterizer:
     """A GL context with its programs; reusable for any number of frames, of any size.
 
     num_threads: of loops on the processor, on which bricks are drawn where the driver would do so, too, and slower;
-    bricks_on: otherwise, for tests.
+    brick_backend: otherwise, for tests.
     Use as a context manager, or call `release`. Raises RenderError where no context can be made, and ContextLostError
     where it is lost while it draws: then it is of no more use, and `raster_lasting` takes another one.
     """
 
-    def __init__(self, *, num_threads: int = 2, bricks_on: BricksOn | None = None) -> None:
+    def __init__(self, *, num_threads: int = 2, brick_backend: BrickBackend | None = None) -> None:
         self._context = _create_context()
         info = self._context.info
         self._renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"  # a lost context tells nothing
         self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
-        with self._refusals_as_lost():
-            self._splats = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
-            self._shapes = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
+        with self._errors_as_context_loss():
+            self._splat_buffer = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
+            self._shape_buffer = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
         self._programs: dict[tuple[str, str], Any] = {}
         self._target: Any = None
-        self._bricks: GLBrickDrawer | CPUBrickDrawer
-        if bricks_on == "device" or (bricks_on is None and not is_software(self._renderer_name)):
-            self._bricks = GLBrickDrawer(self._context, self._program, self._largest_point_px, num_threads)
+        self._bricks: GLBrickRenderer | CPUBrickRenderer
+        if brick_backend == "device" or (brick_backend is None and not is_software(self._renderer_name)):
+            self._bricks = GLBrickRenderer(self._context, self._program, self._largest_point_px, num_threads)
         else:
-            self._bricks = CPUBrickDrawer(num_threads)
+            self._bricks = CPUBrickRenderer(num_threads)
 
     def __enter__(self) -> GLRasterizer:
         return self
@@ -116,9 +116,9 @@ class GLRasterizer:
         """
         if isinstance(batch, SplatBatch):
             return False
-        with self._refusals_as_lost(), self._context:
+        with self._errors_as_context_loss(), self._context:
             is_new = self._bricks.bring(batch, order, view)
-            self._require_no_failure()
+            self._require_no_error()
         return is_new
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
@@ -126,12 +126,12 @@ class GLRasterizer:
 
         Returns float32 [height, width, 4], premultiplied RGBA over nothing.
         """
-        with self._refusals_as_lost():
+        with self._errors_as_context_loss():
             if isinstance(batch, SplatBatch):
-                return self._rasterized(batch, order, view)
+                return self._rasterize_splats(batch, order, view)
             with self._context:
                 image = self._bricks.draw(batch, order, view)
-                self._require_no_failure()
+                self._require_no_error()
             return image
 
     def forget(self) -> None:
@@ -141,30 +141,30 @@ class GLRasterizer:
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
         """Lines along the edges, one over the other in their order: as `rasterize`, float32 [height, width, 4]."""
-        with self._refusals_as_lost():
-            return self._rasterized_edges(edges, view)
+        with self._errors_as_context_loss():
+            return self._rasterize_edges(edges, view)
 
     @contextmanager
-    def _refusals_as_lost(self) -> Iterator[None]:
+    def _errors_as_context_loss(self) -> Iterator[None]:
         """What cannot be made on the device fails as the drawing does: a lost context makes nothing any more."""
         try:
             yield
         except moderngl.Error as error:
-            raise self._lost(str(error)) from error
+            raise self._context_lost_error(str(error)) from error
 
-    def _lost(self, got: str) -> ContextLostError:
+    def _context_lost_error(self, got: str) -> ContextLostError:
         return ContextLostError("OpenGL failed to draw, or its context was lost", where=self.renderer_name, got=got)
 
-    def _rasterized(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+    def _rasterize_splats(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         camera = model_view(batch, view)
         draw = self._prepared(batch, camera)
-        if len(order) <= LEAST_CHUNK:
+        if len(order) <= MIN_CHUNK_SPLATS:
             return self._chunk(draw, order, view.size, Region(0, 0, *view.size))
         region = covered_region(batch, camera)
         image = np.zeros((view.size[1], view.size[0], 4), np.float32)
         if region.num_pixels == 0:
             return image
-        num_at_once = splats_at_once(region.num_pixels, mean_footprint_px(batch, order, camera, region))
+        num_at_once = splats_per_chunk(region.num_pixels, mean_footprint_area_px(batch, order, camera, region))
         if len(order) <= num_at_once:
             return self._chunk(draw, order, view.size, Region(0, 0, *view.size))
         covered = np.zeros((region.height, region.width, 4))
@@ -178,8 +178,8 @@ class GLRasterizer:
         is_gaussian = isinstance(batch.footprint, GaussianFootprint)
         name = "gaussian" if is_gaussian else "gouraud"
         with self._context:
-            self._shapes.write(_shape_block(batch, camera))
-            self._shapes.bind_to_uniform_block(0)
+            self._shape_buffer.write(_shape_block(batch, camera))
+            self._shape_buffer.bind_to_uniform_block(0)
             program = self._program(
                 f"project.glsl opacity.glsl {name}_vertex.glsl", f"opacity.glsl {name}_fragment.glsl"
             )
@@ -188,7 +188,11 @@ class GLRasterizer:
             program["slope_limit"] = tuple(camera.slope_limit)
             for uniform in ("narrowest_px", *(("cutoff", "decay", "coefficients", "rim") if is_gaussian else ())):
                 program[uniform] = getattr(batch.footprint, uniform)
-        return partial(self._gaussians, program, batch, camera) if is_gaussian else partial(self._fans, program, batch)
+        return (
+            partial(self._draw_gaussians, program, batch, camera)
+            if is_gaussian
+            else partial(self._draw_fans, program, batch)
+        )
 
     def _chunk(self, draw: Draw, order: npt.NDArray[np.uint32], size: tuple[int, int], region: Region) -> Image:
         """The region of the picture of some splats, over nothing, blended in float32."""
@@ -197,7 +201,7 @@ class GLRasterizer:
                 draw(order[first : first + BATCH_SIZE])
         return image
 
-    def _rasterized_edges(self, edges: CellEdges, view: View) -> Image:
+    def _rasterize_edges(self, edges: CellEdges, view: View) -> Image:
         with self._picture(view.size, Region(0, 0, *view.size)) as image:
             camera = model_view(edges, view)
             program = self._program("line_vertex.glsl", "line_fragment.glsl")
@@ -206,15 +210,15 @@ class GLRasterizer:
             program["voxel_side"] = edges.voxel_side
             program["cover"] = LINE_COVER
             program["opacity"] = LINE_OPACITY
-            program["least_side_px"] = LEAST_SIDE_PX
+            program["min_side_px"] = MIN_SIDE_PX
             program["level_colors"].write(level_colors().astype(np.float32))
-            lines = self._context.vertex_array(program, [(self._splats, EDGE_FORMAT, *EDGE_NAMES)])
+            lines = self._context.vertex_array(program, [(self._splat_buffer, EDGE_FORMAT, *EDGE_NAMES)])
             num_at_once = BATCH_SIZE * VERTEX_BYTES // EDGE_BYTES
             vertices = edges.vertices[: _num_large_enough(edges, camera)]
             for first in range(0, len(vertices), num_at_once):
                 batch = vertices[first : first + num_at_once]
-                self._splats.orphan()
-                self._splats.write(batch)
+                self._splat_buffer.orphan()
+                self._splat_buffer.write(batch)
                 lines.render(moderngl.TRIANGLES, vertices=6, instances=len(batch))
             lines.release()
         return image
@@ -227,31 +231,33 @@ class GLRasterizer:
         with self._context:  # another one may have been made since
             self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
             self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
-            target = self._resized_target(size)
+            target = self._target_of_size(size)
             target.use()
             target.clear(0.0, 0.0, 0.0, 0.0, viewport=place)
             yield image
             if image.size:
                 target.read_into(image, viewport=place, components=4, dtype="f4")
-            self._require_no_failure()
+            self._require_no_error()
 
-    def _require_no_failure(self) -> None:
+    def _require_no_error(self) -> None:
         """Nothing raises where a device is reset or runs out of memory: GL goes on, and its pictures are rubbish."""
         error = self._context.error
         if error != "GL_NO_ERROR":
-            raise self._lost(error)
+            raise self._context_lost_error(error)
 
-    def _gaussians(self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]) -> None:
+    def _draw_gaussians(
+        self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]
+    ) -> None:
         """Points, and in their place in the order quads where the driver's points are too small."""
         vertices = batch.vertices.take(order, axis=0)
-        self._splats.orphan()
-        self._splats.write(vertices)
+        self._splat_buffer.orphan()
+        self._splat_buffer.write(vertices)
         is_large = _size_bound_px(batch, vertices, camera) > self._largest_point_px
         run_starts = np.concatenate([[0], np.flatnonzero(np.diff(is_large)) + 1])
         run_ends = np.append(run_starts[1:], len(order))
-        points = self._vertex_array(program, self._splats)
+        points = self._vertex_array(program, self._splat_buffer)
         large = np.repeat(vertices[is_large], 6, axis=0)
-        with self._temporary(large) as quad_buffer:
+        with self._temporary_buffer(large) as quad_buffer:
             quads = self._vertex_array(program, quad_buffer)
             num_quads = 0
             for start, end in zip(run_starts, run_ends, strict=True):
@@ -265,17 +271,17 @@ class GLRasterizer:
             quads.release()
         points.release()
 
-    def _fans(self, program: Any, batch: SplatBatch, order: npt.NDArray[np.uint32]) -> None:
+    def _draw_fans(self, program: Any, batch: SplatBatch, order: npt.NDArray[np.uint32]) -> None:
         """The paper's footprints: one instance of the mesh for each splat."""
         footprint = batch.footprint
         assert isinstance(footprint, GouraudFootprint)
-        self._splats.orphan()
-        self._splats.write(batch.vertices.take(order, axis=0))
+        self._splat_buffer.orphan()
+        self._splat_buffer.write(batch.vertices.take(order, axis=0))
         mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
-        with self._temporary(mesh) as mesh_buffer, self._temporary(footprint.triangles) as triangles:
+        with self._temporary_buffer(mesh) as mesh_buffer, self._temporary_buffer(footprint.triangles) as triangles:
             content = [
                 (mesh_buffer, "2f 1f", "mesh_vertex", "mesh_weight"),
-                (self._splats, VERTEX_FORMAT + "/i", *VERTEX_NAMES),
+                (self._splat_buffer, VERTEX_FORMAT + "/i", *VERTEX_NAMES),
             ]
             fans = self._context.vertex_array(program, content, index_buffer=triangles, index_element_size=4)
             fans.render(moderngl.TRIANGLES, instances=len(order))
@@ -294,7 +300,7 @@ class GLRasterizer:
         return self._context.vertex_array(program, [(buffer, VERTEX_FORMAT, *VERTEX_NAMES)])
 
     @contextmanager
-    def _temporary(self, data: npt.NDArray[Any]) -> Iterator[Any]:
+    def _temporary_buffer(self, data: npt.NDArray[Any]) -> Iterator[Any]:
         """A buffer for one draw; GL has no empty buffers, so one of no data holds four bytes."""
         buffer = self._context.buffer(data if data.size else bytes(4))
         try:
@@ -302,7 +308,7 @@ class GLRasterizer:
         finally:
             buffer.release()
 
-    def _resized_target(self, size: tuple[int, int]) -> Any:
+    def _target_of_size(self, size: tuple[int, int]) -> Any:
         """A float32 RGBA framebuffer of (width, height), kept while the size stays."""
         if self._target is None or self._target.size != size:
             if self._target is not None:
@@ -324,7 +330,7 @@ class GLRasterizer:
 
 def is_software(renderer_name: str) -> bool:
     """Whether what has this name draws on the processor."""
-    return any(name in renderer_name for name in _SOFTWARE)
+    return any(name in renderer_name for name in _SOFTWARE_RENDERERS)
 
 
 def _create_context() -> Any:
@@ -340,17 +346,17 @@ def _create_context() -> Any:
         "no OpenGL 3.3 context could be made",
         got=str(failures[0]),
         expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
-        hint=f"on Debian or Ubuntu: apt-get install {PACKAGES}; "
+        hint=f"on Debian or Ubuntu: apt-get install {EGL_PACKAGES}; "
         "the footprint integrated, without an overlay, needs none",
     ) from failures[0]
 
 
 def _num_large_enough(edges: CellEdges, camera: ModelView) -> int:
-    """How many of the edges, coarse levels first, may be of cells of LEAST_SIDE_PX; the model's radius is 1."""
+    """How many of the edges, coarse levels first, may be of cells of MIN_SIDE_PX; the model's radius is 1."""
     eye_distance = float(np.linalg.norm(camera.view_from_model[:, 3]))
     nearest = max(eye_distance - 1, camera.near, 1e-5) if camera.perspective else 1.0
     sides_px = edges.voxel_side * np.exp2(edges.vertices[:, 6]) * (camera.scale_px / nearest)
-    return int(np.count_nonzero(sides_px >= LEAST_SIDE_PX))
+    return int(np.count_nonzero(sides_px >= MIN_SIDE_PX))
 
 
 def _set_camera(program: Any, camera: ModelView) -> None:

@@ -8,7 +8,7 @@ uniform float slope_per_px;
 uniform float start;             // of the rays, beyond which nothing is before the near plane
 uniform vec3 atlas_scale;        // 1 / texels of the atlas
 uniform float opaque;            // alpha behind which nothing counts
-uniform uvec2 phase_per_px;      // in 2^-32
+uniform uvec2 jitter_per_px;      // in 2^-32
 uniform float dither;            // of the number of parts
 
 flat in vec3 brick_low;
@@ -26,7 +26,7 @@ const float FAR = 1e30;
 // atlas is another brick's, or nobody's. Rays of extremely wide views are rounded to more than that.
 const float FIRST = -0.25, LAST = 16.25;
 // Parts of a way, as on the processor; no ray that is not rounded beyond its brick has more.
-const float MOST_PARTS = 4095.0;
+const float MAX_SAMPLES = 4095.0;
 
 vec4 behind(vec4 before, vec4 extinction, float way) {
     float alpha = opacity_of_depth(extinction.a * way);
@@ -48,9 +48,9 @@ void main() {
     if (!(leave > enter)) discard;
 
     uvec2 pixel = uvec2((gl_FragCoord.xy - 0.5) * stride_px + 0.5);
-    float phase = float((pixel.x * phase_per_px.x + pixel.y * phase_per_px.y) >> 8) / 16777216.0;
+    float phase = float((pixel.x * jitter_per_px.x + pixel.y * jitter_per_px.y) >> 8) / 16777216.0;
     float num_steps = (leave - enter) * length(direction) * brick_steps.x / brick_steps.y;
-    float num = clamp(floor(num_steps * (1.0 + dither * (phase - 0.5)) + 0.5 + phase), 1.0, MOST_PARTS);
+    float num = clamp(floor(num_steps * (1.0 + dither * (phase - 0.5)) + 0.5 + phase), 1.0, MAX_SAMPLES);
     num += mod(num, 4.0) == 0.0 ? 1.0 : 0.0;
     float part = (leave - enter) / num;
     float way = part * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));

@@ -1,6 +1,6 @@
 // (tau c, tau) at a place of the atlas of scalars and gradients, lit by Lambert's law.
 uniform sampler3D atlas;         // the scalar, and its gradient in the world times any factor
-uniform float depth_of_spacing;  // 1 / model unit for 1 / finest spacing
+uniform float spacings_per_model_unit;  // 1 / model unit for 1 / finest spacing
 uniform vec3 light;              // to the light, unit length
 uniform vec2 ambient_diffuse;
 
@@ -10,5 +10,5 @@ vec4 look_up(vec3 texel) {
     float largest = max(abs(inside.y), max(abs(inside.z), abs(inside.w)));
     float lit = ambient_diffuse.x;
     if (largest > 0.0) lit += ambient_diffuse.y * max(0.0, -dot(normalize(inside.yzw / largest), light));
-    return depth_of_spacing * field.a * vec4(field.rgb * lit, 1.0);
+    return spacings_per_model_unit * field.a * vec4(field.rgb * lit, 1.0);
 }

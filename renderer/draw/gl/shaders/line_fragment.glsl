@@ -1,6 +1,6 @@
 // A line one pixel wide: its opacity falls linearly to 0 at one pixel from its centre, round at the ends.
 
-uniform float least_side_px;     // smaller cells are not drawn
+uniform float min_side_px;     // smaller cells are not drawn
 uniform float opacity;           // the most that a line has
 
 flat in vec4 line_px;
@@ -14,7 +14,7 @@ void main() {
     float share = square > 0.0 ? clamp(dot(offset, along) / square, 0.0, 1.0) : 0.0;
     float coverage = 1.0 - length(offset - share * along);
     float side_px = mix(line_side_px.x, line_side_px.y, share);  // inverse depth is linear on the image
-    if (coverage <= 0.0 || side_px < least_side_px) discard;
+    if (coverage <= 0.0 || side_px < min_side_px) discard;
     float alpha = coverage * min(line_color_cover.w * side_px, opacity);
     color = vec4(line_color_cover.rgb * alpha, alpha);
 }

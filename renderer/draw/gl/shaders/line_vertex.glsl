@@ -22,7 +22,7 @@ flat out vec4 line_color_cover;  // colour, opacity by the side in pixels
 // Half the width of a line and of the slope of its coverage, and a little for rounding.
 const float REACH_PX = 1.5;
 // What is nearer than this to the eye plane cannot be divided by its depth.
-const float LEAST_DEPTH = 1e-5;
+const float MIN_DEPTH = 1e-5;
 
 vec2 shares = vec2(0.0, 1.0);    // of the way from start to end, what is left of the edge
 
@@ -41,7 +41,7 @@ void main() {
     line_color_cover = vec4(0.0);
 
     vec3 a = view_rotation * start + view_translation, b = view_rotation * end + view_translation;
-    float nearest = perspective ? max(near_depth, LEAST_DEPTH) : near_depth;
+    float nearest = perspective ? max(near_depth, MIN_DEPTH) : near_depth;
     clip(a.z - nearest, b.z - nearest);
     // Beside the image, too: coordinates far outside would cost precision inside.
     vec2 room = (0.5 * size_px + REACH_PX) / scale_px;

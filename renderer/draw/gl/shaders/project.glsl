@@ -16,11 +16,11 @@ uniform vec2 slope_limit;
 uniform float narrowest_px;      // smallest standard deviation of a footprint
 
 // Stands for no length at all: its square is still a number above 0.
-const float LEAST_LENGTH = 1e-18;
+const float MIN_LENGTH = 1e-18;
 // Less leaves nothing to be seen, and below 1.2e-38 devices may take it for 0 and divide by it.
-const float LEAST_AREA = 1e-37;
+const float MIN_AREA = 1e-37;
 // Opaque, and its product with a weight of 0 is 0.
-const float LARGEST_DEPTH = 1e30;
+const float MAX_OPTICAL_DEPTH = 1e30;
 
 in vec3 center;
 in vec4 areas;
@@ -50,7 +50,7 @@ float scaled_erfc(float x) {
 Footprint project() {
     Footprint result;
     result.visible = false;
-    if (areas.w < LEAST_AREA) return result;
+    if (areas.w < MIN_AREA) return result;
     int first = 3 * int(shape);
     vec3 right = shape_rows[first].xyz, up = shape_rows[first + 1].xyz, away = shape_rows[first + 2].xyz;
     vec3 from_origin = view_rotation * center;
@@ -59,7 +59,7 @@ Footprint project() {
 
     // What lies before the near plane is cut off: the rest of the Gaussian has the moments of a truncated normal.
     // Its depth beyond the model's origin is taken, which keeps its digits where the eye is far away.
-    float sigma = max(length(away), LEAST_LENGTH);
+    float sigma = max(length(away), MIN_LENGTH);
     float a = (near_beyond_origin - from_origin.z) / sigma;
     if (a > 4.0) return result;
     if (a > -5.0) {
@@ -90,7 +90,7 @@ Footprint project() {
 
     // In units of the longest component of a row, so that no square and no product leaves the range of float32.
     vec3 longest = max(abs(row_x), abs(row_y));
-    float unit = max(max(longest.x, max(longest.y, longest.z)), LEAST_LENGTH);
+    float unit = max(max(longest.x, max(longest.y, longest.z)), MIN_LENGTH);
     row_x /= unit;
     row_y /= unit;
     float unit_px = unit * magnification;
@@ -117,7 +117,7 @@ Footprint project() {
         result.root = unit_px * vec3(side, xy / side, sqrt(large) * short_side / side);
     }
     float by_area = mass * stretch * (magnification / result.root.x) * (magnification / result.root.z);
-    result.unit_depth = min(areas.w * by_area, LARGEST_DEPTH);
+    result.unit_depth = min(areas.w * by_area, MAX_OPTICAL_DEPTH);
     result.visible = true;
     return result;
 }

@@ -1,0 +1,48 @@
+"""Pictures that look like frames and are not compared: who forgets them should be told."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from hsplat_cli.compare.figure_format import printable
+from hsplat_cli.compare.picture_file import is_picture
+from hsplat_cli.terminal import first_few
+
+_OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
+_MAX_NAMED = 3
+
+
+def ignored_in_folder_notes(folder: Path, entries: Collection[Path]) -> Iterator[str]:
+    """On what is in a folder besides the PNG files that are compared: pictures in other formats, folders of frames."""
+    visible = sorted(path for path in entries if not path.name.startswith("."))
+    others = [path.name for path in visible if path.suffix.lower() in _OTHER_SUFFIXES]
+    if others:
+        yield f"not compared, for they are no PNG files: {_some(others)} in {printable(str(folder))}"
+    below = [path.name for path in visible if _has_pictures(path)]
+    if below:
+        yield f"not compared, for subfolders are left out: PNG files in {_some(below)} in {printable(str(folder))}"
+
+
+def _has_pictures(path: Path) -> bool:
+    try:
+        return path.is_dir() and any(is_picture(below.name) for below in path.iterdir())
+    except OSError:
+        return False
+
+
+def ignored_by_template_notes(
+    template: Path, pattern: re.Pattern[str], taken: Collection[Path], entries: Collection[Path]
+) -> Iterator[str]:
+    """On files that only the number of their digits keeps a template from taking.
+
+    pattern: of names, with any number of digits. taken: those that the template takes.
+    """
+    others = sorted(path.name for path in entries if pattern.fullmatch(path.name) and path not in taken)
+    if others:
+        yield f"not compared, for {printable(template.name)} would have other digits in the name: {_some(others)}"
+
+
+def _some(names: list[str]) -> str:
+    return first_few(list(map(printable, names)), _MAX_NAMED)

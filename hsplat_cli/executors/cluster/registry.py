@@ -1,0 +1,145 @@
+"""Which workers a cluster has, and which of them can draw: they come and go, and may have another hsplat or none."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hsplat_cli.executors.cluster.worker import describe
+from renderer.errors import RenderError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+# Workers are looked for so often.
+_CHECK_INTERVAL_S = 1.0
+_HINT = "`dask worker ADDRESS` starts one"
+
+
+class WorkerRegistry:
+    """The workers of a cluster that can draw, by their addresses.
+
+    address: of the scheduler, for messages. patience_s: the longest time without any worker at all.
+    quiet: not to say that it waits for one.
+    """
+
+    def __init__(self, client: Client, address: str, patience_s: float, *, quiet: bool = False) -> None:
+        self._client, self._address, self._patience_s = client, address, patience_s
+        self._here = describe()
+        self._excluded: dict[str, str] = {}  # why, by address
+        self._had_any, self._quiet = False, quiet
+        self._is_told = quiet
+        self._look_at = self._last_seen = time.monotonic()
+        self.fit: set[str] = set()
+        self._require_hsplat_in_scheduler()
+
+    def exclude(self, worker: str, why: str) -> None:
+        """Do not use this worker again."""
+        self.fit.discard(worker)
+        self._excluded[worker] = why
+
+    def recheck(self, worker: str) -> None:
+        """Do not use this worker, which may be gone, or the scheduler with it, before it was looked at again: soon."""
+        self.fit.discard(worker)
+        self._look_at = time.monotonic()
+
+    def look(self) -> None:
+        """Find out, if it is time, who has come and who is gone. Raises RenderError when nobody is left."""
+        if time.monotonic() < self._look_at:
+            return
+        present = set(self._ask(self._client.nthreads))
+        self._look_at = time.monotonic() + _CHECK_INTERVAL_S
+        self.fit &= present
+        new = present - self.fit - self._excluded.keys()
+        if new:
+            self._check_new_workers(new)
+        if present:
+            self._had_any, self._last_seen, self._is_told = True, time.monotonic(), self._quiet
+        elif time.monotonic() > self._last_seen + self._patience_s:
+            raise RenderError(
+                self._what,
+                where=f"--scheduler {self._address}",
+                got=f"none for {self._patience_s:g} s",
+                hint=_HINT,
+            )
+        elif not self._is_told:
+            self._is_told = True
+            click.echo(f"{self._what}: waiting {self._patience_s:g} s for one; {_HINT}", err=True)
+        if present and present <= self._excluded.keys():
+            raise RenderError(
+                "no worker of the cluster can draw this film",
+                where=f"--scheduler {self._address}",
+                got=_reason_counts_text([self._excluded[worker] for worker in present]),
+                expected=f"hsplat {self._here['hsplat']} of the same sources, and OpenGL, as here",
+            )
+
+    @property
+    def _what(self) -> str:
+        return f"the cluster has no workers{' left' if self._had_any else ''}"
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know about it."""
+        if not self._excluded:
+            return []
+        return [f"workers that could not draw were not used: {_reason_counts_text(list(self._excluded.values()))}"]
+
+    def _check_new_workers(self, workers: set[str]) -> None:
+        # Not a task: a worker without the module of a task's function would end.
+        answers = self._ask(lambda: self._client.run(describe, workers=sorted(workers), on_error="return"))
+        for worker, answer in answers.items():
+            if isinstance(answer, dict):
+                other = self._version_mismatch(answer)
+                if other is None:
+                    self.fit.add(worker)
+                else:
+                    self._excluded[worker] = other
+            elif _is_missing(answer):
+                self._excluded[worker] = f"without hsplat ({answer})"
+            elif not isinstance(answer, OSError):  # that one is gone again
+                self._excluded[worker] = str(answer)
+
+    def _version_mismatch(self, answer: dict[str, Any]) -> str | None:
+        """Which one a worker has that draws otherwise than the one here may."""
+        if answer["hsplat"] != self._here["hsplat"]:
+            return f"hsplat {answer['hsplat']}"
+        # Checkouts are installed under the version of their release, whatever is changed in them.
+        if answer.get("sources") != self._here["sources"]:  # older ones do not tell
+            return f"hsplat {answer['hsplat']} of other sources"
+        return None
+
+    def _require_hsplat_in_scheduler(self) -> None:
+        try:
+            self._ask(lambda: self._client.run_on_scheduler(describe))
+        except ImportError as error:
+            raise RenderError(
+                "the scheduler needs hsplat, too: it passes on what workers are to do",
+                where=f"--scheduler {self._address}",
+                got=str(error),
+                hint=f"install hsplat {self._here['hsplat']} in its environment",
+            ) from error
+
+    def _ask(self, question: Any) -> Any:
+        """The scheduler's answer."""
+        try:
+            return question()
+        except OSError as error:  # of Dask's, too
+            raise scheduler_is_gone(self._address) from error
+
+
+def scheduler_is_gone(address: str) -> RenderError:
+    """What to say when it no longer answers."""
+    return RenderError("the scheduler no longer answers", where=f"--scheduler {address}")
+
+
+def _is_missing(answer: object) -> bool:
+    """Whether a worker's answer is that it has no such module; Dask sends some exceptions as their text."""
+    return isinstance(answer, ImportError) or "ModuleNotFoundError" in str(answer) or "ImportError" in str(answer)
+
+
+def _reason_counts_text(reasons: list[str]) -> str:
+    """`2 with hsplat 0.1.0, 1 without hsplat`."""
+    return "; ".join(f"{num} x {why}" for why, num in sorted(Counter(reasons).items()))

@@ -1,0 +1,70 @@
+"""A frame that was drawn, by this process or another one: its picture, and what its film's sidecar tells of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from renderer.film import Picture
+from renderer.frame import Frame, Guide, Rasterizer, ScheduleController, Stage, render_frames
+
+_MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """record: plain data for JSON, as `is_frame_record` has it: the number as `frame`, `tolerance`, `cells`, `splats`,
+    `seconds` by step."""
+
+    number: int
+    picture: Picture
+    record: dict[str, Any]
+
+
+class FrameExecutor(Protocol):
+    """Draws frames of a film, wherever that is.
+
+    made_by: devices and drivers of the frames so far, as GL names them: one, unless machines differ.
+    notes: what the user should know.
+    """
+
+    @property
+    def made_by(self) -> Sequence[str]: ...
+
+    @property
+    def notes(self) -> Sequence[str]: ...
+
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+        """These frames, in this order."""
+
+
+class LocalExecutor:
+    """Draws in this process, one frame after the other."""
+
+    def __init__(self, stage: Stage, rasterizer: Rasterizer, guide: Guide | None = None) -> None:
+        self._stage, self._rasterizer = stage, rasterizer
+        self._guide = ScheduleController(stage) if guide is None else guide
+
+    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+        """As in Drawer."""
+        frames = render_frames(self._stage, numbers, self._rasterizer, clock=time.perf_counter, guide=self._guide)
+        for frame in frames:
+            yield drawn(frame)
+
+
+def drawn(frame: Frame) -> Drawn:
+    """A frame of the loop."""
+    record: dict[str, Any] = {
+        "frame": frame.number,
+        "tolerance": frame.tolerance,
+        "cells": frame.num_cells,
+        "splats": frame.num_splats,
+        "seconds": frame.seconds,
+    }
+    predicted = {} if frame.predicted_seconds is None else {"predicted_seconds": frame.predicted_seconds}
+    blank = {"blank": True} if np.max(frame.radiance[..., 3], initial=0.0) < _MIN_VISIBLE_OPACITY else {}
+    return Drawn(frame.number, Picture(frame.image), record | predicted | blank)

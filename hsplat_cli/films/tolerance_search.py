@@ -1,0 +1,75 @@
+"""The search for the tolerance of an accuracy, for `hsplat measure --want` and for a scene that asks for one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import click
+
+from hsplat_cli.films.truths import find_truths
+from hsplat_cli.terminal import counted
+from renderer.errors import RenderError
+from renderer.frame import Rasterizer, Stage
+from renderer.scene import Scene, Want
+from renderer.study import Found, Trial, Truth, TruthCache, TruthOf, find_tolerance
+
+
+def search_tolerance(
+    stage: Stage,
+    frames: Sequence[int],
+    want: Want,
+    truth_tolerance: float,
+    rasterizer: Rasterizer,
+    *,
+    quiet: bool,
+    on_step: Callable[[], None] = lambda: None,
+) -> Found:
+    """Search, saying what is tried and how it came out; parameters as in `find_tolerance` and `compute_truth`.
+
+    on_step: called now and then; what it raises goes through.
+    """
+    return find_tolerance(
+        stage,
+        frames,
+        want,
+        rasterizer,
+        truth_of=_truths(stage, truth_tolerance, on_step, quiet=quiet),
+        clock=time.perf_counter,
+        on_trial=_trial_reporter(want, stage.scene.splat.noun, on_step, quiet=quiet),
+    )
+
+
+def unreachable_accuracy_error(found: Found, scene: Scene, *, where: str, hint: str) -> RenderError:
+    """The error where nothing was good enough. hint: what to do about it, to which is added what limits the scene."""
+    want, worst = found.want, found.worst
+    level, drawn = scene.error.finest_level, counted(worst.num_cells, scene.splat.noun)
+    page = "docs/scene.md" if scene.splat.footprint == "integrated" else "docs/accuracy.md"
+    limit = f"error.finest_level: {level} lets no cell be smaller" if level else f"what limits it is told in {page}"
+    return RenderError(
+        "the accuracy that is wanted is beyond full resolution",
+        where=where,
+        got=f"{want.of(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
+        expected=str(want),
+        hint=f"{hint}; {limit}",
+    )
+
+
+def _truths(stage: Stage, tolerance: float, on_step: Callable[[], None], *, quiet: bool) -> TruthOf:
+    """The truth of a frame, found when it is first asked for; there are at most ten, of 13 bytes a pixel."""
+
+    def find(frame: int) -> Truth:
+        (truth,), _ = find_truths(stage, [frame], tolerance, quiet=quiet, on_step=on_step)
+        return truth
+
+    return TruthCache(find)
+
+
+def _trial_reporter(want: Want, noun: str, on_step: Callable[[], None], *, quiet: bool) -> Callable[[Trial], None]:
+    def tell(trial: Trial) -> None:
+        on_step()
+        if not quiet:
+            what = f"tolerance {trial.tolerance:g}: {want.of(trial.value)} on frame {trial.frame}"
+            click.echo(f"{what}, {counted(trial.num_cells, noun)}", err=True)
+
+    return tell

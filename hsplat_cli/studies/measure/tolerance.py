@@ -1,0 +1,63 @@
+"""`hsplat measure --want psnr=38`: the coarsest tolerance that is good enough, as a line for the scene file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import click
+
+from hsplat_cli.executors import open_rasterizer
+from hsplat_cli.films import nothing_visible_error, search_tolerance, unreachable_accuracy_error
+from hsplat_cli.scenes import read_volume_guarded
+from hsplat_cli.studies.measure.prepare import prepared
+from hsplat_cli.terminal import counted, report_first_run
+from renderer.errors import InputError
+from renderer.scene import Scene, Want
+from renderer.study import SSIM_WINDOW_PX, Found, require_measuring_packages
+
+
+def print_tolerance(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:
+    """Search, and print the line. Raises RenderError where full resolution does not reach what is wanted."""
+    _require_measurable(scene, want)
+    report_first_run(quiet=quiet)
+    with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
+        stage = prepared(scene, read_volume_guarded(scene.volume))
+        found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, quiet=quiet)
+    if found.shows_nothing:
+        raise nothing_visible_error(len(found.frames))
+    if found.tolerance is None:
+        where = f"--want {want.metric}={want.value:g}"
+        raise unreachable_accuracy_error(found, scene, where=where, hint="want less")
+    click.echo(_line(scene, found.tolerance))
+    click.echo(f"# {_comment(found, scene.splat.noun)}")
+
+
+def _comment(found: Found, noun: str) -> str:
+    """What the tolerance comes to, and with how many bricks or splats."""
+    worst, frames = found.worst, ", ".join(map(str, found.frames))
+    drawn, value = counted(worst.num_cells, noun), found.want.of(worst.value)
+    if len(found.frames) == 1:
+        return f"{value} on frame {frames}; {drawn}"
+    return f"{value} or better on the frames {frames}; {drawn}; frame {worst.frame} is the worst"
+
+
+def _require_measurable(scene: Scene, want: Want) -> None:
+    if want.metric in ("ssim", "flip"):
+        require_measuring_packages()
+    if want.metric == "ssim" and min(scene.output.size) < SSIM_WINDOW_PX:
+        raise InputError(
+            "the picture is too small for SSIM",
+            where="output.size",
+            got=" x ".join(map(str, scene.output.size)),
+            expected=f"at least {SSIM_WINDOW_PX} pixels each way",
+            hint="want a psnr, rmse or flip",
+        )
+
+
+def _line(scene: Scene, tolerance: float) -> str:
+    """The section of the scene file, in one line."""
+    error = scene.error
+    parts = [f"measure: {error.measure}"]
+    parts += [f"of: {error.of}"] if error.of != "classified" else []
+    parts += [f"finest_level: {error.finest_level}"] if error.finest_level else []
+    return f"error: {{{', '.join([*parts, f'tolerance: {tolerance:g}'])}}}"

@@ -1,0 +1,41 @@
+"""What voxels that are no numbers are to be, so that a suggested transfer function does not show them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.suggest.features import Sample, faces, find_background, has_much_below, is_about_zero, sample_volume
+from renderer.suggest.histogram import Statistics
+from renderer.suggest.labels import label_values
+from renderer.suggest.level_sets import is_level_set_interior
+from renderer.volume import Volume
+
+
+def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | None:
+    """The value for NaN and infinities, found from the others; None where the lowest of these serves, which all have
+    in a `volume` as it is read with `nonfinite: lowest`."""
+    statistics = statistics.others or statistics
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    if low == high:  # a mask by NaN
+        return 0.0 if low else None
+    sample = sample_volume(volume, statistics)
+    if label_values(volume, statistics, sample) is not None:
+        return _nonfinite_label(sample, low)
+    if low < 0 < high and is_about_zero(sample):
+        return 0.0
+    if low < 0 < high and is_level_set_interior(sample.with_inverted_range(), 1 - sample.share(0.0)):
+        return high
+    background = find_background(sample)
+    if not (background.is_there and has_much_below(background)):
+        return None
+    return sample.rounded(sample.value(background.middle))
+
+
+def _nonfinite_label(sample: Sample, low: float) -> float | None:
+    """The label around the others where there is more of it at the border than of NaN; else one that is not there."""
+    is_known = faces(sample.known)
+    values, counts = np.unique(faces(sample.shares)[is_known], return_counts=True)
+    if counts.max(initial=0) > np.count_nonzero(~is_known):
+        outside = float(values[counts.argmax()])
+        return sample.value(outside) if outside > 0 else None
+    return 0.0 if low > 0 else None
