@@ -44,7 +44,7 @@ def unreachable_accuracy_error(found: Found, scene: Scene, *, where: str, hint: 
     """The error where nothing was good enough. hint: what to do about it, to which is added what limits the scene."""
     want, worst = found.want, found.worst
     level, drawn = scene.error.finest_level, counted(worst.num_cells, scene.splat.noun)
-    page = "docs/scene.md" if scene.splat.footprint == "integrated" else "docs/accuracy.md"
+    page = "docs/footprints.md"
     limit = f"error.finest_level: {level} lets no cell be smaller" if level else f"what limits it is told in {page}"
     return RenderError(
         "the accuracy that is wanted is beyond full resolution",

@@ -1,6 +1,6 @@
 """How strict a comparison of frames is: which figures are limited, and where the limits are.
 
-The numbers come from docs/goldens.md: each figure beside changes that have to pass and defects that must not.
+The numbers come from docs/benchmarks/goldens.md: each figure beside changes that must pass and defects that must not.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ class Strictness:
     limits: Limits
 
 
-# What must pass, in frames of eleven kinds (docs/goldens.md). At `same-machine`: other numbers of threads and vectors
-# of 128 to 512 bits, which change nothing, and one value in a thousand rounded otherwise: densest 0.047, FLIP 0.0003,
-# bias 0.0008. At `cross-driver`: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX, which stay at 1
-# level and densest 0.02, but for a splat that the near plane cuts, which softpipe has off by 4 levels and 0.66; and one
-# value in five rounded otherwise, more than any of them does: densest 0.45, FLIP 0.009, bias 0.10. Others have seen up
-# to 3 levels between processors. Limits that are no whole numbers have at least 1.29 times room. In return, what moves
-# a pixel by 2 levels always fails at `same-machine`; what levels cannot see is listed there, too.
+# What must pass, in frames of eleven kinds (docs/benchmarks/goldens.md). At `same-machine`: other numbers of threads
+# and vectors of 128 to 512 bits, which change nothing, and one value in a thousand rounded otherwise: densest 0.047,
+# FLIP 0.0003, bias 0.0008. At `cross-driver`: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX, which
+# stay at 1 level and densest 0.02, but for a splat that the near plane cuts, which softpipe has off by 4 levels and
+# 0.66; and one value in five rounded otherwise, more than any of them does: densest 0.45, FLIP 0.009, bias 0.10. Others
+# have seen up to 3 levels between processors. Limits that are no whole numbers have at least 1.29 times room. In
+# return, what moves a pixel by 2 levels always fails at `same-machine`; what levels cannot see is listed there, too.
 LEVELS = {
     level.name: level
     for level in (

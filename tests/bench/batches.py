@@ -1,4 +1,6 @@
-"""What several processes gain, what a film costs beside its splats, and whether memory stays flat: docs/batches.md.
+"""Measure what several processes gain, what a film costs beside its splats, and whether memory stays flat.
+
+docs/benchmarks/batches.md has the results.
 
     PYTHONPATH=. python tests/bench/batches.py DATA [--only workers|loop|memory] [--page FILE] [--repeats 3]
 
@@ -37,15 +39,17 @@ SCENES: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
 PAGE_HEAD = """\
 # Films on all cores
 
-Whole commands, from their start to the last file, in turns. `2 x 1` is two workers of one thread each (`--workers 2`),
-`1 x 2` one process of two threads (`LP_NUM_THREADS=2`); by default this process draws until it is worth while to call
-workers, and they are ready.
+Footprint: that of the scenes named in each row. Measure again when workers, the default footprint or the drawing of
+frames change.
 
-A single process with two threads keeps both cores busy where footprints cover many pixels; then there is little left to
-gain. It does not where vertices, sorting, PNG and the encoder are most of the work: those have one thread in a process.
-"Possible" is what would be gained if all the work of `1 x 1`, start and encoder included, were divided by the cores
-without any loss.
-"""
+Times are of whole commands, from their start to the last file; the commands take turns. `2 x 1` is two workers of one
+thread each (`--workers 2`), `1 x 2` is one process of two threads (`LP_NUM_THREADS=2`). By default the first process
+draws until workers are worth starting and are ready.
+
+A single process with two threads keeps both cores busy where footprints cover many pixels, and little is left to
+gain. It does not where vertices, sorting, PNG and the encoder are most of the work, because these have one thread in
+a process. "Possible" is the gain if all the work of `1 x 1`, with start and encoder, were divided by the cores
+without loss. """
 SMALL = """\
 volume: {procedural: {name: engine_block, shape: [32, 32, 16], seed: 1}}
 transfer_function:
@@ -166,7 +170,7 @@ def main() -> None:
                     lines.append(line)
                     print(line, flush=True)
     if arguments.page:
-        text = f"{PAGE_HEAD}\nWritten by `tests/bench/batches.py` at {commit()}, on {num_cores()} cores.\n"
+        text = f"{PAGE_HEAD}\n`tests/bench/batches.py` wrote this page at {commit()}, on {num_cores()} cores.\n"
         arguments.page.write_text(text + "\n".join(lines) + "\n", encoding="utf-8")
 
 

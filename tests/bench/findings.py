@@ -1,4 +1,4 @@
-"""What was found: `python tests/bench/findings.py DATA` writes docs/findings.md and its plots.
+"""Measure what splats cost: `python tests/bench/findings.py DATA` writes docs/benchmarks/findings.md and its plots.
 
 Measures the engine, the bonsai (both read from the folder DATA) and the test signal of Marschner and Lobb by
 `hsplat measure --peer vtk`, and draws the numbers together. `--studies FOLDER` keeps the reports of each study, and
@@ -25,7 +25,7 @@ from matplotlib import pyplot
 from renderer.study import cost_at_psnr
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "findings.md"
+PAGE = ROOT / "docs" / "benchmarks" / "findings.md"
 
 FEWEST_POINTS = 4
 TRADE = ("--footprints", "gaussian", "--peer", "vtk")
@@ -139,17 +139,20 @@ def series_of(study: dict[str, Any]) -> Series:
 def heading(study: dict[str, Any]) -> list[str]:
     machine = study["machine"]
     return [
-        "# What was found",
+        "# What splats cost, and what they reach",
         "",
-        "Written by `python tests/bench/findings.py DATA`, which runs `hsplat measure`. Errors are against the "
-        f"converged ray integral, over {len(study['truths'])} frames of each path; times are medians of warm frames, "
-        "from the order of the splats to 8 bits, without cut and encoding.",
+        "Footprint: splats (`gaussian`, and the paper's `gouraud`), which are not the default. Measure again when "
+        "error measures, splats, the opacity correction or the drawing of splats change.",
+        "",
+        "`python tests/bench/findings.py DATA` writes this page with `hsplat measure`. Errors are against the "
+        f"converged ray integral, over {len(study['truths'])} frames of each path. Times are medians of warm frames, "
+        "from the order of the splats to 8 bits, without the cut and the encoding.",
         "",
         f"Commit {machine['commit']}, {study['date']}; {machine['processor']}, {machine['cores']} cores; "
         f"{machine['driver']}; {machine['system']}.",
         "",
-        "The outermost layer of voxels is transparent, for VTK's volumes end half a voxel earlier; it is as scanned "
-        "where the footprints are compared. VTK's frames have 8 bits, which alone limits them to about 59 dB.",
+        "The outermost layer of voxels is transparent because VTK's volumes end half a voxel earlier; where the "
+        "footprints are compared, it is as scanned. VTK's frames have 8 bits, which alone limits them to about 59 dB.",
         "",
         "In short, of Gaussian splats with the `optical` measure:",
         "",
@@ -192,7 +195,7 @@ SUMMARY = (
     "",
     "best PSNR",
     "best of VTK",
-    "a tenfold of splats",
+    "ten times the splats",
     "splats for 1 dB below the best",
     "correction gains",
     "gouraud 8x3 against gaussian",
@@ -223,7 +226,7 @@ def gains(trade: Series, measure: str) -> list[float]:
 
 
 def slope(points: Sequence[Point]) -> float:
-    """What a tenfold of splats buys in dB; NaN where a few points say nothing of it."""
+    """What ten times the splats buy in dB; NaN where a few points say nothing of it."""
     told = [(math.log10(p.splats), p.psnr) for p in points if p.splats > 0 and math.isfinite(p.psnr)]
     if len(points) < FEWEST_POINTS or len({splats for splats, _ in told}) < 2:
         return math.nan
@@ -241,7 +244,7 @@ def splats_buy(trade: Series) -> list[str]:
         slopes = [slope(part) for part in (points, steep)]
         enough = min((p for p in points if p.psnr >= best - 1), key=lambda p: p.splats)
         buys = [f"{value:.1f} dB {where}" for value, where in zip(slopes, ranges, strict=True) if math.isfinite(value)]
-        what = f"a tenfold of splats buys {', '.join(buys)}" if buys else "too few points for a slope"
+        what = f"ten times the splats buy {', '.join(buys)}" if buys else "too few points for a slope"
         part = f"{enough.splats / points[-1].splats:.0%}"
         lines.append(f"- `{label}`: {what}; 1 dB below the best takes {part} of the splats of full resolution.")
     return ["**What splats buy.**", "", *lines, ""]
@@ -268,7 +271,7 @@ def corrections_compared(trade: Series) -> list[str]:
         found = gains(trade, measure)
         rows.append((f"`{measure}`", f"{statistics.fmean(found):+.1f} dB", f"{min(found):+.1f}", f"{max(found):+.1f}"))
     return [
-        "**With and without opacity correction.** What the correction gains, over the tolerances above 0:",
+        "**With and without opacity correction.** What the correction gains, over all tolerances above 0:",
         "",
         *table(("measure", "mean", "least", "most"), rows),
     ]
@@ -334,7 +337,7 @@ def levels(*series: Sequence[Point]) -> Iterator[int]:
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """In Markdown, with an empty line behind."""
     if not rows:
-        return ["There is no accuracy to compare at: the series have none in common.", ""]
+        return ["The series reach no accuracy in common, so nothing is compared.", ""]
     return [f"| {' | '.join(row)} |" for row in (header, ["---"] * len(header), *rows)] + [""]
 
 

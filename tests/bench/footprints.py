@@ -1,4 +1,4 @@
-"""Which footprint is the better trade? `python tests/bench/footprints.py DATA` writes docs/footprints.md.
+"""Which footprint is the better trade? `python tests/bench/footprints.py DATA` writes docs/benchmarks/footprints.md.
 
 Draws a frame of many volumes with each footprint at many tolerances, and asks for each accuracy which one reaches it in
 less time. Times are those of the processors, of all threads, so that other work on the machine matters little.
@@ -40,7 +40,7 @@ from renderer.scene import (
 from renderer.study import TRUTH_TOLERANCE, Truth, compute_truth, over_background
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE, PICTURE = (ROOT / "docs" / name for name in ("footprints.md", "trade.png"))
+PAGE, PICTURE = (ROOT / "docs" / name for name in ("benchmarks/footprints.md", "trade.png"))
 CLOSE = Path(__file__).with_name("scenes")
 THREADS = os.cpu_count() or 1
 
@@ -103,18 +103,23 @@ def main() -> None:
 
 def head(found: dict[str, Any], machine: dict[str, Any]) -> Iterator[str]:
     """What the page says first: the range of the ratios at each accuracy."""
-    yield "# The footprints beside each other"
+    yield "# The footprints compared"
     yield ""
     yield (
-        "Written by `python tests/bench/footprints.py DATA`. One frame of 256 x 256, along no axis: processor time of "
-        "all threads, medians of up to five warm frames, at the fastest tolerance that comes as near to the converged "
-        "ray integral; both footprints were tried from 30 down to 0. That is why `integrated` is what a scene has that "
-        "does not say."
+        "Footprints: `integrated`, the default, and splats (`footprint: gaussian`). Measure again when the cut, the "
+        "drawing of either footprint or the default changes."
+    )
+    yield ""
+    yield (
+        "`python tests/bench/footprints.py DATA` writes this page. It draws one frame of 256 x 256, along no axis, "
+        "and gives the processor time of all threads, the median of up to five warm frames, at the fastest tolerance "
+        "that reaches each accuracy against the converged ray integral. Tolerances from 30 down to 0 were tried for "
+        "both footprints. `integrated` is the default because of these numbers."
     )
     yield ""
     yield "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine)
     yield ""
-    yield "| accuracy | integrated / gaussian, least | median | most | volumes that only integrated gets so near to |"
+    yield "| accuracy | integrated / gaussian, least | median | most | volumes where only integrated reaches it |"
     yield "| --- | --- | --- | --- | --- |"
     for accuracy in ACCURACIES:
         ratios = [ratio for each in found.values() if (ratio := ratio_at(each, accuracy)) is not None]
@@ -142,7 +147,7 @@ def row_of_pictures() -> Iterator[str]:
             pictures += [frame.image for frame in render_frames(at, [SHOWN_FRAME], rasterizer, clock=time.process_time)]
     iio.imwrite(PICTURE, np.concatenate(pictures, axis=1))
     points = list(measured(stage, truth, SHOWN))
-    yield f"![The demo at {', '.join(f'{p.psnr:.0f}' for p in points)} dB]({PICTURE.name})"
+    yield f"![The demo at {', '.join(f'{p.psnr:.0f}' for p in points)} dB](../{PICTURE.name})"
     yield ""
     yield (
         f"The demo at `tolerance` {', '.join(f'{p.tolerance:g}' for p in points)}: "
@@ -156,9 +161,9 @@ def stills(data: Path, found: dict[str, Any]) -> Iterator[str]:
     yield "## One picture, from the command to the file"
     yield ""
     yield (
-        "`hsplat render --frames 11`, processor seconds with start-up, reading and encoding, medians of three. Bricks "
-        "need the whole pyramid, of which splats at a coarse tolerance need a part: what that costs beforehand the "
-        "first frames of a film give back."
+        "`hsplat render --frames 11`: processor seconds with start-up, reading and encoding, medians of three. "
+        "Bricks need the whole pyramid; splats at a coarse tolerance need a part of it. The first frames of a film "
+        "win back what that costs."
     )
     yield ""
     yield "| scene | accuracy | integrated | gaussian | ratio |"

@@ -1,4 +1,6 @@
-"""What a frame costs when the same object has more voxels: `python tests/bench/growth.py DATA` writes docs/growth.md.
+"""Measure what a frame costs when the same object has more voxels.
+
+`python tests/bench/growth.py DATA` writes docs/benchmarks/growth.md.
 
 Objects are sampled with 128, 256 and 512 voxels along their longest side and drawn at one size and one tolerance:
 processor milliseconds of all threads for a warm frame, medians, the sizes in turn.
@@ -27,7 +29,7 @@ from renderer.scene import ProceduralSource, Scene, load_scene, with_tolerance
 from renderer.volume import make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "growth.md"
+PAGE = ROOT / "docs" / "benchmarks" / "growth.md"
 SIZES, TOLERANCES = (128, 256, 512), (0.3, 0.1)
 SIZE_PX, FRAME, REPEATS, GOAL = 512, 11, 7, 1.5
 
@@ -43,9 +45,13 @@ def main() -> None:
     lines = [
         "# What more voxels cost",
         "",
-        f"Written by `python tests/bench/growth.py DATA`. A frame of {SIZE_PX} x {SIZE_PX} of the same object, sampled "
-        "with so many voxels along its longest side, at the same tolerance: processor time of all threads for a warm "
-        f"frame, medians of {REPEATS} in turn. Goal: {GOAL:g} from 128 to 512, which is 64 times the voxels.",
+        "Footprint: `integrated`, the default. Measure again when the cut, the brick cache, the CPU loops or screen "
+        "sampling change.",
+        "",
+        f"`python tests/bench/growth.py DATA` writes this page. It draws one frame of {SIZE_PX} x {SIZE_PX} of the "
+        "same object at the same tolerance. The columns 128, 256 and 512 are the number of voxels along the longest "
+        f"side. Times are processor time of all threads for a warm frame, the median of {REPEATS} runs that take "
+        f"turns. Goal: a factor of {GOAL:g} from 128 to 512, which has 64 times the voxels.",
         "",
         "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine),
         "",

@@ -1,4 +1,4 @@
-"""Against VTK: `python tests/bench/peers.py DATA` writes docs/peers.md.
+"""Measure frames against VTK: `python tests/bench/peers.py DATA` writes docs/benchmarks/peers.md.
 
 Measures every scene of tests/bench/scenes, with its volume from the folder DATA, by `hsplat measure --peer vtk`, in one
 process each, one after the other: what a frame of some accuracy takes, as the fastest setting that reaches it.
@@ -17,7 +17,7 @@ from kept_study import kept_study
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = Path(__file__).with_name("scenes")
-PAGE = ROOT / "docs" / "peers.md"
+PAGE = ROOT / "docs" / "benchmarks" / "peers.md"
 
 OPTIONS = (
     "--footprints", "integrated", "--measures", "optical", "--corrections", "on", "--peer", "vtk", "--repeats", "7",
@@ -59,18 +59,18 @@ def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
 
 
 WHAT_LIMITS_IT = (
-    "Bricks are drawn by compiled loops (OpenGL is llvmpipe here, which took 1.3 to 2.4 times as long). Where a goal "
-    "is missed, by parts of these loops left out in turns (two cores, engine_close and bonsai_close): of the 8 to 11 "
-    "ms of a frame at 30 and 35 dB 2 to 3 are cut, order, lattices, 8 bits and the Python between them, while VTK's "
-    "fixed-point caster takes 10 to 17 ms for the whole frame. Of the rest two fifths are waiting for memory, although "
-    "the next brick is asked for while one is drawn, which took a fifth off: few rays meet each brick there, whose "
-    "texels, 23 or 93 KB, have left the caches since the last frame; drawn twice in a row, a tile's bricks take half "
-    "the time at the second. The loops themselves are 4 to 5 ms of one core at 30 dB, which two cores bring to 3 to 4, "
-    "for a task of theirs is shorter than what it takes to hand it on. At 0.1 5 to 12 % are rays, and boxes "
-    "that they pass by; 26 samples lie on a ray, of which 37 % (engine) to two thirds (bonsai) find nothing that is "
-    "visible, and each takes 8 to 12 ns of a core: a hundred instructions, a tenth of them for the exponential, none "
-    "of them on more than one sample at a time. A bit for each of 64 parts of a brick, for passing over what shows "
-    "nothing, gained nothing: branches that are guessed wrong cost as much."
+    "Compiled loops draw the bricks, because OpenGL is llvmpipe here, which took 1.3 to 2.4 times as long. Where a "
+    "goal is missed, parts of the CPU loops were left out in turns (two cores, engine_close and bonsai_close). A "
+    "frame takes 8 to 11 ms at 30 and 35 dB. The cut, the order, screen sampling, 8 bits and the Python between them "
+    "take 2 to 3 ms of it; VTK's fixed-point caster takes 10 to 17 ms for the whole frame. Two fifths of the rest is "
+    "waiting for memory. Few rays meet each brick there, and its texels, 23 or 93 KB, have left the caches since the "
+    "last frame. Prefetching the next brick while one is drawn took a fifth off; a tile that is drawn twice in a row "
+    "takes half the time for its bricks at the second. The loops themselves take 4 to 5 ms of one core at 30 dB, and "
+    "3 to 4 ms on two cores, because one of their tasks is shorter than the time it takes to hand it on. At "
+    "tolerance 0.1, 5 to 12 % of the time is setting up rays and the boxes that they miss. A ray has 26 samples. Of "
+    "these, 37 % (engine) to two thirds (bonsai) find nothing visible. Each takes 8 to 12 ns of a core, which is a "
+    "hundred instructions, a tenth of them for the exponential, and none of them on more than one sample at a time. "
+    "A bit for each of 64 parts of a brick, to skip empty parts, gained nothing: mispredicted branches cost as much."
 )
 
 
@@ -80,10 +80,16 @@ def page(studies: Mapping[str, dict[str, Any]]) -> Iterator[str]:
     yield "# Against VTK"
     yield ""
     yield (
-        "Written by `python tests/bench/peers.py DATA`. Milliseconds of a frame of 512 x 512 that the object fills: "
-        "of hsplat's fastest setting, and of VTK's of any mapper, that comes as near to the converged ray integral; "
-        "medians of 7, one after the other on one machine. The goals are parts of VTK's time. VTK's frames have 8 "
-        "bits, and its volumes end half a voxel earlier, for which the outermost voxels are transparent."
+        "Footprint: `integrated`, the default. Measure again when the cut, the CPU loops, screen sampling or the "
+        "order of bricks change, and with a new version of VTK."
+    )
+    yield ""
+    yield (
+        "`python tests/bench/peers.py DATA` writes this page. It gives milliseconds of a frame of 512 x 512 that the "
+        "object fills, for the fastest setting that reaches an accuracy against the converged ray integral: of "
+        "hsplat, and of any of VTK's mappers. Times are medians of 7, one program after the other on one machine. "
+        "Goals are parts of VTK's time. VTK's frames have 8 bits. Its volumes end half a voxel earlier, so the "
+        "outermost voxels are made transparent for both."
     )
     yield ""
     yield f"{machine['processor']}, {machine['driver']}, commit {machine['commit']}"

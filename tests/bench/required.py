@@ -1,4 +1,6 @@
-"""What a scene does not ask for costs nothing: `python tests/bench/required.py DATA` writes docs/required.md.
+"""Measure that what a scene does not ask for costs nothing.
+
+`python tests/bench/required.py DATA` writes docs/benchmarks/required.md.
 
 Each row sets the same work side by side, without and with the demand, in one process: medians of several runs in turn,
 CPU seconds of all threads, which a shared machine disturbs less than wall seconds.
@@ -30,15 +32,19 @@ from renderer.view.splat_projection import visible_order
 from renderer.volume import Volume, make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "required.md"
+PAGE = ROOT / "docs" / "benchmarks" / "required.md"
 REPEATS = 7
 THREADS = os.cpu_count() or 1
 
 HEAD = """# What a scene does not ask for
 
-Written by `python tests/bench/required.py DATA`. For splats (`footprint: gaussian`).
-Each row is the same work twice: as the scene needs it, and as
-it is when more is asked for. Times are CPU milliseconds of all threads, medians of {repeats} runs in turn.
+Footprint: splats (`footprint: gaussian`), which is not the default. Nothing here is known for the default footprint
+`integrated`, which needs the whole pyramid. Measure again when the pyramid, the cut, splats or the start of a command
+change.
+
+`python tests/bench/required.py DATA` writes this page. Each row does the same work twice: as the scene needs it, and
+as it is when the scene asks for more. Times are CPU milliseconds of all threads, medians of {repeats} runs that take
+turns.
 
 {machine}
 

@@ -1,4 +1,6 @@
-"""A whole film against PyVista: `python tests/bench/turntable_peer.py DATA PYTHON` writes docs/turntables.md.
+"""Measure whole films against PyVista.
+
+`python tests/bench/turntable_peer.py DATA PYTHON` writes docs/benchmarks/turntables.md.
 
 PYTHON is an interpreter that has pyvista, imageio and imageio-ffmpeg. Both programs make the same 120 frames of
 512 x 512 as one MP4 from the same file, each by the fastest of its settings that comes to 40 dB, which is looked at
@@ -33,12 +35,12 @@ from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "turntables.md"
+PAGE = ROOT / "docs" / "benchmarks" / "turntables.md"
 SCENES = Path(__file__).with_name("scenes")
 PEER = Path(__file__).with_name("pyvista_turntable.py")
 
 ACCURACY, GOAL = 40.0, 1 / 3
-# hsplat's, from coarse to fine; and PyVista's from fast to slow, by what docs/peers.md says of their times.
+# hsplat's, from coarse to fine; and PyVista's from fast to slow, by what docs/benchmarks/peers.md says of their times.
 TOLERANCES = (0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.07, 0.05)
 SETTINGS = (
     ("gpu", 3.0, 1), ("gpu", 2.5, 1), ("gpu", 2.0, 1), ("fixed_point", 1.0, 1), ("fixed_point", 0.85, 1),
@@ -64,10 +66,14 @@ def main() -> None:
     lines = [
         "# Whole films beside PyVista",
         "",
-        "Written by `python tests/bench/turntable_peer.py DATA PYTHON`: 120 frames of 512 x 512 that the object fills, "
-        f"from the command to the MP4, start-up included; medians of {arguments.repeats} in turn. Each program has the "
-        f"fastest setting that comes to {ACCURACY:g} dB of the converged ray integral on the first frame, of 8 bits. "
-        "The outermost voxels are transparent, for VTK's volumes end half a voxel earlier.",
+        "Footprint: `integrated`, the default. Measure again when anything on the way from the command to the MP4 "
+        "changes: start, pyramid, drawing, workers, encoder.",
+        "",
+        "`python tests/bench/turntable_peer.py DATA PYTHON` writes this page. It times 120 frames of 512 x 512 that "
+        f"the object fills, from the command to the MP4, with start-up; medians of {arguments.repeats} runs that take "
+        f"turns. Each program has the fastest setting that reaches {ACCURACY:g} dB of the converged ray integral on "
+        "the first frame, which has 8 bits. The outermost voxels are transparent because VTK's volumes end half a "
+        "voxel earlier.",
         "",
         "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine),
         "",

@@ -1,4 +1,7 @@
-"""Writes docs/numerics.md, every extreme with the worst error measured: `python tests/extremes/page.py [FILE]`."""
+"""Write docs/benchmarks/numerics.md, every extreme with the worst error measured.
+
+Run it as `python tests/extremes/page.py [FILE]`.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,9 @@ from renderer.draw import GLRasterizer  # noqa: E402
 
 INTRODUCTION = """# Numerics: what happens at the extremes
 
+Footprint: splats, and the truth; the last section is of bricks. Measure again when a formula, a precision or a bound
+of the scene file changes.
+
 Each row is an input at the edge of what is legal, the method that makes it safe, the worst error seen on it, and the
 bound that the tests hold it to. References are exact arithmetic (fractions, mpmath), closed forms, or float64 where its
 own error is far below the bound. Float32 has `u = 2^-24 = 6e-8`, half precision `2^-11 = 5e-4`.
@@ -27,7 +33,7 @@ own error is far below the bound. Float32 has `u = 2^-24 = 6e-8`, half precision
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "numerics.md")
+    parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "benchmarks" / "numerics.md")
     parser.add_argument("--cases", type=int, default=CASES_ON_PAGE, help="random cases of each extreme")
     arguments = parser.parse_args()
     with GLRasterizer() as rasterizer:
@@ -39,7 +45,7 @@ def main() -> None:
             lines += ["|---|---|---|---|---|", *(_row(extreme, arguments.cases) for extreme in section.extremes), ""]
             lines += [section.notes, ""] if section.notes else []
     how = f"{arguments.cases} random cases a row, at commit {commit()} on {device}"
-    lines.append(f"Written by `python tests/extremes/page.py`, {how}.")
+    lines.append(f"`python tests/extremes/page.py` writes this page: {how}.")
     arguments.file.write_text("\n".join(lines) + "\n")
 
 

@@ -99,7 +99,7 @@ def cells(pyramid: Pyramid, level: int) -> list[tuple[int, int, int]]:
 
 
 def worst_of_nodes(pyramid: Pyramid, channels: Array, *, least: float = 0.0) -> float:
-    """The largest relative error of the error of any node; channels: [z, y, x, c], all voxels being visible.
+    """The largest relative error of the estimate of any node; channels: [z, y, x, c], all voxels being visible.
 
     least: nodes whose error is less are left out.
     """
@@ -243,7 +243,7 @@ def one_voxel(num_cases: int) -> float:
     return worst
 
 
-RELATIVE = "relative error of the error"
+RELATIVE = "relative error of the estimate"
 LARGEST_32, LARGEST_64 = float(np.finfo(np.float32).max), float(np.finfo(np.float64).max)
 
 FROM_DIFFERENCES = "differences of neighbours are squared, never values; in float64"
@@ -321,19 +321,19 @@ SECTION = Section(
         Extreme(
             "opacities that differ by less than 1e-4",
             "means are rounded to float32: 6e-8 of the values",
-            "error of the error, share of the largest channel",
+            "error of the estimate, share of the largest channel",
             8 * U,
             of_classified([0.5, 0.5001], np.float64, SINGLE, worst_of_scale),
         ),
         Extreme(
             "opacities of 1e-20",
-            "their squares do not fit float32: the error may be 0, for what none can see",
-            "error of the error",
+            "their squares do not fit float32: the error may be 0, where nobody can see it",
+            "error of the estimate",
             1e-19,
             of_classified([1e-21, 1e-20], np.float64, SINGLE, lambda p, c: worst_of_scale(p, c) * float(c.max())),
         ),
     ),
-    "What is classified has relative errors where the error is a tenth of the largest channel or more. The means of all"
+    "Errors of classified values are relative where the error is a tenth of the largest channel or more. The means of all"
     " nodes are rounded to float32, 6e-8 of the values, and smaller errors are as exact as that.",
 )
 

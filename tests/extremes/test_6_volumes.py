@@ -378,7 +378,7 @@ SECTION = Section(
         ),
         Extreme(
             "every type at its limits, both byte orders, 5 formats",
-            "tests write the bytes themselves",
+            "tests write the bytes without the readers",
             "voxels that are read wrongly",
             0.0,
             reread,
@@ -428,7 +428,7 @@ SECTION = Section(
         ),
         Extreme(
             "the same, one splat for all",
-            "means over the voxels that are there, not over cubes",
+            "means over real voxels, not over padded cubes",
             "relative error of the sum of tau V",
             1e-6,
             energies(math.inf, "single"),

@@ -1,4 +1,7 @@
-"""What must pass does, and every defect is found at `same-machine`, on two small frames. docs/goldens.md has more."""
+"""Harmless changes pass and every defect is found at `same-machine`, on two small frames.
+
+docs/benchmarks/goldens.md has more.
+"""
 
 from __future__ import annotations
 

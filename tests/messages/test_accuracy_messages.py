@@ -29,7 +29,7 @@ def schedule(text: str) -> list[str]:
             0,
             f"psnr {NUMBER} dB on frame [0-5], with \\d+ splats",
             "psnr 150.00 dB",
-            "what limits it is told in docs/accuracy.md",
+            "what limits it is told in docs/footprints.md",
         ),
         (
             "rmse=1e-8",

@@ -134,7 +134,8 @@ def test_an_accuracy_beyond_full_resolution(measure) -> None:  # type: ignore[no
         and "dB on frame " in lines[1]
         and lines[1].endswith(" splats at tolerance 0")
     )
-    assert lines[2:] == ["  expected: psnr 150.00 dB", "  hint: want less; what limits it is told in docs/accuracy.md"]
+    hint = "  hint: want less; what limits it is told in docs/footprints.md"
+    assert lines[2:] == ["  expected: psnr 150.00 dB", hint]
 
 
 def test_a_truth_that_does_not_converge(measure) -> None:  # type: ignore[no-untyped-def]
