@@ -333,8 +333,8 @@ SECTION = Section(
             of_classified([1e-21, 1e-20], np.float64, SINGLE, lambda p, c: worst_of_scale(p, c) * float(c.max())),
         ),
     ),
-    "Errors of classified values are relative where the error is a tenth of the largest channel or more. The means of all"
-    " nodes are rounded to float32, 6e-8 of the values, and smaller errors are as exact as that.",
+    "Errors of classified values are relative where the error is a tenth of the largest channel or more. The means of"
+    " all nodes are rounded to float32, 6e-8 of the values, and smaller errors are as exact as that.",
 )
 
 
