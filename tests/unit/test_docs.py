@@ -26,7 +26,10 @@ def _blocks_in(document: str, language: str = "yaml") -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", (ROOT / document).read_text("utf-8"), re.DOTALL)
 
 
-RECIPES = [block for block in _blocks_in("README.md") if block.startswith("# .")]  # they begin with the file's name
+GOLDEN_FRAMES = "docs/golden-frames.md"
+RECIPES = _blocks_in(GOLDEN_FRAMES)
+# Pages whose YAML blocks have lines that each may stand in a scene.
+PAGES_OF_LINES = ("docs/precision.md", "docs/footprints.md")
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/scene.md"])
@@ -38,18 +41,34 @@ def test_the_scene_in_the_text_is_legal(document: str, tmp_path: Path) -> None:
     load_scene(tmp_path / "scene.yaml")
 
 
-def test_every_line_of_the_other_examples_may_stand_in_the_scene(tmp_path: Path) -> None:
-    scene, *others = _blocks_in("README.md")
+def _with_line(scene: str, line: str) -> str:
+    """Return the scene with the line in place of the one with the same key, or at its end where it has no such key."""
+    key = line.partition(":")[0]
+    text, replaced = re.subn(rf"(?m)^{key}:.*$", lambda _: line, scene)
+    return text if replaced else f"{scene}{line}\n"
+
+
+@pytest.mark.parametrize("page", PAGES_OF_LINES)
+def test_every_line_of_an_example_may_stand_in_the_scene(page: str, tmp_path: Path) -> None:
+    scene = _scene_in("README.md")
     (tmp_path / "scan.nii.gz").touch()
-    for line in "".join(block for block in others if block not in RECIPES).splitlines():
-        key = line.partition(":")[0]
-        (tmp_path / "scene.yaml").write_text(re.sub(rf"(?m)^{key}:.*$", lambda _, new=line: new, scene), "utf-8")
+    lines = "".join(_blocks_in(page)).splitlines()
+    assert lines
+    for line in lines:
+        text = _with_line(scene, line)
+        assert line in text and text != scene, line
+        (tmp_path / "scene.yaml").write_text(text, "utf-8")
         load_scene(tmp_path / "scene.yaml")
+
+
+def test_the_readme_has_one_scene_and_the_pages_have_all_recipes() -> None:
+    assert len(_blocks_in("README.md")) == 1
+    assert [recipe.split()[1] for recipe in RECIPES] == [".github/workflows/golden-frames.yml", ".gitlab-ci.yml"]
 
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.split()[1])
 def test_recipes_compare_in_the_container_in_which_goldens_are_made(recipe: str) -> None:
-    text = (ROOT / "README.md").read_text("utf-8")
+    text = (ROOT / GOLDEN_FRAMES).read_text("utf-8")
     (job,) = [job for job in _mappings_in(yaml.safe_load(recipe)) if {"container", "image"} & set(job)]
     assert f"-w /work {job.get('container') or job.get('image')} sh -c" in text
     commands = re.findall(r"(?m)- (?:run: )?((?:apt-get|pip|hsplat) .*)$", recipe)
@@ -67,9 +86,9 @@ def _mappings_in(tree: object) -> Iterator[dict[str, object]]:
         yield from _mappings_in(item)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/benchmarks/goldens.md"])
-def test_the_table_of_figures_has_the_limits_of_every_level(page: str) -> None:
-    (table,) = re.findall(r"(?m)^\| figure \| what it is .*\n(?:\|.*\n)+", (ROOT / page).read_text("utf-8"))
+def test_the_table_of_figures_has_the_limits_of_every_level() -> None:
+    text = (ROOT / GOLDEN_FRAMES).read_text("utf-8")
+    (table,) = re.findall(r"(?m)^\| figure \| what it is .*\n(?:\|.*\n)+", text)
     header, _, *lines = ([cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines())
     assert header[2:] == [f"`{level}`" for level in LEVELS]
     assert [line[0] for line in lines] == [f"`{name}`" for name in COMPARISON_METRICS]
@@ -79,8 +98,20 @@ def test_the_table_of_figures_has_the_limits_of_every_level(page: str) -> None:
         assert [float(limit) if limit else None for limit in limits] == expected, name
 
 
+@pytest.mark.parametrize("level", ["same-machine", "cross-driver"])
+def test_goldens_were_measured_with_the_limits_of_every_level(level: str) -> None:
+    text = (ROOT / "docs/benchmarks/goldens.md").read_text("utf-8")
+    (section,) = re.findall(rf"(?ms)^### {level}\n(.*?)^#", text)
+    lines = [
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in section.splitlines() if line.startswith("| `")
+    ]
+    limits = {cells[0].strip("`"): cells[3] for cells in lines}
+    expected = {name: LEVELS[level].limits.get(name) for name in FIGURES}
+    assert {name: None if limit == "none" else float(limit) for name, limit in limits.items()} == expected
+
+
 def test_python_in_the_text_can_be_parsed() -> None:
-    blocks = _blocks_in("README.md", "python")
+    blocks = _blocks_in(GOLDEN_FRAMES, "python")
     assert blocks
     for block in blocks:
         ast.parse(block)
@@ -100,9 +131,50 @@ def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: 
     assert keys(scene_to_dict(scene)) - listed == set()
 
 
-@pytest.mark.parametrize(
-    "page", sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]), ids=lambda path: path.name
-)
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+
+
+def _anchors(page: Path) -> set[str]:
+    """Return the anchors that GitHub makes of the headings of a page."""
+    headings = re.findall(r"(?m)^#+ (.*)$", page.read_text("utf-8"))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_links_within_the_documentation_lead_somewhere(page: Path) -> None:
-    targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8"))
-    assert [target for target in targets if not (page.parent / target).exists()] == []
+    links = re.findall(r"\]\(([^)#:]*)(?:#([^)]*))?\)", page.read_text("utf-8"))
+    for target, anchor in links:
+        path = page.parent / target if target else page
+        assert path.exists(), target
+        assert not anchor or anchor in _anchors(path), f"{target}#{anchor}"
+
+
+def test_every_page_can_be_reached_from_the_readme() -> None:
+    reached, todo = set(), [ROOT / "README.md"]
+    while todo:
+        page = todo.pop()
+        if page in reached:
+            continue
+        reached.add(page)
+        for target in re.findall(r"\]\(([^)#:]+\.md)(?:#[^)]*)?\)", page.read_text("utf-8")):
+            todo.append((page.parent / target).resolve())
+    assert set(PAGES) - reached - {ROOT / "CHANGELOG.md"} == set()
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs/decisions").glob("0*.md")), ids=lambda path: path.stem)
+def test_a_decision_has_its_sections(page: Path) -> None:
+    text = page.read_text("utf-8")
+    assert text.startswith(f"# {page.stem[:3]}. ")
+    assert re.findall(r"(?m)^## (\w+)", text)[:3] == ["Context", "Decision", "Consequences"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_paths_in_the_documentation_exist(page: Path) -> None:
+    paths = re.findall(r"`((?:renderer|hsplat_cli|tests|configs)/[^`\s]*)`", page.read_text("utf-8"))
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs/benchmarks").glob("[a-z]*.md")), ids=lambda path: path.stem)
+def test_a_benchmark_says_what_was_measured_and_when_to_measure_again(page: Path) -> None:
+    head = " ".join(page.read_text("utf-8")[:800].split())
+    assert re.search(r"Footprints?: ", head) and re.search(r"Measure again", head)
