@@ -13,7 +13,7 @@ from renderer.draw import brick_atlas
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# Memory that is not a file's, as docs/architecture.md has it: while bricks are made of a volume; and on the device,
+# Memory that is not a file's (decision 001 in docs/decisions): while bricks are built of a volume; and on the device,
 # which is this machine's memory, too, where the renderer is software, with what passes on the way there.
 MOST_BYTES, MOST_BYTES_PER_VOXEL = 64 << 20, 1 / 8
 MOST_BYTES_OF_DEVICE = 2 * brick_atlas.MOST_BYTES + (64 << 20)

@@ -10,7 +10,7 @@ import pytest
 from renderer.bricks import BRICK_SIZE, DITHER
 from renderer.bricks.sampling import MIN_STEP, step_sizes
 
-# From corner to corner of a brick, in the shortest steps; docs/architecture.md states it.
+# From corner to corner of a brick, in the shortest steps; decision 014 in docs/decisions states it.
 MOST_SAMPLES = 3814
 
 
