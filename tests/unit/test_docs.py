@@ -106,7 +106,7 @@ def test_goldens_were_measured_with_the_limits_of_every_level(level: str) -> Non
         [cell.strip() for cell in line.split("|")[1:-1]] for line in section.splitlines() if line.startswith("| `")
     ]
     limits = {cells[0].strip("`"): cells[3] for cells in lines}
-    expected = {name: LEVELS[level].limits.get(name) for name in FIGURES}
+    expected = {name: LEVELS[level].limits.get(name) for name in COMPARISON_METRICS}
     assert {name: None if limit == "none" else float(limit) for name, limit in limits.items()} == expected
 
 
