@@ -10,4 +10,5 @@ from .interrupts import (
 from .machine import PeakMemory as PeakMemory, describe_machine as describe_machine
 from .output_path import OutputPath as OutputPath
 from .progress_bar import Progress as Progress, progress as progress
+from .reporter import Reporter as Reporter, format_table as format_table
 from .versions import package_versions as package_versions, sources_digest as sources_digest

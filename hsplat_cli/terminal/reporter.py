@@ -1,0 +1,78 @@
+"""Prints what a command has to say; nothing else in the package prints, but for `main.py` and its errors.
+
+Results and lines go to the standard output stream, all else to the standard error stream.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import click
+
+from hsplat_cli.terminal.progress_bar import Progress, progress
+
+
+@dataclass(frozen=True)
+class Reporter:
+    """What a command prints. The command makes one from its option `--quiet` and hands it down.
+
+    is_quiet: print results and warnings alone.
+    """
+
+    is_quiet: bool = False
+
+    def result(self, text: str) -> None:
+        """Print what the user asked for, also when quiet."""
+        click.echo(text)
+
+    def line(self, text: str) -> None:
+        """Print what came of the work, such as the file that was written."""
+        if not self.is_quiet:
+            click.echo(text)
+
+    def note(self, text: str) -> None:
+        """Print a line that begins with `note:`."""
+        self.line(f"note: {text}")
+
+    def status(self, text: str) -> None:
+        """Print what happens, on the standard error stream."""
+        if not self.is_quiet:
+            click.echo(text, err=True)
+
+    def warning(self, text: str) -> None:
+        """Print what the user must not miss, also when quiet, on the standard error stream."""
+        click.echo(text, err=True)
+
+    def progress(
+        self, steps: int | Sequence[float], *, label: str, unit: str = "frames"
+    ) -> AbstractContextManager[Progress]:
+        """Show how many steps are finished, and the time remaining, on the standard error stream.
+
+        steps: the number of steps of equal cost, whose rate is shown, too; or the predicted work of each step, at
+            least 0, in any unit. unit: what a step is, in the plural.
+        """
+        return progress(steps, label=label, unit=unit, quiet=self.is_quiet)
+
+    def announce_compilation(self) -> None:
+        """Print a status if this run has to compile the kernels, which takes some seconds."""
+        from renderer.jit import has_cached_kernels
+
+        if not (self.is_quiet or has_cached_kernels()):
+            self.status("compiling for this machine: the first run takes some seconds longer")
+
+
+def format_table(rows: Sequence[Sequence[str]], right_aligned: Collection[int] = ()) -> str:
+    """Return rows of cells as lines, in columns two spaces apart, without trailing spaces.
+
+    right_aligned: the numbers of the columns that are aligned to the right.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.rjust(width) if k in right_aligned else cell.ljust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    )
