@@ -160,7 +160,7 @@ class GLBrickRenderer:
         self._mark_refinement(coarse, spread)
         program = self._programs("whole_vertex.glsl", "refined_fragment.glsl")
         program["shift"] = (coarse.stride // lattice.stride).bit_length() - 1
-        program["coarse"], program["differing"] = IMAGE, REFINEMENT
+        program["coarse"], program["refinement_mask"] = IMAGE, REFINEMENT
         coarse.image.use(IMAGE)
         coarse.refinement_mask.color_attachments[0].use(REFINEMENT)
         lattice.target.use()
