@@ -11,17 +11,15 @@ import click
 from hsplat_cli.scenes import (
     FILM_OPTION_NAMES,
     base_name,
-    files_of,
     film_options,
     make_film_options,
-    require_no_input,
     suggest_scene,
     volume_options,
     volume_spec,
 )
 from hsplat_cli.terminal import OutputPath
 from renderer.errors import InputError
-from renderer.film import require_writable_dry_run, write_staged
+from renderer.film import require_no_input, require_writable_dry_run, volume_files, write_staged
 
 
 @click.command()
@@ -46,7 +44,7 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     spec = volume_spec(volume, **options)
     if output is not None:  # before the volume is read, as that may take long
         _require_folder(output)
-        require_no_input([output], files_of(spec))
+        require_no_input([output], volume_files(spec))
     scene = suggest_scene(
         spec,
         film,

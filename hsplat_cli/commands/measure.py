@@ -7,10 +7,11 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.scenes import files_of, load_job, require_no_input
+from hsplat_cli.scenes import load_job
 from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, sigterm_as_interrupt
 from renderer.errors import InputError
+from renderer.film import require_no_input, volume_files
 
 # They say what to sweep and where to; a search for one tolerance does neither.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
@@ -83,7 +84,7 @@ def measure(
         from hsplat_cli.studies import Request, run_study
 
         folder = output or Path(f"{scene.stem}.measured")
-        require_no_input([folder / name for name in FILES], [scene, *files_of(job.volume)])
+        require_no_input([folder / name for name in FILES], [scene, *volume_files(job.volume)])
         picked = list(numbers) if frames else None
         run_study(Request(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder, quiet))
 

@@ -11,17 +11,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hsplat_cli.scenes import files_of, require_no_input
-from hsplat_cli.terminal import (
-    OutputPath,
-    describe_machine,
-    num_cores,
-    progress,
-    report_first_run,
-    sigterm_as_interrupt,
-)
+from hsplat_cli.terminal import OutputPath, describe_machine, progress, report_first_run, sigterm_as_interrupt
+from renderer.cores import num_cores
 from renderer.errors import InputError, SceneError
-from renderer.film import write_staged
+from renderer.film import require_no_input, volume_files, write_staged
 from renderer.scene import Scene, load_scene
 
 if TYPE_CHECKING:
@@ -100,7 +93,7 @@ def paper(folder: Path, volume: Path | None, output: Path, numbers: tuple[int, .
     jobs = _jobs(folder, numbers, volume)
     require_writable_files(output, [PAGE])
     path = output / PAGE
-    require_no_input([path], [file for job in jobs for file in (job.path, *files_of(job.scene.volume))])
+    require_no_input([path], [file for job in jobs for file in (job.path, *volume_files(job.scene.volume))])
     with sigterm_as_interrupt():
         figures, text = _page(jobs, quiet=quiet)
         write_staged(path, text.encode())

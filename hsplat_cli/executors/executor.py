@@ -15,7 +15,7 @@ from hsplat_cli.executors.options import ExecutorSpec
 from hsplat_cli.executors.rasterizers import open_recovering_rasterizer
 from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.scenes import Plan
-from hsplat_cli.terminal import num_cores
+from renderer.cores import num_cores
 from renderer.draw import RecoveringRasterizer, is_software, most_bytes
 from renderer.errors import RenderError
 from renderer.frame import Stage

@@ -2,7 +2,6 @@ from .assemble.film import assemble_film as assemble_film
 from .assemble.parts import Part as Part, find_parts as find_parts
 from .film import render_once as render_once
 from .fingerprint import differences as differences
-from .output_lock import taken as taken
 from .progressive import render_progressively as render_progressively
 from .tolerance_search import (
     search_tolerance as search_tolerance,

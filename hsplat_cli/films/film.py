@@ -13,7 +13,6 @@ from hsplat_cli.films.background import run_overlapped, run_sequentially
 from hsplat_cli.films.checkpoint import report_checkpoint, report_resumable, resume_checkpoint
 from hsplat_cli.films.finished_film import FinishedFilm, record, tell
 from hsplat_cli.films.goals import make_plan
-from hsplat_cli.films.output_lock import taken
 from hsplat_cli.films.preparation import prepare_film
 from hsplat_cli.films.sidecar_record import makers, with_seconds
 from hsplat_cli.scenes import Job
@@ -24,6 +23,7 @@ from renderer.film import (
     FrameCheckpoint,
     Record,
     has_frame_files,
+    locked_output,
     open_film,
     remove_checkpoint_frames,
     require_encoder,
@@ -52,7 +52,7 @@ def render_once(
     start, output, frames = time.perf_counter(), job.scene.output, job.frames
     with contextlib.ExitStack() as stack:
         # What can fail early does: the outputs, the encoder, and GL or a cluster are tried before a voxel is read.
-        folder = place or stack.enter_context(taken(output, frames, sidecar_path(job.scene, frames)))
+        folder = place or stack.enter_context(locked_output(output, frames, sidecar_path(job.scene, frames)))
         defer_interrupts = stack.enter_context(deferrable_interrupts())
         require_encoder(output)
         executor = stack.enter_context(open_executor(executor_spec, job.scene, quiet=quiet))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.scenes import Job, is_shallow
-from hsplat_cli.terminal import first_few, package_versions, sources_digest
+from hsplat_cli.terminal import first_few
 from renderer.film import (
     Record,
     data_digest,
@@ -22,6 +22,7 @@ from renderer.film import (
     is_frame_record,
 )
 from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, in_order, join, scene_to_dict, schedule_to_dict, show
+from renderer.versions import package_versions, sources_digest
 
 # How the frames become a film; not what is in them.
 _ENCODING_KEYS = ("file", "frames_per_second", "quality")

@@ -10,7 +10,7 @@ import click
 
 from hsplat_cli.films.fingerprint import JobFingerprint, Made, job_fingerprint, read_recorded_film
 from hsplat_cli.scenes import Job, read_volume_guarded
-from hsplat_cli.terminal import num_cores
+from renderer.cores import num_cores
 from renderer.film import remove_checkpoint_frames, sidecar_path
 from renderer.frame import Stage, prepare
 from renderer.scene import schedule_to_dict

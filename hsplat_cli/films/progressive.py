@@ -24,7 +24,6 @@ from hsplat_cli.films.background import run_overlapped, run_sequentially
 from hsplat_cli.films.fingerprint import JobFingerprint
 from hsplat_cli.films.finished_film import FinishedFilm, record, tell
 from hsplat_cli.films.goals import make_plan
-from hsplat_cli.films.output_lock import taken
 from hsplat_cli.films.pass_difference import Difference, Differences
 from hsplat_cli.films.preparation import prepare_film
 from hsplat_cli.films.sidecar_record import limits, span, with_seconds
@@ -32,7 +31,15 @@ from hsplat_cli.scenes import Job, Plan
 from hsplat_cli.terminal import Progress, counted, deferrable_interrupts, pluralize_range, progress
 from renderer.draw import RecoveringRasterizer
 from renderer.errors import RenderError
-from renderer.film import FilmWriter, Record, open_film, remove_checkpoint_frames, require_encoder, sidecar_path
+from renderer.film import (
+    FilmWriter,
+    Record,
+    locked_output,
+    open_film,
+    remove_checkpoint_frames,
+    require_encoder,
+    sidecar_path,
+)
 from renderer.frame import (
     BudgetController,
     CostLog,
@@ -82,7 +89,7 @@ def render_progressively(
     made where the last film is there already, unless with `force`.
     """
     start = time.perf_counter()
-    place = taken(job.scene.output, job.frames, sidecar_path(job.scene, job.frames))
+    place = locked_output(job.scene.output, job.frames, sidecar_path(job.scene, job.frames))
     with place as folder, open_recovering_rasterizer(needs_opengl=job.scene.needs_opengl) as rasterizer:
         require_encoder(job.scene.output)
         begun = prepare_film(job, folder, rasterizer.renderer_name, force=force, quiet=quiet)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from hsplat_cli.scenes import Job, Original
-from hsplat_cli.terminal import package_versions, sources_digest
 from renderer.scene import schedule_to_dict, show
+from renderer.versions import package_versions, sources_digest
 
 _LONGEST_NAME = 200
 

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.films.rerender import inherited_schedule, printable_name
 from hsplat_cli.scenes import Job, Plan
-from hsplat_cli.terminal import counted, package_versions, pluralize_range
+from hsplat_cli.terminal import counted, pluralize_range
 from renderer.errors import RenderError
 from renderer.film import Record
 from renderer.frame import Stage, finest_level_at
 from renderer.scene import TimeBudget, scene_to_dict, value_at, with_tolerances
+from renderer.versions import package_versions
 
 if TYPE_CHECKING:
     from renderer.study import Found

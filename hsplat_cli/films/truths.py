@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from hsplat_cli.terminal import num_cores, progress
+from hsplat_cli.terminal import progress
+from renderer.cores import num_cores
 from renderer.errors import InputError
 from renderer.frame import Stage
 from renderer.study import Truth, TruthRecord, compute_truth, thumbnail

@@ -5,7 +5,6 @@ from .film_arguments import (
     film_options as film_options,
     make_film_options as make_film_options,
 )
-from .inputs import files_of as files_of, require_no_input as require_no_input
 from .job import Job as Job, load_job as load_job
 from .patterns import matches as matches
 from .plan import Plan as Plan

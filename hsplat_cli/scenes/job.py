@@ -9,11 +9,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
-from hsplat_cli.scenes.inputs import files_of, require_no_input
 from hsplat_cli.scenes.sidecar_file import Original, Sidecar, parse_sidecar
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film import film_path_of_sidecar, picture_files, sidecar_path
+from renderer.film import film_path_of_sidecar, picture_files, require_no_input, sidecar_path, volume_files
 from renderer.scene import (
     Editor,
     Scene,
@@ -98,7 +97,7 @@ def load_job(
 
 def _require_no_input(path: Path, scene: Scene, frames: Sequence[int], *sidecar: Path) -> None:
     """Raise InputError where an output is the scene's file, or one of the volume's."""
-    require_no_input(chain(picture_files(scene.output, frames), sidecar), chain([path], files_of(scene.volume)))
+    require_no_input(chain(picture_files(scene.output, frames), sidecar), chain([path], volume_files(scene.volume)))
 
 
 def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from hsplat_cli.scenes.patterns import matches
 from renderer.errors import InputError
+from renderer.film import header_data_files
 
 # Endings of volumes; of a name such as scan.v2.nii.gz the last one only is taken away.
 _ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|mha|mhd|raw|tiff?|npy|dcm|vtk|mrc)(\.gz|\.bz2)?$", re.IGNORECASE)
-_NRRD, _METAIMAGE = (".nrrd", ".nhdr"), (".mha", ".mhd")
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def expand(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
         for path in paths:
             found.setdefault(path.resolve(), path)
     _refuse_slices(list(found.values()))
-    data = {file: head for key, head in found.items() for file in data_files(head) if file != key}
+    data = {file: head for key, head in found.items() for file in header_data_files(head) if file != key}
     notes = [f"{path} is the data of {data[key]}" for key, path in found.items() if key in data]
     return [path for key, path in found.items() if key not in data], notes
 
@@ -71,23 +71,6 @@ def _refuse_slices(volumes: Sequence[Path]) -> None:
                 where=str(folder),
                 hint="name the folder: its files are the slices of one volume",
             )
-
-
-def data_files(header: Path) -> list[Path]:
-    """The files, resolved, that hold the voxels of a header, perhaps behind it; none where that cannot be told."""
-    suffix = header.suffix.lower()
-    if suffix == ".hdr":  # of a pair in the NIfTI or Analyze format
-        return [header.with_suffix(ending).resolve() for ending in (".img", ".IMG")]
-    if suffix not in _NRRD + _METAIMAGE or not header.is_file():
-        return []
-    from renderer.readers import metaimage_voxels, nrrd_voxels
-
-    try:
-        stored = nrrd_voxels(header) if suffix in _NRRD else metaimage_voxels(header)
-    except (InputError, OSError):  # said by its reader, when its turn comes
-        return []
-    files = stored if isinstance(stored, list) else [stored] if stored else []
-    return [each.file.resolve() for each in files]
 
 
 def named(volumes: Sequence[Path]) -> list[Named]:

@@ -1,4 +1,3 @@
-from .cores import num_cores as num_cores
 from .counts import counted as counted, first_few as first_few, pluralize_range as pluralize_range
 from .duration import parse_duration as parse_duration
 from .first_run import report_first_run as report_first_run
@@ -11,4 +10,3 @@ from .machine import PeakMemory as PeakMemory, describe_machine as describe_mach
 from .output_path import OutputPath as OutputPath
 from .progress_bar import Progress as Progress, progress as progress
 from .reporter import Reporter as Reporter, format_table as format_table
-from .versions import package_versions as package_versions, sources_digest as sources_digest

@@ -12,17 +12,7 @@ from pathlib import Path
 import click
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.films import taken
-from hsplat_cli.scenes import (
-    FilmOptions,
-    Job,
-    SuggestedScene,
-    files_of,
-    matches,
-    require_no_input,
-    suggest_scene,
-    volume_file,
-)
+from hsplat_cli.scenes import FilmOptions, Job, SuggestedScene, matches, suggest_scene, volume_file
 from hsplat_cli.terminal import report_first_run
 from hsplat_cli.turntable.manifest import (
     DONE,
@@ -36,7 +26,17 @@ from hsplat_cli.turntable.manifest import (
     update_manifest,
 )
 from renderer.errors import HsplatError, InputError, OutputLockedError
-from renderer.film import explained, is_frame_record, picture_files, require_writable, sidecar_path, write_staged
+from renderer.film import (
+    explained,
+    is_frame_record,
+    locked_output,
+    picture_files,
+    require_no_input,
+    require_writable,
+    sidecar_path,
+    volume_files,
+    write_staged,
+)
 from renderer.scene import VolumeSpec, parse_scene_content, schedule_to_dict
 
 _MOST = 2**53  # larger numbers of splats or seconds are none
@@ -105,8 +105,8 @@ def make_film(order: Order, *, quiet: bool) -> Record:
     job = _job(order, suggested)
     # Held from before the scene is written until the film is there: they belong together.
     sidecar = sidecar_path(job.scene, job.frames)
-    require_no_input([order.scene, *picture_files(job.scene.output, job.frames), sidecar], files_of(order.volume))
-    with taken(job.scene.output, job.frames, sidecar) as place:
+    require_no_input([order.scene, *picture_files(job.scene.output, job.frames), sidecar], volume_files(order.volume))
+    with locked_output(job.scene.output, job.frames, sidecar) as place:
         write_scene(order, suggested)
         report_first_run(quiet=quiet)
         # Imported here: numba and GL take longer to load than --help may take to answer.

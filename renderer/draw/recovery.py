@@ -20,6 +20,20 @@ from renderer.view import View
 Result = TypeVar("Result")
 
 
+def open_rasterizer(*, needs_opengl: bool, num_threads: int) -> GLRasterizer | CPURasterizer:
+    """Open the rasteriser of OpenGL; where there is no OpenGL and nothing needs it, the one of the processor.
+
+    needs_opengl: as in Scene. num_threads: those that draw on the processor.
+    Raises RenderError where there is no OpenGL and it is needed.
+    """
+    try:
+        return GLRasterizer(num_threads=num_threads)
+    except RenderError:
+        if needs_opengl:
+            raise
+        return CPURasterizer(num_threads=num_threads)
+
+
 class RecoveringRasterizer:
     """A GLRasterizer, and another one when its context is lost; to be used as that is.
 

@@ -7,6 +7,11 @@ from .atomic import (
 )
 from .encode import find_ffmpeg as find_ffmpeg
 from .frame_record import Record as Record, is_frame_record as is_frame_record
+from .inputs import (
+    header_data_files as header_data_files,
+    require_no_input as require_no_input,
+    volume_files as volume_files,
+)
 from .kept_frames import (
     FrameCheckpoint as FrameCheckpoint,
     data_digest as data_digest,
@@ -30,6 +35,7 @@ from .names import (
     sidecar_path as sidecar_path,
     unfinished_folder as unfinished_folder,
 )
+from .output_lock import locked_output as locked_output
 from .picture import Picture as Picture, Pixels as Pixels
 from .png import (
     encode_png as encode_png,

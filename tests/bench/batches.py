@@ -22,8 +22,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.terminal import num_cores
-from hsplat_cli.terminal.versions import commit
+from renderer.cores import num_cores
+from renderer.versions import commit
 
 ROOT = Path(__file__).resolve().parents[2]
 MARK = "HSPLAT_BENCH_MARK"

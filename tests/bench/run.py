@@ -19,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 
-from hsplat_cli.terminal.versions import commit
 from renderer.draw import GLRasterizer
 from renderer.frame import finest_level_at, prepare, render_frames
 from renderer.pyramid import CutSizes, Pyramid, build_pyramid, cut_pyramid, cut_sizes
@@ -39,6 +38,7 @@ from renderer.scene import (
 )
 from renderer.splats import make_splats
 from renderer.transfer import TransferFunction, make_transfer_function
+from renderer.versions import commit
 from renderer.view import make_view
 from renderer.view.splat_projection import visible_order
 from renderer.volume import Volume, make_volume

@@ -28,9 +28,9 @@ from measured import Measured, defects, harmless_changes, on_machine  # noqa: E4
 from subjects import SUBJECTS, Shot  # noqa: E402
 from windows import WINDOWS  # noqa: E402
 
-from hsplat_cli.terminal.versions import commit  # noqa: E402
 from renderer.draw import GLRasterizer  # noqa: E402
 from renderer.study import COMPARISON_METRICS, LEVELS  # noqa: E402
+from renderer.versions import commit  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"
 

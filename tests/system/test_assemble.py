@@ -15,10 +15,9 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.films import output_lock as place
 from hsplat_cli.films.assemble import film, merged_sidecar as merged
-from hsplat_cli.terminal import package_versions
-from renderer.film import digest, encode_png, join_png_chunks, png_chunks
+from renderer.film import digest, encode_png, join_png_chunks, output_lock as place, png_chunks
+from renderer.versions import package_versions
 
 SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.
@@ -256,10 +255,10 @@ def test_a_film_that_is_gone_before_this_job_had_its_place(monkeypatch: pytest.M
     @contextlib.contextmanager
     def taken(*arguments: Any) -> Iterator[Path]:
         Path("film.mp4").unlink()
-        with place.taken(*arguments) as folder:
+        with place.locked_output(*arguments) as folder:
             yield folder
 
-    monkeypatch.setattr(film, "taken", taken)
+    monkeypatch.setattr(film, "locked_output", taken)
     run("assemble", "parts", "--output", "film.mp4")
     assert Path("film.mp4").exists()
 

@@ -23,11 +23,11 @@ from hsplat_cli import main
 from hsplat_cli.executors import LocalExecutor
 from hsplat_cli.executors.cluster import cluster_executor as cluster_drawer
 from hsplat_cli.executors.cluster.cluster_executor import Cluster
-from hsplat_cli.terminal import package_versions
 from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.frame import Stage, prepare
 from renderer.scene.parse import parse_scene
+from renderer.versions import package_versions
 
 NUM_FRAMES = 24
 SCENE = {

@@ -12,7 +12,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.terminal import sources_digest
+from renderer.versions import sources_digest
 
 SCENE = small_scene(frames=7, size="48, 32")
 

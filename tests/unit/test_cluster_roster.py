@@ -10,8 +10,8 @@ import pytest
 from hsplat_cli.executors.cluster import registry
 from hsplat_cli.executors.cluster.registry import WorkerRegistry
 from hsplat_cli.executors.cluster.worker import describe
-from hsplat_cli.terminal import package_versions, sources_digest
 from renderer.errors import RenderError
+from renderer.versions import package_versions, sources_digest
 
 HERE = package_versions()["hsplat"]
 SAME = describe()

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from hsplat_cli.executors import Drawn, executor
-from hsplat_cli.terminal import cores, num_cores
+from renderer import cores
+from renderer.cores import num_cores
 from renderer.errors import RenderError
 from renderer.film import Picture
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from hsplat_cli.scenes import files_of, require_no_input
 from renderer.errors import InputError
+from renderer.film import require_no_input, volume_files
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
 
 NRRD = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n"
@@ -19,7 +19,7 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def names_of(volume: str) -> list[str]:
-    found = {path.resolve() for path in files_of(VolumeSpec(FileSource(Path(volume))))}
+    found = {path.resolve() for path in volume_files(VolumeSpec(FileSource(Path(volume))))}
     return sorted(path.name for path in found)
 
 
@@ -51,7 +51,7 @@ def test_an_output_that_is_an_input(link: str) -> None:
         Path("out").symlink_to("in")
         output = Path("out/scan.raw")
     with pytest.raises(InputError) as error:
-        require_no_input([Path("other.mp4"), output], files_of(VolumeSpec(RawSource(scan, (2, 2, 2), "uint8"))))
+        require_no_input([Path("other.mp4"), output], volume_files(VolumeSpec(RawSource(scan, (2, 2, 2), "uint8"))))
     assert str(error.value) == (
         f"{output}: this output is an input, too, and would take its place\n"
         "  got: the input in/scan.raw\n"
@@ -61,7 +61,7 @@ def test_an_output_that_is_an_input(link: str) -> None:
 
 
 def test_files_of_volumes() -> None:
-    assert list(files_of(VolumeSpec(ProceduralSource("constant", (2, 2, 2))))) == []
+    assert list(volume_files(VolumeSpec(ProceduralSource("constant", (2, 2, 2))))) == []
     for name in ("a.raw", "b.raw"):
         Path(name).write_bytes(bytes(8))
     for suffix in ("nrrd", "nhdr"):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hsplat_cli.executors.rasterizers import num_drawing_threads
-from hsplat_cli.terminal import num_cores
+from renderer.cores import num_cores, num_drawing_threads
 
 
 @pytest.mark.parametrize(("wanted", "expected"), [("3", 3), ("0", 1), ("1", 1)])

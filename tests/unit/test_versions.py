@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsplat_cli.terminal import versions
+from renderer import versions
 
 
 @pytest.fixture

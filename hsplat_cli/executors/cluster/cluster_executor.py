@@ -19,10 +19,10 @@ from hsplat_cli.executors.cluster.connection import connect
 from hsplat_cli.executors.cluster.registry import WorkerRegistry
 from hsplat_cli.executors.cluster.worker import SerializedStage, draw
 from hsplat_cli.executors.frame_result import Drawn
-from hsplat_cli.terminal import package_versions
 from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import Picture
 from renderer.frame import Stage, packed
+from renderer.versions import package_versions
 
 if TYPE_CHECKING:
     from distributed import Client, Future

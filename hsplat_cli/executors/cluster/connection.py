@@ -12,7 +12,8 @@ from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.executors.options import ADDRESSES, LOCAL, require_address
-from hsplat_cli.terminal import deferrable_interrupts, num_cores
+from hsplat_cli.terminal import deferrable_interrupts
+from renderer.cores import num_cores
 from renderer.errors import InputError, RenderError
 
 if TYPE_CHECKING:

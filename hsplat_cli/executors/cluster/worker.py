@@ -18,9 +18,9 @@ import numpy.typing as npt
 
 from hsplat_cli.executors.frame_result import Drawn, LocalExecutor
 from hsplat_cli.executors.rasterizers import open_rasterizer
-from hsplat_cli.terminal import package_versions, sources_digest
 from renderer.errors import ContextLostError
 from renderer.frame import unpack
+from renderer.versions import package_versions, sources_digest
 
 
 class Studio:

@@ -12,7 +12,6 @@ from hsplat_cli.films.assemble.agreement import PickedFrame, file_problems, film
 from hsplat_cli.films.assemble.merged_sidecar import merged_record, part_notes, parts_fingerprint, parts_of
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record, read_recorded_film
-from hsplat_cli.films.output_lock import taken
 from hsplat_cli.terminal import counted, deferrable_interrupts, progress
 from renderer.errors import InputError, SceneError
 from renderer.film import (
@@ -21,6 +20,7 @@ from renderer.film import (
     explained,
     frame_path,
     has_frame_files,
+    locked_output,
     open_film,
     picture_shape,
     require_encoder,
@@ -43,7 +43,7 @@ def assemble_film(
         raise SceneError(problems)  # of another film's part neither the size nor the frames tell anything
     picked, problems = pick(parts, numbers)
     sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
-    with taken(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
+    with locked_output(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
         cause = None if problems else parts_fingerprint(picked, output)
         if cause is not None and not force and _is_there(sidecar, cause, picked, output):
             if not quiet:

@@ -11,9 +11,9 @@ from hsplat_cli.films.assemble.agreement import PickedFrame, error_without_sched
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.fingerprint import JobFingerprint, recorded_fingerprint
 from hsplat_cli.films.sidecar_record import limits, visibility_notes
-from hsplat_cli.terminal import package_versions, sources_digest
 from renderer.film import Record, digest, has_frame_files
 from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_to_dict, through
+from renderer.versions import package_versions, sources_digest
 
 
 def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: float) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from hsplat_cli.terminal import num_cores
+from renderer.cores import num_cores
 from renderer.frame import Stage, prepare
 from renderer.scene import Scene
 from renderer.volume import Volume

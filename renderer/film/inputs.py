@@ -1,4 +1,4 @@
-"""The files that a command reads: none of its outputs takes the place of one of them."""
+"""The files that a job reads: none of its outputs may replace one of them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from hsplat_cli.scenes.volume_names import data_files
 from renderer.errors import InputError
 from renderer.scene import FileSource, ProceduralSource, VolumeSpec
 
-_TIFF = (".tif", ".tiff")
+_TIFF, _NRRD, _METAIMAGE = (".tif", ".tiff"), (".nrrd", ".nhdr"), (".mha", ".mhd")
 # How pictures, films and sidecars begin, which may lie among the slices of a volume; that of MP4 is behind a length.
 _OUTPUTS, _MP4 = (b"\x89PNG", b"GIF8", b"{"), b"ftyp"
 
@@ -36,8 +35,8 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
             )
 
 
-def files_of(volume: VolumeSpec) -> Iterator[Path]:
-    """The files of a volume, as far as they can be told: the data files of a header and the slices of a folder, too."""
+def volume_files(volume: VolumeSpec) -> Iterator[Path]:
+    """Yield the files of a volume, as far as they are known, with a header's data files and a folder's slices."""
     source = volume.source
     if isinstance(source, ProceduralSource):
         return
@@ -48,7 +47,24 @@ def files_of(volume: VolumeSpec) -> Iterator[Path]:
             tiffs = [entry for entry in entries if entry.suffix.lower() in _TIFF]
             yield from tiffs or filter(_may_be_dicom, entries)
         elif isinstance(source, FileSource):
-            yield from data_files(source.file)
+            yield from header_data_files(source.file)
+
+
+def header_data_files(header: Path) -> list[Path]:
+    """Return the resolved files that hold the voxels of a header, itself perhaps among them; [] if that is unknown."""
+    suffix = header.suffix.lower()
+    if suffix == ".hdr":  # of a pair in the NIfTI or Analyze format
+        return [header.with_suffix(ending).resolve() for ending in (".img", ".IMG")]
+    if suffix not in _NRRD + _METAIMAGE or not header.is_file():
+        return []
+    from renderer.readers import metaimage_voxels, nrrd_voxels
+
+    try:
+        stored = nrrd_voxels(header) if suffix in _NRRD else metaimage_voxels(header)
+    except (InputError, OSError):  # said by its reader, when its turn comes
+        return []
+    files = stored if isinstance(stored, list) else [stored] if stored else []
+    return [each.file.resolve() for each in files]
 
 
 def _mark(path: Path) -> tuple[int, int] | None:

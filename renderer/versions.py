@@ -1,4 +1,4 @@
-"""Which versions of what made an output."""
+"""Tell the versions of what made an output."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 MEASURING_PACKAGES = ("flip-evaluator", "scikit-image", "vtk")
 _PACKAGES = ("hsplat", "imageio-ffmpeg", "llvmlite", "moderngl", "nibabel", "numba", "numpy", "SimpleITK")
 
-_ROOT = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[1]
 
 
 def package_versions(*more: str) -> dict[str, str]:

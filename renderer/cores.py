@@ -1,4 +1,4 @@
-"""How many processors this process may use, which in a container or a batch job are fewer than the machine has."""
+"""Count the processors that this process may use: in a container or a batch job fewer than the machine has."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ _CGROUP_ROOT, _OWN = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 
 def num_cores() -> int:
-    """Processors that the scheduler gives this process, and no more than its control group has time for."""
+    """Return the processors that the scheduler gives this process, or fewer if its control group has less time."""
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, math.ceil(min(allowed, _quota())))
+
+
+def num_drawing_threads() -> int:
+    """Return the threads that draw one picture on the processor: as many as Mesa's software renderer takes."""
+    wanted = os.environ.get("LP_NUM_THREADS", "")
+    return max(1, int(wanted)) if wanted.isascii() and wanted.isdecimal() and len(wanted) < 4 else num_cores()
 
 
 def _quota(groups: Path = _CGROUP_ROOT, own: Path = _OWN) -> float:
