@@ -12,7 +12,7 @@ from hsplat_cli.compare.gallery import PICTURE_PX, Gallery, GalleryFrame
 from hsplat_cli.compare.outcome import PASSES, Comparison, Outcome
 from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.reports import ABSENT, bytes_text, png_data_uri, render_page
-from renderer.study import COMPARISON_METRICS, LEVELS, severity
+from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, severity
 
 # What the pictures of a page may come to, as they are written into it. Where nothing can be compressed those of a frame
 # take 4 MB: seven frames always fit.
@@ -38,7 +38,7 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         title=verdict(comparison),
         passes=comparison.passes,
         level=comparison.level,
-        purpose=LEVELS[comparison.level].purpose,
+        purpose=STRICTNESS_LEVELS[comparison.level].purpose,
         other_limits=comparison.other_limits,
         sides=_sides(comparison),
         notes=comparison.notes,

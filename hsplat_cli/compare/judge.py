@@ -11,7 +11,7 @@ from hsplat_cli.compare.outcome import Outcome, Status
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.rules import Rules
 from renderer.errors import InputError, require_package
-from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded, severity
+from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded_limits, severity
 
 # The figures that another package computes, and the extra that brings it.
 _PACKAGES = {"flip": ("flip_evaluator", "compare"), "ssim": ("skimage", "measure")}
@@ -68,12 +68,12 @@ def _mismatched_outcome(pair: Pair, golden: Pixels, actual: Pixels, limits: Limi
 
 
 def _difference_outcome(pair: Pair, difference: FrameDifference, limits: Limits) -> Outcome:
-    figures = difference.figures(limits)
+    figures = difference.metrics(limits)
     for name in limits:
         if name not in figures:
             hint = f"take the limit away for this frame: {name}: none"
             raise InputError(f"too small a picture for {COMPARISON_METRICS[name].label}", where=pair.name, hint=hint)
-    over = exceeded(figures, limits)
+    over = exceeded_limits(figures, limits)
     worst = max(limits, key=lambda name: severity(figures, {name: limits[name]}))
     name = over[0] if over else worst
     text = figure_text(name, figures[name], limits[name])

@@ -42,7 +42,7 @@ from renderer.scene import (
     section,
     show,
 )
-from renderer.study import COMPARISON_METRICS, LEVELS, Figure, Limits
+from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, Limits, Metric
 
 FILE = "compare.yaml"
 _MISSPELLED_FILE = "compare.yml"
@@ -69,13 +69,13 @@ class Rules:
 
     def limits_for(self, name: str) -> Limits:
         """Of a frame, in the order of COMPARISON_METRICS; at least one."""
-        changed = {**LEVELS[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
+        changed = {**STRICTNESS_LEVELS[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
         return {figure: limit for figure in COMPARISON_METRICS if (limit := changed.get(figure)) is not None}
 
     @property
     def other_limits(self) -> list[str]:
         """What is other than the level has it, and who says so: `largest 200, flip none by golden/compare.yaml`."""
-        of_level = LEVELS[self.level].limits
+        of_level = STRICTNESS_LEVELS[self.level].limits
         by_file = {figure: limit for figure, limit in self.limits.items() if figure not in self.overrides}
         told = []
         for changes, source in ((by_file, self.file), (self.overrides, "option")):
@@ -147,7 +147,7 @@ def _rules_of_level(from_file: Rules, level: str) -> Rules:
     return Rules(level, notes=[f"the level {level} is asked for: what {from_file.file} says does not hold"])
 
 
-def _limit(figure: Figure) -> Kind[Any]:
+def _limit(figure: Metric) -> Kind[Any]:
     """A number within what the figure can be, or `none`, which is read as None."""
     plain = number(least=0, most=255 if figure.unit == "levels" else 1)
 
@@ -164,7 +164,7 @@ def _limit(figure: Figure) -> Kind[Any]:
     return kind
 
 
-_LEVEL: Kind[Any] = choice(*LEVELS)
+_LEVEL: Kind[Any] = choice(*STRICTNESS_LEVELS)
 _FIGURES = {name: _limit(figure) for name, figure in COMPARISON_METRICS.items()}
 _LIMITS: Kind[dict[str, Any]] = section(_FIGURES, lambda _, given: given)
 

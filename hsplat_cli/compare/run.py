@@ -16,7 +16,7 @@ from hsplat_cli.compare.rules import Rules
 from hsplat_cli.compare.text_reports import comparison_json, comparison_junit, failure_json, failure_junit
 from hsplat_cli.terminal import progress
 from renderer.errors import InputError, require_package
-from renderer.film import explained, require_writable, staged_files
+from renderer.film import require_writable, staged_files, translate_os_errors
 from renderer.scene import is_same_file
 
 # No report has the name of a frame, a scene or a volume: a slip of the pen costs none of them.
@@ -77,7 +77,7 @@ class ReportFiles:
         Raises InputError or RenderError where one of them cannot be written; missing folders are made.
         """
         for path in self.paths.values():
-            with explained(path):
+            with translate_os_errors(path):
                 path.unlink(missing_ok=True)
         for path in self.paths.values():
             require_writable(path)

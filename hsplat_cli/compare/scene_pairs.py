@@ -18,7 +18,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, first_few, parse_frames, report_first_run
 from renderer.errors import InputError
-from renderer.film import is_file
+from renderer.film import file_matches_digest
 
 _SHOWN_DIGITS = 8
 _MAX_NAMES = 3
@@ -179,7 +179,7 @@ def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]
     others = [
         golden.file
         for golden in goldens
-        if (folder / golden.file).exists() and not is_file(folder / golden.file, golden.digest)
+        if (folder / golden.file).exists() and not file_matches_digest(folder / golden.file, golden.digest)
     ]
     if gone:
         yield f"{NAME} tells of goldens that are not there: {_some(gone)}"

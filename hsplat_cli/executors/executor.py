@@ -121,7 +121,7 @@ class _SingleProcessExecutor:
         self._set_plan(plan)
 
     def _set_plan(self, plan: Plan) -> None:
-        self.plan, self._executor = plan, LocalExecutor(plan.stage, self._rasterizer, plan.guide)
+        self.plan, self._executor = plan, LocalExecutor(plan.stage, self._rasterizer, plan.controller)
 
     @property
     def notes(self) -> Sequence[str]:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from renderer.film import Picture
-from renderer.frame import Frame, Guide, Rasterizer, ScheduleController, Stage, render_frames
+from renderer.frame import Frame, Rasterizer, ScheduleController, Stage, ToleranceController, render_frames
 
 _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
 
@@ -45,13 +45,15 @@ class FrameExecutor(Protocol):
 class LocalExecutor:
     """Draws in this process, one frame after the other."""
 
-    def __init__(self, stage: Stage, rasterizer: Rasterizer, guide: Guide | None = None) -> None:
+    def __init__(self, stage: Stage, rasterizer: Rasterizer, controller: ToleranceController | None = None) -> None:
         self._stage, self._rasterizer = stage, rasterizer
-        self._guide = ScheduleController(stage) if guide is None else guide
+        self._controller = ScheduleController(stage) if controller is None else controller
 
     def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
         """As in Drawer."""
-        frames = render_frames(self._stage, numbers, self._rasterizer, clock=time.perf_counter, guide=self._guide)
+        frames = render_frames(
+            self._stage, numbers, self._rasterizer, clock=time.perf_counter, controller=self._controller
+        )
         for frame in frames:
             yield drawn(frame)
 

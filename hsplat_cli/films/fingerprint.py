@@ -13,13 +13,13 @@ from hsplat_cli.terminal import first_few
 from renderer.film import (
     Record,
     data_digest,
-    explained,
     file_digest,
+    file_matches_digest,
     frame_matches_digest,
     frame_path,
     has_frame_files,
-    is_file,
     is_frame_record,
+    translate_os_errors,
 )
 from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, in_order, join, scene_to_dict, schedule_to_dict, show
 from renderer.versions import package_versions, sources_digest
@@ -122,7 +122,7 @@ class Made:
         if self.cause.film != cause.film or not self.is_whole or [each["frame"] for each in self.records] != [*frames]:
             return False
         if not has_frame_files(output):
-            return is_file(output.file, self.file_digest)
+            return file_matches_digest(output.file, self.file_digest)
         files = ((frame_path(output.file, each["frame"]), each["digest"]) for each in self.records)
         return all(frame_matches_digest(path, mark, output) for path, mark in files)
 
@@ -180,7 +180,7 @@ def fingerprint_record(cause: JobFingerprint, output: OutputSpec) -> dict[str, A
     """For the sidecar of an output that is there: by what the next job sees whether it has nothing to do."""
     if has_frame_files(output):
         return {"cause": asdict(cause)}
-    with explained(output.file):
+    with translate_os_errors(output.file):
         return {"cause": asdict(cause), "digest": file_digest(output.file)}
 
 
@@ -191,7 +191,7 @@ def with_digests(frames: Sequence[Record], output: OutputSpec) -> list[Record]:
     found: list[Record] = []
     for frame in frames:
         path = frame_path(output.file, frame["frame"])
-        with explained(path):
+        with translate_os_errors(path):
             found.append(frame if "digest" in frame else {**frame, "digest": file_digest(path)})
     return found
 

@@ -11,7 +11,7 @@ from hsplat_cli.films.sidecar_record import TIME_BUDGET_MARGIN, budget_seconds, 
 from hsplat_cli.scenes import Job, Plan
 from renderer.errors import RenderError
 from renderer.film import Record
-from renderer.frame import BudgetController, Details, Rasterizer, Stage, Stopwatch, bring, calibrate_costs
+from renderer.frame import BudgetController, LODCostEstimator, Rasterizer, Stage, Stopwatch, calibrate_costs, upload
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, Want, show, value_at, with_tolerance, with_tolerances
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
@@ -22,7 +22,7 @@ BEST_EFFORT_HINT = "with --best-effort it is good enough"
 
 
 def make_plan(
-    details: Details,
+    estimator: LODCostEstimator,
     frames: Sequence[int],
     rasterizer: Rasterizer | None,
     *,
@@ -34,7 +34,7 @@ def make_plan(
     rasterizer: for goals of accuracy and of time.
     on_step: called now and then in a long search; what it raises goes through.
     """
-    stage = details.stage
+    stage = estimator.stage
     goal = stage.scene.error.goal
     if goal is None:
         return Plan(stage)
@@ -42,16 +42,18 @@ def make_plan(
         assert rasterizer is not None
         return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
     if isinstance(goal, SplatBudget):
-        tolerances = {frame: details.family.within(value_at(goal.by_frame, frame)) for frame in frames}
+        tolerances = {
+            frame: estimator.primitive.tolerance_for_cells(value_at(goal.by_frame, frame)) for frame in frames
+        }
         return Plan(replace(stage, scene=with_tolerances(stage.scene, tolerances)))
     assert rasterizer is not None
     least = min(value_at(goal.by_frame, frame) for frame in frames)
     calibrate_costs(
-        details, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=time.perf_counter, on_step=on_step
+        estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=time.perf_counter, on_step=on_step
     )
-    pacer = BudgetController(details, lambda frame: value_at(goal.by_frame, frame))
-    pose, _ = pacer.choose(frames[0], Stopwatch(time.perf_counter))
-    bring(pose, rasterizer)
+    pacer = BudgetController(estimator, lambda frame: value_at(goal.by_frame, frame))
+    draw_list, _ = pacer.choose(frames[0], Stopwatch(time.perf_counter))
+    upload(draw_list, rasterizer)
     return Plan(stage, pacer, is_timing_dependent=True)
 
 

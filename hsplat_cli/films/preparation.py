@@ -12,7 +12,7 @@ from hsplat_cli.films.fingerprint import JobFingerprint, Made, job_fingerprint, 
 from hsplat_cli.scenes import Job, read_volume_guarded
 from renderer.cores import num_cores
 from renderer.film import remove_checkpoint_frames, sidecar_path
-from renderer.frame import Stage, prepare
+from renderer.frame import Stage, prepare_stage
 from renderer.scene import schedule_to_dict
 from renderer.volume import Volume
 
@@ -73,7 +73,7 @@ def _fingerprint_job(job: Job, volume: Volume, made_by: str) -> tuple[Job, JobFi
 
 def _prepare(job: Job, volume: Volume, read_seconds: float) -> Stage:
     """The job's stage, on all cores, of its volume, which took so long to read."""
-    stage = prepare(
+    stage = prepare_stage(
         job.scene,
         clock=time.perf_counter,
         num_threads=num_cores(),

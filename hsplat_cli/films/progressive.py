@@ -43,7 +43,7 @@ from renderer.film import (
 from renderer.frame import (
     BudgetController,
     CostLog,
-    Details,
+    LODCostEstimator,
     Rasterizer,
     ScheduleController,
     Stopwatch,
@@ -97,7 +97,7 @@ def render_progressively(
             return None
         job = begun.job
         maker = _PassRenderer(job, begun.cause, folder, rasterizer, start, time_limit, quiet=quiet)
-        planner = _PassPlanner(job, Details(begun.stage, CostLog()), rasterizer, quiet=quiet)
+        planner = _PassPlanner(job, LODCostEstimator(begun.stage, CostLog()), rasterizer, quiet=quiet)
         try:
             for each in planner.passes(maker):
                 maker.make(each)
@@ -207,7 +207,7 @@ class _PassRenderer:
             raise _DeadlineReached
 
     def _executor(self, plan: Plan) -> LocalExecutor:
-        return LocalExecutor(plan.stage, self._rasterizer, plan.guide)
+        return LocalExecutor(plan.stage, self._rasterizer, plan.controller)
 
     def _write(self, drawn: Drawn, film: FilmWriter) -> Record:
         before = time.perf_counter()
@@ -242,16 +242,18 @@ class _Work(NamedTuple):
 class _PassPlanner:
     """Decides what the next pass is, by what frames took in the passes before."""
 
-    def __init__(self, job: Job, details: Details, rasterizer: Rasterizer, *, quiet: bool) -> None:
-        self._details, self._frames, self._error = details, job.frames, job.scene.error
+    def __init__(self, job: Job, estimator: LODCostEstimator, rasterizer: Rasterizer, *, quiet: bool) -> None:
+        self._estimator, self._frames, self._error = estimator, job.frames, job.scene.error
         self._rasterizer, self._quiet = rasterizer, quiet
 
     def passes(self, maker: _PassRenderer) -> Iterator[_Pass]:
         """The passes, each decided when the one before it has been made; as many as there is time for."""
-        few = self._details.pose(
-            self._frames[0], self._details.family.tolerance_for_size(self._details.family.few), _stopwatch()
+        few = self._estimator.make_draw_list(
+            self._frames[0],
+            self._estimator.primitive.tolerance_for_size(self._estimator.primitive.initial_size),
+            _stopwatch(),
         )
-        first = _FIRST_PASS_FACTOR * self._details.predict(few)
+        first = _FIRST_PASS_FACTOR * self._estimator.predict(few)
         if self._may_skip_first_pass(first):
             plan = self._final_plan(maker)
             last = self._seconds(self._work(plan))
@@ -290,7 +292,7 @@ class _PassPlanner:
         goal, frames = self._error.goal, self._frames
         if isinstance(goal, AccuracyGoal):
             return False
-        per_splat = self._details.log.model.per_splat
+        per_splat = self._estimator.log.model.per_splat
         max_cells = _MIN_PASS_FACTOR * first / per_splat if per_splat > 0 else math.inf
         if isinstance(goal, SplatBudget):
             return max(value_at(goal.by_frame, frame) for frame in frames) <= max_cells
@@ -300,12 +302,12 @@ class _PassPlanner:
         ):
             return True
         finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
-        return not self._details.family.has_more_cells(finest, max_cells)
+        return not self._estimator.primitive.has_more_cells(finest, max_cells)
 
     def _final_plan(self, maker: _PassRenderer) -> Plan:
         frames, quiet = self._frames, self._quiet
-        plan = make_plan(self._details, frames, self._rasterizer, quiet=quiet, on_step=maker.require_time)
-        return plan if plan.guide else replace(plan, guide=ScheduleController(plan.stage, self._details))
+        plan = make_plan(self._estimator, frames, self._rasterizer, quiet=quiet, on_step=maker.require_time)
+        return plan if plan.controller else replace(plan, controller=ScheduleController(plan.stage, self._estimator))
 
     def _work(self, plan: Plan) -> list[_Work]:
         """What there is to do in some frames of the last pass."""
@@ -313,26 +315,29 @@ class _PassPlanner:
         looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
         if isinstance(goal, TimeBudget):
             each = {value_at(goal.by_frame, frame): frame for frame in looked_at}  # one of each budget
-            poses = (
-                find_finest_in_time(self._details, frame, seconds, _stopwatch())[0] for seconds, frame in each.items()
+            draw_lists = (
+                find_finest_in_time(self._estimator, frame, seconds, _stopwatch())[0] for seconds, frame in each.items()
             )
         else:
-            guide = ScheduleController(plan.stage)
-            poses = (guide.ready(frame, _stopwatch())[0] for frame in looked_at)
-        return [_Work(workload_of(pose), pose.order_seconds, self._details.size(pose.detail)) for pose in poses]
+            controller = ScheduleController(plan.stage)
+            draw_lists = (controller.prepare_frame(frame, _stopwatch())[0] for frame in looked_at)
+        return [
+            _Work(workload_of(draw_list), draw_list.order_seconds, self._estimator.size(draw_list.lod))
+            for draw_list in draw_lists
+        ]
 
     def _seconds(self, work: Sequence[_Work]) -> float:
         """What a frame of the last pass is predicted to take, in the mean."""
-        return statistics.fmean(self._details.log.predict(each.load) + each.order_seconds for each in work)
+        return statistics.fmean(self._estimator.log.predict(each.load) + each.order_seconds for each in work)
 
     def _calibrate_costs(self, maker: _PassRenderer, work: Sequence[_Work]) -> None:
         """Learn what more cells cost than the first pass had, where the last one has many more and not only a frame."""
-        growth = self._details.family.growth
-        first_size = growth * self._details.family.size(*maker.finest)
+        growth = self._estimator.primitive.size_ratio
+        first_size = growth * self._estimator.primitive.lod_size(*maker.finest)
         if len(self._frames) == 1 or max(each.size for each in work) < growth * first_size:
             return
         calibrate_costs(
-            self._details,
+            self._estimator,
             self._frames[0],
             min(_TRIAL_FRACTION * self._seconds(work), _MAX_TRIAL_S),
             self._rasterizer,
@@ -343,21 +348,21 @@ class _PassPlanner:
 
     def _pass_within(self, seconds: float, plan: Plan | None = None) -> _Pass:
         """A pass whose frames take so long, none of them finer than in the last one, as far as that is known."""
-        goal, stage = self._error.goal, self._details.stage
+        goal, stage = self._error.goal, self._estimator.stage
         if isinstance(goal, TimeBudget):
             budgets = {frame: min(seconds, value_at(goal.by_frame, frame)) for frame in self._frames}
-            pacer = BudgetController(self._details, budgets.__getitem__)
+            pacer = BudgetController(self._estimator, budgets.__getitem__)
             return _Pass(
                 Plan(stage, pacer, is_unfinished=True, is_timing_dependent=True), statistics.fmean(budgets.values())
             )
-        pose, predicted = find_finest_in_time(self._details, self._frames[0], seconds, _stopwatch())
-        coarsest, error = pose.detail.tolerance, plan.stage.scene.error if plan else self._error
+        draw_list, predicted = find_finest_in_time(self._estimator, self._frames[0], seconds, _stopwatch())
+        coarsest, error = draw_list.lod.tolerance, plan.stage.scene.error if plan else self._error
         tolerances = dict.fromkeys(self._frames, coarsest)
         if error.goal is None:
             tolerances = {frame: max(coarsest, tolerance_at(error, frame)) for frame in self._frames}
         stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
-        guide = ScheduleController(stage, self._details)
-        return _Pass(Plan(stage, guide, is_unfinished=True, is_timing_dependent=True), predicted)
+        controller = ScheduleController(stage, self._estimator)
+        return _Pass(Plan(stage, controller, is_unfinished=True, is_timing_dependent=True), predicted)
 
 
 def _next_frame_seconds(before: float, last: float) -> float:

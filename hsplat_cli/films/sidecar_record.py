@@ -17,7 +17,7 @@ from renderer.scene import TimeBudget, scene_to_dict, value_at, with_tolerances
 from renderer.versions import package_versions
 
 if TYPE_CHECKING:
-    from renderer.study import Found
+    from renderer.study import ToleranceSearchResult
 
 # A frame is in time when it takes no longer and no shorter than its budget by more than this part.
 TIME_BUDGET_MARGIN = 0.2
@@ -73,7 +73,7 @@ def schedule_record(job: Job, plan: Plan, frames: Sequence[Record], shortfall: R
     return record | measured | missed | inherited_schedule(job, is_unfinished=plan.is_unfinished)
 
 
-def _measured(found: Found) -> dict[str, Any]:
+def _measured(found: ToleranceSearchResult) -> dict[str, Any]:
     worst = found.worst
     value = worst.value if math.isfinite(worst.value) else None  # the PSNR of equal pictures
     return {"metric": found.want.metric, "worst": value, "frame": worst.frame, "probes": found.frames}
@@ -99,12 +99,16 @@ def visibility_notes(frames: Sequence[Record]) -> list[str]:
     return [f"nothing is in view{among}{why if any(frame['splats'] for frame in empty) else ''}"]
 
 
-def summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None, num_kept: int = 0) -> str:
+def summary(
+    job: Job, frames: Sequence[Record], seconds: float, found: ToleranceSearchResult | None, num_kept: int = 0
+) -> str:
     """`120 frames in 25.1 s, 190 bricks a frame`, and what came of a budget or an accuracy."""
     return ", ".join(_summary(job, frames, seconds, found, num_kept))
 
 
-def _summary(job: Job, frames: Sequence[Record], seconds: float, found: Found | None, num_kept: int) -> Iterator[str]:
+def _summary(
+    job: Job, frames: Sequence[Record], seconds: float, found: ToleranceSearchResult | None, num_kept: int
+) -> Iterator[str]:
     num, goal = len(frames), job.scene.error.goal
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_kept} drawn before)" if num_kept else "")
     yield f"{pluralize_range([frame['splats'] for frame in frames], job.scene.splat.noun)} a frame"

@@ -12,7 +12,7 @@ from hsplat_cli.terminal import counted
 from renderer.errors import RenderError
 from renderer.frame import Rasterizer, Stage
 from renderer.scene import Scene, Want
-from renderer.study import Found, Trial, Truth, TruthCache, TruthOf, find_tolerance
+from renderer.study import ToleranceSearchResult, Trial, Truth, TruthCache, TruthOf, find_tolerance
 
 
 def search_tolerance(
@@ -24,7 +24,7 @@ def search_tolerance(
     *,
     quiet: bool,
     on_step: Callable[[], None] = lambda: None,
-) -> Found:
+) -> ToleranceSearchResult:
     """Search, saying what is tried and how it came out; parameters as in `find_tolerance` and `compute_truth`.
 
     on_step: called now and then; what it raises goes through.
@@ -40,7 +40,7 @@ def search_tolerance(
     )
 
 
-def unreachable_accuracy_error(found: Found, scene: Scene, *, where: str, hint: str) -> RenderError:
+def unreachable_accuracy_error(found: ToleranceSearchResult, scene: Scene, *, where: str, hint: str) -> RenderError:
     """The error where nothing was good enough. hint: what to do about it, to which is added what limits the scene."""
     want, worst = found.want, found.worst
     level, drawn = scene.error.finest_level, counted(worst.num_cells, scene.splat.noun)

@@ -334,7 +334,7 @@ def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float
     if measurement.pyramid_seconds is not None:
         times["pyramid", True] = (measurement.pyramid_seconds,)
     times |= {(stage, True): seconds for stage, seconds in measurement.seconds.items()}
-    for sample in measurement.samples:
+    for sample in measurement.frames:
         for stage, seconds in sample.seconds.items():
             times[stage, False] = times.get((stage, False), ()) + tuple(seconds)
     return times

@@ -14,7 +14,7 @@ import numpy as np
 
 from hsplat_cli.reports.costs import cells_title, group_by_series, has_bricks, has_splats, pareto_fronts
 from hsplat_cli.reports.number_format import bytes_text, metric_text, ms_text, short_count_text
-from renderer.study import METRICS, Accuracy, Measurement, Metric, Sample, Study, TruthRecord
+from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Metric, Study, TruthRecord
 
 FORMAT = 1
 TERMINAL_COLUMNS = 120
@@ -115,7 +115,7 @@ def csv_text(study: Study) -> str:
         | {"on_time_front": number in time, "on_splats_front": number in splats}
         | _frame_row(m, sample)
         for number, m in enumerate(study.measurements)
-        for sample in m.samples
+        for sample in m.frames
     ]
     columns = _columns(study.measurements)
     text = io.StringIO(newline="")
@@ -125,12 +125,12 @@ def csv_text(study: Study) -> str:
     return text.getvalue()
 
 
-def _identity(measurement: Measurement, sample: Sample) -> dict[str, Any]:
+def _identity(measurement: Measurement, sample: FrameMeasurement) -> dict[str, Any]:
     setting = measurement.setting
     return {"series": setting.series, "label": setting.label, "frame": sample.frame, **setting.options}
 
 
-def _frame_row(measurement: Measurement, sample: Sample) -> dict[str, Any]:
+def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, Any]:
     row: dict[str, Any] = {
         "num_cells": measurement.num_cells,
         "num_splats": sample.num_splats,
@@ -172,7 +172,7 @@ def _columns(measurements: Sequence[Measurement]) -> list[str]:
     """Identity, settings, fronts, counts, metrics, times: each kind together, whichever measurement has it first."""
     kinds: list[dict[str, None]] = [{}, {}, {}]
     for m in measurements:
-        for sample in m.samples:
+        for sample in m.frames:
             for kind, names in zip(
                 kinds,
                 (_identity(m, sample), ("on_time_front", "on_splats_front"), _frame_row(m, sample)),
@@ -241,7 +241,7 @@ def _measurement_record(measurement: Measurement) -> dict[str, Any]:
                 "seconds": sample.seconds,
                 "accuracy": asdict(sample.accuracy),
             }
-            for sample in measurement.samples
+            for sample in measurement.frames
         ],
     }
 

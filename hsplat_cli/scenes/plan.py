@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from renderer.errors import RenderError
-from renderer.frame import Guide, Stage
+from renderer.frame import Stage, ToleranceController
 
 if TYPE_CHECKING:
-    from renderer.study import Found
+    from renderer.study import ToleranceSearchResult
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Plan:
     """
 
     stage: Stage
-    guide: Guide | None = None
+    controller: ToleranceController | None = None
     shortfall: RenderError | None = None
     is_unfinished: bool = False
     is_timing_dependent: bool = False
-    found: Found | None = None
+    found: ToleranceSearchResult | None = None

@@ -19,7 +19,7 @@ import click
 
 from hsplat_cli.scenes import is_shallow
 from renderer.errors import RenderError
-from renderer.film import alone, explained, write_staged
+from renderer.film import exclusive_lock, translate_os_errors, write_staged
 
 Record = dict[str, Any]
 
@@ -140,9 +140,9 @@ def open_manifest(folder: Path, patience_s: float = PATIENCE_S) -> Iterator[Repo
     patience_s: how long to wait for one and the same process; 0 where nobody has the time.
     Raises InputError and RenderError where that cannot be.
     """
-    with explained(folder / FILE):
+    with translate_os_errors(folder / FILE):
         folder.mkdir(parents=True, exist_ok=True)
-    with alone(folder / f".{FILE}.lock", _LockWait(folder / FILE, patience_s)):
+    with exclusive_lock(folder / f".{FILE}.lock", _LockWait(folder / FILE, patience_s)):
         yield Report(folder)
 
 

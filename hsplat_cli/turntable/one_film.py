@@ -27,13 +27,13 @@ from hsplat_cli.turntable.manifest import (
 )
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import (
-    explained,
     is_frame_record,
     locked_output,
     picture_files,
     require_no_input,
     require_writable,
     sidecar_path,
+    translate_os_errors,
     volume_files,
     write_staged,
 )
@@ -131,17 +131,17 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
 
     Raises InputError where there is a scene already that this program did not write like that, or of another volume.
     """
-    from renderer.film import digest
+    from renderer.film import bytes_digest
 
     content = suggested.text.encode()
     with open_manifest(order.scene.parent) as report:
         there = _there(order.scene)
-        digests = [digest(content)]
+        digests = [bytes_digest(content)]
         if there is not None and there != content:
             if not order.force:
-                _require_unedited(order.scene, digest(there), order.of, report)
+                _require_unedited(order.scene, bytes_digest(there), order.of, report)
             written = report.written(order.scene)
-            digests += [digest(there)] if written is not None and digest(there) in written.digests else []
+            digests += [bytes_digest(there)] if written is not None and bytes_digest(there) in written.digests else []
         former = report.told(order.scene) if there == content else None
         record = former if former is not None and former["status"] == DONE else order.record(STARTED)
         # First, and with both: when this process is killed, whichever of them is there is known.
@@ -152,22 +152,22 @@ def write_scene(order: Order, suggested: SuggestedScene) -> None:
 
 def require_unedited_scene(order: Order, suggested: SuggestedScene) -> None:
     """Raise what `write_scene` would about a scene that is there, before anything is made for the film."""
-    from renderer.film import digest
+    from renderer.film import bytes_digest
 
     there = _there(order.scene)
     if there is not None and there != suggested.text.encode() and not order.force:
-        _require_unedited(order.scene, digest(there), order.of, Report(order.scene.parent))
+        _require_unedited(order.scene, bytes_digest(there), order.of, Report(order.scene.parent))
 
 
 def _there(scene: Path) -> bytes | None:
-    with explained(scene):
+    with translate_os_errors(scene):
         return scene.read_bytes() if scene.exists() else None
 
 
-def _require_unedited(scene: Path, digest: str, of: str, report: Report) -> None:
+def _require_unedited(scene: Path, bytes_digest: str, of: str, report: Report) -> None:
     """Raise InputError unless a scene is as it was written, and for the same volume, or else another film is lost."""
     written = report.written(scene)
-    if written is None or digest not in written.digests:
+    if written is None or bytes_digest not in written.digests:
         raise InputError(
             "there is another scene of this name, perhaps one that was changed by hand",
             where=str(scene),

@@ -43,7 +43,7 @@ class BrickCache(Generic[A]):
             atlas.reserve(int(np.count_nonzero(is_chosen)))
         return self._picture
 
-    def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Bring those bricks of `batch[order]` that are not there; whether there were any.
 
         Where there is no room for all of them, they come and go as they are drawn, and here nothing is done.

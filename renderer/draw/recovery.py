@@ -68,9 +68,9 @@ class RecoveringRasterizer:
         """As in GLRasterizer."""
         self._current.forget()
 
-    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """As in GLRasterizer."""
-        return self._draw(lambda gl: gl.bring(batch, order, view))
+        return self._draw(lambda gl: gl.upload(batch, order, view))
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """As in GLRasterizer."""

@@ -1,8 +1,8 @@
 from .atomic import (
-    explained as explained,
     require_writable as require_writable,
     require_writable_dry_run as require_writable_dry_run,
     staged_files as staged_files,
+    translate_os_errors as translate_os_errors,
     write_staged as write_staged,
 )
 from .encode import find_ffmpeg as find_ffmpeg
@@ -14,14 +14,18 @@ from .inputs import (
 )
 from .kept_frames import (
     FrameCheckpoint as FrameCheckpoint,
+    bytes_digest as bytes_digest,
     data_digest as data_digest,
-    digest as digest,
     file_digest as file_digest,
+    file_matches_digest as file_matches_digest,
     frame_matches_digest as frame_matches_digest,
-    is_file as is_file,
     remove_checkpoint_frames as remove_checkpoint_frames,
 )
-from .lock import alone as alone, locked as locked, require_folder_if_exists as require_folder_if_exists
+from .lock import (
+    exclusive_lock as exclusive_lock,
+    lock_output as lock_output,
+    require_folder_if_exists as require_folder_if_exists,
+)
 from .names import (
     ANY_FRAME_FIELD as ANY_FRAME_FIELD,
     film_path_of_sidecar as film_path_of_sidecar,
@@ -31,8 +35,8 @@ from .names import (
     is_numbered as is_numbered,
     picture_files as picture_files,
     picture_shape as picture_shape,
-    sidecar_of as sidecar_of,
     sidecar_path as sidecar_path,
+    sidecar_path_of_file as sidecar_path_of_file,
     unfinished_folder as unfinished_folder,
 )
 from .output_lock import locked_output as locked_output

@@ -12,7 +12,7 @@ from renderer.errors import HsplatError, InputError, RenderError
 
 
 @contextlib.contextmanager
-def staged(path: Path, within: Path | None = None) -> Iterator[Path]:
+def staged_file(path: Path, within: Path | None = None) -> Iterator[Path]:
     """A temporary file beside `path`, or in the folder `within` on the same disk, renamed to `path` after the block.
 
     Missing folders are made, but for `within`, and the temporary file is created at once: what cannot be written is
@@ -25,7 +25,7 @@ def staged(path: Path, within: Path | None = None) -> Iterator[Path]:
     try:  # before the file is there: an interrupt may come at any time
         _create(temporary, path, within)
         yield temporary
-        with explained(path):
+        with translate_os_errors(path):
             os.replace(temporary, path)
     finally:
         # After the rename there is nothing left to remove; a failure to remove must not hide the error that led here.
@@ -35,7 +35,7 @@ def staged(path: Path, within: Path | None = None) -> Iterator[Path]:
 
 def write_staged(path: Path, content: bytes, within: Path | None = None) -> None:
     """Write a whole file so that it is there complete or not at all; as `staged`."""
-    with staged(path, within) as temporary, explained(path):
+    with staged_file(path, within) as temporary, translate_os_errors(path):
         temporary.write_bytes(content)
 
 
@@ -51,13 +51,13 @@ def staged_files(within: Path | None = None) -> Iterator[Callable[[Path, bytes],
         temporary = _temporary_path(path, within)
         written.append((temporary, path))
         _create(temporary, path, within)
-        with explained(path):
+        with translate_os_errors(path):
             temporary.write_bytes(content)
 
     try:
         yield write
         for temporary, path in written:
-            with explained(path):
+            with translate_os_errors(path):
                 os.replace(temporary, path)
     finally:
         for temporary, _ in written:
@@ -70,7 +70,7 @@ def require_writable(path: Path, within: Path | None = None) -> None:
     temporary = _temporary_path(path, within)
     try:
         _create(temporary, path, within)
-        with explained(path):
+        with translate_os_errors(path):
             if not os.access(path.parent, os.W_OK | os.X_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
     finally:
@@ -80,7 +80,7 @@ def require_writable(path: Path, within: Path | None = None) -> None:
 
 def require_writable_dry_run(path: Path) -> None:
     """Raise what `require_writable` would, as far as it shows without making a folder or a file."""
-    with explained(path):
+    with translate_os_errors(path):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # fails for a name that is too long
         if path.is_dir():
@@ -100,7 +100,7 @@ def require_writable_dry_run(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def explained(path: Path) -> Iterator[None]:
+def translate_os_errors(path: Path) -> Iterator[None]:
     """Turn an OSError met while writing `path` into InputError or RenderError."""
     try:
         yield
@@ -161,7 +161,7 @@ def _temporary_path(path: Path, within: Path | None = None) -> Path:
 
 
 def _create(temporary: Path, path: Path, within: Path | None) -> None:
-    with explained(path):
+    with translate_os_errors(path):
         if within is not None:
             temporary.touch(exist_ok=False)  # first: a folder that has vanished meanwhile is not made again
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import RenderError
-from renderer.film.atomic import explained, write_staged
+from renderer.film.atomic import translate_os_errors, write_staged
 from renderer.film.frame_record import Record, is_frame_record
 from renderer.film.names import frame_path, has_frame_files, is_numbered, picture_shape
 from renderer.film.picture import Picture
@@ -87,7 +87,7 @@ class FrameCheckpoint:
 
     def keep(self, number: int, png: bytes, record: Record) -> Record:
         """Write a frame's picture, then its record; the record with its digest."""
-        record = {**record, "digest": digest(png)}
+        record = {**record, "digest": bytes_digest(png)}
         write_staged(self._file(number), png, self._folder)
         if not self._is_told:
             write_staged(_fingerprint_path(self._folder, self._mark), json.dumps(self.cause).encode(), self._folder)
@@ -101,12 +101,12 @@ class FrameCheckpoint:
         """A frame that is kept, decoded. Raises RenderError where it cannot be; then it is kept no longer."""
         path = self._file(number)
         try:
-            with explained(path):
+            with translate_os_errors(path):
                 picture = Picture(png=path.read_bytes())
             return Picture(picture.pixels, picture.png)
         except ValueError as error:
             del self.records[number]
-            with explained(path):
+            with translate_os_errors(path):
                 self._own(number, "json").unlink(missing_ok=True)
             hint = "the same command draws it again"
             raise RenderError("a frame that was kept cannot be decoded", where=str(path), hint=hint) from error
@@ -148,14 +148,14 @@ def remove_checkpoint_frames(
             path.unlink(missing_ok=True)
 
 
-def digest(content: bytes) -> str:
+def bytes_digest(content: bytes) -> str:
     """32 hexadecimal digits that tell files apart."""
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
 def data_digest(data: Any) -> str:
     """The same of plain data, such as a cause; equal data have an equal mark, whatever the order of their keys."""
-    return digest(json.dumps(data, sort_keys=True).encode())
+    return bytes_digest(json.dumps(data, sort_keys=True).encode())
 
 
 def file_digest(path: Path) -> str:
@@ -167,7 +167,7 @@ def file_digest(path: Path) -> str:
     return found.hexdigest()
 
 
-def is_file(path: Path, expected: str | None) -> bool:
+def file_matches_digest(path: Path, expected: str | None) -> bool:
     """Whether a file is there and has this digest."""
     try:
         return path.is_file() and file_digest(path) == expected
@@ -179,7 +179,7 @@ def frame_matches_digest(path: Path, expected: str, output: OutputSpec) -> bool:
     """Whether a PNG file is there and has this digest, and the size and channels of an output's pictures."""
     try:
         content = path.read_bytes() if path.is_file() else b""
-        return digest(content) == expected and png_shape(content) == picture_shape(output)
+        return bytes_digest(content) == expected and png_shape(content) == picture_shape(output)
     except (OSError, ValueError):
         return False
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError, OutputLockedError
-from renderer.film.atomic import explained, remove_temporaries
+from renderer.film.atomic import remove_temporaries, translate_os_errors
 from renderer.runs import runs
 
 _MAX_OWNER_BYTES = 200
@@ -20,7 +20,7 @@ _GATE_BYTE, _FIRST_SLOT_BYTE = 0, 1
 
 
 @contextlib.contextmanager
-def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
+def lock_output(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
     """Hold these places, ascending, of a folder of what is not finished, which is made where it is missing.
 
     Jobs that have no place in common do not keep each other out. The last one to leave removes temporary files of those
@@ -28,10 +28,10 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
     Raises OutputLockedError when another process holds one of the places; InputError when the folder cannot be one, and
     RenderError when it cannot be made. output: for messages.
     """
-    with explained(output):
+    with translate_os_errors(output):
         descriptor = _enter(folder)
     try:
-        with explained(output):
+        with translate_os_errors(output):
             _acquire_slots(descriptor, places, output)
         yield
     finally:
@@ -39,17 +39,17 @@ def locked(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def alone(file: Path, pause: Callable[[str | None], None]) -> Iterator[None]:
+def exclusive_lock(file: Path, pause: Callable[[str | None], None]) -> Iterator[None]:
     """Wait until no other process is in such a block with this lock file, which is made and removed again.
 
     pause: called before each further look, with what is known of the process that is in it: `process 12 on ada`. What
     it raises ends the waiting. On a file system without locks nobody waits.
     Raises InputError and RenderError where the file cannot be made.
     """
-    with explained(file):
+    with translate_os_errors(file):
         descriptor = _wait_for(file, pause)
     try:
-        with explained(file):
+        with translate_os_errors(file):
             _write_owner(descriptor)
         yield
     finally:

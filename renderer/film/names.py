@@ -23,10 +23,10 @@ def frame_path(template: Path, frame: int) -> Path:
 
 def sidecar_path(scene: Scene, frames: Sequence[int]) -> Path:
     """The JSON file beside the output of these frames of the scene's path."""
-    return sidecar_of(scene.output.file, frames, scene.camera.path.frames)
+    return sidecar_path_of_file(scene.output.file, frames, scene.camera.path.frames)
 
 
-def sidecar_of(file: Path, frames: Sequence[int], num_frames: int) -> Path:
+def sidecar_path_of_file(file: Path, frames: Sequence[int], num_frames: int) -> Path:
     """`engine.mp4` has `engine.mp4.json`, and the template `frames/{frame:04}.png` has `frames/frames.json`.
 
     In a template the field becomes the word `frames`, so that two templates in one folder keep apart. So do parts of a

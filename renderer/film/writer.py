@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.film.atomic import require_writable, staged, staged_files
+from renderer.film.atomic import require_writable, staged_file, staged_files
 from renderer.film.encode import Encoder, find_ffmpeg, gif_delay_cs, gif_options, mp4_options, open_encoder
 from renderer.film.names import frame_path, has_frame_files, picture_shape
 from renderer.film.png import encode_png
@@ -117,7 +117,7 @@ def _open_video(
 ) -> Iterator[FilmWriter]:
     assert output.background is not None, "only PNG can be transparent"
     rate, options, notes = _gif(output) if output.file.suffix.lower() == ".gif" else _mp4(output)
-    with staged(output.file, within) as temporary:
+    with staged_file(output.file, within) as temporary:
         with open_encoder(output.size, rate, options, temporary, output.file) as encoder:
             yield _VideoWriter(output, frames, notes, encoder)
         finishing()

@@ -5,21 +5,25 @@ from .frame import (
     Rasterizer as Rasterizer,
     Stage as Stage,
     Stopwatch as Stopwatch,
-    bring as bring,
-    draw as draw,
+    draw_frame as draw_frame,
     finest_level_at as finest_level_at,
     make_draw_list as make_draw_list,
     make_lod as make_lod,
     make_primitive as make_primitive,
+    upload as upload,
     view_of as view_of,
 )
 from .pacing import (
     BudgetController as BudgetController,
-    Details as Details,
-    Guide as Guide,
+    LODCostEstimator as LODCostEstimator,
     ScheduleController as ScheduleController,
+    ToleranceController as ToleranceController,
     calibrate_costs as calibrate_costs,
     find_finest_in_time as find_finest_in_time,
 )
-from .pipeline import prepare as prepare, render_frames as render_frames
-from .transport import pack as pack, packed as packed, unpack as unpack
+from .pipeline import prepare_stage as prepare_stage, render_frames as render_frames
+from .transport import (
+    deserialize_stage as deserialize_stage,
+    serialize_stage as serialize_stage,
+    serialized_stage as serialized_stage,
+)

@@ -58,7 +58,7 @@ class BrickLOD:
         """As in Detail: front to back. There is one, for bricks do not overlap."""
         return [(1.0, visible_bricks(self.splats, view))]
 
-    def load(self, orders: Orders, view: View) -> tuple[float, float]:
+    def workload(self, orders: Orders, view: View) -> tuple[float, float]:
         """As in Detail; pixels are samples of the field."""
         ((_, order),) = orders
         return len(order), num_samples(self.splats, order, view)
@@ -72,9 +72,9 @@ class BrickPrimitive:
         the scalar the volume's range.
     """
 
-    few: ClassVar[float] = 60
-    growth: ClassVar[float] = 16  # the number of samples grows with about the cube root
-    step: ClassVar[float] = 2
+    initial_size: ClassVar[float] = 60
+    size_ratio: ClassVar[float] = 16  # the number of samples grows with about the cube root
+    small_size_ratio: ClassVar[float] = 2
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class BrickPrimitive:
         self._largest_error = RAY_ERROR_FACTOR * root_error(bricks.pyramid) or 1.0
         self._sizes: CutSizes | None = None
 
-    def detail(self, tolerance: float, lap: Lap) -> BrickLOD:
+    def make_lod(self, tolerance: float, lap: Lap) -> BrickLOD:
         """As in Family."""
         cut = self._cut(tolerance)
         lap("cut")
@@ -114,7 +114,7 @@ class BrickPrimitive:
         batch = self._batch(self._cut(tolerance), tolerance)
         return float((_cells_in_bounds(batch.cut) / batch.steps).sum())
 
-    def within(self, num_cells: float) -> float:
+    def tolerance_for_cells(self, num_cells: float) -> float:
         """As in Family."""
         if self._sizes is None:
             self._sizes = brick_cut_sizes(
@@ -127,7 +127,7 @@ class BrickPrimitive:
         tolerance = float(f"{self._largest_error / max(size, 1.0):.2g}") if size < _MAX_SIZE else 0.0
         return tolerance if tolerance >= MIN_TOLERANCE else 0.0
 
-    def size(self, tolerance: float, num_cells: int) -> float:
+    def lod_size(self, tolerance: float, num_cells: int) -> float:
         """As in Family."""
         return _MAX_SIZE if tolerance * _MAX_SIZE <= self._largest_error else max(1.0, self._largest_error / tolerance)
 

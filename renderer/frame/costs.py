@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.frame.frame import Pose
+from renderer.frame.frame import DrawList
 
 Float64 = npt.NDArray[np.float64]
 
@@ -39,9 +39,9 @@ class Workload(NamedTuple):
     num_written: int
 
 
-def workload_of(pose: Pose, *, is_written: bool = True) -> Workload:
+def workload_of(draw_list: DrawList, *, is_written: bool = True) -> Workload:
     """What a frame draws, in all its orders."""
-    return Workload(*pose.detail.load(pose.orders, pose.view), int(is_written))
+    return Workload(*draw_list.lod.workload(draw_list.orders, draw_list.view), int(is_written))
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ class Rasterizer(Protocol):
     was not brought is the same.
     """
 
-    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool: ...
+    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool: ...
 
     def rasterize(
         self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
@@ -84,11 +84,11 @@ class Stopwatch:
 
 
 @dataclass(frozen=True)
-class Pose:
+class DrawList:
     """A detail seen on a frame: `orders` are those of its splats. order_seconds: what finding them took."""
 
     number: int
-    detail: LOD
+    lod: LOD
     view: View
     orders: Orders
     order_seconds: float
@@ -149,46 +149,48 @@ def make_primitive(stage: Stage) -> Primitive:
 
 def make_lod(stage: Stage, tolerance: float, watch: Stopwatch) -> LOD:
     """What is drawn of a stage at a tolerance."""
-    return make_primitive(stage).detail(tolerance, watch.lap)
+    return make_primitive(stage).make_lod(tolerance, watch.lap)
 
 
-def make_draw_list(stage: Stage, detail: LOD, number: int, watch: Stopwatch) -> Pose:
+def make_draw_list(stage: Stage, lod: LOD, number: int, watch: Stopwatch) -> DrawList:
     """See a detail from where the camera is on a frame."""
     view = view_of(stage, number)
-    return Pose(number, detail, view, detail.orders(view), watch.lap("order"))
+    return DrawList(number, lod, view, lod.orders(view), watch.lap("order"))
 
 
-def bring(pose: Pose, rasterizer: Rasterizer) -> bool:
+def upload(draw_list: DrawList, rasterizer: Rasterizer) -> bool:
     """Make the rasteriser ready for a frame and those like it; whether there was something to do."""
-    return rasterizer.bring(pose.detail.splats, pose.orders[0][1], pose.view)  # the same splats in each order
+    return rasterizer.upload(
+        draw_list.lod.splats, draw_list.orders[0][1], draw_list.view
+    )  # the same splats in each order
 
 
-def draw(stage: Stage, pose: Pose, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
+def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
     """The finished frame. Raises InputError where the volume's file was changed."""
-    detail = pose.detail
+    lod = draw_list.lod
     stage.volume.require_unchanged()
-    if bring(pose, rasterizer):
+    if upload(draw_list, rasterizer):
         watch.lap(UPLOAD_STAGE)
-    image = _blend_orders(pose, rasterizer)
+    image = _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
-    if detail.edges is not None:
-        lines = rasterizer.rasterize_edges(detail.edges, pose.view)
+    if lod.edges is not None:
+        lines = rasterizer.rasterize_edges(lod.edges, draw_list.view)
         image *= 1 - lines[..., 3:]
         image += lines
         watch.lap("overlay")
     pixels = quantize(image, stage.scene.output.background)
     stage.volume.require_unchanged()  # while it was drawn, too
     watch.lap("quantize")
-    num_splats = len(pose.orders[0][1])
-    return Frame(pose.number, pixels, image, detail.tolerance, detail.num_cells, num_splats, dict(watch.seconds))
+    num_splats = len(draw_list.orders[0][1])
+    return Frame(draw_list.number, pixels, image, lod.tolerance, lod.num_cells, num_splats, dict(watch.seconds))
 
 
-def _blend_orders(pose: Pose, rasterizer: Rasterizer) -> npt.NDArray[np.float32]:
+def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> npt.NDArray[np.float32]:
     """The picture: for nearly all views that of the only order, else each order's with its share."""
-    (share, order), *others = pose.orders
-    image = rasterizer.rasterize(pose.detail.splats, order, pose.view)
+    (share, order), *others = draw_list.orders
+    image = rasterizer.rasterize(draw_list.lod.splats, order, draw_list.view)
     if others:
         image *= share
     for share, order in others:
-        image += share * rasterizer.rasterize(pose.detail.splats, order, pose.view)
+        image += share * rasterizer.rasterize(draw_list.lod.splats, order, draw_list.view)
     return image

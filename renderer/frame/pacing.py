@@ -16,11 +16,11 @@ from renderer.frame.costs import CostLog, Workload, workload_of
 from renderer.frame.frame import (
     UPLOAD_STAGE,
     Clock,
-    Pose,
+    DrawList,
     Rasterizer,
     Stage,
     Stopwatch,
-    draw,
+    draw_frame,
     make_draw_list,
     make_lod,
     make_primitive,
@@ -54,35 +54,37 @@ _ANY_SIZE = 0.0, math.inf
 CUT_STAGES = ("cut", "splats", "edges", "order")
 
 
-class Details:
+class LODCostEstimator:
     """Details of a stage by their size, and what a frame of them takes."""
 
     def __init__(self, stage: Stage, log: CostLog) -> None:
-        self.stage, self.log, self.family = stage, log, make_primitive(stage)
+        self.stage, self.log, self.primitive = stage, log, make_primitive(stage)
         self._seen: dict[float, Workload] = {}  # by size
 
-    def size(self, detail: LOD) -> float:
+    def size(self, lod: LOD) -> float:
         """What its family calls its size."""
-        return self.family.size(detail.tolerance, detail.num_cells)
+        return self.primitive.lod_size(lod.tolerance, lod.num_cells)
 
-    def pose(self, number: int, tolerance: float, watch: Stopwatch) -> Pose:
+    def make_draw_list(self, number: int, tolerance: float, watch: Stopwatch) -> DrawList:
         """A frame of the detail of a tolerance."""
-        return make_draw_list(self.stage, self.family.detail(tolerance, watch.lap), number, watch)
+        return make_draw_list(self.stage, self.primitive.make_lod(tolerance, watch.lap), number, watch)
 
-    def predict(self, pose: Pose, *, last: int = 0) -> float:
+    def predict(self, draw_list: DrawList, *, last: int = 0) -> float:
         """Seconds of a frame whose detail is made, until it is in its file; `last` as in CostLog."""
-        load = workload_of(pose)
-        self._seen[self.size(pose.detail)] = load
-        return self.log.predict(load, last=last) + pose.order_seconds
+        load = workload_of(draw_list)
+        self._seen[self.size(draw_list.lod)] = load
+        return self.log.predict(load, last=last) + draw_list.order_seconds
 
-    def learn(self, pose: Pose, watch: Stopwatch, *, is_first: bool = False) -> None:
+    def record_frame(self, draw_list: DrawList, watch: Stopwatch, *, is_first: bool = False) -> None:
         """A frame has been drawn and, at this moment, taken care of.
 
         is_first: of several of its detail: what it did for the others, too, tells nothing of them.
         """
         watch.lap("written")
         others = (*CUT_STAGES, UPLOAD_STAGE) if is_first else CUT_STAGES
-        self.log.add(workload_of(pose), sum(seconds for name, seconds in watch.seconds.items() if name not in others))
+        self.log.add(
+            workload_of(draw_list), sum(seconds for name, seconds in watch.seconds.items() if name not in others)
+        )
 
     def size_for_seconds(self, seconds: float, *, last: int = 0) -> float:
         """The size that a frame may have that is to take so long, by the frames that were predicted so far.
@@ -99,14 +101,14 @@ class Details:
             above = max(near, 1)
             power = (costs[above] - costs[above - 1]) / (sizes[above] - sizes[above - 1])
         power = min(max(power, _LEAST_POWER), _MOST_POWER)
-        found = sizes[near] + min((wanted - costs[near]) / power, math.log(self.family.growth))
+        found = sizes[near] + min((wanted - costs[near]) / power, math.log(self.primitive.size_ratio))
         if near > 0:
             found = max(found, sizes[near - 1])
         return math.exp(found)
 
 
 def calibrate_costs(
-    details: Details,
+    estimator: LODCostEstimator,
     number: int,
     min_last_seconds: float,
     rasterizer: Rasterizer,
@@ -120,53 +122,53 @@ def calibrate_costs(
     first_size: one at which a frame shows what it is, unless it is given.
     on_step: called before each drawing; what it raises goes through.
     """
-    family = details.family
-    size = family.few if first_size is None else first_size
-    tolerance, before, num_trials = family.tolerance_for_size(size), math.inf, 0
+    primitive = estimator.primitive
+    size = primitive.initial_size if first_size is None else first_size
+    tolerance, before, num_trials = primitive.tolerance_for_size(size), math.inf, 0
     while tolerance < before:
         on_step()
-        pose = details.pose(number, tolerance, Stopwatch(clock))
-        if details.log.is_empty:  # shaders are compiled, and buffers made
-            draw(details.stage, pose, rasterizer, Stopwatch(clock))
+        draw_list = estimator.make_draw_list(number, tolerance, Stopwatch(clock))
+        if estimator.log.is_empty:  # shaders are compiled, and buffers made
+            draw_frame(estimator.stage, draw_list, rasterizer, Stopwatch(clock))
         watch = Stopwatch(clock)
-        draw(details.stage, pose, rasterizer, watch)
+        draw_frame(estimator.stage, draw_list, rasterizer, watch)
         seconds = sum(watch.seconds.values()) - watch.seconds.get(UPLOAD_STAGE, 0.0)
-        details.log.add(workload_of(pose, is_written=False), seconds)
-        details.predict(pose)
+        estimator.log.add(workload_of(draw_list, is_written=False), seconds)
+        estimator.predict(draw_list)
         num_trials += 1
         if seconds >= min_last_seconds and num_trials >= _FEWEST_TRIALS:
             return
-        size *= family.growth
-        tolerance, before = family.tolerance_for_size(size), tolerance
+        size *= primitive.size_ratio
+        tolerance, before = primitive.tolerance_for_size(size), tolerance
 
 
 def find_finest_in_time(
-    details: Details,
+    estimator: LODCostEstimator,
     number: int,
     seconds: float,
     watch: Stopwatch,
     *,
     sizes: tuple[float, float] = _ANY_SIZE,
     last: int = 0,
-) -> tuple[Pose, float]:
+) -> tuple[DrawList, float]:
     """A frame that is predicted to take nearly so many seconds, or less where it shows every voxel; and what it takes.
 
     Where even a single cell takes longer, the quickest one found. Frames have been predicted before.
     sizes: the smallest and the largest one that it may have. last: as in CostLog.
     """
     aim = _TARGET_SHARE * seconds
-    best: tuple[Pose, float] | None = None
+    best: tuple[DrawList, float] | None = None
     tried: set[float] = set()
     for _ in range(_MOST_TRIES):
-        wanted = min(max(details.size_for_seconds(aim, last=last), sizes[0]), sizes[1])
-        tolerance = details.family.tolerance_for_size(wanted)
+        wanted = min(max(estimator.size_for_seconds(aim, last=last), sizes[0]), sizes[1])
+        tolerance = estimator.primitive.tolerance_for_size(wanted)
         if tolerance in tried:
             break
         tried.add(tolerance)
-        pose = details.pose(number, tolerance, watch)
-        predicted = details.predict(pose, last=last)
+        draw_list = estimator.make_draw_list(number, tolerance, watch)
+        predicted = estimator.predict(draw_list, last=last)
         if best is None or _badness(predicted, seconds) < _badness(best[1], seconds):
-            best = pose, predicted
+            best = draw_list, predicted
         if abs(predicted - aim) <= _TARGET_DEVIATION * aim:
             break
     assert best is not None
@@ -179,13 +181,13 @@ def _badness(predicted: float, seconds: float) -> tuple[bool, float]:
     return is_too_long, predicted if is_too_long else abs(math.log(predicted / (_TARGET_SHARE * seconds)))
 
 
-class Guide(Protocol):
+class ToleranceController(Protocol):
     """Decides, frame by frame, at which tolerance the film is drawn."""
 
-    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+    def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
         """The frame to be drawn, and what it is predicted to take from its start until the next one is asked for."""
 
-    def took(self, pose: Pose, watch: Stopwatch) -> None:
+    def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
         """The frame has been drawn and, at this moment, taken care of."""
 
 
@@ -195,23 +197,23 @@ class ScheduleController:
     details: told what frames take, and asked what they will take.
     """
 
-    def __init__(self, stage: Stage, details: Details | None = None) -> None:
-        self._stage, self._details = stage, details
-        self._detail: LOD | None = None
+    def __init__(self, stage: Stage, estimator: LODCostEstimator | None = None) -> None:
+        self._stage, self._estimator = stage, estimator
+        self._lod: LOD | None = None
 
-    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+    def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
         """As in Guide."""
         tolerance = tolerance_at(self._stage.scene.error, number)
-        if self._detail is None or self._detail.tolerance != tolerance:
-            self._detail = None  # let go of the old one first
-            self._detail = make_lod(self._stage, tolerance, watch)
-        pose = make_draw_list(self._stage, self._detail, number, watch)
-        return pose, self._details.predict(pose) if self._details else None
+        if self._lod is None or self._lod.tolerance != tolerance:
+            self._lod = None  # let go of the old one first
+            self._lod = make_lod(self._stage, tolerance, watch)
+        draw_list = make_draw_list(self._stage, self._lod, number, watch)
+        return draw_list, self._estimator.predict(draw_list) if self._estimator else None
 
-    def took(self, pose: Pose, watch: Stopwatch) -> None:
+    def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
         """As in Guide."""
-        if self._details:
-            self._details.learn(pose, watch)
+        if self._estimator:
+            self._estimator.record_frame(draw_list, watch)
 
 
 class BudgetController:
@@ -220,63 +222,65 @@ class BudgetController:
     seconds_of: the time of a frame.
     """
 
-    def __init__(self, details: Details, seconds_of: Callable[[int], float]) -> None:
-        self._details, self._seconds_of = details, seconds_of
+    def __init__(self, estimator: LODCostEstimator, seconds_of: Callable[[int], float]) -> None:
+        self._estimator, self._seconds_of = estimator, seconds_of
         self._current_lod: _CurrentLOD | None = None
 
-    def ready(self, number: int, watch: Stopwatch) -> tuple[Pose, float | None]:
+    def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
         """As in Guide."""
         if self._current_lod is None:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
-        pose = make_draw_list(self._details.stage, self._current_lod.detail, number, watch)
+        draw_list = make_draw_list(self._estimator.stage, self._current_lod.lod, number, watch)
         last = self._current_lod.num_frames  # all of this detail
-        predicted = self._details.predict(pose, last=last)
+        predicted = self._estimator.predict(draw_list, last=last)
         self._current_lod.update_share(predicted / seconds)
         if self._keeps_lod(predicted, seconds):
-            return pose, predicted
+            return draw_list, predicted
         if predicted >= _FAR_TOO_SHORT * seconds:
             last = 0
             # A hiccup, or a speed that is no more, makes them disagree: then there is no telling where to go.
-            if (predicted > seconds) != (self._details.predict(pose) > seconds):
-                return pose, predicted
+            if (predicted > seconds) != (self._estimator.predict(draw_list) > seconds):
+                return draw_list, predicted
         sizes = self._sizes_after(predicted / seconds) if seconds == self._current_lod.seconds else _ANY_SIZE
-        del pose  # let go of the old ones first
+        del draw_list  # let go of the old ones first
         self._current_lod = None
         return self.choose(number, watch, sizes=sizes, last=last)
 
     def choose(
         self, number: int, watch: Stopwatch, *, sizes: tuple[float, float] = _ANY_SIZE, last: int = 0
-    ) -> tuple[Pose, float]:
+    ) -> tuple[DrawList, float]:
         """Find a detail for a frame and those that follow; of the first one, best before its time begins.
 
         sizes, last: as in `find_finest_in_time`.
         """
         seconds = self._seconds_of(number)
-        pose, predicted = find_finest_in_time(self._details, number, seconds, watch, sizes=sizes, last=last)
-        wanted = max(1.0, self._details.size_for_seconds(_TARGET_SHARE * seconds, last=last))
+        draw_list, predicted = find_finest_in_time(self._estimator, number, seconds, watch, sizes=sizes, last=last)
+        wanted = max(1.0, self._estimator.size_for_seconds(_TARGET_SHARE * seconds, last=last))
         is_intermediate = not sizes[0] <= wanted <= sizes[1]
-        self._current_lod = _CurrentLOD(pose.detail, predicted / seconds, seconds, is_intermediate)
-        return pose, predicted
+        self._current_lod = _CurrentLOD(draw_list.lod, predicted / seconds, seconds, is_intermediate)
+        return draw_list, predicted
 
-    def took(self, pose: Pose, watch: Stopwatch) -> None:
+    def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
         """As in Guide."""
         assert self._current_lod is not None
-        self._details.learn(pose, watch, is_first=self._current_lod.num_frames == 0)
+        self._estimator.record_frame(draw_list, watch, is_first=self._current_lod.num_frames == 0)
         self._current_lod.num_frames += 1
 
     def _sizes_after(self, share: float) -> tuple[float, float]:
         """Those that the next detail may have, where the one that was chosen takes this part of its time."""
         assert self._current_lod is not None
-        family, size = self._details.family, self._details.size(self._current_lod.detail)
-        reach = min(max(family.step, share**_SIZE_EXPONENT, share**-_SIZE_EXPONENT), family.growth)
+        primitive, size = self._estimator.primitive, self._estimator.size(self._current_lod.lod)
+        reach = min(
+            max(primitive.small_size_ratio, share**_SIZE_EXPONENT, share**-_SIZE_EXPONENT), primitive.size_ratio
+        )
         return size / reach, size * reach
 
     def _keeps_lod(self, predicted: float, seconds: float) -> bool:
         """Whether the detail stays that was chosen, now that a frame of it is predicted to take so long."""
         assert self._current_lod is not None
         share, chosen_share = predicted / seconds, self._current_lod.share
-        if share < 1 and self._current_lod.detail.tolerance == 0:
+        if share < 1 and self._current_lod.lod.tolerance == 0:
             return True
         least, most = _FAR_TOO_SHORT * min(1, chosen_share), _FAR_TOO_LONG * max(1, chosen_share)
         num_frames = self._current_lod.num_frames if seconds == self._current_lod.seconds else _FEWEST_FRAMES + 1
@@ -296,7 +300,7 @@ class _CurrentLOD:
     is_intermediate: another one, too far away to go there at once, was predicted to be nearer to that time.
     """
 
-    detail: LOD
+    lod: LOD
     share: float
     seconds: float
     is_intermediate: bool

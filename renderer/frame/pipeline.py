@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from renderer.bricks import make_bricks
 from renderer.errors import InputError
-from renderer.frame.frame import Clock, Frame, Rasterizer, Stage, Stopwatch, draw
-from renderer.frame.pacing import Guide, ScheduleController
+from renderer.frame.frame import Clock, Frame, Rasterizer, Stage, Stopwatch, draw_frame
+from renderer.frame.pacing import ScheduleController, ToleranceController
 from renderer.pyramid import build_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (
@@ -37,7 +37,7 @@ from renderer.view import (
 from renderer.volume import Float64, Volume
 
 
-def prepare(
+def prepare_stage(
     scene: Scene,
     *,
     clock: Clock,
@@ -97,15 +97,20 @@ def prepare(
 
 
 def render_frames(
-    stage: Stage, frames: Sequence[int], rasterizer: Rasterizer, *, clock: Clock, guide: Guide | None = None
+    stage: Stage,
+    frames: Sequence[int],
+    rasterizer: Rasterizer,
+    *,
+    clock: Clock,
+    controller: ToleranceController | None = None,
 ) -> Iterator[Frame]:
     """Draw these frames of the film, in this order, at the tolerances of the scene's schedule or those of a `guide`."""
-    guide = ScheduleController(stage) if guide is None else guide
+    controller = ScheduleController(stage) if controller is None else controller
     for number in frames:
         watch = Stopwatch(clock)
-        pose, predicted_seconds = guide.ready(number, watch)
-        yield replace(draw(stage, pose, rasterizer, watch), predicted_seconds=predicted_seconds)
-        guide.took(pose, watch)
+        draw_list, predicted_seconds = controller.prepare_frame(number, watch)
+        yield replace(draw_frame(stage, draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
+        controller.finish_frame(draw_list, watch)
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:

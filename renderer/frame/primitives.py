@@ -44,7 +44,7 @@ class LOD(Protocol):
     def orders(self, view: View) -> Orders:
         """What of it can be seen in a view, as the rasteriser takes it; the same splats in each order."""
 
-    def load(self, orders: Orders, view: View) -> tuple[float, float]:
+    def workload(self, orders: Orders, view: View) -> tuple[float, float]:
         """What drawing it in these orders costs: the number of splats, and that of pixels looked at, each as often."""
 
 
@@ -57,15 +57,15 @@ class Primitive(Protocol):
     """
 
     @property
-    def few(self) -> float: ...
+    def initial_size(self) -> float: ...
 
     @property
-    def growth(self) -> float: ...
+    def size_ratio(self) -> float: ...
 
     @property
-    def step(self) -> float: ...
+    def small_size_ratio(self) -> float: ...
 
-    def detail(self, tolerance: float, lap: Lap) -> LOD:
+    def make_lod(self, tolerance: float, lap: Lap) -> LOD:
         """Cut at a tolerance, and made ready for the rasteriser."""
 
     def num_cells(self, tolerance: float) -> int:
@@ -74,13 +74,13 @@ class Primitive(Protocol):
     def work(self, tolerance: float) -> float:
         """How much is drawn at a tolerance, in cells or samples: in the whole, it rises as the tolerance falls."""
 
-    def within(self, num_cells: float) -> float:
+    def tolerance_for_cells(self, num_cells: float) -> float:
         """The tolerance of the finest cut with at most so many cells."""
 
     def tolerance_for_size(self, size: float) -> float:
         """The tolerance of the finest detail of at most this size."""
 
-    def size(self, tolerance: float, num_cells: int) -> float:
+    def lod_size(self, tolerance: float, num_cells: int) -> float:
         """Of a detail at a tolerance, which has so many cells; at least 1."""
 
     def has_more_cells(self, tolerance: float, num_cells: float) -> bool:

@@ -39,7 +39,7 @@ class SplatLOD:
         """As in Detail: back to front."""
         return visible_orders(self.splats, self.lattice, view, self.order, self.turning)
 
-    def load(self, orders: Orders, view: View) -> tuple[float, float]:
+    def workload(self, orders: Orders, view: View) -> tuple[float, float]:
         """As in Detail; pixels are those around the footprints."""
         num_pixels = len(orders) * total_square_area_px(self.splats, orders[0][1], model_view(self.splats, view))
         return sum(len(order) for _, order in orders), num_pixels
@@ -51,9 +51,9 @@ class SplatPrimitive:
     finest_level, finest_level_at_zero: of the cells drawn at tolerances above 0, and at 0.
     """
 
-    few: ClassVar[float] = 1000
-    growth: ClassVar[float] = 4
-    step: ClassVar[float] = 4
+    initial_size: ClassVar[float] = 1000
+    size_ratio: ClassVar[float] = 4
+    small_size_ratio: ClassVar[float] = 4
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class SplatPrimitive:
         self._finest_level, self._finest_level_at_zero = finest_level, finest_level_at_zero
         self._sizes: CutSizes | None = None
 
-    def detail(self, tolerance: float, lap: Lap) -> SplatLOD:
+    def make_lod(self, tolerance: float, lap: Lap) -> SplatLOD:
         """As in Family."""
         cut, spec = self._cut(tolerance), self._spec
         lap("cut")
@@ -90,7 +90,7 @@ class SplatPrimitive:
         """As in Family: the cells."""
         return self.num_cells(tolerance)
 
-    def within(self, num_cells: float) -> float:
+    def tolerance_for_cells(self, num_cells: float) -> float:
         """As in Family."""
         most = max(1, int(min(num_cells, self._pyramid.volume.values.size)))
         sizes = self._sizes_to(most)
@@ -98,9 +98,9 @@ class SplatPrimitive:
 
     def tolerance_for_size(self, size: float) -> float:
         """As in Family."""
-        return self.within(size)
+        return self.tolerance_for_cells(size)
 
-    def size(self, tolerance: float, num_cells: int) -> float:
+    def lod_size(self, tolerance: float, num_cells: int) -> float:
         """As in Family."""
         return max(num_cells, 1)
 

@@ -43,7 +43,7 @@ _STAGE_TYPES = (
 _TYPES_BY_NAME: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_STAGE_TYPES, *SPEC_TYPES)}
 
 
-def pack(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
+def serialize_stage(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
     """The bytes of a stage, piece by piece; its arrays are not copied, and one that it has twice is there once.
 
     A piece is to be read before the next one is asked for: after the last the volume's file is looked at.
@@ -62,16 +62,16 @@ def pack(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
     stage.volume.require_unchanged()
 
 
-def packed(stage: Stage) -> npt.NDArray[np.uint8]:
+def serialized_stage(stage: Stage) -> npt.NDArray[np.uint8]:
     """uint8 [n]: the bytes of a stage for who does not have the files of this machine. Raises InputError where such a
     file was changed."""
-    pieces = [np.frombuffer(piece, np.uint8) for piece in pack(stage, without_files=True) if piece.nbytes]
+    pieces = [np.frombuffer(piece, np.uint8) for piece in serialize_stage(stage, without_files=True) if piece.nbytes]
     content = np.concatenate(pieces)
     stage.volume.require_unchanged()  # once more: they were not read before
     return content
 
 
-def unpack(content: memoryview, on_mapped: MappedCallback | None = None) -> Stage:
+def deserialize_stage(content: memoryview, on_mapped: MappedCallback | None = None) -> Stage:
     """The stage of which these are the bytes. Its arrays are views of `content`, which must be writable.
 
     on_mapped: told of all voxels that were left in a file.
@@ -101,14 +101,14 @@ class _ArrayLayout:
     def place(self, array: Array) -> int:
         """Bytes from the beginning of the first one."""
         if id(array) not in self._placed:
-            packed = np.ascontiguousarray(array)
-            self._placed[id(array)] = array, packed, self._end
-            self._end += packed.nbytes + _padding_bytes(packed.nbytes)
+            serialized_stage = np.ascontiguousarray(array)
+            self._placed[id(array)] = array, serialized_stage, self._end
+            self._end += serialized_stage.nbytes + _padding_bytes(serialized_stage.nbytes)
         return self._placed[id(array)][2]
 
     def in_order(self) -> Iterator[Array]:
         """All of them, as they are packed."""
-        return (packed for _, packed, _ in self._placed.values())
+        return (serialized_stage for _, serialized_stage, _ in self._placed.values())
 
 
 def _plain(value: Any, arrays: _ArrayLayout) -> Any:

@@ -1,27 +1,31 @@
 from .frame_difference import (
     COMPARISON_METRICS as COMPARISON_METRICS,
-    Figure as Figure,
     FrameDifference as FrameDifference,
 )
 from .metrics import (
     METRICS as METRICS,
     SSIM_WINDOW_PX as SSIM_WINDOW_PX,
     Accuracy as Accuracy,
+    FloatImage as FloatImage,
     Metric as Metric,
-    Picture as Picture,
-    compare as compare,
+    compute_metric as compute_metric,
+    measure_accuracy as measure_accuracy,
     over_background as over_background,
     pool_accuracies as pool_accuracies,
     require_measuring_packages as require_measuring_packages,
-    single as single,
 )
-from .pareto import cost_at_psnr as cost_at_psnr, pareto_front as pareto_front, setbacks as setbacks
+from .pareto import cost_at_psnr as cost_at_psnr, find_regressions as find_regressions, pareto_front as pareto_front
 from .results import Study as Study, TruthRecord as TruthRecord
-from .strictness import LEVELS as LEVELS, Limits as Limits, exceeded as exceeded, severity as severity
+from .strictness import (
+    STRICTNESS_LEVELS as STRICTNESS_LEVELS,
+    Limits as Limits,
+    exceeded_limits as exceeded_limits,
+    severity as severity,
+)
 from .sweep import (
     FRAME_STAGES as FRAME_STAGES,
+    FrameMeasurement as FrameMeasurement,
     Measurement as Measurement,
-    Sample as Sample,
     Setting as Setting,
     measure_setting as measure_setting,
     pyramid_seconds as pyramid_seconds,
@@ -34,7 +38,12 @@ from .thumbnails import (
     difference_thumbnail as difference_thumbnail,
     thumbnail as thumbnail,
 )
-from .trials import Found as Found, Trial as Trial, TruthOf as TruthOf, find_tolerance as find_tolerance
+from .trials import (
+    ToleranceSearchResult as ToleranceSearchResult,
+    Trial as Trial,
+    TruthOf as TruthOf,
+    find_tolerance as find_tolerance,
+)
 from .truths import (
     TRUTH_TOLERANCE as TRUTH_TOLERANCE,
     Truth as Truth,

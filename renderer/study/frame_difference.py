@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.study.metrics import REACH_PX, SSIM_WINDOW_PX, mapped
+from renderer.study.metrics import REACH_PX, SSIM_WINDOW_PX, Metric, metric_map
 
 Pixels = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.float32]
@@ -30,36 +29,18 @@ _BLOCK_PX = 256
 _Block = tuple[slice, slice]
 
 
-@dataclass(frozen=True)
-class Figure:
-    """A number that a comparison comes to.
-
-    name: in options, files and reports. label: what it is, in words. unit: "levels" or "".
-    higher_is_better: its limit is the least that passes, not the most.
-    """
-
-    name: str
-    label: str
-    unit: str
-    higher_is_better: bool = False
-
-    def passes(self, value: float, limit: float) -> bool:
-        """Whether a value is within a limit."""
-        return value >= limit if self.higher_is_better else value <= limit
-
-
 # In the order in which they are looked at: the first one over its limit is the reason that is given.
 COMPARISON_METRICS = {
     figure.name: figure
     for figure in (
-        Figure("largest", "largest error of a channel", "levels"),
-        Figure("p99", "99th percentile of the pixels' largest errors", "levels"),
-        Figure("flip", "mean FLIP", ""),
-        Figure("ssim", "mean SSIM", "", higher_is_better=True),
-        Figure(
+        Metric("largest", "largest error of a channel", "levels"),
+        Metric("p99", "99th percentile of the pixels' largest errors", "levels"),
+        Metric("flip", "mean FLIP", ""),
+        Metric("ssim", "mean SSIM", "", higher_is_better=True),
+        Metric(
             "densest", f"mean error of a channel in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "levels"
         ),
-        Figure("bias", "mean signed error of the most shifted channel", "levels"),
+        Metric("bias", "mean signed error of the most shifted channel", "levels"),
     )
 }
 
@@ -93,7 +74,7 @@ class FrameDifference:
         """Mean signed error of each channel, actual minus golden, in levels."""
         return tuple((self._parts.mean(axis=(0, 1)) / _PARTS).tolist())
 
-    def figures(self, names: Iterable[str]) -> dict[str, float]:
+    def metrics(self, names: Iterable[str]) -> dict[str, float]:
         """Compute these of COMPARISON_METRICS, in their order; without SSIM for a picture smaller than its window.
 
         FLIP needs the package flip-evaluator, SSIM scikit-image.
@@ -131,7 +112,7 @@ class FrameDifference:
             if self._parts[around].any():
                 for ground in range(len(errors)):
                     actual, golden = _over(self._actual[around], ground), _over(self._golden[around], ground)
-                    errors[ground] += float(np.sum(np.abs(mapped(name, actual, golden)[cut] - perfect)))
+                    errors[ground] += float(np.sum(np.abs(metric_map(name, actual, golden)[cut] - perfect)))
         return float(abs(perfect - max(errors) / (height * width)))
 
 

@@ -19,7 +19,7 @@ from renderer.errors import require_package
 from renderer.film import require_finite
 from renderer.scene import Color
 
-Picture = npt.NDArray[np.float64]
+FloatImage = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 _Map = npt.NDArray[Any]
 
@@ -37,30 +37,35 @@ REACH_PX = 10
 
 @dataclass(frozen=True)
 class Metric:
-    """What a figure is called and how it reads.
+    """A number that a comparison of two images comes to.
 
-    name: the field of `Difference`. unit: "dB" or "", for what has none. higher_is_better: PSNR and SSIM.
+    name: in options, files and reports. label: in words. unit: "dB", "levels" or "".
+    higher_is_better: its limit is the least value that passes, not the most.
     """
 
     name: str
     label: str
-    unit: str
-    higher_is_better: bool
+    unit: str = ""
+    higher_is_better: bool = False
+
+    def passes(self, value: float, limit: float) -> bool:
+        """Return whether a value is within a limit."""
+        return value >= limit if self.higher_is_better else value <= limit
 
 
 METRICS = (
-    Metric("rmse", "RMSE", "", False),
-    Metric("max_error", "largest error", "", False),
-    Metric("psnr", "PSNR", "dB", True),
-    Metric("ssim", "SSIM", "", True),
-    Metric("flip", "FLIP", "", False),
-    Metric("flip_p99", "FLIP, 99th percentile", "", False),
-    Metric("delta_e_share", "pixels with Delta-E over 2.3", "", False),
+    Metric("rmse", "RMSE"),
+    Metric("max_error", "largest error"),
+    Metric("psnr", "PSNR", "dB", higher_is_better=True),
+    Metric("ssim", "SSIM", higher_is_better=True),
+    Metric("flip", "FLIP"),
+    Metric("flip_p99", "FLIP, 99th percentile"),
+    Metric("delta_e_share", "pixels with Delta-E over 2.3"),
 )
 
 
 @dataclass(frozen=True)
-class Difference:
+class ErrorMetrics:
     """A picture against the truth, over some pixels; NaN for what is not defined there (SSIM of a tiny picture).
 
     rmse: root of the mean squared difference of the RGB channels. max_error: largest difference of a channel.
@@ -85,11 +90,11 @@ class Difference:
 class Accuracy:
     """A picture against the truth: over all pixels, and over those in which the truth has anything of the volume."""
 
-    everywhere: Difference
-    on_volume: Difference
+    everywhere: ErrorMetrics
+    on_volume: ErrorMetrics
 
 
-def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color | None) -> Picture:
+def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color | None) -> FloatImage:
     """The picture that is compared: `c + (1 - a) b`, clipped to [0, 1].
 
     radiance: [h, w, 4], premultiplied RGBA. background: None, for a transparent film, counts as black.
@@ -104,7 +109,7 @@ def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color |
     return np.clip(picture, 0, 1, out=picture)
 
 
-def compare(picture: Picture, truth: Picture, on_volume: Mask) -> Accuracy:
+def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Mask) -> Accuracy:
     """All metrics, over all pixels and over those of a mask.
 
     picture, truth: float [h, w, 3] in [0, 1], sRGB where a metric models the eye. on_volume: bool [h, w]; where it is
@@ -117,20 +122,20 @@ def compare(picture: Picture, truth: Picture, on_volume: Mask) -> Accuracy:
     assert on_volume.shape == picture.shape[:2], (on_volume.shape, picture.shape)
     maps = {make_map: make_map(picture, truth) for make_map in dict.fromkeys(make for make, _ in _FIGURES.values())}
 
-    def difference(pixels: Any) -> Difference:
-        return Difference(**{name: _figure(of, maps[make_map][pixels]) for name, (make_map, of) in _FIGURES.items()})
+    def difference(pixels: Any) -> ErrorMetrics:
+        return ErrorMetrics(**{name: _figure(of, maps[make_map][pixels]) for name, (make_map, of) in _FIGURES.items()})
 
     return Accuracy(difference(np.ones_like(on_volume)), difference(on_volume))
 
 
-def single(name: str, picture: Picture, truth: Picture) -> float:
+def compute_metric(name: str, picture: FloatImage, truth: FloatImage) -> float:
     """One metric of METRICS over all pixels, at its own price; parameters and errors are those of `compare`."""
     _require_images(picture, truth)
     make_map, of = _FIGURES[name]
     return _figure(of, make_map(picture, truth))
 
 
-def mapped(name: str, picture: Picture, truth: Picture) -> Picture:
+def metric_map(name: str, picture: FloatImage, truth: FloatImage) -> FloatImage:
     """What a metric of METRICS takes the mean of, for each pixel, float64 [h, w]: of `ssim` or `flip`.
 
     It depends on what is at most REACH_PX away, in rows and in columns. Parameters and errors are those of `compare`.
@@ -153,19 +158,19 @@ def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
     )
 
 
-def _pool_metrics(differences: list[Difference]) -> Difference:
+def _pool_metrics(differences: list[ErrorMetrics]) -> ErrorMetrics:
     def figures(name: str) -> npt.NDArray[np.float64]:
         values = np.array([getattr(each, name) for each in differences], np.float64)
         return values[~np.isnan(values)]
 
     rmse = _figure(_root_mean_square, figures("rmse"))
-    result = {field.name: _figure(np.mean, figures(field.name)) for field in fields(Difference)}
-    return Difference(
+    result = {field.name: _figure(np.mean, figures(field.name)) for field in fields(ErrorMetrics)}
+    return ErrorMetrics(
         **{**result, "rmse": rmse, "psnr": _psnr_of(rmse), "max_error": _figure(np.max, figures("max_error"))}
     )
 
 
-def _require_images(*pictures: Picture) -> None:
+def _require_images(*pictures: FloatImage) -> None:
     for picture in pictures:
         assert picture.shape == pictures[0].shape and picture.shape[2:] == (3,), [each.shape for each in pictures]
         require_finite(picture)
@@ -181,12 +186,12 @@ def require_measuring_packages() -> None:
 # Maps: what a metric says of each pixel, from a picture and the truth.
 
 
-def _error_map(picture: Picture, truth: Picture) -> _Map:
+def _error_map(picture: FloatImage, truth: FloatImage) -> _Map:
     """[h, w, 3]: the difference of each channel, without its sign."""
     return np.abs(picture - truth)
 
 
-def _ssim_map(picture: Picture, truth: Picture) -> _Map:
+def _ssim_map(picture: FloatImage, truth: FloatImage) -> _Map:
     """[h, w]: structural similarity, mean of the channels."""
     from skimage.metrics import structural_similarity
 
@@ -208,7 +213,7 @@ def _ssim_map(picture: Picture, truth: Picture) -> _Map:
     return total / 3
 
 
-def _flip_map(picture: Picture, truth: Picture) -> _Map:
+def _flip_map(picture: FloatImage, truth: FloatImage) -> _Map:
     """[h, w]: the perceived difference."""
     import flip_evaluator
 
@@ -224,12 +229,12 @@ def _flip_map(picture: Picture, truth: Picture) -> _Map:
     return np.asarray(difference[..., 0], np.float64)
 
 
-def _for_flip(picture: Picture) -> npt.NDArray[np.float32]:
+def _for_flip(picture: FloatImage) -> npt.NDArray[np.float32]:
     """A copy of the only kind that flip_evaluator takes without a complaint: float32, in one piece, writable."""
     return np.array(picture, np.float32, order="C")
 
 
-def _delta_e_map(picture: Picture, truth: Picture) -> _Map:
+def _delta_e_map(picture: FloatImage, truth: FloatImage) -> _Map:
     """[h, w]: CIE 1976 colour difference."""
     from skimage.color import deltaE_cie76, rgb2lab
 
@@ -265,7 +270,7 @@ def _noticeable_share(values: _Map) -> float:
 
 
 # The map and the figure that make a field of Difference.
-_FIGURES: dict[str, tuple[Callable[[Picture, Picture], _Map], Callable[[_Map], Any]]] = {
+_FIGURES: dict[str, tuple[Callable[[FloatImage, FloatImage], _Map], Callable[[_Map], Any]]] = {
     "rmse": (_error_map, _root_mean_square),
     "max_error": (_error_map, np.max),
     "psnr": (_error_map, _psnr),

@@ -38,7 +38,7 @@ def cost_at_psnr(psnrs: Sequence[float], costs: Sequence[float], wanted: float) 
     return float(costs[low] ** (1 - part) * costs[high] ** part)
 
 
-def setbacks(values: Sequence[float], *, higher_is_better: bool, least: float) -> list[int]:
+def find_regressions(values: Sequence[float], *, higher_is_better: bool, least: float) -> list[int]:
     """Where a row of values that should get better gets worse by `least` or more: the indices of the worse ones."""
     sign = 1.0 if higher_is_better else -1.0
     return [i for i in range(1, len(values)) if sign * (values[i - 1] - values[i]) >= least]

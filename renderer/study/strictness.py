@@ -29,7 +29,7 @@ class Strictness:
 # 0.66; and one value in five rounded otherwise, more than any of them does: densest 0.45, FLIP 0.009, bias 0.10. Others
 # have seen up to 3 levels between processors. Limits that are no whole numbers have at least 1.29 times room. In
 # return, what moves a pixel by 2 levels always fails at `same-machine`; what levels cannot see is listed there, too.
-LEVELS = {
+STRICTNESS_LEVELS = {
     level.name: level
     for level in (
         Strictness(
@@ -51,7 +51,7 @@ LEVELS = {
 }
 
 
-def exceeded(figures: Mapping[str, float], limits: Limits) -> list[str]:
+def exceeded_limits(figures: Mapping[str, float], limits: Limits) -> list[str]:
     """Names of the figures that are not within their limits, in the order of COMPARISON_METRICS."""
     return [
         name

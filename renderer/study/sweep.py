@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from renderer.frame import Clock, Frame, Rasterizer, Stage, render_frames
 from renderer.scene import ErrorSpec, SplatSpec
-from renderer.study.metrics import Accuracy, compare, over_background, pool_accuracies
+from renderer.study.metrics import Accuracy, measure_accuracy, over_background, pool_accuracies
 from renderer.study.thumbnails import difference_thumbnail, thumbnail
 from renderer.study.truths import Truth
 
@@ -51,7 +51,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Sample:
+class FrameMeasurement:
     """One frame at one setting.
 
     num_splats: those that the frame can show; None for a peer, and for bricks, of which one does the work of many.
@@ -76,7 +76,7 @@ class Measurement:
     num_cells: of its cut, which may be bricks; None for a peer.
     pyramid_seconds: what building its pyramid, and bricks, took, once; None for a peer.
     seconds: what is done once for many frames (cut, splats), by stage, one for each repetition; empty for a peer.
-    samples: one for each frame.
+    frames: one for each frame.
     overall: the accuracy over all frames together.
     peak_bytes: the most memory that the process held meanwhile; None where the system does not tell.
     picture, difference: uint8 [h, w, 3], the first frame and its difference from the truth times DIFFERENCE_GAIN, at
@@ -87,7 +87,7 @@ class Measurement:
     num_cells: int | None
     pyramid_seconds: float | None
     seconds: Mapping[str, tuple[float, ...]]
-    samples: tuple[Sample, ...]
+    frames: tuple[FrameMeasurement, ...]
     overall: Accuracy
     peak_bytes: int | None
     picture: npt.NDArray[np.uint8]
@@ -107,12 +107,12 @@ class Measurement:
     @property
     def num_splats(self) -> float | None:
         """Mean over the frames."""
-        counts = [sample.num_splats for sample in self.samples if sample.num_splats is not None]
+        counts = [sample.num_splats for sample in self.frames if sample.num_splats is not None]
         return statistics.fmean(counts) if counts else None
 
     @property
     def _all_frame_seconds(self) -> list[float]:
-        return [seconds for sample in self.samples for seconds in sample.frame_seconds]
+        return [seconds for sample in self.frames for seconds in sample.frame_seconds]
 
 
 def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
@@ -153,7 +153,7 @@ def measure_setting(
     for frame, truth in zip(render_frames(stage, numbers, rasterizer, clock=clock), truths, strict=True):
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
         picture = over_background(frame.radiance, background)
-        accuracies.append(compare(picture, truth.picture, truth.on_volume))
+        accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
         pictures = pictures or (thumbnail(picture), difference_thumbnail(picture, truth.picture))
         first_pass.append(_without_pictures(frame))
         memory.reset()
@@ -164,8 +164,8 @@ def measure_setting(
         num_cells=first_pass[0].num_cells,
         pyramid_seconds=pyramid_seconds(stage),
         seconds=_repetitions([frames[0] for frames in passes], _CUT_STAGES),
-        samples=tuple(
-            Sample(
+        frames=tuple(
+            FrameMeasurement(
                 truth.frame,
                 first_pass[i].num_splats if stage.bricks is None else None,
                 _repetitions([frames[i] for frames in passes], FRAME_STAGES),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.study.metrics import Picture
+from renderer.study.metrics import FloatImage
 
 # Longest side of the small pictures that are kept of each setting.
 THUMBNAIL_PX = 256
@@ -13,7 +13,7 @@ THUMBNAIL_PX = 256
 DIFFERENCE_GAIN = 8.0
 
 
-def thumbnail(picture: Picture) -> npt.NDArray[np.uint8]:
+def thumbnail(picture: FloatImage) -> npt.NDArray[np.uint8]:
     """uint8 [h, w, 3], at most THUMBNAIL_PX wide and high: means over square blocks of a picture in [0, 1]."""
     height, width = picture.shape[:2]
     block = -(-max(height, width) // THUMBNAIL_PX)
@@ -22,19 +22,19 @@ def thumbnail(picture: Picture) -> npt.NDArray[np.uint8]:
     return _rounded(blocks.mean(axis=(1, 3)))
 
 
-def difference_thumbnail(picture: Picture, truth: Picture) -> npt.NDArray[np.uint8]:
+def difference_thumbnail(picture: FloatImage, truth: FloatImage) -> npt.NDArray[np.uint8]:
     """The same of the absolute difference, times DIFFERENCE_GAIN."""
     return thumbnail(_amplified(picture, truth))
 
 
-def difference_picture(picture: Picture, truth: Picture) -> npt.NDArray[np.uint8]:
+def difference_picture(picture: FloatImage, truth: FloatImage) -> npt.NDArray[np.uint8]:
     """uint8 [h, w, 3], as large as the pictures: the absolute difference, times DIFFERENCE_GAIN."""
     return _rounded(_amplified(picture, truth))
 
 
-def _amplified(picture: Picture, truth: Picture) -> Picture:
+def _amplified(picture: FloatImage, truth: FloatImage) -> FloatImage:
     return np.minimum(np.abs(picture - truth) * DIFFERENCE_GAIN, 1.0)
 
 
-def _rounded(picture: Picture) -> npt.NDArray[np.uint8]:
+def _rounded(picture: FloatImage) -> npt.NDArray[np.uint8]:
     return np.asarray(np.floor(picture * 255 + 0.5), np.uint8)

@@ -24,7 +24,7 @@ _NEARLY_ALL = 0.9
 _MAX_DECADES = 12
 
 
-def ladder(pyramid: Pyramid) -> Iterator[float]:
+def round_tolerances(pyramid: Pyramid) -> Iterator[float]:
     """1, 2 and 5 times the powers of ten, downward from the first tolerance at which the whole is a single cell.
 
     Ends after 12 decades. A pyramid whose root has no error is one cell at any tolerance, such as 1.
@@ -49,7 +49,7 @@ def ladder(pyramid: Pyramid) -> Iterator[float]:
 def distinct_tolerances(pyramid: Pyramid, work: Work) -> Iterator[float]:
     """The rungs of the ladder at which clearly more is drawn than at the one before, to where nearly all is."""
     before, everything = 0.0, work(MIN_TOLERANCE)  # below any error that a pyramid can hold
-    for tolerance in ladder(pyramid):
+    for tolerance in round_tolerances(pyramid):
         amount = work(tolerance)
         if amount > _MIN_DISTINCT_GROWTH * before:
             yield tolerance
@@ -66,7 +66,7 @@ def spread_tolerances(pyramid: Pyramid, work: Work, most: int) -> tuple[float, .
     fewest = max(_FEWEST_CELLS, _MIN_CELL_SHARE * everything)
     found: list[float] = []
     before = 0.0
-    for tolerance in ladder(pyramid):
+    for tolerance in round_tolerances(pyramid):
         amount = work(tolerance)
         if amount > _NEARLY_ALL * everything:
             break

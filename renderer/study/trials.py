@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from renderer.frame import Clock, Rasterizer, Stage, make_primitive, render_frames
 from renderer.scene import Want, with_tolerance
-from renderer.study.metrics import over_background, single
+from renderer.study.metrics import compute_metric, over_background
 from renderer.study.search import find_coarsest_passing
 from renderer.study.tolerances import distinct_tolerances
 from renderer.study.truths import Truth, extreme_coverage_frames, is_loop, round_to_float32, spread_frames
@@ -33,7 +33,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Found:
+class ToleranceSearchResult:
     """What came of a search.
 
     tolerance: the coarsest that is good enough; None where not even 0 is.
@@ -57,7 +57,7 @@ def find_tolerance(
     truth_of: TruthOf,
     clock: Clock,
     on_trial: Callable[[Trial], None],
-) -> Found:
+) -> ToleranceSearchResult:
     """The coarsest tolerance at which probe frames are as near to the truth as wanted, and then the check frames, too.
 
     stage: with a pyramid for every tolerance. Its scene's own schedule is not looked at, nor is its overlay, which is
@@ -72,7 +72,9 @@ def find_tolerance(
     tolerance = coarsest_tolerance(trials, rungs, probes, checks)
     tried = tuple(sorted([*probes, *checks]))
     worst = trials.worst(tolerance or 0.0, tried)
-    return Found(want, tolerance, tried, worst, not any(truth_of(frame).on_volume.any() for frame in tried))
+    return ToleranceSearchResult(
+        want, tolerance, tried, worst, not any(truth_of(frame).on_volume.any() for frame in tried)
+    )
 
 
 def _frames_to_try(
@@ -129,7 +131,7 @@ class TrialRenderer:
         stage = replace(self._stage, scene=scene)
         for frame in render_frames(stage, frames, self._rasterizer, clock=self._clock):
             picture = round_to_float32(over_background(frame.radiance, scene.output.background))
-            value = single(self._want.metric, picture, self._truth_of(frame.number).picture)
+            value = compute_metric(self._want.metric, picture, self._truth_of(frame.number).picture)
             trial = Trial(tolerance, frame.number, value, frame.num_cells)
             self._done[tolerance, frame.number] = trial
             self._on_trial(trial)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from renderer.frame import Clock, Rasterizer, Stage, render_frames, view_of
 from renderer.scene import KeyframePath, RockerPath, TurntablePath, with_tolerance
-from renderer.study.metrics import Mask, Picture, over_background
+from renderer.study.metrics import FloatImage, Mask, over_background
 from renderer.transfer import make_transfer_function
 from renderer.truth import Convergence, Progress, converged_image
 
@@ -30,7 +30,7 @@ class Truth:
     """
 
     frame: int
-    picture: Picture
+    picture: FloatImage
     on_volume: Mask
     convergence: Convergence
 
@@ -74,7 +74,7 @@ class TruthCache:
         return Truth(frame, picture.astype(np.float64), on_volume, convergence)
 
 
-def round_to_float32(picture: Picture) -> Picture:
+def round_to_float32(picture: FloatImage) -> FloatImage:
     """A picture to be compared with those of `TruthCache`, rounded as they are, so that what is equal stays equal.
 
     Values change by 3e-8 at most, a three hundredth of TRUTH_TOLERANCE, and an RMSE by 6e-8: 0.005 dB at 80 dB.

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from renderer.errors import RenderError
 from renderer.scene import ShadingSpec
-from renderer.truth.kernel import MACROCELL_SIZE, Intervals, Lighting, integrate_rays
+from renderer.truth.kernel import MACROCELL_SIZE, Intervals, LambertShading, integrate_rays
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
@@ -195,7 +195,7 @@ class _Field:
     groups: npt.NDArray[np.uint8]
     index_from_world: Float64
     intervals: Intervals
-    lighting: Lighting
+    lighting: LambertShading
 
 
 def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | None) -> _Field:
@@ -272,12 +272,12 @@ def _intervals(transfer: PiecewiseLinear, scale: float) -> Intervals:
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def _lighting(shading: ShadingSpec | None, index_from_world: Float64) -> Lighting:
+def _lighting(shading: ShadingSpec | None, index_from_world: Float64) -> LambertShading:
     spec = shading or ShadingSpec()
     x, y, z = np.array(spec.light, np.float64) / np.linalg.norm(spec.light)
     # A gradient transforms with the transposed inverse of the map of points.
     first, second, third = ((float(a), float(b), float(c)) for a, b, c in index_from_world.T)
-    return Lighting(
+    return LambertShading(
         shading is not None,
         float(spec.ambient),
         float(spec.diffuse),

@@ -62,7 +62,7 @@ class Intervals(NamedTuple):
     scale: float
 
 
-class Lighting(NamedTuple):
+class LambertShading(NamedTuple):
     """Lambert's law on the world gradient.
 
     enabled: without it every factor is 1 and the rest is not looked at.
@@ -77,7 +77,7 @@ class Lighting(NamedTuple):
 
 
 @jit
-def _light_factor(gradient: Gradient, t: float, lighting: Lighting) -> float:
+def _light_factor(gradient: Gradient, t: float, lighting: LambertShading) -> float:
     x, y, z = value_at(gradient[0], t), value_at(gradient[1], t), value_at(gradient[2], t)
     largest = max(abs(x), abs(y), abs(z))
     if largest == 0.0:
@@ -89,7 +89,7 @@ def _light_factor(gradient: Gradient, t: float, lighting: Lighting) -> float:
 
 
 @jit
-def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, lighting: Lighting) -> Vector:
+def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, lighting: LambertShading) -> Vector:
     """The colour of a value in the interval of `row`, at t along the ray's way through the cell."""
     lit = _light_factor(gradient, t, lighting) if lighting.enabled else 1.0
     offset = value - row[8]
@@ -121,7 +121,7 @@ def _integrate_piece(
     length_voxels: float,
     max_step: float,
     intervals: Intervals,
-    lighting: Lighting,
+    lighting: LambertShading,
     ray: Ray,
 ) -> Ray:
     """`ray` with the piece [start, end] of a cell, which lies in one interval.
@@ -238,7 +238,7 @@ def _linear_combination(weights: Vector, gradient: Gradient) -> Cubic:
 
 @jit
 def _world_gradient(
-    values: Any, cell: Cell, entry: Vector, extent: Vector, lighting: Lighting, scale: float
+    values: Any, cell: Cell, entry: Vector, extent: Vector, lighting: LambertShading, scale: float
 ) -> Gradient:
     """The gradient per world unit along the ray inside a cell."""
     in_index = (
@@ -288,7 +288,7 @@ def _integrate_cell(
     length: float,
     max_step: float,
     intervals: Intervals,
-    lighting: Lighting,
+    lighting: LambertShading,
     splits: Float64,
     ray: Ray,
 ) -> Ray:
@@ -352,7 +352,7 @@ def _integrate_ray(
     start: float,
     max_step: float,
     intervals: Intervals,
-    lighting: Lighting,
+    lighting: LambertShading,
     splits: Float64,
 ) -> Ray:
     """The colour and the optical depth of one ray, gathered from cell to cell."""
@@ -399,7 +399,7 @@ def integrate_rays(
     starts: Float64,
     max_step: float,
     intervals: Intervals,
-    lighting: Lighting,
+    lighting: LambertShading,
     radiance: Float64,
 ) -> None:
     """Write premultiplied RGBA of n rays to `radiance` float64 [n, 4].

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.draw import GLRasterizer
-from renderer.frame import Stage, prepare
+from renderer.frame import Stage, prepare_stage
 from renderer.pyramid import cut_pyramid
 from renderer.scene import (
     CameraSpec,
@@ -45,7 +45,7 @@ SOFT_AND_SOLID = TransferSpec(
 
 
 def _stage(scene: Scene) -> Stage:
-    return prepare(scene, clock=lambda: 0.0, num_threads=2, any_tolerance=True)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=2, any_tolerance=True)
 
 
 def _draw(stage: Stage, view: View, tolerance: float, rasterizer: GLRasterizer) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import assume, given, settings, strategies as st
 
-from renderer.frame import finest_level_at, prepare
+from renderer.frame import finest_level_at, prepare_stage
 from renderer.pyramid import CutSizes, Pyramid, build_pyramid, children, cut_pyramid, cut_sizes, node_errors
 from renderer.readers.procedural import procedural_values
 from renderer.scene import MIN_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec, load_scene
@@ -311,7 +311,7 @@ def test_the_engine_in_thousands_and_a_million(data_dir: Path) -> None:
     """Within 0.5 % under N, or the next finer cut has more than N."""
     scene = load_scene(ROOT / "configs" / "engine.yaml", volume=data_dir / "engine.nhdr")
     scene = replace(scene, splat=SplatSpec("gaussian"))
-    stage = prepare(scene, clock=lambda: 0.0, num_threads=2, any_tolerance=True)
+    stage = prepare_stage(scene, clock=lambda: 0.0, num_threads=2, any_tolerance=True)
     levels = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
     for num in (10**3, 10**4, 10**5, 10**6):
         sizes = sizes_of(stage.pyramid, num, *levels)

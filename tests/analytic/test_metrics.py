@@ -15,13 +15,13 @@ from renderer.errors import InputError, RenderError
 from renderer.study import (
     METRICS,
     Accuracy,
-    compare,
+    compute_metric,
+    measure_accuracy,
     over_background,
     pool_accuracies,
     require_measuring_packages,
-    single,
 )
-from renderer.study.metrics import FLIP_PIXELS_PER_DEGREE, Difference
+from renderer.study.metrics import FLIP_PIXELS_PER_DEGREE, ErrorMetrics
 
 Float64 = npt.NDArray[np.float64]
 
@@ -37,16 +37,16 @@ def noisy(seed: int, height: int = 24, width: int = 32) -> Float64:
     return np.random.default_rng(seed).random((height, width, 3))
 
 
-def everywhere(picture: Float64, truth: Float64) -> Difference:
-    return compare(picture, truth, np.ones(picture.shape[:2], bool)).everywhere
+def everywhere(picture: Float64, truth: Float64) -> ErrorMetrics:
+    return measure_accuracy(picture, truth, np.ones(picture.shape[:2], bool)).everywhere
 
 
 def test_every_metric_is_described_and_in_order() -> None:
-    assert [metric.name for metric in METRICS] == [field.name for field in fields(Difference)]
+    assert [metric.name for metric in METRICS] == [field.name for field in fields(ErrorMetrics)]
 
 
 def test_equal_pictures() -> None:
-    assert everywhere(noisy(1), noisy(1)) == Difference(0.0, 0.0, math.inf, 1.0, 0.0, 0.0, 0.0)
+    assert everywhere(noisy(1), noisy(1)) == ErrorMetrics(0.0, 0.0, math.inf, 1.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("offset", [0.1, -0.1, 0.003])
@@ -83,7 +83,7 @@ def srgb(linear: float) -> float:
 def test_the_just_noticeable_difference(difference: float, share: float) -> None:
     """Greys differ in lightness alone, so that their colour difference is that of L*."""
     picture, truth = (grey(srgb(luminance_of(lightness))) for lightness in (50 + difference, 50))
-    assert single("delta_e_share", picture, truth) == share
+    assert compute_metric("delta_e_share", picture, truth) == share
 
 
 def test_flip_of_black_and_white_and_of_green_and_blue() -> None:
@@ -91,14 +91,14 @@ def test_flip_of_black_and_white_and_of_green_and_blue() -> None:
     largest difference as that of green and blue (Andersson et al. 2020, section 3.1.3)."""
     green, blue = grey(0.0), grey(0.0)
     green[..., 1] = blue[..., 2] = 1.0
-    assert single("flip", green, blue) == pytest.approx(1.0, abs=1e-6)  # float32 inside
-    assert single("flip", grey(0.0), grey(1.0)) == pytest.approx(0.967, abs=5e-4)
-    assert single("flip_p99", grey(0.0), grey(1.0)) == pytest.approx(0.967, abs=5e-4)
+    assert compute_metric("flip", green, blue) == pytest.approx(1.0, abs=1e-6)  # float32 inside
+    assert compute_metric("flip", grey(0.0), grey(1.0)) == pytest.approx(0.967, abs=5e-4)
+    assert compute_metric("flip_p99", grey(0.0), grey(1.0)) == pytest.approx(0.967, abs=5e-4)
 
 
 def test_flip_takes_its_pictures_as_srgb() -> None:
     """Half of white, as a display value, is nearer to black for the eye than half of the light would be."""
-    assert single("flip", grey(0.5), grey(0.0)) < single("flip", grey(srgb(0.5)), grey(0.0))
+    assert compute_metric("flip", grey(0.5), grey(0.0)) < compute_metric("flip", grey(srgb(0.5)), grey(0.0))
 
 
 def test_flip_is_seen_from_its_own_distance() -> None:
@@ -108,36 +108,38 @@ def test_flip_is_seen_from_its_own_distance() -> None:
 @pytest.mark.parametrize("name", [metric.name for metric in METRICS])
 def test_symmetric_in_the_two_pictures(name: str) -> None:
     one, other = noisy(1), noisy(2)
-    assert single(name, one, other) == pytest.approx(single(name, other, one), abs=1e-6)  # float32 inside FLIP
+    assert compute_metric(name, one, other) == pytest.approx(
+        compute_metric(name, other, one), abs=1e-6
+    )  # float32 inside FLIP
 
 
 @pytest.mark.parametrize("name", [metric.name for metric in METRICS])
 def test_turned_pictures_are_as_different(name: str) -> None:
     one, other = noisy(1), noisy(2)
-    turned = single(name, np.rot90(one), np.rot90(other))
-    assert turned == pytest.approx(single(name, one, other), abs=1e-6)
+    turned = compute_metric(name, np.rot90(one), np.rot90(other))
+    assert turned == pytest.approx(compute_metric(name, one, other), abs=1e-6)
 
 
 @pytest.mark.parametrize("name", [metric.name for metric in METRICS])
 def test_more_noise_is_never_better(name: str) -> None:
     truth, noise = noisy(1) * 0.5 + 0.25, noisy(2) - 0.5
-    figures = [single(name, truth + amount * noise, truth) for amount in (0.01, 0.05, 0.4)]
+    figures = [compute_metric(name, truth + amount * noise, truth) for amount in (0.01, 0.05, 0.4)]
     better = next(metric.higher_is_better for metric in METRICS if metric.name == name)
     assert figures == sorted(figures, reverse=better)
 
 
 @pytest.mark.parametrize("name", [metric.name for metric in METRICS])
 def test_a_single_metric_is_that_of_the_comparison(name: str) -> None:
-    assert single(name, noisy(1), noisy(2)) == getattr(everywhere(noisy(1), noisy(2)), name)
+    assert compute_metric(name, noisy(1), noisy(2)) == getattr(everywhere(noisy(1), noisy(2)), name)
 
 
 def test_a_mask_of_all_pixels_changes_nothing() -> None:
-    found = compare(noisy(1), noisy(2), np.ones((24, 32), bool))
+    found = measure_accuracy(noisy(1), noisy(2), np.ones((24, 32), bool))
     assert found.on_volume == found.everywhere
 
 
 def test_an_empty_mask_has_no_figures() -> None:
-    found = compare(noisy(1), noisy(2), np.zeros((24, 32), bool))
+    found = measure_accuracy(noisy(1), noisy(2), np.zeros((24, 32), bool))
     assert all(math.isnan(figure) for figure in astuple(found.on_volume))
     assert not any(math.isnan(figure) for figure in astuple(found.everywhere))
 
@@ -150,7 +152,7 @@ def test_noise_far_from_the_mask_changes_nothing_on_it() -> None:
     mask[:12] = True
     disturbed = picture.copy()
     disturbed[30:] = noisy(3, 10, 40)
-    calm, rough = compare(picture, truth, mask), compare(disturbed, truth, mask)
+    calm, rough = measure_accuracy(picture, truth, mask), measure_accuracy(disturbed, truth, mask)
     assert rough.on_volume == calm.on_volume
     assert rough.everywhere.psnr < calm.everywhere.psnr
     assert rough.everywhere.ssim < calm.everywhere.ssim
@@ -165,7 +167,7 @@ def test_pictures_smaller_than_the_window_have_no_ssim(size: tuple[int, int]) ->
 
 
 def test_a_picture_as_small_as_the_window_has_ssim() -> None:
-    assert -1 < single("ssim", noisy(1, 11, 11), noisy(2, 11, 11)) < 1
+    assert -1 < compute_metric("ssim", noisy(1, 11, 11), noisy(2, 11, 11)) < 1
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf])
@@ -175,9 +177,9 @@ def test_what_is_not_a_number_is_an_error(wrong: float, first: bool) -> None:
     bad[3, 4, 0] = wrong
     pair = (bad, grey(0.5)) if first else (grey(0.5), bad)
     with pytest.raises(RenderError, match="1 of 768 pixels, the first at row 3, column 4"):
-        compare(*pair, np.ones((24, 32), bool))
+        measure_accuracy(*pair, np.ones((24, 32), bool))
     with pytest.raises(RenderError, match="row 3, column 4"):
-        single("flip", *pair)
+        compute_metric("flip", *pair)
 
 
 def test_pictures_stay_as_they_are() -> None:
@@ -216,7 +218,7 @@ def test_a_film_frame_that_is_not_a_number_is_an_error() -> None:
 def test_frames_pool_their_squares() -> None:
     pictures, truths = [grey(0.6), grey(0.7), noisy(3)], [grey(0.5), grey(0.5), noisy(4)]
     mask = np.ones((24, 32), bool)
-    each = [compare(picture, truth, mask) for picture, truth in zip(pictures, truths, strict=True)]
+    each = [measure_accuracy(picture, truth, mask) for picture, truth in zip(pictures, truths, strict=True)]
     side_by_side = everywhere(np.concatenate(pictures, 1), np.concatenate(truths, 1))
     found = pool_accuracies(each).everywhere
     for name in ("rmse", "max_error", "psnr", "delta_e_share"):
@@ -230,14 +232,14 @@ def test_frames_pool_their_squares() -> None:
 
 
 def test_frames_without_figures_are_left_out_of_the_pool() -> None:
-    seen = compare(noisy(1), noisy(2), np.ones((24, 32), bool))
-    empty = compare(noisy(3), noisy(4), np.zeros((24, 32), bool))
+    seen = measure_accuracy(noisy(1), noisy(2), np.ones((24, 32), bool))
+    empty = measure_accuracy(noisy(3), noisy(4), np.zeros((24, 32), bool))
     assert pool_accuracies([seen, empty]).on_volume == seen.on_volume
     assert all(math.isnan(figure) for figure in astuple(pool_accuracies([empty, empty]).on_volume))
 
 
 def test_equal_frames_pool_to_an_infinite_psnr() -> None:
-    equal = compare(noisy(1), noisy(1), np.ones((24, 32), bool))
+    equal = measure_accuracy(noisy(1), noisy(1), np.ones((24, 32), bool))
     assert pool_accuracies([equal, equal]) == Accuracy(equal.everywhere, equal.everywhere)
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
-from renderer.frame import finest_level_at, prepare
+from renderer.frame import finest_level_at, prepare_stage
 from renderer.pyramid import cut_pyramid, cut_sizes
 from renderer.scene import load_scene
 
@@ -76,7 +76,7 @@ def splats(data: Path) -> Iterator[str]:
     yield "|---|---|---|---|---|---|---|"
     for name in ("engine", "bonsai"):
         scene = load_scene(ROOT / "configs" / f"{name}.yaml", overrides=[SPLATS], volume=data / f"{name}.nhdr")
-        stage = prepare(scene, clock=time.perf_counter, num_threads=THREADS, any_tolerance=True)
+        stage = prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, any_tolerance=True)
         levels = {
             "finest_level": finest_level_at(stage, tolerance=1.0),
             "finest_level_at_zero": finest_level_at(stage, tolerance=0.0),

@@ -25,7 +25,7 @@ import numpy as np
 from hsplat_cli.scenes import FilmOptions, suggest_scene
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
-from renderer.frame import Stage, prepare, render_frames
+from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.scene import (
     FileSource,
     RawSource,
@@ -138,7 +138,7 @@ def row_of_pictures() -> Iterator[str]:
     """Write docs/trade.png, a frame of the demo at some tolerances, coarse ones first; what the page says of it."""
     scene = load_scene(ROOT / "configs" / "demo.yaml")
     scene = replace(scene, output=replace(scene.output, size=(320, 320)))
-    stage = prepare(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
+    stage = prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
     truth = compute_truth(stage, SHOWN_FRAME, TRUTH_TOLERANCE)
     pictures = []
     with GLRasterizer() as rasterizer:
@@ -245,7 +245,7 @@ def figures(subject: Subject, size: int = 256) -> dict[str, Any]:
     for footprint, splat in FOOTPRINTS.items():
         own = replace(scene, splat=splat)
         for _ in range(2):  # the first compiles
-            stage = prepare(own, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
+            stage = prepare_stage(own, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
         once[footprint] = stage.seconds["pyramid"] + stage.seconds.get("bricks", 0.0)
         if truth is None:
             truth = compute_truth(stage, FRAME, TRUTH_TOLERANCE)

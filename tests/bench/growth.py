@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
-from renderer.frame import Stage, prepare, render_frames
+from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
 from renderer.scene import ProceduralSource, Scene, load_scene, with_tolerance
@@ -115,7 +115,7 @@ def staged(scene: Scene, values: Values) -> Stage:
     world_from_index = np.diag([spacing, spacing, spacing, 1.0])
     size = np.array(values.shape[::-1]) * spacing
     world_from_index[:3, 3] = (spacing - size) / 2
-    return prepare(
+    return prepare_stage(
         replace(
             scene,
             camera=replace(scene.camera, target=(0.0, 0.0, 0.0), distance=1.8 * 256),

@@ -22,7 +22,7 @@ import numpy as np
 
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
-from renderer.frame import Stage, prepare, render_frames, view_of
+from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
 from renderer.readers import read_volume
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, Scene, TransferSpec, load_scene
@@ -159,7 +159,7 @@ def levels(data: Path, rasterizer: GLRasterizer) -> list[Row]:
     def stage_of(finest_level: int, overlay: str) -> Stage:
         error = ErrorSpec(((0, 1e-6),), finest_level=finest_level)
         asked = replace(scene, error=error, overlay=overlay)  # type: ignore[arg-type]
-        return prepare(asked, clock=time.perf_counter, num_threads=THREADS, volume=volume)
+        return prepare_stage(asked, clock=time.perf_counter, num_threads=THREADS, volume=volume)
 
     def cut_and_splats(stage: Stage) -> None:
         make_splats(cut_pyramid(stage.pyramid, 1e-6, finest_level=stage.scene.error.finest_level), scene.splat)

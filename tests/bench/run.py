@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.draw import GLRasterizer
-from renderer.frame import finest_level_at, prepare, render_frames
+from renderer.frame import finest_level_at, prepare_stage, render_frames
 from renderer.pyramid import CutSizes, Pyramid, build_pyramid, cut_pyramid, cut_sizes
 from renderer.scene import (
     CameraSpec,
@@ -97,7 +97,7 @@ def bench_pyramid() -> None:
 def bench_frame(rasterizer: GLRasterizer) -> None:
     """A whole frame against drawing its splats alone; cut and order on their own."""
     scene = _phantom_scene((256, 256, 128), FRAME_TOLERANCE)
-    stage = prepare(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1)
+    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1)
     cut = cut_pyramid(stage.pyramid, FRAME_TOLERANCE)
     splats = make_splats(cut, scene.splat)
     view = make_view(scene.camera, 1, stage.target, stage.distance, scene.output.size)
@@ -123,7 +123,7 @@ def bench_frame(rasterizer: GLRasterizer) -> None:
 
 def bench_splats(name: str, scene: Scene) -> None:
     """The finest cut of at most N cells: how near to N it is, and how long it takes to know its tolerance."""
-    stage = prepare(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1, any_tolerance=True)
+    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1, any_tolerance=True)
     above_zero, at_zero = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
     for num in (10**3, 10**4, 10**5, 10**6):
 

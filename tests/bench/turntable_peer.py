@@ -27,10 +27,10 @@ import numpy as np
 from hsplat_cli.studies.peers.vtk_peer import with_transparent_border
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
-from renderer.frame import Stage, prepare, view_of
+from renderer.frame import Stage, prepare_stage, view_of
 from renderer.readers import read_volume
 from renderer.scene import load_scene
-from renderer.study import Picture, compute_truth
+from renderer.study import FloatImage, compute_truth
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 
@@ -94,7 +94,7 @@ def row(scene: Path, data: Path, python: Path, folder: Path, repeats: int) -> st
     transfer = make_transfer_function(spec.transfer_function, read.finest_spacing)
     volume = with_transparent_border(read, transfer)
     file = write_nrrd(volume, folder / "volume.nrrd")
-    stage = prepare(spec, clock=time.perf_counter, num_threads=os.cpu_count() or 1, volume=volume)
+    stage = prepare_stage(spec, clock=time.perf_counter, num_threads=os.cpu_count() or 1, volume=volume)
     truth = compute_truth(stage, 0, 1e-4).picture
     still, film = folder / "still.png", folder / "film.mp4"
 
@@ -109,11 +109,11 @@ def row(scene: Path, data: Path, python: Path, folder: Path, repeats: int) -> st
         job.write_text(json.dumps(job_of(stage, transfer, file, setting)), encoding="utf-8")
         return [str(python), str(PEER), str(job), str(output)]
 
-    def own_still(tolerance: float) -> Picture:
+    def own_still(tolerance: float) -> FloatImage:
         timed(own(tolerance, still, "--frames", "0"))
         return iio.imread(still)[..., :3] / 255
 
-    def peer_still(setting: tuple[str, float, int]) -> Picture:
+    def peer_still(setting: tuple[str, float, int]) -> FloatImage:
         timed(peer(setting, still.with_suffix(".npy")))
         return np.asarray(np.load(still.with_suffix(".npy"))[..., :3] / 255)
 
@@ -133,7 +133,7 @@ def row(scene: Path, data: Path, python: Path, folder: Path, repeats: int) -> st
     )
 
 
-def first_near(settings: Sequence[Any], still: Callable[[Any], Picture], truth: Picture) -> tuple[Any, float]:
+def first_near(settings: Sequence[Any], still: Callable[[Any], FloatImage], truth: FloatImage) -> tuple[Any, float]:
     """The first setting whose picture is as near to the truth as is asked for, and how near it is, in dB."""
     for setting in settings:
         psnr = -10 * float(np.log10(np.mean((still(setting) - truth) ** 2)))

@@ -17,7 +17,7 @@ from splatting import Float64, volume_of
 from renderer.draw import GLRasterizer
 from renderer.draw.raster_reference import rasterize_reference
 from renderer.errors import SceneError
-from renderer.frame import Stage, prepare, render_frames
+from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.pyramid import cut_pyramid
 from renderer.scene import (
     CameraSpec,
@@ -70,7 +70,7 @@ def scene_of(camera: CameraSpec, unit: float = 1.0) -> Scene:
 
 
 def staged(camera: CameraSpec, volume: Volume, unit: float = 1.0) -> Stage:
-    return prepare(scene_of(camera, unit), clock=lambda: 0.0, num_threads=1, volume=volume)
+    return prepare_stage(scene_of(camera, unit), clock=lambda: 0.0, num_threads=1, volume=volume)
 
 
 # Splats against the float64 reference

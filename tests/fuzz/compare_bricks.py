@@ -33,26 +33,26 @@ FEWEST_STRAYS, MOST_STRAYS = 2, 0.02
 
 def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasterizer) -> dict[str, float]:
     """The worst difference that is not explained; raises WrongError where there is too much of it."""
-    family = make_primitive(stage)
-    assert isinstance(family, BrickPrimitive)
-    detail = family.detail(frame.tolerance, lambda stage: None)
-    if frame.num_cells != detail.num_cells:
-        raise WrongError(f"{frame.num_cells} bricks in the frame, {detail.num_cells} in its cut")
-    ((_, order),) = detail.orders(view)
+    primitive = make_primitive(stage)
+    assert isinstance(primitive, BrickPrimitive)
+    lod = primitive.make_lod(frame.tolerance, lambda stage: None)
+    if frame.num_cells != lod.num_cells:
+        raise WrongError(f"{frame.num_cells} bricks in the frame, {lod.num_cells} in its cut")
+    ((_, order),) = lod.orders(view)
     bare = replace(stage, scene=replace(stage.scene, overlay="none"))
     (below,) = render_frames(bare, [frame.number], rasterizer, clock=time.perf_counter)
     _require_bounds(frame.radiance, stage)
     if not np.array_equal(frame.image, quantize(frame.radiance, stage.scene.output.background)):
         raise WrongError("the 8 bits are not those of the radiance")
     with np.errstate(under="ignore"):
-        expected = rasterize_bricks_reference(detail.splats, order, view)
+        expected = rasterize_bricks_reference(lod.splats, order, view)
         others = [
-            rasterize_bricks_reference(_nudged(detail.splats, nudge), order, _moved(view, detail.splats, sides))
+            rasterize_bricks_reference(_nudged(lod.splats, nudge), order, _moved(view, lod.splats, sides))
             for nudge, sides in NUDGES
         ]
     spread = np.ptp([expected, *others], axis=0)
     off = np.abs(below.radiance - expected)
-    excess = off - PRECISION - detail.splats.screen_sampling.termination_transmittance - SPREADS * spread
+    excess = off - PRECISION - lod.splats.screen_sampling.termination_transmittance - SPREADS * spread
     num_strays = int(np.count_nonzero(excess.max(axis=2) > 0))
     if num_strays > max(FEWEST_STRAYS, MOST_STRAYS * excess[..., 0].size):
         row, column, channel = np.unravel_index(excess.argmax(), excess.shape)

@@ -27,7 +27,16 @@ from hsplat_cli.main import run
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
 from renderer.film import encode_png
-from renderer.frame import CostLog, Details, Frame, Stage, finest_level_at, prepare, render_frames, view_of
+from renderer.frame import (
+    CostLog,
+    Frame,
+    LODCostEstimator,
+    Stage,
+    finest_level_at,
+    prepare_stage,
+    render_frames,
+    view_of,
+)
 from renderer.pyramid import cut_pyramid
 from renderer.scene import Scene, SplatBudget, load_scene, value_at
 
@@ -170,11 +179,11 @@ def _command(case: Case, path: Path) -> tuple[int, str]:
 
 
 def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: Verdict) -> Frame:
-    stage = prepare(scene, clock=time.perf_counter, num_threads=1, volume=case.volume if case.in_memory else None)
+    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volume=case.volume if case.in_memory else None)
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
     number = min(case.frame, scene.camera.path.frames - 1)
-    stage = make_plan(Details(stage, CostLog()), [number], rasterizer, quiet=True).stage
+    stage = make_plan(LODCostEstimator(stage, CostLog()), [number], rasterizer, quiet=True).stage
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():
         raise WrongError("the picture has pixels that are not numbers")

@@ -11,7 +11,7 @@ from harmless import HARMLESS, Machine, drawn_by
 from subjects import Pixels, Shot
 from windows import WINDOWS
 
-from renderer.study import COMPARISON_METRICS, LEVELS, FrameDifference, exceeded
+from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, FrameDifference, exceeded_limits
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Measured:
 
     def over(self, level: str) -> list[str]:
         """Figures over that level's limits."""
-        return exceeded(self.figures, LEVELS[level].limits)
+        return exceeded_limits(self.figures, STRICTNESS_LEVELS[level].limits)
 
 
 def harmless_changes(shot: Shot) -> Iterator[Measured]:
@@ -73,4 +73,4 @@ def _measured(shot: Shot, change: str, picture: Pixels, passes_at: str | None) -
         figures = {name: float(figure.higher_is_better) for name, figure in COMPARISON_METRICS.items()}
         return Measured(str(shot), change, passes_at, figures, difference.bias, dict.fromkeys(WINDOWS, 0.0))
     windows = {name: window(signed) for name, window in WINDOWS.items()}
-    return Measured(str(shot), change, passes_at, difference.figures(COMPARISON_METRICS), difference.bias, windows)
+    return Measured(str(shot), change, passes_at, difference.metrics(COMPARISON_METRICS), difference.bias, windows)

@@ -29,7 +29,7 @@ from subjects import SUBJECTS, Shot  # noqa: E402
 from windows import WINDOWS  # noqa: E402
 
 from renderer.draw import GLRasterizer  # noqa: E402
-from renderer.study import COMPARISON_METRICS, LEVELS  # noqa: E402
+from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS  # noqa: E402
 from renderer.versions import commit  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"
@@ -123,7 +123,7 @@ def _limits(rows: Sequence[Measured]) -> list[str]:
         harmless = [row for row in rows if row.passes_at in strictest]
         cells = []
         for name, figure in COMPARISON_METRICS.items():
-            worst, limit = _worst(name, harmless), LEVELS[level].limits.get(name)
+            worst, limit = _worst(name, harmless), STRICTNESS_LEVELS[level].limits.get(name)
             cells.append([f"`{name}`", _figure(worst, name), f"{worst.change}, {worst.subject}"])
             if limit is None:
                 cells[-1] += ["none"] + [""] * 4
@@ -148,14 +148,14 @@ def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str]) -> list[str]:
     lines = []
     for change, group in _by_change(row for row in rows if not row.is_defect):
         worst = [_figure(_worst(name, group), name) for name in COMPARISON_METRICS]
-        passes = [f"{sum(not row.over(level) for row in group)}" for level in LEVELS]
+        passes = [f"{sum(not row.over(level) for row in group)}" for level in STRICTNESS_LEVELS]
         lines.append([change, drawn_by.get(change, ""), str(len(group)), *worst, *passes])
     header = [
         "change",
         "drawn by",
         "frames",
         *(f"worst `{name}`" for name in COMPARISON_METRICS),
-        *(f"pass `{x}`" for x in LEVELS),
+        *(f"pass `{x}`" for x in STRICTNESS_LEVELS),
     ]
     return ["## What must pass", "", HARMLESS_TEXT, "", *_table(header, lines)]
 
@@ -218,7 +218,7 @@ def _all_figures(row: Measured) -> list[str]:
 def _windows(rows: Sequence[Measured]) -> list[str]:
     """How many defects each candidate for `densest` finds without failing what must pass."""
     harmless, seen = [row for row in rows if not row.is_defect], [row for row in rows if row.is_defect and row.is_seen]
-    quiet = [row for row in seen if row.figures["largest"] <= LEVELS[CROSS].limits["largest"]]
+    quiet = [row for row in seen if row.figures["largest"] <= STRICTNESS_LEVELS[CROSS].limits["largest"]]
     faint = [row for row in rows if row.is_defect and 0 < row.figures["largest"] < SEEN_LEVELS]
     lines = []
     for name in WINDOWS:

@@ -11,8 +11,18 @@ import numpy as np
 import numpy.typing as npt
 from golden_cases import SCENE
 
-from renderer.frame import Frame, Rasterizer, Stage, Stopwatch, draw, finest_level_at, make_draw_list, make_lod, prepare
-from renderer.frame.frame import Pose
+from renderer.frame import (
+    Frame,
+    Rasterizer,
+    Stage,
+    Stopwatch,
+    draw_frame,
+    finest_level_at,
+    make_draw_list,
+    make_lod,
+    prepare_stage,
+)
+from renderer.frame.frame import DrawList
 from renderer.frame.primitives import LOD
 from renderer.frame.splat_primitive import SplatLOD
 from renderer.pyramid import Cut, cut_pyramid
@@ -102,7 +112,7 @@ class Shot:
     @property
     def splats(self) -> SplatBatch:
         """All that the cut has."""
-        splats = self.pose.detail.splats
+        splats = self.pose.lod.splats
         assert isinstance(splats, SplatBatch)
         return splats
 
@@ -113,27 +123,27 @@ class Shot:
 
     def staged(self, scene: Scene) -> Stage:
         """Another scene's stage, which serves coarser cuts, too."""
-        return prepare(scene, clock=time.perf_counter, num_threads=1)
+        return prepare_stage(scene, clock=time.perf_counter, num_threads=1)
 
-    def posed(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> Pose:
+    def posed(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> DrawList:
         """A frame of a stage, this one unless it is said."""
-        detail = make_lod(stage, self.tolerance if tolerance is None else tolerance, _stopwatch())
-        return make_draw_list(stage, detail, self.subject.frame if frame is None else frame, _stopwatch())
+        lod = make_lod(stage, self.tolerance if tolerance is None else tolerance, _stopwatch())
+        return make_draw_list(stage, lod, self.subject.frame if frame is None else frame, _stopwatch())
 
-    def with_splats(self, splats: SplatBatch) -> Pose:
+    def with_splats(self, splats: SplatBatch) -> DrawList:
         """The same pose of other splats."""
-        detail = self.pose.detail
-        assert isinstance(detail, SplatLOD)
-        return self.seen_from(self.view, replace(detail, splats=splats))
+        lod = self.pose.lod
+        assert isinstance(lod, SplatLOD)
+        return self.seen_from(self.view, replace(lod, splats=splats))
 
-    def seen_from(self, view: View, detail: LOD | None = None) -> Pose:
+    def seen_from(self, view: View, lod: LOD | None = None) -> DrawList:
         """The same detail, sorted for another view."""
-        detail = self.pose.detail if detail is None else detail
-        return replace(self.pose, detail=detail, view=view, orders=detail.orders(view))
+        lod = self.pose.lod if lod is None else lod
+        return replace(self.pose, lod=lod, view=view, orders=lod.orders(view))
 
-    def drawn(self, pose: Pose, rasterizer: Rasterizer | None = None) -> Frame:
+    def drawn(self, draw_list: DrawList, rasterizer: Rasterizer | None = None) -> Frame:
         """By the product's own last step."""
-        return draw(self.stage, pose, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
+        return draw_frame(self.stage, draw_list, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
 
 
 def _stopwatch() -> Stopwatch:

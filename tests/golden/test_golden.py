@@ -25,7 +25,7 @@ from renderer.frame import splat_primitive as splat_family
 from renderer.pyramid import Cut
 from renderer.scene import SplatSpec
 from renderer.splats import SplatBatch
-from renderer.study import LEVELS, FrameDifference, exceeded
+from renderer.study import STRICTNESS_LEVELS, FrameDifference, exceeded_limits
 
 FAILED = FOLDER / "failed"
 
@@ -87,8 +87,8 @@ def test_every_case_looks_different_from_all_others() -> None:
 
 def looks_same(first: Pixels, second: Pixels) -> bool:
     """As far as `cross-driver` can tell without the eye's metrics, which take a while for a thousand pairs."""
-    limits = LEVELS["cross-driver"].limits
-    return not exceeded(FrameDifference(first, second).figures(limits.keys() - {"flip"}), limits)
+    limits = STRICTNESS_LEVELS["cross-driver"].limits
+    return not exceeded_limits(FrameDifference(first, second).metrics(limits.keys() - {"flip"}), limits)
 
 
 def test_a_defect_of_the_renderer_is_found_by_the_command(

@@ -13,7 +13,7 @@ from harmless import HARMLESS, Harmless
 from subjects import SUBJECTS, Pixels, Shot
 
 from renderer.draw import GLRasterizer
-from renderer.study import LEVELS, FrameDifference, exceeded
+from renderer.study import STRICTNESS_LEVELS, FrameDifference, exceeded_limits
 
 SHOTS = ("coarse", "transparent")
 
@@ -41,8 +41,8 @@ def shots(rasterizer: GLRasterizer) -> list[Shot]:
 
 
 def over(shot: Shot, picture: Pixels, level: str) -> list[str]:
-    limits = LEVELS[level].limits
-    return exceeded(FrameDifference(shot.golden, picture).figures(limits), limits)
+    limits = STRICTNESS_LEVELS[level].limits
+    return exceeded_limits(FrameDifference(shot.golden, picture).metrics(limits), limits)
 
 
 def spoilt(defect: Defect, shots: list[Shot]) -> Iterator[tuple[Shot, Pixels]]:
@@ -68,7 +68,7 @@ def test_every_defect_is_found_on_the_same_machine(defect: Defect, shots: list[S
 
 @pytest.mark.parametrize("change", HARMLESS, ids=str)
 def test_what_must_pass_does(change: Harmless, shots: list[Shot]) -> None:
-    levels = list(LEVELS)
+    levels = list(STRICTNESS_LEVELS)
     for shot in shots[:1] if "reference" in change.name else shots:  # it takes its time
         picture = change.make(shot)
         assert picture is not None

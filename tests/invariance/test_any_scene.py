@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
-from renderer.frame import prepare, render_frames
+from renderer.frame import prepare_stage, render_frames
 from renderer.scene import MAX_WORLD_LENGTH, MIN_TOLERANCE, MIN_WORLD_LENGTH, PROCEDURAL_NAMES
 from renderer.scene.parse import parse_scene
 from renderer.scene.parse_camera import MAX_ANGLE, MAX_FIELD_OF_VIEW, MAX_ZOOM, MIN_FIELD_OF_VIEW, MIN_ZOOM
@@ -146,7 +146,7 @@ def test_any_scene_gives_a_picture_or_an_error(rasterizer: GLRasterizer, tree: d
         warnings.simplefilter("error")
         try:
             scene = parse_scene(tree, base=Path())
-            stage = prepare(scene, clock=lambda: 0.0, num_threads=1)
+            stage = prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
         except InputError:
             return
         brightest = scene.shading.ambient + scene.shading.diffuse if scene.shading else 1

@@ -46,8 +46,8 @@ def test_what_was_drawn_before_changes_nothing(
 
     histories: list[Callable[[GLRasterizer, BrickBatch], Any]] = [
         draw,
-        lambda gl, batch: gl.bring(batch, ordered(batch.cut, view), view),
-        lambda gl, batch: [gl.bring(batch, ordered(batch.cut, other), other) for batch in batches],
+        lambda gl, batch: gl.upload(batch, ordered(batch.cut, view), view),
+        lambda gl, batch: [gl.upload(batch, ordered(batch.cut, other), other) for batch in batches],
         lambda gl, batch: gl.rasterize(batch, ordered(batch.cut, other)[::3], other),
         lambda gl, batch: [draw(gl, batch) for batch in batches],
         lambda gl, batch: gl.rasterize(batch, np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32), other),
@@ -67,10 +67,10 @@ def test_bricks_are_brought_once(brick_backend: BrickBackend) -> None:
     with GLRasterizer(brick_backend=brick_backend) as gl:
         for batch in batches:
             order = ordered(batch.cut, view)
-            assert gl.bring(batch, order, view)
-            assert not gl.bring(batch, order, view)
+            assert gl.upload(batch, order, view)
+            assert not gl.upload(batch, order, view)
         for batch in batches:  # there is room for all
-            assert not gl.bring(batch, ordered(batch.cut, view), view)
+            assert not gl.upload(batch, ordered(batch.cut, view), view)
 
 
 @pytest.mark.parametrize("brick_backend", ["device", "processor"])
@@ -80,7 +80,7 @@ def test_what_was_drawn_is_there(brick_backend: BrickBackend) -> None:
         for batch in batches:
             order = ordered(batch.cut, view)
             gl.rasterize(batch, order, view)
-            assert not gl.bring(batch, order, view)
+            assert not gl.upload(batch, order, view)
 
 
 @pytest.mark.parametrize("brick_backend", ["device", "processor"])
@@ -91,7 +91,7 @@ def test_more_than_there_is_room_for_is_not_brought(
     monkeypatch.setattr(brick_atlas, "MOST_BYTES", 1 << 10)
     batches, view, _ = subject(ShadingSpec())
     with GLRasterizer(brick_backend=brick_backend) as gl:
-        assert not gl.bring(batches[0], ordered(batches[0].cut, view), view)
+        assert not gl.upload(batches[0], ordered(batches[0].cut, view), view)
 
 
 @pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])

@@ -13,7 +13,7 @@ from splatting import cut_of, in_order, look, place_splats, volume_of
 from renderer.draw import GLRasterizer
 from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS, splats_per_chunk
 from renderer.draw.gl import raster as raster_gl
-from renderer.frame import prepare, render_frames, view_of
+from renderer.frame import prepare_stage, render_frames, view_of
 from renderer.scene import (
     CameraSpec,
     ControlPoint,
@@ -177,7 +177,7 @@ def test_a_film_unmixed_is_the_same_where_there_is_one_order(rasterizer: GLRaste
         output=OutputSpec(Path("unused.mp4"), (64, 48)),
         splat=SplatSpec("gaussian"),
     )
-    mixed = prepare(scene, clock=lambda: 0.0, num_threads=1)
+    mixed = prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
     unmixed = replace(mixed, scene=replace(scene, splat=SplatSpec(order="unmixed")))
     both = [list(render_frames(stage, range(9), rasterizer, clock=lambda: 0.0)) for stage in (mixed, unmixed)]
     is_same = []

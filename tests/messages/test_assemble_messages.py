@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
-from renderer.film import digest, encode_png
+from renderer.film import bytes_digest, encode_png
 
 DRAW = "hsplat render parts/frames.0-2.json --frames"
 TO = "--output 'parts/{frame:04}.png'"
@@ -162,7 +162,7 @@ def test_a_frame_that_two_parts_have(capsys: pytest.CaptureFixture[str]) -> None
     draw("--frames", "2:4", "--output", "more/{frame}.png")
     content = encode_png(np.zeros((32, 32, 3), np.uint8))
     Path("more/3.png").write_bytes(content)
-    change("more/frames.2-3.json", lambda data: data["frames"][1].update(digest=digest(content)))
+    change("more/frames.2-3.json", lambda data: data["frames"][1].update(digest=bytes_digest(content)))
     assert (
         refused(capsys, "parts", "more", "--output", "film.mp4")
         == """\

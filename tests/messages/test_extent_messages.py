@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.frame import prepare
+from renderer.frame import prepare_stage
 from renderer.readers.common import check_lengths
 from renderer.scene import (
     CameraSpec,
@@ -105,7 +105,7 @@ def prepared(scene: Scene, world_from_index: np.ndarray) -> str:  # type: ignore
     """What is said about a volume of 2 x 2 x 2 voxels at this place."""
     volume = make_volume(np.ones((2, 2, 2), np.uint8), world_from_index, "scan.nrrd")
     with pytest.raises(InputError) as caught:
-        prepare(scene, clock=lambda: 0.0, num_threads=1, volume=volume)
+        prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volume=volume)
     return str(caught.value)
 
 

@@ -16,7 +16,7 @@ import pytest
 from hsplat_cli import main
 from hsplat_cli.executors import frame_result as drawn
 from hsplat_cli.films import differences
-from renderer.film import digest, join_png_chunks, png_chunks
+from renderer.film import bytes_digest, join_png_chunks, png_chunks
 from renderer.frame import Frame
 
 SMALL = [
@@ -114,7 +114,7 @@ def test_a_kept_frame_that_no_decoder_takes(render: Render) -> None:
     )
     picture.write_bytes(content)
     data = json.loads(told.read_bytes())
-    data["record"]["digest"] = digest(content)
+    data["record"]["digest"] = bytes_digest(content)
     told.write_text(json.dumps(data), encoding="utf-8")
     render.at_frame(9, interrupt)
     code, said = render("--output", "film.mp4")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.frame import Stage, prepare
+from renderer.frame import Stage, prepare_stage
 from renderer.scene import (
     CameraSpec,
     ColormapSpec,
@@ -70,7 +70,7 @@ SCENES = {
 
 def stage_of(scene: Scene, volume: Volume | None = None) -> Stage:
     """The stage of a scene, on one thread."""
-    return prepare(scene, clock=itertools.count().__next__, num_threads=1, volume=volume)
+    return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1, volume=volume)
 
 
 def waves(dtype: str) -> Volume:

@@ -18,7 +18,7 @@ from renderer.view import View, model_view, total_square_area_px
 class NothingLasting:
     """The part of a rasteriser to which every picture is new."""
 
-    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """There is nothing to bring."""
         return False
 
@@ -82,7 +82,7 @@ class BringingMachine(SimulatedMachine):
         self._times = times
         self._there: SplatBatch | BrickBatch | None = None
 
-    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Take the time that it takes."""
         if self._there is batch:
             return False
@@ -94,5 +94,5 @@ class BringingMachine(SimulatedMachine):
         self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
     ) -> npt.NDArray[np.float32]:
         """An empty picture, after a while."""
-        self.bring(batch, order, view)
+        self.upload(batch, order, view)
         return super().rasterize(batch, order, view)

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from renderer.study import Accuracy, Measurement, Sample, Setting, Study, TruthRecord
-from renderer.study.metrics import Difference
+from renderer.study import Accuracy, FrameMeasurement, Measurement, Setting, Study, TruthRecord
+from renderer.study.metrics import ErrorMetrics
 from renderer.truth import Convergence
 
 NAN = float("nan")
 INFINITE = float("inf")
 
 
-def difference(psnr: float) -> Difference:
+def difference(psnr: float) -> ErrorMetrics:
     """A difference of some PSNR, the other figures falling with it."""
     rmse = 10 ** (-psnr / 20)
-    return Difference(rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse)
+    return ErrorMetrics(rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse)
 
 
 def accuracy(psnr: float) -> Accuracy:
@@ -27,7 +27,7 @@ def accuracy(psnr: float) -> Accuracy:
     return Accuracy(difference(psnr), difference(psnr - 3))
 
 
-UNDEFINED = Accuracy(*[Difference(*[NAN] * len(dataclasses.fields(Difference)))] * 2)
+UNDEFINED = Accuracy(*[ErrorMetrics(*[NAN] * len(dataclasses.fields(ErrorMetrics)))] * 2)
 
 
 def measure(
@@ -54,7 +54,7 @@ def measure(
         num_splats and 2 * num_splats,
         0.25 if is_own else None,
         {"cut": (0.01, 0.011, 0.012)} if is_own else {},
-        tuple(Sample(frame, num_splats, stages, result) for frame in frames),
+        tuple(FrameMeasurement(frame, num_splats, stages, result) for frame in frames),
         result,
         800_000_000 if is_own else None,
         picture,
@@ -98,7 +98,7 @@ def brick_series() -> list[Measurement]:
 
 def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
     """A study of these measurements, on a machine and a scene that do not matter."""
-    frames = sorted({sample.frame for m in measurements for sample in m.samples})
+    frames = sorted({sample.frame for m in measurements for sample in m.frames})
     convergence = Convergence((0.5, 0.25), (1e-5, 3e-9), (48, 40))
     study = Study(
         name="engine",

@@ -16,7 +16,7 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.films.assemble import film, merged_sidecar as merged
-from renderer.film import digest, encode_png, join_png_chunks, output_lock as place, png_chunks
+from renderer.film import bytes_digest, encode_png, join_png_chunks, output_lock as place, png_chunks
 from renderer.versions import package_versions
 
 SCENE = small_scene(frames=7)
@@ -221,7 +221,7 @@ def test_a_part_that_was_drawn_again(output: str, capsys: pytest.CaptureFixture[
     other = encode_png(np.zeros((32, 32, 3), np.uint8))
     Path("parts/0001.png").write_bytes(other)
     data = sidecar("parts/frames.0-2.json")
-    data["frames"][1]["digest"] = digest(other)
+    data["frames"][1]["digest"] = bytes_digest(other)
     Path("parts/frames.0-2.json").write_text(json.dumps(data), encoding="utf-8")
     made = Path("made", output.format(frame=1))
     before = made.read_bytes()
@@ -237,7 +237,7 @@ def test_a_frame_that_cannot_be_decoded(capsys: pytest.CaptureFixture[str]) -> N
     other = join_png_chunks([header, (b"IDAT", b"no data"), end])
     Path("parts/0001.png").write_bytes(other)
     data = sidecar("parts/frames.0-2.json")
-    data["frames"][1]["digest"] = digest(other)
+    data["frames"][1]["digest"] = bytes_digest(other)
     Path("parts/frames.0-2.json").write_text(json.dumps(data), encoding="utf-8")
     assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 2
     assert capsys.readouterr().err == (

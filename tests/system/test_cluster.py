@@ -25,7 +25,7 @@ from hsplat_cli.executors.cluster import cluster_executor as cluster_drawer
 from hsplat_cli.executors.cluster.cluster_executor import Cluster
 from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.frame import Stage, prepare
+from renderer.frame import Stage, prepare_stage
 from renderer.scene.parse import parse_scene
 from renderer.versions import package_versions
 
@@ -46,7 +46,7 @@ SCENE = {
 
 @pytest.fixture(scope="module")
 def stage() -> Stage:
-    return prepare(parse_scene(SCENE, base=Path()), clock=time.perf_counter, num_threads=2)
+    return prepare_stage(parse_scene(SCENE, base=Path()), clock=time.perf_counter, num_threads=2)
 
 
 @pytest.fixture(scope="module")

@@ -18,9 +18,9 @@ from small_scene import small_scene
 from hsplat_cli import main
 from hsplat_cli.films import tolerance_search as search
 from renderer.draw import GLRasterizer
-from renderer.frame import prepare, render_frames
+from renderer.frame import prepare_stage, render_frames
 from renderer.scene import Scene, load_scene, with_tolerance
-from renderer.study import TRUTH_TOLERANCE, compute_truth, over_background, single
+from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth, over_background
 
 ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24
@@ -50,13 +50,13 @@ def sidecar(name: str = "film.mp4.json") -> dict[str, Any]:
 
 def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLRasterizer) -> dict[int, float]:
     """Of pictures of these frames, by frame."""
-    stage = prepare(scene, clock=lambda: 0.0, num_threads=1)
+    stage = prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
     pictures = {
         frame.number: over_background(frame.radiance, scene.output.background)
         for frame in render_frames(stage, frames, rasterizer, clock=lambda: 0.0)
     }
     return {
-        frame: single(metric, picture, compute_truth(stage, frame, TRUTH_TOLERANCE).picture)
+        frame: compute_metric(metric, picture, compute_truth(stage, frame, TRUTH_TOLERANCE).picture)
         for frame, picture in pictures.items()
     }
 

@@ -29,7 +29,7 @@ from resuming import (
 from hsplat_cli import main
 from hsplat_cli.films import fingerprint as cause
 from renderer.draw import GLRasterizer
-from renderer.film import digest, encode_png
+from renderer.film import bytes_digest, encode_png
 
 
 @pytest.fixture(autouse=True)
@@ -306,7 +306,7 @@ def test_a_picture_of_another_size_whose_record_agrees(output: str, shape: tuple
     content = encode_png(np.zeros(shape, np.uint8))
     (folder / "000001.png" if output == "film.mp4" else Path("out/1.png")).write_bytes(content)
     data = json.loads((folder / "000001.json").read_bytes())
-    data["record"]["digest"] = digest(content)
+    data["record"]["digest"] = bytes_digest(content)
     (folder / "000001.json").write_text(json.dumps(data))
     render(output)
     assert draws.taken() == [1, 3, 4]
@@ -319,7 +319,7 @@ def test_a_picture_of_another_size_in_a_film_that_was_whole(draws: Draws) -> Non
     draws.taken()
     content = encode_png(np.zeros((16, 32, 3), np.uint8))
     Path("out/1.png").write_bytes(content)
-    change("frames.json", lambda data: data["frames"][1].update(digest=digest(content)))
+    change("frames.json", lambda data: data["frames"][1].update(digest=bytes_digest(content)))
     render("{frame}.png")
     assert draws.taken() == [1]
     assert made() == expected

@@ -85,7 +85,7 @@ def measured(volume: Volume, of: TransferFunction, *views: View) -> list[Measure
 
 def require_near(measurements: list[Measurement]) -> None:
     for measurement in measurements:
-        for sample in measurement.samples:
+        for sample in measurement.frames:
             assert sample.accuracy.everywhere.psnr > NEAR[measurement.setting.series], sample.frame
 
 
@@ -138,7 +138,7 @@ def test_coarse_settings_are_worse() -> None:
     for setting, measurement in zip(settings, found, strict=True):
         assert measurement.setting is setting
         assert measurement.num_cells is None and measurement.num_splats is None
-        (sample,) = measurement.samples
+        (sample,) = measurement.frames
         assert sample.frame == 7
         assert len(sample.frame_seconds) == 3 and min(sample.frame_seconds) > 0
         assert measurement.picture.shape == measurement.difference.shape == (54, 72, 3)
@@ -397,7 +397,7 @@ def test_repetitions_go_over_all_frames(monkeypatch: pytest.MonkeyPatch) -> None
     settings = finest()[:1]
     (found,) = measure_vtk(volume, transfer(), [view, view], truths, None, settings=settings, repeats=3)
     assert drawn == [0, 1, 0, 1, 0, 1, 0, 1]
-    assert {sample.frame: sample.seconds["draw"] for sample in found.samples} == {4: (3, 5, 7), 9: (4, 6, 8)}
+    assert {sample.frame: sample.seconds["draw"] for sample in found.frames} == {4: (3, 5, 7), 9: (4, 6, 8)}
 
 
 def test_a_full_disk(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,7 +44,7 @@ def stage(request: pytest.FixtureRequest) -> Stage:
 
 
 @pytest.fixture
-def family(stage: Stage) -> BrickPrimitive:
+def primitive(stage: Stage) -> BrickPrimitive:
     found = make_primitive(stage)
     assert isinstance(found, BrickPrimitive)
     return found
@@ -73,49 +73,49 @@ def test_sizes_are_those_of_the_cuts(stage: Stage, finest_level: int, least_step
 
 
 @pytest.mark.parametrize("num", [1, 2, 5, 8, 9, 20, 1000])
-def test_the_finest_cut_of_so_many_bricks(stage: Stage, family: BrickPrimitive, num: int) -> None:
-    tolerance = family.within(num)
-    assert 1 <= family.num_cells(tolerance) <= num
+def test_the_finest_cut_of_so_many_bricks(stage: Stage, primitive: BrickPrimitive, num: int) -> None:
+    tolerance = primitive.tolerance_for_cells(num)
+    assert 1 <= primitive.num_cells(tolerance) <= num
     sizes = brick_cut_sizes(bricks_of(stage), finest_level=0, finest_level_at_zero=0)
     finer = sizes.divisions[sizes.divisions < tolerance]
     if tolerance > 0 and len(finer):
-        assert family.num_cells(float(finer[0])) > num
+        assert primitive.num_cells(float(finer[0])) > num
 
 
 def test_nothing_to_see() -> None:
     points = (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0),)
     scene = replace(INTEGRATED, transfer_function=TransferSpec(points))
-    family = make_primitive(stage_of(scene, waves("uint8")))
-    assert family.within(3) == 0.0 and family.num_cells(0.0) == 0 and family.work(0.0) == 0.0
+    primitive = make_primitive(stage_of(scene, waves("uint8")))
+    assert primitive.tolerance_for_cells(3) == 0.0 and primitive.num_cells(0.0) == 0 and primitive.work(0.0) == 0.0
 
 
 @pytest.mark.parametrize("tolerance", [0.3, 0.0])
 def test_no_brick_has_cells_that_are_finer_than_asked_for(tolerance: float) -> None:
     """And the lines of the overlay are in the colours of their cells."""
     scene = replace(INTEGRATED, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
-    detail = make_primitive(stage_of(scene, lumps())).detail(tolerance, lambda name: None)
-    assert isinstance(detail, BrickLOD) and detail.edges is not None
-    assert detail.splats.cut.levels.min() == 1
-    assert set(detail.edges.vertices[:, 6].tolist()) == set(detail.splats.cut.levels.tolist())
+    lod = make_primitive(stage_of(scene, lumps())).make_lod(tolerance, lambda name: None)
+    assert isinstance(lod, BrickLOD) and lod.edges is not None
+    assert lod.splats.cut.levels.min() == 1
+    assert set(lod.edges.vertices[:, 6].tolist()) == set(lod.splats.cut.levels.tolist())
 
 
 # Sizes in a film on a budget of time
 
 
 @pytest.mark.parametrize("size", [1.0, 3.0, 30.0, 1234.0, 1.9e6])
-def test_sizes_there_and_back(family: BrickPrimitive, size: float) -> None:
+def test_sizes_there_and_back(primitive: BrickPrimitive, size: float) -> None:
     """Tolerances have two digits, so that they are off by up to 5 %."""
-    assert family.size(family.tolerance_for_size(size), 7) == pytest.approx(size, rel=0.05)
+    assert primitive.lod_size(primitive.tolerance_for_size(size), 7) == pytest.approx(size, rel=0.05)
 
 
-def test_sizes_end_with_the_finest_detail(family: BrickPrimitive) -> None:
-    assert family.tolerance_for_size(2e6) == family.tolerance_for_size(1e30) == 0.0
-    assert family.size(0.0, 7) == family.size(1e-300, 7) == 2e6
-    assert family.size(math.inf, 1) == family.size(1e300, 1) == 1.0
+def test_sizes_end_with_the_finest_detail(primitive: BrickPrimitive) -> None:
+    assert primitive.tolerance_for_size(2e6) == primitive.tolerance_for_size(1e30) == 0.0
+    assert primitive.lod_size(0.0, 7) == primitive.lod_size(1e-300, 7) == 2e6
+    assert primitive.lod_size(math.inf, 1) == primitive.lod_size(1e300, 1) == 1.0
 
 
-def test_more_is_drawn_at_smaller_tolerances(family: BrickPrimitive) -> None:
-    works = [family.work(family.tolerance_for_size(4.0**k)) for k in range(11)]
+def test_more_is_drawn_at_smaller_tolerances(primitive: BrickPrimitive) -> None:
+    works = [primitive.work(primitive.tolerance_for_size(4.0**k)) for k in range(11)]
     assert all(more > 1.2 * less for less, more in itertools.pairwise(works[:6]))
     assert works[-1] > 10 * works[0]
 
@@ -123,9 +123,9 @@ def test_more_is_drawn_at_smaller_tolerances(family: BrickPrimitive) -> None:
 # What drawing takes
 
 
-def counted(detail: BrickLOD, view: View) -> float:
+def counted(lod: BrickLOD, view: View) -> float:
     """Samples along the rays through the pixels' centres, as they are taken, and six more for each brick on the way."""
-    batch = detail.splats
+    batch = lod.splats
     frame, volume = ray_setup(batch.cut.volume, batch.length, view), batch.cut.volume
     width, height = view.size
     column, row = np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)
@@ -147,28 +147,28 @@ def counted(detail: BrickLOD, view: View) -> float:
 def test_samples_are_as_many_as_are_counted(projection: str, tolerance: float) -> None:
     """Pixels are counted by their centres, and in perspective a brick is not as wide at its back as at its front."""
     stage = stage_of(INTEGRATED, lumps())
-    detail = make_primitive(stage).detail(tolerance, lambda name: None)
-    assert isinstance(detail, BrickLOD)
+    lod = make_primitive(stage).make_lod(tolerance, lambda name: None)
+    assert isinstance(lod, BrickLOD)
     target = stage.volume.centre
     view = look(projection, size=(120, 90), target=tuple(target), distance=150.0)
-    orders = detail.orders(view)
-    detail = replace(detail, splats=replace(detail.splats, screen_sampling=ScreenSampling((1,), 0.0, 0.0)))
-    num_bricks, num = detail.load(orders, view)
-    assert num_bricks == len(orders[0][1]) == detail.num_cells
-    assert num == pytest.approx(counted(detail, view), rel=0.08)
+    orders = lod.orders(view)
+    lod = replace(lod, splats=replace(lod.splats, screen_sampling=ScreenSampling((1,), 0.0, 0.0)))
+    num_bricks, num = lod.workload(orders, view)
+    assert num_bricks == len(orders[0][1]) == lod.num_cells
+    assert num == pytest.approx(counted(lod, view), rel=0.08)
 
 
 def test_pixels_that_are_spared_cost_less() -> None:
     """And the more the more of them; but looking at all pixels of a lattice that differ is not for nothing."""
     stage = stage_of(INTEGRATED, lumps())
-    detail = make_primitive(stage).detail(0.1, lambda name: None)
-    assert isinstance(detail, BrickLOD)
+    lod = make_primitive(stage).make_lod(0.1, lambda name: None)
+    assert isinstance(lod, BrickLOD)
     view = look(target=tuple(stage.volume.centre), distance=150.0)
-    orders = detail.orders(view)
+    orders = lod.orders(view)
 
     def load(*strides: int, spread: float = 0.1) -> float:
         screen_sampling = ScreenSampling(strides, spread, 0.0)
-        return replace(detail, splats=replace(detail.splats, screen_sampling=screen_sampling)).load(orders, view)[1]
+        return replace(lod, splats=replace(lod.splats, screen_sampling=screen_sampling)).workload(orders, view)[1]
 
     assert load(4) < load(4, 2) < load(4, 1) < load(1)
     assert load(4) < load(2) < load(1) < load(2, 1, spread=0.001)
@@ -177,17 +177,17 @@ def test_pixels_that_are_spared_cost_less() -> None:
 
 def test_what_is_out_of_view_takes_no_samples() -> None:
     stage = stage_of(INTEGRATED, lumps())
-    detail = make_primitive(stage).detail(0.1, lambda name: None)
+    lod = make_primitive(stage).make_lod(0.1, lambda name: None)
     view = look(target=(1e4, 0.0, 0.0), distance=10.0)
-    assert detail.load(detail.orders(view), view) == (0, 0.0)
+    assert lod.workload(lod.orders(view), view) == (0, 0.0)
 
 
 def test_bricks_around_the_eye_are_held_to_the_picture() -> None:
     """Their projection means nothing; no ray is longer in one than its diagonal."""
     stage = stage_of(INTEGRATED, lumps())
-    detail = make_primitive(stage).detail(0.1, lambda name: None)
-    assert isinstance(detail, BrickLOD)
+    lod = make_primitive(stage).make_lod(0.1, lambda name: None)
+    assert isinstance(lod, BrickLOD)
     view = look(target=tuple(stage.volume.centre), distance=1e-3, size=(40, 30))
-    ((_, order),) = detail.orders(view)
-    longest = BRICK_SIZE * math.sqrt(3) * 1.5 / detail.splats.steps.min() + 7
-    assert 0 < num_samples(detail.splats, order, view) < len(order) * 40 * 30 * longest
+    ((_, order),) = lod.orders(view)
+    longest = BRICK_SIZE * math.sqrt(3) * 1.5 / lod.splats.steps.min() + 7
+    assert 0 < num_samples(lod.splats, order, view) < len(order) * 40 * 30 * longest

@@ -15,7 +15,7 @@ from hsplat_cli.compare.outcome import Comparison, Outcome
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.rules import Rules
 from renderer.errors import InputError
-from renderer.study import LEVELS
+from renderer.study import STRICTNESS_LEVELS
 
 LIMITS = {"largest": 2.0, "p99": 1.0, "densest": 1.0, "bias": 0.5}
 GREY = np.full((16, 16, 3), 100, np.uint8)
@@ -146,22 +146,22 @@ def test_colours_that_nobody_sees_are_no_difference() -> None:
     assert verdict(actual, golden, {"largest": 0.0}).status == "different"
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", STRICTNESS_LEVELS)
 def test_every_level_judges(level: str) -> None:
     see: list[tuple[str, str]] = []
     pairs = [Pair("same", smooth(), smooth()), Pair("other", smooth(), smooth(0.5)), Pair("gone", smooth(), None)]
     outcomes = judge(pairs, Rules(level), lambda outcome, pair: see.append((outcome.status, pair.name)))
     assert see == [("same", "same"), ("different", "other"), ("missing", "gone")]
     assert [outcome.status for outcome in outcomes] == ["same", "different", "missing"]
-    assert set(outcomes[1].figures) == set(LEVELS[level].limits)
+    assert set(outcomes[1].figures) == set(STRICTNESS_LEVELS[level].limits)
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 3), (1, 9, 4), (7, 1, 3), (2, 3, 4)])
 def test_tiny_pictures(shape: tuple[int, int, int]) -> None:
     golden = np.full(shape, 100, np.uint8)
     for level, by, status in (("exact", 1, "different"), ("cross-driver", 40, "different"), ("exact", 0, "same")):
-        outcome = verdict((golden + np.uint8(by)).astype(np.uint8), golden, LEVELS[level].limits)
-        assert (outcome.status, set(outcome.figures)) == (status, set(LEVELS[level].limits))
+        outcome = verdict((golden + np.uint8(by)).astype(np.uint8), golden, STRICTNESS_LEVELS[level].limits)
+        assert (outcome.status, set(outcome.figures)) == (status, set(STRICTNESS_LEVELS[level].limits))
 
 
 def test_a_limit_that_a_picture_is_too_small_for() -> None:

@@ -13,9 +13,9 @@ from hypothesis import given, strategies as st
 from hsplat_cli.commands.compare import compare
 from hsplat_cli.compare.rules import Rules, load_rules
 from renderer.errors import InputError, SceneError
-from renderer.study import COMPARISON_METRICS, LEVELS
+from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS
 
-SAME_MACHINE, CROSS_DRIVER = LEVELS["same-machine"].limits, LEVELS["cross-driver"].limits
+SAME_MACHINE, CROSS_DRIVER = STRICTNESS_LEVELS["same-machine"].limits, STRICTNESS_LEVELS["cross-driver"].limits
 
 
 def write(folder: Path, text: str) -> Path:
@@ -27,12 +27,12 @@ def test_the_default_level(tmp_path: Path) -> None:
     assert load_rules(tmp_path).limits_for("any.png") == SAME_MACHINE
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", STRICTNESS_LEVELS)
 def test_levels(tmp_path: Path, level: str) -> None:
-    assert load_rules(tmp_path, level).limits_for("any.png") == LEVELS[level].limits
+    assert load_rules(tmp_path, level).limits_for("any.png") == STRICTNESS_LEVELS[level].limits
     write(tmp_path, f"level: {level}")
-    assert load_rules(tmp_path).limits_for("any.png") == LEVELS[level].limits
-    assert load_rules(tmp_path, "exact").limits_for("any.png") == LEVELS["exact"].limits
+    assert load_rules(tmp_path).limits_for("any.png") == STRICTNESS_LEVELS[level].limits
+    assert load_rules(tmp_path, "exact").limits_for("any.png") == STRICTNESS_LEVELS["exact"].limits
 
 
 def test_the_later_holds(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_the_later_holds(tmp_path: Path) -> None:
 def test_a_level_that_is_asked_for_takes_the_place_of_the_file(tmp_path: Path) -> None:
     write(tmp_path, "limits: {largest: 200, p99: none}\nframes: {a.png: {ssim: 0.9}}\n")
     rules = load_rules(tmp_path, "exact")
-    assert rules.limits_for("a.png") == rules.limits_for("b.png") == LEVELS["exact"].limits
+    assert rules.limits_for("a.png") == rules.limits_for("b.png") == STRICTNESS_LEVELS["exact"].limits
     assert rules.other_limits == []
     assert rules.notes == [f"the level exact is asked for: what {tmp_path / 'compare.yaml'} says does not hold"]
     rules = load_rules(tmp_path, "exact", ["largest=4"])
@@ -93,7 +93,7 @@ def test_limits_are_in_the_order_in_which_they_are_looked_at(changes: dict[str, 
     assert names == [name for name in COMPARISON_METRICS if name in names]
 
 
-@pytest.mark.parametrize(("name", "words"), [("level", LEVELS), ("limits", COMPARISON_METRICS)])
+@pytest.mark.parametrize(("name", "words"), [("level", STRICTNESS_LEVELS), ("limits", COMPARISON_METRICS)])
 def test_the_help_names_all(name: str, words: Iterable[str]) -> None:
     (option,) = [option for option in compare.params if option.name == name]
     assert isinstance(option, click.Option)

@@ -13,7 +13,7 @@ from splatting import look, place_splats
 
 from renderer.frame import CostLog, Workload, workload_of
 from renderer.frame.costs import CostModel, fit_costs
-from renderer.frame.frame import Pose
+from renderer.frame.frame import DrawList
 from renderer.frame.splat_primitive import SplatLOD
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
@@ -137,14 +137,14 @@ def test_trials_alone_predict_frames() -> None:
 # Loads
 
 
-def pose_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48)) -> Pose:
+def pose_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48)) -> DrawList:
     view = look("orthographic", size=size, azimuth=0.0, elevation=0.0)
     nothing = np.empty(0, np.uint8)
     volume: object = None
     cut = Cut(nothing, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), volume)  # type: ignore[arg-type]
     order = visible_order(batch, cut, view, "unmixed")
-    detail = SplatLOD(0.1, batch, cut, "unmixed", make_order_blending(np.eye(4), [np.eye(3)[None]]))
-    return Pose(0, detail, view, [(share, order) for share in shares], 0.0)
+    lod = SplatLOD(0.1, batch, cut, "unmixed", make_order_blending(np.eye(4), [np.eye(3)[None]]))
+    return DrawList(0, lod, view, [(share, order) for share in shares], 0.0)
 
 
 def covered_pixels(batch: SplatBatch, radius_px: float, size: tuple[int, int]) -> int:

@@ -13,7 +13,7 @@ import yaml
 
 from hsplat_cli.commands.compare import compare
 from renderer.scene import load_scene, scene_to_dict
-from renderer.study import COMPARISON_METRICS, LEVELS
+from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -76,7 +76,7 @@ def test_recipes_compare_in_the_container_in_which_goldens_are_made(recipe: str)
         assert f"{command} &&" in " ".join(text.split())
     program, name, *arguments = shlex.split(commands[-1])
     given = compare.make_context(name, arguments).params
-    assert (program, name) == ("hsplat", "compare") and given["level"] in LEVELS and given["html_file"]
+    assert (program, name) == ("hsplat", "compare") and given["level"] in STRICTNESS_LEVELS and given["html_file"]
 
 
 def _mappings_in(tree: object) -> Iterator[dict[str, object]]:
@@ -90,11 +90,11 @@ def test_the_table_of_figures_has_the_limits_of_every_level() -> None:
     text = (ROOT / GOLDEN_FRAMES).read_text("utf-8")
     (table,) = re.findall(r"(?m)^\| figure \| what it is .*\n(?:\|.*\n)+", text)
     header, _, *lines = ([cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines())
-    assert header[2:] == [f"`{level}`" for level in LEVELS]
+    assert header[2:] == [f"`{level}`" for level in STRICTNESS_LEVELS]
     assert [line[0] for line in lines] == [f"`{name}`" for name in COMPARISON_METRICS]
     for (name, figure), (_, what, *limits) in zip(COMPARISON_METRICS.items(), lines, strict=True):
         assert what.startswith(figure.label) and ("levels" in what) == bool(figure.unit), name
-        expected = [level.limits.get(name) for level in LEVELS.values()]
+        expected = [level.limits.get(name) for level in STRICTNESS_LEVELS.values()]
         assert [float(limit) if limit else None for limit in limits] == expected, name
 
 
@@ -106,7 +106,7 @@ def test_goldens_were_measured_with_the_limits_of_every_level(level: str) -> Non
         [cell.strip() for cell in line.split("|")[1:-1]] for line in section.splitlines() if line.startswith("| `")
     ]
     limits = {cells[0].strip("`"): cells[3] for cells in lines}
-    expected = {name: LEVELS[level].limits.get(name) for name in COMPARISON_METRICS}
+    expected = {name: STRICTNESS_LEVELS[level].limits.get(name) for name in COMPARISON_METRICS}
     assert {name: None if limit == "none" else float(limit) for name, limit in limits.items()} == expected
 
 

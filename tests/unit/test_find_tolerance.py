@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.draw import CellEdges
-from renderer.frame import Stage, make_primitive, prepare
+from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import (
     AccuracyGoal,
     CameraSpec,
@@ -30,7 +30,7 @@ from renderer.scene import (
     Want,
 )
 from renderer.splats import SplatBatch
-from renderer.study import Found, Trial, Truth, TruthCache, find_tolerance
+from renderer.study import ToleranceSearchResult, Trial, Truth, TruthCache, find_tolerance
 from renderer.study.tolerances import two_digit_numbers
 from renderer.study.truths import round_to_float32
 from renderer.truth import Convergence
@@ -54,7 +54,7 @@ def stage() -> Stage:
         splat=SplatSpec("gaussian"),
         overlay="octree",
     )
-    return prepare(scene, clock=lambda: 0.0, num_threads=1)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 
 
 class Grey(NothingLasting):
@@ -91,7 +91,7 @@ def search(
     frames: Sequence[int] = range(NUM_FRAMES),
     truth_of: Callable[[int], Truth] | None = None,
     told: list[Trial] | None = None,
-) -> Found:
+) -> ToleranceSearchResult:
     on_trial = [].append if told is None else told.append  # type: ignore[var-annotated]
     return find_tolerance(
         stage, frames, want, Grey(), truth_of=truth_of or Truths(), clock=lambda: 0.0, on_trial=on_trial

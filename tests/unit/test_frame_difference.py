@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.study import COMPARISON_METRICS, SSIM_WINDOW_PX, FrameDifference, frame_difference, single
+from renderer.study import COMPARISON_METRICS, SSIM_WINDOW_PX, FrameDifference, compute_metric, frame_difference
 from renderer.study.frame_difference import WINDOW_PX
-from renderer.study.metrics import REACH_PX, mapped
+from renderer.study.metrics import REACH_PX, metric_map
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -31,7 +31,7 @@ def test_equal_pictures_differ_by_nothing(channels: int) -> None:
     picture = noise((24, 33, channels))
     difference = FrameDifference(picture, picture.copy())
     expected = {"largest": 0, "p99": 0, "flip": 0, "ssim": 1, "densest": 0, "bias": 0}
-    assert difference.figures(COMPARISON_METRICS) == pytest.approx(expected, abs=1e-12)
+    assert difference.metrics(COMPARISON_METRICS) == pytest.approx(expected, abs=1e-12)
     assert difference.bias == (0.0,) * channels
     assert not difference.levels.any()
     assert not difference.signed.any()
@@ -39,7 +39,7 @@ def test_equal_pictures_differ_by_nothing(channels: int) -> None:
 
 def test_a_constant_shift_is_every_figure_in_levels() -> None:
     difference = FrameDifference(GREY, GREY - np.array([0, 3, 0], np.uint8))
-    assert difference.figures(LEVELS) == {"largest": 3.0, "p99": 3.0, "densest": 3.0, "bias": 3.0}
+    assert difference.metrics(LEVELS) == {"largest": 3.0, "p99": 3.0, "densest": 3.0, "bias": 3.0}
     assert difference.bias == (0.0, -3.0, 0.0)
     assert (difference.levels == 3).all()
     assert (difference.signed_levels == -3).all()
@@ -60,7 +60,7 @@ def test_square_by_square_is_as_the_whole_picture(name: str, share: float, monke
     spoiled = np.random.default_rng(2).random((65, 100)) < share
     spoiled[31, 63] = spoiled[64, 0] = True  # at corners of squares, the second in one of a single row
     actual = np.where(spoiled[..., None], other, golden)
-    expected = single(name, actual / 255, golden / 255)
+    expected = compute_metric(name, actual / 255, golden / 255)
     assert FrameDifference(golden, actual).perceived(name) == pytest.approx(expected, abs=1e-12)
 
 
@@ -70,7 +70,7 @@ def test_a_pixel_changes_what_is_seen_within_reach_only(name: str) -> None:
     actual = golden.copy()
     actual[30, 33] = 1 - actual[30, 33].round()
     perfect = float(COMPARISON_METRICS[name].higher_is_better)
-    rows, columns = np.nonzero(np.abs(mapped(name, actual, golden) - perfect) > 1e-12)
+    rows, columns = np.nonzero(np.abs(metric_map(name, actual, golden) - perfect) > 1e-12)
     reach = max(30 - rows.min(), rows.max() - 30, 33 - columns.min(), columns.max() - 33)
     assert 0 < reach <= REACH_PX
 
@@ -78,7 +78,7 @@ def test_a_pixel_changes_what_is_seen_within_reach_only(name: str) -> None:
 def test_one_pixel_is_its_share_of_window_and_picture() -> None:
     actual = GREY.copy()
     actual[5, 7] += np.array([6, 0, 12], np.uint8)
-    figures = FrameDifference(GREY, actual).figures(LEVELS)
+    figures = FrameDifference(GREY, actual).metrics(LEVELS)
     assert figures == {"largest": 12.0, "p99": 0.0, "densest": 12 / 64, "bias": 12 / (32 * 40)}
 
 
@@ -129,7 +129,7 @@ def test_bias_takes_the_most_shifted_channel_and_errors_cancel() -> None:
     actual[..., 2] -= 1
     difference = FrameDifference(GREY, actual.astype(np.uint8))
     assert difference.bias == (0.0, 0.0, -1.0)
-    assert difference.figures(["bias"]) == {"bias": 1.0}
+    assert difference.metrics(["bias"]) == {"bias": 1.0}
 
 
 # Alpha.
@@ -137,7 +137,7 @@ def test_bias_takes_the_most_shifted_channel_and_errors_cancel() -> None:
 
 def test_a_color_counts_as_much_as_it_is_opaque() -> None:
     difference = FrameDifference(clear((50, 0, 0), 51), clear((60, 0, 0), 51))
-    assert difference.figures(LEVELS) == {"largest": 2.0, "p99": 2.0, "densest": 2.0, "bias": 2.0}
+    assert difference.metrics(LEVELS) == {"largest": 2.0, "p99": 2.0, "densest": 2.0, "bias": 2.0}
 
 
 def test_as_much_as_in_the_picture_in_which_it_is_more_so() -> None:
@@ -147,7 +147,7 @@ def test_as_much_as_in_the_picture_in_which_it_is_more_so() -> None:
 
 
 def test_what_cannot_be_seen_does_not_count() -> None:
-    assert FrameDifference(clear((1, 2, 3), 0), clear((200, 100, 0), 0)).figures(COMPARISON_METRICS) == pytest.approx(
+    assert FrameDifference(clear((1, 2, 3), 0), clear((200, 100, 0), 0)).metrics(COMPARISON_METRICS) == pytest.approx(
         {"largest": 0, "p99": 0, "flip": 0, "ssim": 1, "densest": 0, "bias": 0}, abs=1e-12
     )
 
@@ -169,7 +169,7 @@ def test_an_opaque_alpha_changes_no_figure_of_the_colors() -> None:
     opaque = np.full((16, 16, 1), 255, np.uint8)
     bare = FrameDifference(golden, actual)
     with_alpha = FrameDifference(np.dstack([golden, opaque]), np.dstack([actual, opaque]))
-    assert with_alpha.figures(COMPARISON_METRICS) == bare.figures(COMPARISON_METRICS)
+    assert with_alpha.metrics(COMPARISON_METRICS) == bare.metrics(COMPARISON_METRICS)
     assert with_alpha.bias == (*bare.bias, 0.0)
 
 
@@ -180,8 +180,8 @@ def test_metrics_of_the_eye_look_at_transparent_pictures_over_the_worse_of_black
     actual = golden.copy()
     actual[4:12, 4:12, 3] = 20
     over_white = [np.repeat(255 - picture[..., 3:], 3, axis=2) for picture in (golden, actual)]
-    expected = FrameDifference(*over_white).figures([name])
-    assert FrameDifference(golden, actual).figures([name]) == pytest.approx(expected, rel=1e-6)
+    expected = FrameDifference(*over_white).metrics([name])
+    assert FrameDifference(golden, actual).metrics([name]) == pytest.approx(expected, rel=1e-6)
 
 
 # Which figures.
@@ -189,15 +189,15 @@ def test_metrics_of_the_eye_look_at_transparent_pictures_over_the_worse_of_black
 
 def test_figures_come_in_their_order_whatever_is_asked_for_first() -> None:
     difference = FrameDifference(noise((16, 16, 3), 5), noise((16, 16, 3), 6))
-    assert list(difference.figures(reversed(COMPARISON_METRICS))) == list(COMPARISON_METRICS)
-    assert list(difference.figures(["bias", "largest"])) == ["largest", "bias"]
-    assert difference.figures([]) == {}
+    assert list(difference.metrics(reversed(COMPARISON_METRICS))) == list(COMPARISON_METRICS)
+    assert list(difference.metrics(["bias", "largest"])) == ["largest", "bias"]
+    assert difference.metrics([]) == {}
 
 
 def test_all_have_a_number_but_ssim_in_a_picture_smaller_than_its_window() -> None:
     side = SSIM_WINDOW_PX
     for shape, left_out in (((side, side), set()), ((side - 1, side), {"ssim"}), ((1, 1), {"ssim"})):
-        figures = FrameDifference(noise((*shape, 3), 7), noise((*shape, 3), 8)).figures(COMPARISON_METRICS)
+        figures = FrameDifference(noise((*shape, 3), 7), noise((*shape, 3), 8)).metrics(COMPARISON_METRICS)
         assert set(COMPARISON_METRICS) - set(figures) == left_out
         assert all(math.isfinite(value) for value in figures.values())
 
@@ -205,14 +205,14 @@ def test_all_have_a_number_but_ssim_in_a_picture_smaller_than_its_window() -> No
 def test_both_directions_are_equally_far() -> None:
     golden, actual = noise((20, 20, 4), 9), noise((20, 20, 4), 10)
     there, back = FrameDifference(golden, actual), FrameDifference(actual, golden)
-    assert there.figures(LEVELS) == back.figures(LEVELS)
+    assert there.metrics(LEVELS) == back.metrics(LEVELS)
     assert there.bias == tuple(-value for value in back.bias)
 
 
 def test_pictures_are_not_changed() -> None:
     golden, actual = noise((12, 12, 4), 11), noise((12, 12, 4), 12)
     before = golden.copy(), actual.copy()
-    FrameDifference(golden, actual).figures(COMPARISON_METRICS)
+    FrameDifference(golden, actual).metrics(COMPARISON_METRICS)
     assert (golden == before[0]).all()
     assert (actual == before[1]).all()
 

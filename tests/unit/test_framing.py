@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.frame import prepare
+from renderer.frame import prepare_stage
 from renderer.pyramid import build_pyramid
 from renderer.scene import (
     CameraSpec,
@@ -186,7 +186,7 @@ def test_footprints_are_framed_alike() -> None:
         output=OutputSpec(Path("{frame}.png"), (32, 32)),
     )
     stages = [
-        prepare(replace(scene, splat=SplatSpec(footprint)), clock=lambda: 0.0, num_threads=1)
+        prepare_stage(replace(scene, splat=SplatSpec(footprint)), clock=lambda: 0.0, num_threads=1)
         for footprint in ("integrated", "gaussian", "gouraud")
     ]
     assert len({(stage.target, stage.distance) for stage in stages}) == 1

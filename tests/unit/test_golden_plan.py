@@ -14,7 +14,7 @@ from hsplat_cli.compare.golden.provenance import Golden, Provenance
 from hsplat_cli.compare.golden.render import Drawing
 from hsplat_cli.compare.golden.update_plan import Plan, described, make_plan
 from renderer.errors import InputError
-from renderer.film import digest, encode_png, file_digest
+from renderer.film import bytes_digest, encode_png, file_digest
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -49,7 +49,7 @@ class Desk:
         for frame in frames:
             content = encode_png(GREY)
             (self.folder / f"frame-{frame:04}.png").write_bytes(content)
-            goldens.append(Golden(frame, f"frame-{frame:04}.png", digest(content)))
+            goldens.append(Golden(frame, f"frame-{frame:04}.png", bytes_digest(content)))
         self.before = replace(self.before, goldens=tuple(goldens))
 
     def plan(self, *pictures: Pixels, prune: bool = False, tolerance: float = 0.1, date: str | None = None) -> Plan:

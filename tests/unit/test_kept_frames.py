@@ -18,12 +18,12 @@ from renderer.film import (
     FrameCheckpoint,
     Picture,
     atomic as staging,
-    digest,
+    bytes_digest,
     encode_png,
     file_digest,
+    file_matches_digest,
     frame_matches_digest,
     frame_path,
-    is_file,
     is_frame_record,
     join_png_chunks,
     png_chunks,
@@ -75,7 +75,7 @@ def picture_of(folder: Path, output: OutputSpec, number: int) -> Path:
 def test_they_are_there_again(folder: Path, output: OutputSpec) -> None:
     first = keep(folder, output, 0, 2)
     second = reopened(folder, output)
-    assert second.records == first.records == {i: record(i) | {"digest": digest(png(i))} for i in (0, 2)}
+    assert second.records == first.records == {i: record(i) | {"digest": bytes_digest(png(i))} for i in (0, 2)}
     np.testing.assert_array_equal(second.picture(2).pixels, Picture(png=png(2)).pixels)
     assert (second.former_fingerprint, second.num_outdated) == (None, 0)
 
@@ -178,7 +178,7 @@ def test_a_picture_of_another_size(folder: Path, output: OutputSpec) -> None:
         content = encode_png(np.zeros(shape, np.uint8))
         picture.write_bytes(content)
         data = json.loads(told.read_bytes())
-        data["record"]["digest"] = digest(content)
+        data["record"]["digest"] = bytes_digest(content)
         told.write_text(json.dumps(data))
     assert set(reopened(folder, output).records) == {3}
 
@@ -186,8 +186,8 @@ def test_a_picture_of_another_size(folder: Path, output: OutputSpec) -> None:
 @pytest.mark.parametrize("content", [b"", b"GIF89a" * 9, png(1)[:25], png(1)[:8] + b"\0" * 50])
 def test_a_picture_that_is_none(folder: Path, output: OutputSpec, content: bytes) -> None:
     (folder / "file").write_bytes(content)
-    assert is_file(folder / "file", digest(content))
-    assert not frame_matches_digest(folder / "file", digest(content), output)
+    assert file_matches_digest(folder / "file", bytes_digest(content))
+    assert not frame_matches_digest(folder / "file", bytes_digest(content), output)
 
 
 def damaged(content: bytes, *, is_checksum_right: bool) -> bytes:
@@ -205,7 +205,7 @@ def test_a_picture_whose_body_is_damaged(tmp_path: Path, folder: Path, is_checks
     content = damaged(png(1), is_checksum_right=is_checksum_right)
     (folder / "000001.png").write_bytes(content)
     data = json.loads((folder / "000001.json").read_bytes())
-    data["record"]["digest"] = digest(content)
+    data["record"]["digest"] = bytes_digest(content)
     (folder / "000001.json").write_text(json.dumps(data))
     kept = reopened(folder, output)
     if is_checksum_right:
@@ -363,12 +363,12 @@ def test_digests_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     for length in (0, 1, 6, 7, 8, 14, 100):
         content = bytes(range(length))
         (tmp_path / "file").write_bytes(content)
-        assert file_digest(tmp_path / "file") == digest(content)
-        assert is_file(tmp_path / "file", digest(content))
-        assert not is_file(tmp_path / "file", digest(content + b"x"))
-        assert not is_file(tmp_path / "file", None)
-    assert not is_file(tmp_path / "absent", digest(b""))
-    assert not is_file(tmp_path, digest(b""))
+        assert file_digest(tmp_path / "file") == bytes_digest(content)
+        assert file_matches_digest(tmp_path / "file", bytes_digest(content))
+        assert not file_matches_digest(tmp_path / "file", bytes_digest(content + b"x"))
+        assert not file_matches_digest(tmp_path / "file", None)
+    assert not file_matches_digest(tmp_path / "absent", bytes_digest(b""))
+    assert not file_matches_digest(tmp_path, bytes_digest(b""))
 
 
 Interrupt = Callable[[str], None]

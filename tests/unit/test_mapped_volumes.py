@@ -18,7 +18,7 @@ from hsplat_cli.executors.workers.shared_stage import SharedStage, map_stage
 from renderer.bricks import make_bricks, mean_texels, scalar_texels
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
-from renderer.frame import Stage, pack, packed, prepare, render_frames, unpack
+from renderer.frame import Stage, deserialize_stage, prepare_stage, render_frames, serialize_stage, serialized_stage
 from renderer.pyramid import build_pyramid
 from renderer.readers import common, read_volume
 from renderer.scene import ErrorSpec, FileSource, PyramidSpec, RawSource, Scene, VolumeSpec
@@ -210,7 +210,7 @@ def swap(path: Path) -> str:
 
 def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -> Stage:
     scene = replace(scene, volume=raw(path, noise(shape) * 2), error=ErrorSpec(((0, 0.0),)))
-    return prepare(scene, clock=lambda: 0.0, num_threads=1)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 
 
 @pytest.mark.usefixtures("everything_mapped")
@@ -270,7 +270,7 @@ def test_workers_see_another_file(tmp_path: Path) -> None:
 def test_voxels_that_go_while_they_are_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are read when all pieces are there, which is after the last look of those who made the pieces."""
     stage = film(tmp_path / "v.raw", INTEGRATED, (100, 90, 80))
-    assert unpack(memoryview(bytearray(packed(stage)))).volume.source is None
+    assert deserialize_stage(memoryview(bytearray(serialized_stage(stage)))).volume.source is None
     join = np.concatenate
 
     def joined(pieces: list[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:
@@ -280,15 +280,15 @@ def test_voxels_that_go_while_they_are_sent(tmp_path: Path, monkeypatch: pytest.
 
     monkeypatch.setattr("renderer.frame.transport.np.concatenate", joined)
     with pytest.raises(InputError, match="became shorter while it was in use"):
-        packed(stage)
+        serialized_stage(stage)
 
 
 @pytest.mark.usefixtures("everything_mapped")
 def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
     """What they share does not grow with the voxels; whoever has no files gets them all."""
     stage = film(tmp_path / "v.raw", INTEGRATED, (100, 90, 80))
-    num_shared = sum(len(piece) for piece in pack(stage, without_files=False))
-    num_alone = sum(len(piece) for piece in pack(stage, without_files=True))
+    num_shared = sum(len(piece) for piece in serialize_stage(stage, without_files=False))
+    num_alone = sum(len(piece) for piece in serialize_stage(stage, without_files=True))
     assert num_shared < stage.volume.values.nbytes / 2 and num_alone > stage.volume.values.nbytes
     shared = SharedStage(stage)
     try:
@@ -299,7 +299,7 @@ def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
             for volume in (there.volume, there.bricks.volume):
                 np.testing.assert_array_equal(volume.values, stage.volume.values)
                 assert not volume.values.flags.writeable
-        alone = unpack(memoryview(bytearray(packed(stage))))
+        alone = deserialize_stage(memoryview(bytearray(serialized_stage(stage))))
         shrink(tmp_path / "v.raw")
         assert alone.volume.source is None
         np.testing.assert_array_equal(alone.volume.values, noise((100, 90, 80)) * 2)

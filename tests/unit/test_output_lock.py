@@ -17,7 +17,7 @@ import pytest
 
 import renderer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.film import alone, locked
+from renderer.film import exclusive_lock, lock_output
 
 CODE = Path(renderer.__file__).parents[1]
 OUTPUT = Path("film.mp4")
@@ -25,8 +25,8 @@ OUTPUT = Path("film.mp4")
 HOLDER = """\
 import sys
 from pathlib import Path
-from renderer.film.lock import locked
-with locked(Path(sys.argv[1]), [int(place) for place in sys.argv[2:]], Path("film.mp4")):
+from renderer.film import lock_output
+with lock_output(Path(sys.argv[1]), [int(place) for place in sys.argv[2:]], Path("film.mp4")):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -36,12 +36,12 @@ CONTENDER = """\
 import os, sys
 from pathlib import Path
 from renderer.errors import InputError
-from renderer.film.lock import locked
+from renderer.film import lock_output
 folder, place, num_times, wanted = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
 num_held = num_refused = 0
 while num_held < num_times:
     try:
-        with locked(folder, [place], Path("film.mp4")):
+        with lock_output(folder, [place], Path("film.mp4")):
             mine = folder.parent / f"only-one-has-{place}"
             os.close(os.open(mine, os.O_CREAT | os.O_EXCL))
             assert (folder / "lock").is_file()
@@ -55,8 +55,8 @@ while num_held < num_times:
 ONLY_ONE = """\
 import sys
 from pathlib import Path
-from renderer.film.lock import alone
-with alone(Path(sys.argv[1]), lambda holder: sys.exit(1)):
+from renderer.film import exclusive_lock
+with exclusive_lock(Path(sys.argv[1]), lambda holder: sys.exit(1)):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -65,10 +65,10 @@ with alone(Path(sys.argv[1]), lambda holder: sys.exit(1)):
 WAITER = """\
 import os, sys, time
 from pathlib import Path
-from renderer.film.lock import alone
+from renderer.film import exclusive_lock
 mine = Path(sys.argv[1]).with_name("only-one-has-it")
 for _ in range(int(sys.argv[2])):
-    with alone(Path(sys.argv[1]), lambda holder: time.sleep(0.001)):
+    with exclusive_lock(Path(sys.argv[1]), lambda holder: time.sleep(0.001)):
         os.close(os.open(mine, os.O_CREAT | os.O_EXCL))
         mine.unlink()
 """
@@ -101,7 +101,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def take(folder: Path, places: Sequence[int]) -> None:
-    with locked(folder, places, OUTPUT):
+    with lock_output(folder, places, OUTPUT):
         assert (folder / "lock").is_file()
 
 
@@ -113,7 +113,7 @@ def test_it_makes_its_folder_and_removes_it(folder: Path) -> None:
 
 
 def test_a_folder_with_something_in_it_stays(folder: Path) -> None:
-    with locked(folder, [0], OUTPUT):
+    with lock_output(folder, [0], OUTPUT):
         (folder / "000000.json").touch()
         (folder / ".film.mp4.partial-0a1b").touch()
     assert [path.name for path in folder.iterdir()] == ["000000.json"]
@@ -121,7 +121,7 @@ def test_a_folder_with_something_in_it_stays(folder: Path) -> None:
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_however_the_block_ends(folder: Path, error: type[BaseException]) -> None:
-    with pytest.raises(error), locked(folder, [0], OUTPUT):
+    with pytest.raises(error), lock_output(folder, [0], OUTPUT):
         raise error
     assert not folder.exists()
 
@@ -168,7 +168,7 @@ def test_places_that_do_not_overlap(folder: Path, theirs: Sequence[int], ours: S
 def test_the_first_to_come_may_be_the_first_to_go(folder: Path) -> None:
     with ExitStack() as second:
         with held(folder, 0):
-            second.enter_context(locked(folder, [1], OUTPUT))
+            second.enter_context(lock_output(folder, [1], OUTPUT))
         assert (folder / "lock").is_file()
         take_in_another(folder, 0)
     assert not folder.exists()
@@ -229,7 +229,7 @@ def test_who_waits_is_told_for_whom_and_may_go(tmp_path: Path) -> None:
         assert process.stdout is not None
         assert process.stdout.readline() == "held\n"
         num_open = len(os.listdir("/proc/self/fd"))
-        with pytest.raises(KeyboardInterrupt), alone(tmp_path / "lock", pause):
+        with pytest.raises(KeyboardInterrupt), exclusive_lock(tmp_path / "lock", pause):
             pytest.fail("another process is in it")
         assert len(os.listdir("/proc/self/fd")) == num_open
         assert (tmp_path / "lock").is_file()
@@ -240,11 +240,11 @@ def test_who_waits_is_told_for_whom_and_may_go(tmp_path: Path) -> None:
 
 def test_a_lock_file_that_was_left_or_removed(tmp_path: Path) -> None:
     (tmp_path / "lock").touch()
-    with alone(tmp_path / "lock", never):
+    with exclusive_lock(tmp_path / "lock", never):
         (tmp_path / "lock").unlink()
         (tmp_path / "lock").touch()  # somebody else's now
     assert (tmp_path / "lock").exists()
-    with pytest.raises(ValueError, match="of the block"), alone(tmp_path / "lock", never):
+    with pytest.raises(ValueError, match="of the block"), exclusive_lock(tmp_path / "lock", never):
         raise ValueError("of the block")
     assert list(tmp_path.iterdir()) == []
 
@@ -254,7 +254,7 @@ def test_waiting_where_there_are_no_locks(tmp_path: Path, monkeypatch: pytest.Mo
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(fcntl, "lockf", refuse)
-    with alone(tmp_path / "lock", never), alone(tmp_path / "lock", never):
+    with exclusive_lock(tmp_path / "lock", never), exclusive_lock(tmp_path / "lock", never):
         pass
     assert list(tmp_path.iterdir()) == []
 
@@ -264,7 +264,7 @@ def test_a_file_system_without_locks(folder: Path, monkeypatch: pytest.MonkeyPat
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(fcntl, "lockf", refuse)
-    with locked(folder, [0], OUTPUT):
+    with lock_output(folder, [0], OUTPUT):
         (folder / ".theirs.partial-0a1b").touch()
         (folder / "000001.json").touch()
         with held(folder, 0):
@@ -285,7 +285,7 @@ def test_locks_that_fail(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_folder_that_vanishes_meanwhile(folder: Path) -> None:
-    with locked(folder, [0], OUTPUT):
+    with lock_output(folder, [0], OUTPUT):
         (folder / "lock").unlink()
         folder.rmdir()
     assert not folder.exists()
@@ -293,7 +293,7 @@ def test_a_folder_that_vanishes_meanwhile(folder: Path) -> None:
 
 def test_a_folder_that_was_made_again_is_left_to_who_made_it(folder: Path) -> None:
     with ExitStack() as stack:
-        with locked(folder, [0], OUTPUT):
+        with lock_output(folder, [0], OUTPUT):
             (folder / "lock").unlink()
             folder.rmdir()
             stack.enter_context(held(folder, 0))
@@ -341,7 +341,7 @@ def test_a_link_under_the_name_of_the_lock(folder: Path) -> None:
 )
 def test_something_else_under_the_name_of_a_lock_file(kind: str, make: Callable[[Path], None], tmp_path: Path) -> None:
     make(tmp_path / "lock")
-    with pytest.raises(InputError) as caught, alone(tmp_path / "lock", never):
+    with pytest.raises(InputError) as caught, exclusive_lock(tmp_path / "lock", never):
         pytest.fail("that is no file")
     assert str(caught.value) == (
         f"{tmp_path / 'lock'}: something else has the name of a lock file\n  got: {kind}\n  hint: remove it"
@@ -357,7 +357,7 @@ def test_who_may_write_the_folder_may_lock(of_folder: int, of_file: int, tmp_pat
     tmp_path.chmod(of_folder)
     before = os.umask(0o077)
     try:
-        with alone(tmp_path / "lock", never):
+        with exclusive_lock(tmp_path / "lock", never):
             assert stat.S_IMODE((tmp_path / "lock").stat().st_mode) == of_file
     finally:
         os.umask(before)
@@ -367,13 +367,13 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.Monkey
     """It is told, and not tried again and again."""
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "absent" / "scratch")
-    with pytest.raises(InputError, match="a link that leads nowhere"), locked(link / "a", [0], link / "film.mp4"):
+    with pytest.raises(InputError, match="a link that leads nowhere"), lock_output(link / "a", [0], link / "film.mp4"):
         pytest.fail("there is no such folder")
-    with pytest.raises(HsplatError), locked(Path("/proc/absent/a"), [0], Path("/proc/absent/film.mp4")):
+    with pytest.raises(HsplatError), lock_output(Path("/proc/absent/a"), [0], Path("/proc/absent/film.mp4")):
         pytest.fail("there is no such folder")
     gone = tmp_path / "gone"
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    with pytest.raises(RenderError, match="is gone"), locked(Path("a"), [0], Path("film.mp4")):
+    with pytest.raises(RenderError, match="is gone"), lock_output(Path("a"), [0], Path("film.mp4")):
         pytest.fail("there is no such folder")

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.draw import CellEdges
-from renderer.frame import Frame, Stage, finest_level_at, prepare, render_frames
+from renderer.frame import Frame, Stage, finest_level_at, prepare_stage, render_frames
 from renderer.scene import (
     CameraSpec,
     ControlPoint,
@@ -57,7 +57,7 @@ class Lines(Splats):
 
 
 def stage_of(scene: Scene) -> Stage:
-    return prepare(scene, clock=itertools.count().__next__, num_threads=1)
+    return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1)
 
 
 def first_frame(scene: Scene, rasterizer: Splats) -> Frame:

@@ -8,7 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from renderer.frame import BudgetController, CostLog, Details, Stage, Stopwatch, calibrate_costs, prepare, render_frames
+from renderer.frame import (
+    BudgetController,
+    CostLog,
+    LODCostEstimator,
+    Stage,
+    Stopwatch,
+    calibrate_costs,
+    prepare_stage,
+    render_frames,
+)
 from renderer.scene import (
     CameraSpec,
     ControlPoint,
@@ -38,19 +47,19 @@ def stage() -> Stage:
         error=ErrorSpec(goal=TimeBudget(((0, 1.0),))),
         splat=SplatSpec("gaussian"),
     )
-    return prepare(scene, clock=lambda: 0.0, num_threads=1)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 
 
 def film(
     stage: Stage, machine: SimulatedMachine, seconds_of: Callable[[int], float], writing: float = 2e-3
 ) -> tuple[list[float], list[float], list[int]]:
     """Seconds, tolerances and cells of the frames."""
-    details = Details(stage, CostLog())
-    calibrate_costs(details, 0, 0.3 * seconds_of(0), machine, clock=machine.clock)
-    pacer = BudgetController(details, seconds_of)
+    estimator = LODCostEstimator(stage, CostLog())
+    calibrate_costs(estimator, 0, 0.3 * seconds_of(0), machine, clock=machine.clock)
+    pacer = BudgetController(estimator, seconds_of)
     taken, tolerances, cells = [], [], []
     start = machine.now
-    for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, guide=pacer):
+    for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, controller=pacer):
         machine.now += writing
         taken.append(machine.now - start)
         tolerances.append(frame.tolerance)
@@ -121,11 +130,11 @@ def test_budgets_by_frame_are_kept_each(stage: Stage) -> None:
 def test_a_prediction_is_of_the_whole_frame(stage: Stage) -> None:
     """From its start until it has been taken care of."""
     machine = SimulatedMachine()
-    details = Details(stage, CostLog())
-    calibrate_costs(details, 0, 0.01, machine, clock=machine.clock)
-    pacer = BudgetController(details, lambda frame: 0.03)
+    estimator = LODCostEstimator(stage, CostLog())
+    calibrate_costs(estimator, 0, 0.01, machine, clock=machine.clock)
+    pacer = BudgetController(estimator, lambda frame: 0.03)
     predicted, taken, start = [], [], machine.now
-    for frame in render_frames(stage, range(20), machine, clock=machine.clock, guide=pacer):
+    for frame in render_frames(stage, range(20), machine, clock=machine.clock, controller=pacer):
         machine.now += 5e-3
         predicted.append(frame.predicted_seconds)
         taken.append(machine.now - start)
@@ -154,9 +163,9 @@ def test_noise_changes_the_cut_seldom(stage: Stage, seconds: float) -> None:
 def test_a_cut_is_chosen_before_the_first_frame(stage: Stage) -> None:
     """So that a still has its time for itself."""
     machine = SimulatedMachine()
-    details = Details(stage, CostLog())
-    calibrate_costs(details, 7, 0.01, machine, clock=machine.clock)
-    pacer = BudgetController(details, lambda frame: 0.03)
+    estimator = LODCostEstimator(stage, CostLog())
+    calibrate_costs(estimator, 7, 0.01, machine, clock=machine.clock)
+    pacer = BudgetController(estimator, lambda frame: 0.03)
     pacer.choose(7, Stopwatch(machine.clock))
-    (frame,) = render_frames(stage, [7], machine, clock=machine.clock, guide=pacer)
+    (frame,) = render_frames(stage, [7], machine, clock=machine.clock, controller=pacer)
     assert "cut" not in frame.seconds

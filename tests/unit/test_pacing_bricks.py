@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from film_stages import INTEGRATED, stage_of
 
-from renderer.frame import BudgetController, CostLog, Details, Stage, calibrate_costs, render_frames
+from renderer.frame import BudgetController, CostLog, LODCostEstimator, Stage, calibrate_costs, render_frames
 from renderer.scene import CameraSpec, ErrorSpec, OutputSpec, ProceduralSource, TimeBudget, TurntablePath, VolumeSpec
 from tests.support.machines import BringingMachine, SimulatedMachine
 
@@ -31,12 +31,12 @@ def stage() -> Stage:
 
 def film(stage: Stage, machine: SimulatedMachine, seconds: float) -> tuple[list[float], list[float]]:
     """Seconds and tolerances of the frames."""
-    details = Details(stage, CostLog())
-    calibrate_costs(details, 0, 0.3 * seconds, machine, clock=machine.clock)
-    pacer = BudgetController(details, lambda frame: seconds)
+    estimator = LODCostEstimator(stage, CostLog())
+    calibrate_costs(estimator, 0, 0.3 * seconds, machine, clock=machine.clock)
+    pacer = BudgetController(estimator, lambda frame: seconds)
     taken, tolerances = [], []
     start = machine.now
-    for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, guide=pacer):
+    for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, controller=pacer):
         machine.now += WRITING_S
         taken.append(machine.now - start)
         tolerances.append(frame.tolerance)
@@ -77,7 +77,7 @@ def test_a_budget_below_any_frame_draws_the_quickest_cut(stage: Stage) -> None:
     taken, tolerances = film(stage, SimulatedMachine(), 1e-3)
     assert len(set(tolerances)) == 1
     assert min(taken) > 1e-3
-    assert Details(stage, CostLog()).family.num_cells(tolerances[0]) == 1
+    assert LODCostEstimator(stage, CostLog()).primitive.num_cells(tolerances[0]) == 1
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
@@ -95,11 +95,11 @@ def test_a_machine_that_changes_its_speed_is_followed_within_some_frames(
 def test_predictions_hold_for_a_film(stage: Stage) -> None:
     """Of a machine whose costs are the samples."""
     machine = SimulatedMachine()
-    details = Details(stage, CostLog())
-    calibrate_costs(details, 0, 0.01, machine, clock=machine.clock)
-    pacer = BudgetController(details, lambda frame: 0.04)
+    estimator = LODCostEstimator(stage, CostLog())
+    calibrate_costs(estimator, 0, 0.01, machine, clock=machine.clock)
+    pacer = BudgetController(estimator, lambda frame: 0.04)
     predicted, taken, start = [], [], machine.now
-    for frame in render_frames(stage, range(20), machine, clock=machine.clock, guide=pacer):
+    for frame in render_frames(stage, range(20), machine, clock=machine.clock, controller=pacer):
         machine.now += WRITING_S
         predicted.append(frame.predicted_seconds)
         taken.append(machine.now - start)
@@ -136,7 +136,7 @@ def test_frames_that_all_bring_something_are_learnt_from(stage: Stage, seconds: 
     """A camera among the bricks sees others in each frame."""
 
     class Passing(SimulatedMachine):
-        def bring(self, batch: object, order: object, view: object) -> bool:
+        def upload(self, batch: object, order: object, view: object) -> bool:
             self.now += seconds / 4
             return True
 
@@ -147,11 +147,11 @@ def test_frames_that_all_bring_something_are_learnt_from(stage: Stage, seconds: 
 def test_what_a_frame_took_is_told(stage: Stage) -> None:
     """With what it did for the others, in a step of its own."""
     machine = BringingMachine()
-    details = Details(stage, CostLog())
-    calibrate_costs(details, 0, 0.01, machine, clock=machine.clock)
+    estimator = LODCostEstimator(stage, CostLog())
+    calibrate_costs(estimator, 0, 0.01, machine, clock=machine.clock)
     start = machine.now
     first, second = render_frames(
-        stage, range(2), machine, clock=machine.clock, guide=BudgetController(details, lambda frame: 0.03)
+        stage, range(2), machine, clock=machine.clock, controller=BudgetController(estimator, lambda frame: 0.03)
     )
     assert sum(first.seconds.values()) + sum(second.seconds.values()) == pytest.approx(machine.now - start)
     assert first.seconds["bricks"] == pytest.approx(10 * first.seconds["draw"])

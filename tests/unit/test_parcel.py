@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from film_stages import KINDS, PLAIN, stage_of, stage_of_kind, waves
 
-from renderer.frame import Stage, pack, unpack
+from renderer.frame import Stage, deserialize_stage, serialize_stage
 from renderer.frame.transport import ALIGNMENT
 from renderer.scene import SplatBudget, with_tolerances
 
 
 def there_and_back(stage: Stage) -> Stage:
-    return unpack(memoryview(bytearray(b"".join(pack(stage, without_files=False)))))
+    return deserialize_stage(memoryview(bytearray(b"".join(serialize_stage(stage, without_files=False)))))
 
 
 def assert_same(one: Any, other: Any) -> None:
@@ -56,8 +56,8 @@ def test_there_and_back(kind: str) -> None:
 
 def test_arrays_are_views_of_the_bytes(plain: Stage) -> None:
     """No copy is made in any process."""
-    content = memoryview(bytearray(b"".join(pack(plain, without_files=False))))
-    stage = unpack(content)
+    content = memoryview(bytearray(b"".join(serialize_stage(plain, without_files=False))))
+    stage = deserialize_stage(content)
     whole = np.frombuffer(content, np.uint8)
     for array in (stage.volume.values, stage.pyramid.volume.values, stage.pyramid.levels[0].means):
         assert np.shares_memory(array, whole)
@@ -65,8 +65,10 @@ def test_arrays_are_views_of_the_bytes(plain: Stage) -> None:
 
 def test_every_array_begins_where_vectors_may() -> None:
     """Relative to the first one, and so wherever memory that is mapped begins."""
-    content = np.frombuffer(bytearray(b"".join(pack(stage_of_kind("float32"), without_files=False))), np.uint8)
-    stage = unpack(memoryview(content))
+    content = np.frombuffer(
+        bytearray(b"".join(serialize_stage(stage_of_kind("float32"), without_files=False))), np.uint8
+    )
+    stage = deserialize_stage(memoryview(content))
     first = content.ctypes.data
     arrays = [stage.volume.values, stage.volume.world_from_index, stage.turning.around, stage.pyramid.occupied]
     arrays += [array for level in stage.pyramid.levels for array in (level.means, level.errors, level.masks)]
@@ -76,7 +78,7 @@ def test_every_array_begins_where_vectors_may() -> None:
 def test_a_volume_is_there_once() -> None:
     """A stage has it, and so has its pyramid."""
     stage = stage_of(PLAIN, waves("float64"))
-    num_bytes = sum(len(piece) for piece in pack(stage, without_files=False))
+    num_bytes = sum(len(piece) for piece in serialize_stage(stage, without_files=False))
     assert stage.volume.values.nbytes < num_bytes < stage.volume.values.nbytes + stage.pyramid.num_bytes + 2**15
 
 

@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from renderer.study import cost_at_psnr, pareto_front, setbacks
+from renderer.study import cost_at_psnr, find_regressions, pareto_front
 
 numbers = st.floats(0, 10) | st.just(math.nan)
 
@@ -42,6 +42,6 @@ def test_a_perfect_picture_is_the_price_of_what_nothing_else_reaches() -> None:
 
 
 def test_setbacks_of_either_direction() -> None:
-    assert setbacks([30.0, 31.0, 30.5, 30.495], higher_is_better=True, least=0.01) == [2]
-    assert setbacks([0.3, 0.1, 0.2], higher_is_better=False, least=0.01) == [2]
-    assert setbacks([math.nan, 1.0, math.nan], higher_is_better=True, least=0.01) == []
+    assert find_regressions([30.0, 31.0, 30.5, 30.495], higher_is_better=True, least=0.01) == [2]
+    assert find_regressions([0.3, 0.1, 0.2], higher_is_better=False, least=0.01) == [2]
+    assert find_regressions([math.nan, 1.0, math.nan], higher_is_better=True, least=0.01) == []

@@ -179,7 +179,7 @@ def test_odd_numbers_in_the_table() -> None:
 
 def test_csv_has_a_row_for_each_measurement_and_frame() -> None:
     rows = rows_of(ALL)
-    expected = [(m.setting.series, m.setting.label, s.frame) for m in ALL.measurements for s in m.samples]
+    expected = [(m.setting.series, m.setting.label, s.frame) for m in ALL.measurements for s in m.frames]
     assert [(row["series"], row["label"], int(row["frame"])) for row in rows] == expected
     assert all(None not in row and None not in row.values() for row in rows)
     assert csv_text(ALL).count("\r\n") == len(rows) + 1
@@ -187,7 +187,7 @@ def test_csv_has_a_row_for_each_measurement_and_frame() -> None:
 
 @pytest.mark.parametrize("study", [ALL, ODD], ids=["plain", "odd"])
 def test_csv_keeps_every_value(study: Study) -> None:
-    samples = [(m, sample) for m in study.measurements for sample in m.samples]
+    samples = [(m, sample) for m in study.measurements for sample in m.frames]
     for row, (m, sample) in zip(rows_of(study), samples, strict=True):
         for prefix, accuracy in (("", sample.accuracy.everywhere), ("volume_", sample.accuracy.on_volume)):
             for metric in METRICS:
@@ -234,7 +234,7 @@ def test_json_has_everything_but_the_pictures() -> None:
         assert written["pyramid_seconds"] == m.pyramid_seconds
         assert written["once_seconds"] == {stage: list(s) for stage, s in m.seconds.items()}
         assert [s["seconds"] for s in written["samples"]] == [
-            {stage: list(seconds) for stage, seconds in sample.seconds.items()} for sample in m.samples
+            {stage: list(seconds) for stage, seconds in sample.seconds.items()} for sample in m.frames
         ]
     assert [m["on_front"]["time"] for m in record["measurements"]] == [True, False, True, True, True, True, True]
 

@@ -7,38 +7,42 @@ import math
 
 import pytest
 
-from renderer.study import COMPARISON_METRICS, LEVELS, exceeded, severity
+from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, exceeded_limits, severity
 
 
 def test_levels_limit_figures_that_there_are() -> None:
-    assert list(LEVELS) == ["exact", "same-machine", "cross-driver"]
-    for name, level in LEVELS.items():
+    assert list(STRICTNESS_LEVELS) == ["exact", "same-machine", "cross-driver"]
+    for name, level in STRICTNESS_LEVELS.items():
         assert level.name == name
         assert set(level.limits) <= set(COMPARISON_METRICS)
         assert all(math.isfinite(limit) and limit >= 0 for limit in level.limits.values())
 
 
 def test_a_level_lets_pass_what_stricter_ones_do() -> None:
-    for strict, loose in itertools.pairwise(LEVELS.values()):
+    for strict, loose in itertools.pairwise(STRICTNESS_LEVELS.values()):
         limits = {name: limit for name, limit in loose.limits.items() if name in strict.limits}
         assert all(COMPARISON_METRICS[name].passes(strict.limits[name], limit) for name, limit in limits.items())
 
 
 def test_exceeded_are_the_figures_over_their_limits_in_order() -> None:
     limits = {"bias": 0.1, "largest": 4.0, "ssim": 0.9, "p99": 1.0}
-    assert exceeded({"bias": 0.2, "ssim": 0.8, "p99": 1.0, "largest": 5.0}, limits) == ["largest", "ssim", "bias"]
-    assert exceeded({"bias": 0.1, "ssim": 0.9, "p99": 1.0, "largest": 4.0}, limits) == []
+    assert exceeded_limits({"bias": 0.2, "ssim": 0.8, "p99": 1.0, "largest": 5.0}, limits) == [
+        "largest",
+        "ssim",
+        "bias",
+    ]
+    assert exceeded_limits({"bias": 0.1, "ssim": 0.9, "p99": 1.0, "largest": 4.0}, limits) == []
 
 
 def test_figures_without_a_limit_and_limits_without_a_figure_exceed_nothing() -> None:
-    assert exceeded({"largest": 200.0}, {"p99": 0.0}) == []
-    assert exceeded({}, {"largest": 0.0}) == []
+    assert exceeded_limits({"largest": 200.0}, {"p99": 0.0}) == []
+    assert exceeded_limits({}, {"largest": 0.0}) == []
     assert severity({"largest": 200.0}, {"p99": 0.0}) == 0.0
     assert severity({}, {}) == 0.0
 
 
 def test_what_is_not_a_number_is_over_every_limit() -> None:
-    assert exceeded({"flip": math.nan}, {"flip": 1.0}) == ["flip"]
+    assert exceeded_limits({"flip": math.nan}, {"flip": 1.0}) == ["flip"]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 from kinds_of_data import KINDS, N, axes, head_in_hounsfield_units, labels, signed, two_materials
 
 from renderer.draw import GLRasterizer
-from renderer.frame import prepare, render_frames
+from renderer.frame import prepare_stage, render_frames
 from renderer.readers import common, read_volume
 from renderer.scene import (
     CameraSpec,
@@ -61,7 +61,7 @@ def picture(values: Array, rasterizer: GLRasterizer, size: int = 64) -> Array:
         shading=suggestion.shading,
         splat=suggestion.splat or SplatSpec(footprint="integrated"),
     )
-    stage = prepare(scene, clock=time.perf_counter, num_threads=1, volume=volume)
+    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volume=volume)
     (frame,) = render_frames(stage, [1], rasterizer, clock=time.perf_counter)
     return np.asarray(frame.image)
 

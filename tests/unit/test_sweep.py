@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.draw import CellEdges
-from renderer.frame import Stage, make_primitive, prepare
+from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import (
     AccuracyGoal,
     CameraSpec,
@@ -27,7 +27,7 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import SplatBatch
-from renderer.study import Truth, compare, measure_setting, plan_sweep, pool_accuracies, spread_frames
+from renderer.study import Truth, measure_accuracy, measure_setting, plan_sweep, pool_accuracies, spread_frames
 from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
 from renderer.view import View
@@ -47,7 +47,7 @@ def stage() -> Stage:
         output=OutputSpec(Path("unused.mp4"), size=(20, 16)),
         splat=SplatSpec("gaussian"),
     )
-    return prepare(scene, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
 
 
 class Grey(NothingLasting):
@@ -99,12 +99,12 @@ def test_the_first_pass_warms_up_and_gives_the_pictures(stage: Stage) -> None:
     grey = Grey()
     found = measure_setting(stage, truths(), grey, clock=ticking(1e-3), memory=Memory(), repeats=3)
     assert len(grey.eyes) == 2 * (1 + 3)
-    expected = [compare(np.full((16, 20, 3), 0.25), truth.picture, truth.on_volume) for truth in truths()]
-    assert [sample.accuracy for sample in found.samples] == expected
+    expected = [measure_accuracy(np.full((16, 20, 3), 0.25), truth.picture, truth.on_volume) for truth in truths()]
+    assert [sample.accuracy for sample in found.frames] == expected
     assert found.overall == pool_accuracies(expected)
     assert found.peak_bytes == 300
-    assert [sample.frame for sample in found.samples] == list(FRAMES)
-    for sample in found.samples:
+    assert [sample.frame for sample in found.frames] == list(FRAMES)
+    for sample in found.frames:
         assert {name: len(times) for name, times in sample.seconds.items()} == {"order": 3, "draw": 3, "quantize": 3}
         assert sample.frame_seconds == pytest.approx([3e-3] * 3)
     assert {name: len(times) for name, times in found.seconds.items()} == {"cut": 3, "splats": 3}
@@ -118,7 +118,7 @@ def test_of_what_takes_long_only_the_cold_frame_is_drawn_again(stage: Stage) -> 
     grey = Grey()
     found = measure_setting(stage, truths(), grey, clock=ticking(1.0), memory=Memory(), repeats=3)
     assert len(grey.eyes) == 3 and grey.eyes[2] == grey.eyes[0]
-    assert [len(sample.frame_seconds) for sample in found.samples] == [1, 1]
+    assert [len(sample.frame_seconds) for sample in found.frames] == [1, 1]
 
 
 def test_repetitions_end_with_the_patience(stage: Stage) -> None:
@@ -133,7 +133,7 @@ def test_a_plan_goes_through_all_combinations_from_coarse_to_fine(stage: Stage) 
 
     def stage_of(scene: Scene) -> Stage:
         prepared.append(scene.error.measure)
-        return prepare(scene, clock=lambda: 0.0, num_threads=1, volume=stage.volume, any_tolerance=True)
+        return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volume=stage.volume, any_tolerance=True)
 
     splats = [SplatSpec(), SplatSpec(footprint="gouraud"), SplatSpec(opacity_correction=False)]
     plan = plan_sweep(stage.scene, stage_of, [ErrorSpec(), RMS], splats, [0.1, 0.0, 0.5])
@@ -152,7 +152,7 @@ def test_a_plan_goes_through_all_combinations_from_coarse_to_fine(stage: Stage) 
 
 def integrated(stage: Stage) -> Stage:
     scene = replace(stage.scene, splat=SplatSpec(footprint="integrated"))
-    return prepare(scene, clock=lambda: 0.0, num_threads=1, volume=stage.volume, any_tolerance=True)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volume=stage.volume, any_tolerance=True)
 
 
 def test_bricks_have_a_stage_and_tolerances_of_their_own(stage: Stage) -> None:
@@ -189,7 +189,7 @@ def test_bricks_are_no_splats_in_a_measurement(stage: Stage) -> None:
     assert found.setting.series == "integrated, optical" and found.setting.label == "tolerance 0.1"
     assert "opacity_correction" not in found.setting.options
     assert found.num_cells == 4 and found.num_splats is None
-    assert [sample.num_splats for sample in found.samples] == [None, None]
+    assert [sample.num_splats for sample in found.frames] == [None, None]
     assert set(found.seconds) == {"cut", "splats"}
 
 

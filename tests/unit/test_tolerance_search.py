@@ -11,7 +11,7 @@ from hypothesis import given, strategies as st
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid, root_error
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
 from renderer.study.search import find_coarsest_passing
-from renderer.study.tolerances import distinct_tolerances, ladder, spread_tolerances, two_digit_numbers
+from renderer.study.tolerances import distinct_tolerances, round_tolerances, spread_tolerances, two_digit_numbers
 from renderer.transfer import make_transfer_function
 from renderer.volume import make_volume
 
@@ -30,7 +30,7 @@ def _pyramid(values: np.ndarray) -> Pyramid:
 
 
 def test_the_ladder_starts_with_a_single_cell_and_goes_down(pyramid: Pyramid) -> None:
-    rungs = list(ladder(pyramid))
+    rungs = list(round_tolerances(pyramid))
     assert len(cut_pyramid(pyramid, rungs[0])) == 1
     assert len(cut_pyramid(pyramid, rungs[1])) > 1
     assert rungs[1] <= root_error(pyramid) < rungs[0]
@@ -40,7 +40,7 @@ def test_the_ladder_starts_with_a_single_cell_and_goes_down(pyramid: Pyramid) ->
 
 def test_an_even_volume_is_one_cell_or_all_voxels() -> None:
     pyramid = _pyramid(np.full((8, 8, 8), 100, np.uint8))
-    assert list(ladder(pyramid)) == list(distinct_tolerances(pyramid, _counter(pyramid))) == [1.0]
+    assert list(round_tolerances(pyramid)) == list(distinct_tolerances(pyramid, _counter(pyramid))) == [1.0]
     assert spread_tolerances(pyramid, _counter(pyramid), 10) == (1.0, 0.0)
 
 

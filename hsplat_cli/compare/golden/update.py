@@ -29,7 +29,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, deferrable_interrupts
 from renderer.errors import InputError
-from renderer.film import explained, locked, staged_files
+from renderer.film import lock_output, staged_files, translate_os_errors
 from renderer.scene import MAX_SCENE_BYTES
 
 _STAGING_FOLDER = "golden.unfinished"
@@ -60,7 +60,7 @@ def update_goldens(job: Job, golden_options: GoldenOptions, executor: ExecutorSp
     not want what changes.
     """
     folder = golden_options.folder
-    with locked(folder / _STAGING_FOLDER, [0], folder / NAME):
+    with lock_output(folder / _STAGING_FOLDER, [0], folder / NAME):
         before = read_provenance(folder) if os.path.lexists(folder / NAME) else None
         if before is not None and not golden_options.update:
             raise InputError(
@@ -107,7 +107,7 @@ def _stale_limit_notes(removed: Sequence[Golden], folder: Path) -> Iterator[str]
     path = folder / _LIMITS
     if not path.is_file():
         return
-    with explained(path), path.open("rb") as file:
+    with translate_os_errors(path), path.open("rb") as file:
         content = file.read(MAX_SCENE_BYTES)
     named = [golden.file for golden in removed if golden.file.encode() in content]
     if named:
@@ -118,12 +118,12 @@ def _apply(plan: Plan, folder: Path) -> None:
     with deferrable_interrupts() as defer_interrupts, staged_files(folder / _STAGING_FOLDER) as write:
         write(folder / NAME, provenance_bytes(plan.after))
         for name, source in plan.sources.items():
-            with explained(source):
+            with translate_os_errors(source):
                 content = source.read_bytes()
             write(folder / name, content)
         defer_interrupts()
         for golden in plan.removed:
-            with explained(folder / golden.file):
+            with translate_os_errors(folder / golden.file):
                 (folder / golden.file).unlink(missing_ok=True)
 
 

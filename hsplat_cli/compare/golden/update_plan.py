@@ -14,7 +14,7 @@ from hsplat_cli.compare.golden.render import Drawing
 from hsplat_cli.compare.picture_file import read_picture
 from hsplat_cli.terminal import counted, first_few
 from renderer.errors import InputError
-from renderer.film import explained, file_digest
+from renderer.film import file_digest, translate_os_errors
 from renderer.study import COMPARISON_METRICS, FrameDifference
 
 # Those that need no more than numpy; the worst is the one whose first figure is, then by the next.
@@ -104,7 +104,7 @@ def make_plan(
     goldens = []
     for frame, name in names.items():
         source = sources.get(name, folder / name)
-        with explained(source):
+        with translate_os_errors(source):
             drawn = date if name in sources else listed[frame].date
             goldens.append(Golden(frame, name, file_digest(source), drawn))
     others = [golden for frame, golden in listed.items() if frame not in names]
@@ -130,7 +130,7 @@ def _change(path: Path, source: Path, *, is_new: bool) -> Change | None:
         return Change(path.name, f"changes from {_shape(golden.shape)} to {_shape(actual.shape)}")
     if np.array_equal(golden, actual):
         return None
-    return Change(path.name, figures=FrameDifference(golden, actual).figures(_FIGURES))
+    return Change(path.name, figures=FrameDifference(golden, actual).metrics(_FIGURES))
 
 
 def _shape(shape: tuple[int, ...]) -> str:

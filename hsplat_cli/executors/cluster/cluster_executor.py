@@ -21,7 +21,7 @@ from hsplat_cli.executors.cluster.worker import SerializedStage, draw
 from hsplat_cli.executors.frame_result import Drawn
 from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import Picture
-from renderer.frame import Stage, packed
+from renderer.frame import Stage, serialized_stage
 from renderer.versions import package_versions
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ class ClusterExecutor:
 
     def _scatter_stage(self) -> Future | None:
         """The stage to one worker, if it is still there; the others get it from it, and from each other."""
-        stage_data = SerializedStage(packed(self._stage))
+        stage_data = SerializedStage(serialized_stage(self._stage))
         try:
             return self._client.scatter(stage_data, workers=[min(self._registry.fit)], hash=False)
         except (KeyError, OSError, TimeoutError):

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from hsplat_cli.executors.frame_result import Drawn, LocalExecutor
 from hsplat_cli.executors.rasterizers import open_rasterizer
 from renderer.errors import ContextLostError
-from renderer.frame import unpack
+from renderer.frame import deserialize_stage
 from renderer.versions import package_versions, sources_digest
 
 
@@ -40,7 +40,7 @@ class Studio:
 
     def _open(self, content: memoryview, num_threads: int) -> None:
         os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
-        stage = unpack(content)
+        stage = deserialize_stage(content)
         self._rasterizer = open_rasterizer(needs_opengl=stage.scene.needs_opengl)
         self._executor = LocalExecutor(stage, self._rasterizer)
         self.tool_versions = package_versions() | {"GL": self._rasterizer.renderer_name}

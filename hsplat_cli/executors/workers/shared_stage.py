@@ -8,7 +8,7 @@ import tempfile
 
 from hsplat_cli.scenes import guard_mapping
 from renderer.errors import RenderError
-from renderer.frame import Stage, pack, unpack
+from renderer.frame import Stage, deserialize_stage, serialize_stage
 
 # What some systems write at most at once.
 _MAX_WRITE_BYTES = 1 << 30
@@ -41,7 +41,7 @@ def map_stage(descriptor: int) -> Stage:
     Whether its arrays can be written to is as it was. Nobody writes, so that pages stay shared: it would be seen by the
     writer alone.
     """
-    return unpack(memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY)), guard_mapping)
+    return deserialize_stage(memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY)), guard_mapping)
 
 
 def _anonymous_file() -> int:
@@ -58,7 +58,7 @@ def _anonymous_file() -> int:
 def _write(descriptor: int, stage: Stage) -> None:
     """Written and not mapped and then filled: where there is no room that is an error, and not a signal that kills."""
     try:
-        for piece in pack(stage, without_files=False):
+        for piece in serialize_stage(stage, without_files=False):
             rest = piece
             while rest:
                 rest = rest[os.write(descriptor, rest[:_MAX_WRITE_BYTES]) :]

@@ -12,7 +12,7 @@ from typing import Any
 
 from hsplat_cli.films.assemble.parts import Part
 from renderer.errors import Problem
-from renderer.film import Record, digest, png_shape
+from renderer.film import Record, bytes_digest, png_shape
 from renderer.runs import runs
 from renderer.scene import FRAME_FIELD, join, schedule_to_dict, show
 
@@ -208,7 +208,7 @@ def _picture_problem(
         return f"a file that is {error}"
     if found != shape:
         return f"{_size(found)}, not {_size(shape)}"
-    mark = digest(content)
+    mark = bytes_digest(content)
     if frame.record["digest"] == mark:
         return None
     return f"that of frame {by_digest[mark]}" if mark in by_digest else "another picture than the one that was drawn"

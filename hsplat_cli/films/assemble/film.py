@@ -17,15 +17,15 @@ from renderer.errors import InputError, SceneError
 from renderer.film import (
     Picture,
     Pixels,
-    explained,
     frame_path,
     has_frame_files,
     locked_output,
     open_film,
     picture_shape,
     require_encoder,
-    sidecar_of,
+    sidecar_path_of_file,
     staged_files,
+    translate_os_errors,
     write_sidecar,
 )
 from renderer.scene import OutputSpec
@@ -42,7 +42,7 @@ def assemble_film(
     if problems := list(film_problems(parts)):
         raise SceneError(problems)  # of another film's part neither the size nor the frames tell anything
     picked, problems = pick(parts, numbers)
-    sidecar = sidecar_of(output.file, numbers, parts[0].num_frames)
+    sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_frames)
     with locked_output(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
         cause = None if problems else parts_fingerprint(picked, output)
         if cause is not None and not force and _is_there(sidecar, cause, picked, output):
@@ -112,7 +112,7 @@ def _copy(
 def _contents(picked: Sequence[PickedFrame], output: OutputSpec, *, quiet: bool) -> Iterator[tuple[PickedFrame, bytes]]:
     with progress(len(picked), label=output.file.name, quiet=quiet) as bar:
         for frame in picked:
-            with explained(frame.file):
+            with translate_os_errors(frame.file):
                 content = frame.file.read_bytes()
             yield frame, content
             bar.advance()

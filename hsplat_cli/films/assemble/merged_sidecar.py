@@ -11,7 +11,7 @@ from hsplat_cli.films.assemble.agreement import PickedFrame, error_without_sched
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.fingerprint import JobFingerprint, recorded_fingerprint
 from hsplat_cli.films.sidecar_record import limits, visibility_notes
-from renderer.film import Record, digest, has_frame_files
+from renderer.film import Record, bytes_digest, has_frame_files
 from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_to_dict, through
 from renderer.versions import package_versions, sources_digest
 
@@ -84,7 +84,7 @@ def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> JobF
     )
     if has_frame_files(output) or before == now:
         return cause
-    return replace(cause, film=digest(json.dumps([cause.film, now]).encode()))
+    return replace(cause, film=bytes_digest(json.dumps([cause.film, now]).encode()))
 
 
 def _encoder_versions(of: Any) -> list[Any]:

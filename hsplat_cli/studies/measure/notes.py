@@ -43,7 +43,7 @@ def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
 
 def monotonicity_notes(measurements: Sequence[Measurement]) -> list[str]:
     """Which series do not always get better as the tolerance falls, by which metric, and by how much at worst."""
-    from renderer.study import METRICS, setbacks
+    from renderer.study import METRICS, find_regressions
 
     series: dict[str, list[Measurement]] = {}
     for measurement in measurements:
@@ -56,7 +56,7 @@ def monotonicity_notes(measurements: Sequence[Measurement]) -> list[str]:
             if metric.name not in _MIN_SETBACK:
                 continue
             values = [float(getattr(point.overall.everywhere, metric.name)) for point in points]
-            worse = setbacks(values, higher_is_better=metric.higher_is_better, least=_MIN_SETBACK[metric.name])
+            worse = find_regressions(values, higher_is_better=metric.higher_is_better, least=_MIN_SETBACK[metric.name])
             if worse:
                 at = max(worse, key=lambda i: abs(values[i] - values[i - 1]))
                 unit = f" {metric.unit}" if metric.unit else ""

@@ -13,7 +13,7 @@ from hsplat_cli.studies.measure.prepare import prepared
 from hsplat_cli.terminal import counted, report_first_run
 from renderer.errors import InputError
 from renderer.scene import Scene, Want
-from renderer.study import SSIM_WINDOW_PX, Found, require_measuring_packages
+from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages
 
 
 def print_tolerance(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:
@@ -32,7 +32,7 @@ def print_tolerance(scene: Scene, want: Want, numbers: Sequence[int], truth_tole
     click.echo(f"# {_comment(found, scene.splat.noun)}")
 
 
-def _comment(found: Found, noun: str) -> str:
+def _comment(found: ToleranceSearchResult, noun: str) -> str:
     """What the tolerance comes to, and with how many bricks or splats."""
     worst, frames = found.worst, ", ".join(map(str, found.frames))
     drawn, value = counted(worst.num_cells, noun), found.want.of(worst.value)

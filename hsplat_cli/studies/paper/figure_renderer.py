@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from renderer.frame import Frame, Rasterizer, Stage, prepare, render_frames
+from renderer.frame import Frame, Rasterizer, Stage, prepare_stage, render_frames
 from renderer.scene import Scene, VolumeSpec, with_tolerance
-from renderer.study import FRAME_STAGES, TRUTH_TOLERANCE, Picture, compute_truth
+from renderer.study import FRAME_STAGES, TRUTH_TOLERANCE, FloatImage, compute_truth
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 
@@ -30,7 +30,7 @@ class Studio:
         """The scene with its volume and its pyramid; at tolerance 0 if it asks for anything but a tolerance."""
         scene = scene if scene.error.goal is None else with_tolerance(scene, 0.0)
         volume = self.volumes.get(scene.volume)
-        return prepare(scene, clock=self.clock, num_threads=self.num_threads, volume=volume, any_tolerance=True)
+        return prepare_stage(scene, clock=self.clock, num_threads=self.num_threads, volume=volume, any_tolerance=True)
 
     def draw(self, stage: Stage) -> Frame:
         """The first frame of the film."""
@@ -42,7 +42,7 @@ class Studio:
         next(frames)
         return statistics.median(sum(frame.seconds[name] for name in FRAME_STAGES) for frame in frames)
 
-    def truth(self, stage: Stage) -> Picture:
+    def truth(self, stage: Stage) -> FloatImage:
         """The ray integral of the first frame, to TRUTH_TOLERANCE: float64 [h, w, 3], over the scene's background."""
         return compute_truth(stage, 0, TRUTH_TOLERANCE, num_threads=self.num_threads).picture
 

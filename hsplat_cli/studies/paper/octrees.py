@@ -17,7 +17,7 @@ from renderer.errors import InputError
 from renderer.frame import Stage, finest_level_at
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Scene, schedule_to_dict, show
-from renderer.study import over_background, single
+from renderer.study import compute_metric, over_background
 
 Float64 = npt.NDArray[np.float64]
 
@@ -119,7 +119,7 @@ def measure(scene: Scene, studio: Studio) -> Octrees:
             Octree(
                 tolerance,
                 tuple(np.bincount(cut.levels, minlength=stage.pyramid.num_levels + 1).tolist()),
-                single("psnr", over_background(without.radiance, background), truth),
+                compute_metric("psnr", over_background(without.radiance, background), truth),
                 float(cells_per_block[blocks_by_variation[:quarter]].mean()),
                 float(cells_per_block[blocks_by_variation[-quarter:]].mean()),
             )

@@ -10,7 +10,7 @@ from hsplat_cli.studies.paper.paper_figure import Claim, Figure, Picture, Row, T
 from hsplat_cli.terminal import counted
 from renderer.frame import Stage
 from renderer.scene import Scene
-from renderer.study import DIFFERENCE_GAIN, difference_picture, over_background, single
+from renderer.study import DIFFERENCE_GAIN, compute_metric, difference_picture, over_background
 
 INTERACTIVE_FRAME_S, REFINED_FRAME_S = 0.2, 5.0
 # What is looked for is a little faster than needed, because no two frames take the same time.
@@ -102,7 +102,7 @@ def measure(scene: Scene, studio: Studio) -> Refinement:
             seconds,
             frame.seconds["cut"] + frame.seconds["splats"],
             frame.num_splats,
-            single("psnr", seen[-1], truth),
+            compute_metric("psnr", seen[-1], truth),
         )
         drawings.append(drawing)
         pictures.append(Picture(frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
@@ -111,7 +111,7 @@ def measure(scene: Scene, studio: Studio) -> Refinement:
         Row("The pictures", tuple(pictures)),
         Row(f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}", tuple(differences)),
     )
-    return Refinement(tuple(drawings), single("psnr", seen[1], seen[2]), rows)
+    return Refinement(tuple(drawings), compute_metric("psnr", seen[1], seen[2]), rows)
 
 
 def judge(numbers: Refinement) -> tuple[Claim, ...]:

@@ -25,17 +25,17 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError, require_package
-from renderer.film import explained
+from renderer.film import translate_os_errors
 from renderer.scene import Color, Scene
 from renderer.study import (
     Accuracy,
+    FloatImage,
+    FrameMeasurement,
     Measurement,
-    Picture,
-    Sample,
     Setting,
     Truth,
-    compare,
     difference_thumbnail,
+    measure_accuracy,
     pool_accuracies,
     thumbnail,
 )
@@ -195,7 +195,7 @@ def measure_vtk(
             for k, truth in enumerate(truths):
                 worker.draw(options, k)
                 picture = worker.picture()
-                accuracies.append(compare(picture, truth.picture, truth.on_volume))
+                accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
                 small = small or [thumbnail(picture), difference_thumbnail(picture, truth.picture)]
             passes = [[worker.draw(options, k) for k in range(len(truths))] for _ in range(repeats)]
             times = zip(*passes, strict=True)
@@ -204,8 +204,8 @@ def measure_vtk(
                 num_cells=None,
                 pyramid_seconds=None,
                 seconds={},
-                samples=tuple(
-                    Sample(truth.frame, None, {"draw": seconds}, accuracy)
+                frames=tuple(
+                    FrameMeasurement(truth.frame, None, {"draw": seconds}, accuracy)
                     for truth, seconds, accuracy in zip(truths, times, accuracies, strict=True)
                 ),
                 overall=pool_accuracies(accuracies),
@@ -232,7 +232,7 @@ def _folder(
     }
     with tempfile.TemporaryDirectory(prefix="hsplat-vtk-") as name:
         folder = Path(name)
-        with explained(folder):
+        with translate_os_errors(folder):
             (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
             np.save(folder / "voxels.npy", voxels, allow_pickle=False)
         del voxels
@@ -350,7 +350,7 @@ class _Worker:
             raise self._failure(setting, hung=hung.is_set())
         return float(json.loads(answer)["seconds"])
 
-    def picture(self) -> Picture:
+    def picture(self) -> FloatImage:
         """That which was drawn last."""
         return np.asarray(np.load(self._folder / "picture.npy", allow_pickle=False) / 255.0)
 

@@ -44,9 +44,9 @@ class CPUBrickRenderer:
         self._store = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, self._threads)
         self._pieces: tuple[PiecewiseTransfer, Float32] | None = None
 
-    def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Make those bricks of `batch[order]` ready that are not; whether there were any."""
-        return self._store.bring(batch, order, view)
+        return self._store.upload(batch, order, view)
 
     def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float32:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""

@@ -39,10 +39,10 @@ class CPURasterizer:
         """As in GLRasterizer."""
         self._bricks.forget()
 
-    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """As in GLRasterizer."""
         assert isinstance(batch, BrickBatch)
-        return self._bricks.bring(batch, order, view)
+        return self._bricks.upload(batch, order, view)
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """As in GLRasterizer."""

@@ -87,9 +87,9 @@ class GLBrickRenderer:
         self._store = BrickCache(partial(GLAtlas, context), partial(GLAtlas, context), self._threads)
         self._transfer: tuple[PiecewiseTransfer, list[Any]] | None = None
 
-    def bring(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Bring those bricks of `batch[order]` to the device that are not there; whether there were any."""
-        return self._store.bring(batch, order, view)
+        return self._store.upload(batch, order, view)
 
     def draw(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""

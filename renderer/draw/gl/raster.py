@@ -109,7 +109,7 @@ class GLRasterizer:
         """Device and driver, as GL names them."""
         return self._renderer_name
 
-    def bring(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Bring what a picture shares with later ones to the device; whether any of it was not there.
 
         Those are bricks. Splats go up with every picture.
@@ -117,7 +117,7 @@ class GLRasterizer:
         if isinstance(batch, SplatBatch):
             return False
         with self._errors_as_context_loss(), self._context:
-            is_new = self._bricks.bring(batch, order, view)
+            is_new = self._bricks.upload(batch, order, view)
             self._require_no_error()
         return is_new
 
