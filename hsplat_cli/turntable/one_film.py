@@ -164,10 +164,10 @@ def _there(scene: Path) -> bytes | None:
         return scene.read_bytes() if scene.exists() else None
 
 
-def _require_unedited(scene: Path, bytes_digest: str, of: str, report: Report) -> None:
+def _require_unedited(scene: Path, digest: str, of: str, report: Report) -> None:
     """Raise InputError unless a scene is as it was written, and for the same volume, or else another film is lost."""
     written = report.written(scene)
-    if written is None or bytes_digest not in written.digests:
+    if written is None or digest not in written.digests:
         raise InputError(
             "there is another scene of this name, perhaps one that was changed by hand",
             where=str(scene),

@@ -23,7 +23,7 @@ from .kept_frames import (
 )
 from .lock import (
     exclusive_lock as exclusive_lock,
-    lock_output as lock_output,
+    lock_slots as lock_slots,
     require_folder_if_exists as require_folder_if_exists,
 )
 from .names import (

@@ -20,7 +20,7 @@ _GATE_BYTE, _FIRST_SLOT_BYTE = 0, 1
 
 
 @contextlib.contextmanager
-def lock_output(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
+def lock_slots(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
     """Hold these places, ascending, of a folder of what is not finished, which is made where it is missing.
 
     Jobs that have no place in common do not keep each other out. The last one to leave removes temporary files of those

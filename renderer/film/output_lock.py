@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.film.atomic import require_writable
-from renderer.film.lock import lock_output
+from renderer.film.lock import lock_slots
 from renderer.film.names import frame_path, is_numbered, unfinished_folder
 from renderer.scene import OutputSpec
 
@@ -21,7 +21,7 @@ def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> I
     """
     folder = unfinished_folder(output)
     places = frames if is_numbered(output) else [0]
-    with lock_output(folder, places, output.file):
+    with lock_slots(folder, places, output.file):
         for file in (frame_path(output.file, frames[0]), sidecar):
             require_writable(file, folder)
         yield folder

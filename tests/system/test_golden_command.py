@@ -317,9 +317,9 @@ def test_a_real_kill_leaves_nothing_for_ever() -> None:
 HOLDING = """
 import sys
 from pathlib import Path
-from renderer.film import lock_output
+from renderer.film import lock_slots
 
-with lock_output(Path("goldens/golden.unfinished"), [0], Path("goldens/golden.json")):
+with lock_slots(Path("goldens/golden.unfinished"), [0], Path("goldens/golden.json")):
     print("held", flush=True)
     sys.stdin.read()
 """

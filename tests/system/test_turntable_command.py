@@ -242,8 +242,8 @@ def test_a_film_of_another_volume_is_not_lost(capfd: pytest.CaptureFixture[str])
 def held(folder: str) -> Iterator[None]:
     """Another process writes the output of this folder of what is not finished."""
     program = (
-        "import sys\nfrom pathlib import Path\nfrom renderer.film import lock_output\n"
-        "with lock_output(Path(sys.argv[1]), [0], Path()):\n    print(flush=True)\n    sys.stdin.read()"
+        "import sys\nfrom pathlib import Path\nfrom renderer.film import lock_slots\n"
+        "with lock_slots(Path(sys.argv[1]), [0], Path()):\n    print(flush=True)\n    sys.stdin.read()"
     )
     environment = os.environ | {"PYTHONPATH": str(CODE)}
     arguments = [sys.executable, "-c", program, folder]

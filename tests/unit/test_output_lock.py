@@ -17,7 +17,7 @@ import pytest
 
 import renderer
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.film import exclusive_lock, lock_output
+from renderer.film import exclusive_lock, lock_slots
 
 CODE = Path(renderer.__file__).parents[1]
 OUTPUT = Path("film.mp4")
@@ -25,8 +25,8 @@ OUTPUT = Path("film.mp4")
 HOLDER = """\
 import sys
 from pathlib import Path
-from renderer.film import lock_output
-with lock_output(Path(sys.argv[1]), [int(place) for place in sys.argv[2:]], Path("film.mp4")):
+from renderer.film import lock_slots
+with lock_slots(Path(sys.argv[1]), [int(place) for place in sys.argv[2:]], Path("film.mp4")):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -36,12 +36,12 @@ CONTENDER = """\
 import os, sys
 from pathlib import Path
 from renderer.errors import InputError
-from renderer.film import lock_output
+from renderer.film import lock_slots
 folder, place, num_times, wanted = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
 num_held = num_refused = 0
 while num_held < num_times:
     try:
-        with lock_output(folder, [place], Path("film.mp4")):
+        with lock_slots(folder, [place], Path("film.mp4")):
             mine = folder.parent / f"only-one-has-{place}"
             os.close(os.open(mine, os.O_CREAT | os.O_EXCL))
             assert (folder / "lock").is_file()
@@ -101,7 +101,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def take(folder: Path, places: Sequence[int]) -> None:
-    with lock_output(folder, places, OUTPUT):
+    with lock_slots(folder, places, OUTPUT):
         assert (folder / "lock").is_file()
 
 
@@ -113,7 +113,7 @@ def test_it_makes_its_folder_and_removes_it(folder: Path) -> None:
 
 
 def test_a_folder_with_something_in_it_stays(folder: Path) -> None:
-    with lock_output(folder, [0], OUTPUT):
+    with lock_slots(folder, [0], OUTPUT):
         (folder / "000000.json").touch()
         (folder / ".film.mp4.partial-0a1b").touch()
     assert [path.name for path in folder.iterdir()] == ["000000.json"]
@@ -121,7 +121,7 @@ def test_a_folder_with_something_in_it_stays(folder: Path) -> None:
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_however_the_block_ends(folder: Path, error: type[BaseException]) -> None:
-    with pytest.raises(error), lock_output(folder, [0], OUTPUT):
+    with pytest.raises(error), lock_slots(folder, [0], OUTPUT):
         raise error
     assert not folder.exists()
 
@@ -168,7 +168,7 @@ def test_places_that_do_not_overlap(folder: Path, theirs: Sequence[int], ours: S
 def test_the_first_to_come_may_be_the_first_to_go(folder: Path) -> None:
     with ExitStack() as second:
         with held(folder, 0):
-            second.enter_context(lock_output(folder, [1], OUTPUT))
+            second.enter_context(lock_slots(folder, [1], OUTPUT))
         assert (folder / "lock").is_file()
         take_in_another(folder, 0)
     assert not folder.exists()
@@ -264,7 +264,7 @@ def test_a_file_system_without_locks(folder: Path, monkeypatch: pytest.MonkeyPat
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(fcntl, "lockf", refuse)
-    with lock_output(folder, [0], OUTPUT):
+    with lock_slots(folder, [0], OUTPUT):
         (folder / ".theirs.partial-0a1b").touch()
         (folder / "000001.json").touch()
         with held(folder, 0):
@@ -285,7 +285,7 @@ def test_locks_that_fail(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_folder_that_vanishes_meanwhile(folder: Path) -> None:
-    with lock_output(folder, [0], OUTPUT):
+    with lock_slots(folder, [0], OUTPUT):
         (folder / "lock").unlink()
         folder.rmdir()
     assert not folder.exists()
@@ -293,7 +293,7 @@ def test_a_folder_that_vanishes_meanwhile(folder: Path) -> None:
 
 def test_a_folder_that_was_made_again_is_left_to_who_made_it(folder: Path) -> None:
     with ExitStack() as stack:
-        with lock_output(folder, [0], OUTPUT):
+        with lock_slots(folder, [0], OUTPUT):
             (folder / "lock").unlink()
             folder.rmdir()
             stack.enter_context(held(folder, 0))
@@ -367,13 +367,13 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.Monkey
     """It is told, and not tried again and again."""
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "absent" / "scratch")
-    with pytest.raises(InputError, match="a link that leads nowhere"), lock_output(link / "a", [0], link / "film.mp4"):
+    with pytest.raises(InputError, match="a link that leads nowhere"), lock_slots(link / "a", [0], link / "film.mp4"):
         pytest.fail("there is no such folder")
-    with pytest.raises(HsplatError), lock_output(Path("/proc/absent/a"), [0], Path("/proc/absent/film.mp4")):
+    with pytest.raises(HsplatError), lock_slots(Path("/proc/absent/a"), [0], Path("/proc/absent/film.mp4")):
         pytest.fail("there is no such folder")
     gone = tmp_path / "gone"
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    with pytest.raises(RenderError, match="is gone"), lock_output(Path("a"), [0], Path("film.mp4")):
+    with pytest.raises(RenderError, match="is gone"), lock_slots(Path("a"), [0], Path("film.mp4")):
         pytest.fail("there is no such folder")

@@ -29,7 +29,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, deferrable_interrupts
 from renderer.errors import InputError
-from renderer.film import lock_output, staged_files, translate_os_errors
+from renderer.film import lock_slots, staged_files, translate_os_errors
 from renderer.scene import MAX_SCENE_BYTES
 
 _STAGING_FOLDER = "golden.unfinished"
@@ -60,7 +60,7 @@ def update_goldens(job: Job, golden_options: GoldenOptions, executor: ExecutorSp
     not want what changes.
     """
     folder = golden_options.folder
-    with lock_output(folder / _STAGING_FOLDER, [0], folder / NAME):
+    with lock_slots(folder / _STAGING_FOLDER, [0], folder / NAME):
         before = read_provenance(folder) if os.path.lexists(folder / NAME) else None
         if before is not None and not golden_options.update:
             raise InputError(
