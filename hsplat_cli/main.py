@@ -19,7 +19,7 @@ from collections.abc import Sequence
 
 import click
 
-from renderer.errors import HsplatError, InputError, describe, nearest
+from renderer.errors import HsplatError, InputError, closest_match, format_message
 
 # Module and summary of each command; a command is the function of its own name in its module, which is imported only
 # when the command is called. Help would be slow if it had to ask the modules.
@@ -58,7 +58,7 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args[0] not in COMMANDS:
-            close = nearest(args[0], COMMANDS)
+            close = closest_match(args[0], COMMANDS)
             raise InputError(
                 f"hsplat has no command {args[0]!r}",
                 expected=", ".join(COMMANDS),
@@ -112,7 +112,7 @@ def run(arguments: Sequence[str]) -> int:
         return 130
     except Exception as error:  # the last resort: whatever it was, no traceback reaches a user
         if _is_out_of_memory(error):
-            _complain(describe("hsplat: out of memory", hint=_address_space_hint()))
+            _complain(format_message("hsplat: out of memory", hint=_address_space_hint()))
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
             _complain(f"hsplat: what is printed cannot be written: {error.strerror}")
         elif not (isinstance(error, BrokenPipeError) and _is_stdout_broken()):

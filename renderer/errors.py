@@ -36,7 +36,7 @@ class HsplatError(Exception):
         super().__init__(what)
 
     def __str__(self) -> str:
-        return describe(self.what, where=self.where, got=self.got, expected=self.expected, hint=self.hint)
+        return format_message(self.what, where=self.where, got=self.got, expected=self.expected, hint=self.hint)
 
 
 class InputError(HsplatError):
@@ -64,7 +64,7 @@ class Problem:
     path: the dotted key, list items by number: `transfer_function.points.2.value`; empty for the scene as a whole.
     what, got, expected, hint: as in HsplatError.
     at_key: the mistake is that the key is there at all, not its value.
-    place: where that is written (`scene.yaml:14:13`); known only to the layer that read the file.
+    location: where that is written (`scene.yaml:14:13`); known only to the layer that read the file.
     """
 
     path: str
@@ -73,11 +73,11 @@ class Problem:
     expected: str | None = None
     hint: str | None = None
     at_key: bool = False
-    place: str | None = None
+    location: str | None = None
 
     def __str__(self) -> str:
-        where = ": ".join(part for part in (self.place, self.path) if part)
-        return describe(self.what, where=where or None, got=self.got, expected=self.expected, hint=self.hint)
+        where = ": ".join(part for part in (self.location, self.path) if part)
+        return format_message(self.what, where=where or None, got=self.got, expected=self.expected, hint=self.hint)
 
 
 class SceneError(InputError):
@@ -89,7 +89,7 @@ class SceneError(InputError):
         super().__init__("\n".join(map(str, self.problems)))
 
 
-def describe(
+def format_message(
     what: str, *, where: str | None = None, got: str | None = None, expected: str | None = None, hint: str | None = None
 ) -> str:
     """The text of a message: `where: what` and one indented line for each further part that there is."""
@@ -98,7 +98,7 @@ def describe(
     return "\n".join(lines)
 
 
-def nearest(name: str, names: Iterable[str]) -> str | None:
+def closest_match(name: str, names: Iterable[str]) -> str | None:
     """The one of `names` that `name` was probably meant to be, or None."""
     return next(iter(difflib.get_close_matches(name, list(names), n=1, cutoff=0.6)), None)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 
-def runs(numbers: Iterable[int]) -> list[tuple[int, int]]:
+def consecutive_ranges(numbers: Iterable[int]) -> list[tuple[int, int]]:
     """Ascending numbers as half-open ranges without a gap: of each its first number, and one past its last."""
     found: list[tuple[int, int]] = []
     for number in numbers:

@@ -1,4 +1,4 @@
-"""Threads that share the work on one picture: compiled loops let go of the interpreter's lock."""
+"""A pool of threads for compiled loops, which run side by side because they release the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -10,35 +10,42 @@ import numpy as np
 import numpy.typing as npt
 
 Item = TypeVar("Item")
+Result = TypeVar("Result")
 Array = npt.NDArray[Any]
 
 
-class Threads:
-    """So many, of which one does it all by itself. Whoever made them calls `release`."""
+class ThreadPool:
+    """A number of threads, or the calling thread alone. A `with` block or `release` ends them.
+
+    The methods raise what the work on an item raises; items that no thread has started are then dropped.
+    """
 
     def __init__(self, num: int = 1) -> None:
         self.num = num
-        self._pool = ThreadPoolExecutor(num, thread_name_prefix="hsplat-bricks") if num > 1 else None
+        self._pool = ThreadPoolExecutor(num, thread_name_prefix="hsplat") if num > 1 else None
+
+    def __enter__(self) -> ThreadPool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
 
     def release(self) -> None:
-        """End them."""
+        """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
 
-    def each(self, work: Callable[[Item], object], items: Iterable[Item]) -> None:
-        """Work on all items; raises what one of them raises."""
-        for _ in map(work, items) if self._pool is None else self._pool.map(work, items):
-            pass
+    def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+        """Return `work(item)` for all items, in their order."""
+        return list(map(work, items) if self._pool is None else self._pool.map(work, items))
 
     def for_ranges(self, work: Callable[[int, int], object], num: int, least: int) -> None:
-        """Call `work` with the ends of parts of range(num), of at least so many each, as far as there are so many."""
+        """Call `work(start, end)` for parts of range(num), at most one a thread, of at least `least` numbers."""
         num_parts = max(1, min(self.num, num // least))
         ends = [num * part // num_parts for part in range(num_parts + 1)]
-        self.each(lambda part: work(ends[part], ends[part + 1]), range(num_parts))
+        self.map(lambda part: work(ends[part], ends[part + 1]), range(num_parts))
 
     def map_concatenated(self, make: Callable[[Array], Array], items: Array, least: int) -> Array:
-        """`make(items)`, which is made of items [n, ...] one by one, in parts of at least so many."""
+        """Return `make(items)` for items [n, ...] that are independent, computed in parts of at least `least` items."""
         num_parts = max(1, min(self.num, len(items) // least))
-        if self._pool is None or num_parts == 1:
-            return make(items)
-        return np.concatenate(list(self._pool.map(make, np.array_split(items, num_parts))))
+        return make(items) if num_parts == 1 else np.concatenate(self.map(make, np.array_split(items, num_parts)))

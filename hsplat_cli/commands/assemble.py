@@ -70,6 +70,6 @@ def _output_spec(part: Part, options: dict[str, tuple[Any, str]], numbers: Seque
         problems.append(Problem("output.file", "frames need a number in their names", show(str(spec.file)), hint=hint))
     if problems:
         places = {f"output.{key}": option for key, (_, option) in options.items()}
-        raise SceneError([replace(each, place=places.get(each.path, file_option)) for each in problems])
+        raise SceneError([replace(each, location=places.get(each.path, file_option)) for each in problems])
     assert isinstance(spec, OutputSpec)
     return spec

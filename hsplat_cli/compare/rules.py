@@ -99,7 +99,7 @@ class Rules:
             hints = {name: did_you_mean(name, compared) for name in strange}
             raise SceneError(
                 [
-                    Problem("", "no such frame", show(name), hint=hints[name], place=self.places.get(name))
+                    Problem("", "no such frame", show(name), hint=hints[name], location=self.places.get(name))
                     for name in strange
                 ]
             )
@@ -125,7 +125,7 @@ def load_rules(
     if level is not None:
         found: list[Problem] = []
         _LEVEL.read(Node(level, "", found))
-        problems += [replace(problem, place=f"{option_names[0]} {level}") for problem in found]
+        problems += [replace(problem, location=f"{option_names[0]} {level}") for problem in found]
     changes: dict[str, float | None] = {}
     for text in overrides:
         changes.update(_override(text, option_names[1], problems))
@@ -189,7 +189,7 @@ def _override(text: str, option_names: str, problems: list[Problem]) -> dict[str
         changes = _LIMITS.read(Node({name: value or None}, "", found))
     else:
         changes, found = {}, [Problem("", "not a limit", expected=f"{option_names} FIGURE=VALUE, such as largest=4")]
-    problems += [replace(problem, place=f"{option_names} {text}") for problem in found]
+    problems += [replace(problem, location=f"{option_names} {text}") for problem in found]
     return changes
 
 
@@ -233,6 +233,6 @@ def _located(tree: Tree, found: Sequence[Problem], path: Path, lines: Sequence[s
         place = tree.places[problem.path]
         marked.append((place.key if problem.at_key else place.value, problem))
     return [
-        replace(problem, place=format_location(path, mark), what=problem.what + excerpt(lines, mark))
+        replace(problem, location=format_location(path, mark), what=problem.what + excerpt(lines, mark))
         for mark, problem in sorted(marked, key=lambda item: item[0])
     ]

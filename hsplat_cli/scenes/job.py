@@ -132,5 +132,5 @@ def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:
         expected = f"a frame from 0 to {num_frames - 1}"
         got, place = str(sidecar.frames[index]), str(sidecar.original.path)
         raise SceneError(
-            [Problem(f"frames.{index}.frame", "after the last frame", got=got, expected=expected, place=place)]
+            [Problem(f"frames.{index}.frame", "after the last frame", got=got, expected=expected, location=place)]
         )

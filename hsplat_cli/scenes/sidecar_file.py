@@ -153,7 +153,7 @@ def load_json_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[
     except RecursionError as error:
         raise InputError("not valid JSON: too many levels", where=str(path)) from error
     if refused:
-        raise SceneError([replace(problem, place=str(path)) for problem in _problems_in(data)])
+        raise SceneError([replace(problem, location=str(path)) for problem in _problems_in(data)])
     assert isinstance(data, dict), "it begins with a brace"
     return data
 
@@ -181,7 +181,7 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
     problems: list[Problem] = []
     given = _known(Node(data, "", problems), _TABLE, required=("scene", "volume", "frames"))
     if given["scene"] is INVALID:
-        raise SceneError([replace(problem, place=str(path)) for problem in problems])
+        raise SceneError([replace(problem, location=str(path)) for problem in problems])
     if problems:
         given |= {key: {} for key in ("schedule", "versions")} | {"frames": ()}
     schedule = given.get("schedule", {})

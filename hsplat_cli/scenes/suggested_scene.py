@@ -155,7 +155,7 @@ def _check(text: str, scene: Path) -> None:
                 replace(
                     problem,
                     what=problem.what.partition("\n")[0],
-                    place=_OPTIONS.get(problem.path, "the scene that was suggested"),
+                    location=_OPTIONS.get(problem.path, "the scene that was suggested"),
                 )
                 for problem in error.problems
             ]

@@ -11,9 +11,7 @@ brick and those of its neighbours at the same level, whatever is drawn there: th
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -25,8 +23,9 @@ from renderer.bricks import kernels
 from renderer.bricks.kernels import BRICK_LEVELS, BRICK_SIZE, HALO
 from renderer.bricks.node_statistics import NodeStatistics, StreamedNodeStatistics, brick_grid_shape, grid_cells
 from renderer.bricks.subvoxel import make_polyline, make_scalar_polyline, measure_subvoxel_variation
-from renderer.pyramid import Pyramid, build_pyramid, children, error_scale, node_errors
+from renderer.pyramid import Pyramid, build_pyramid, error_scale, node_errors, visible_children
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.threads import ThreadPool
 from renderer.transfer import (
     MAX_NORMALIZED_SCALAR,
     VISIBILITY_THRESHOLD,
@@ -73,7 +72,8 @@ _MIN_RANGE_SHARE = 1 / 64
 class BrickLevel:
     """All bricks of one level, those that show nothing, too.
 
-    boxes: float32 [z, y, x, 2, 3], lowest and highest corner (x, y, z), in cells from the brick's own lowest corner
+    visible_bounds: float32 [z, y, x, 2, 3], lowest and highest corner (x, y, z), in cells from the brick's own lowest
+    corner
         (0 to BRICK_SIZE), of what may be seen in the brick: where the field, its apron included, is not transparent.
         Corners lie at cells' centres (k + 1/2) or at the brick's faces or the volume's. The highest is not above the
         lowest where nothing is.
@@ -81,7 +81,7 @@ class BrickLevel:
         the largest error of the nodes of this level in it and in its apron, or of what shows between the voxels in it
         only, or of a difference between them (`renderer.bricks.subvoxel`), along a way as long as such a node. 0 on
         level 0, which shows all of it.
-    roughness: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
+    step_errors: float64 [z, y, x], root of the mean square over the brick's volume of the errors of the nodes one level
         *above*: what cells twice as large would put wrong. Where that is 0 the largest of the neighbours, which may be
         seen in the apron. On level 0 the squares of what shows between voxels only, along a way as long, are added. At
         least that of the differences between voxels, along such a way.
@@ -91,9 +91,9 @@ class BrickLevel:
         STREAMED_LEVELS, where they are made when they are drawn (`renderer.bricks.means`).
     """
 
-    boxes: npt.NDArray[np.float32]
+    visible_bounds: npt.NDArray[np.float32]
     errors: Float64
-    roughness: Float64
+    step_errors: Float64
     slots: Int32
     means: npt.NDArray[np.float16] | npt.NDArray[np.float32]
 
@@ -128,15 +128,15 @@ class BrickCut:
     levels: uint8 [n], of their cells. cells: int32 [n, 3], x, y, z in units of the brick's own width, BRICK_SIZE <<
     level
         voxels.
-    boxes: float64 [n, 2, 3], lowest and highest corner (x, y, z) of what may be seen, in index coordinates.
-    roughness: float64 [n], as in BrickLevel.
+    visible_bounds: float64 [n, 2, 3], lowest and highest corner (x, y, z) of what may be seen, in index coordinates.
+    step_errors: float64 [n], as in BrickLevel.
     volume: the volume that was cut.
     """
 
     levels: npt.NDArray[np.uint8]
     cells: Int32
-    boxes: Float64
-    roughness: Float64
+    visible_bounds: Float64
+    step_errors: Float64
     volume: Volume
 
     def __len__(self) -> int:
@@ -161,7 +161,7 @@ def make_bricks(
     """
     sums = StreamedNodeStatistics.empty(volume)
     pyramid = build_pyramid(
-        volume, transfer, spec=spec, error=error, shading=shading, num_threads=num_threads, tell=sums.add
+        volume, transfer, spec=spec, error=error, shading=shading, num_threads=num_threads, on_nodes=sums.add
     )
     volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
@@ -182,7 +182,7 @@ def make_bricks(
         above = nodes[number].step_errors_below
         np.maximum(above, _cell_error_scale(pyramid, number + 1) * steepness, out=above)
     levels += [
-        _frozen(BrickLevel(below.boxes, below.largest, above.step_errors_below, below.slots, below.means))
+        _frozen(BrickLevel(below.visible_bounds, below.largest, above.step_errors_below, below.slots, below.means))
         for below, above in pairwise(nodes)
     ]
     scalar_range = _scalar_range(transfer, *volume_range)
@@ -203,7 +203,9 @@ def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> Br
     boxes, roughness = np.empty((len(cells), 2, 3)), np.empty(len(cells))
     for (number, part), end in zip(parts, np.cumsum(counts).tolist(), strict=True):
         where, level = slice(end - len(part), end), bricks.levels[number]
-        kernels.copy_bounds_and_errors(part, level.boxes, level.roughness, 2.0**number, boxes[where], roughness[where])
+        kernels.copy_bounds_and_errors(
+            part, level.visible_bounds, level.step_errors, 2.0**number, boxes[where], roughness[where]
+        )
     for array in (levels, cells, boxes, roughness):
         array.flags.writeable = False
     return BrickCut(levels, cells, boxes, roughness, bricks.volume)
@@ -228,7 +230,7 @@ def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tup
         num_drawn, num_divided = kernels.split_bricks(
             cells,
             level.errors,
-            level.boxes,
+            level.visible_bounds,
             tolerance if number > finest_level else math.inf,
             below,
             drawn,
@@ -289,7 +291,7 @@ def _brick_cells_by_level(pyramid: Pyramid) -> dict[int, Int32]:
     trees = {pyramid.num_levels: cells}
     for number in range(pyramid.num_levels, BRICK_LEVELS, -1):
         level = pyramid.levels[number - 1]
-        _, cells = children(np.arange(len(cells)), cells, level.masks, level.first_children)
+        _, cells = visible_children(np.arange(len(cells)), cells, level.masks, level.first_children)
         trees[number - 1] = cells
     return trees
 
@@ -298,7 +300,7 @@ class _LevelSummary(NamedTuple):
     """What the nodes of one level add up to: boxes, largest, slots, means as in the BrickLevel that they fill;
     roughness of the bricks of the level below."""
 
-    boxes: npt.NDArray[np.float32]
+    visible_bounds: npt.NDArray[np.float32]
     largest: Float64
     step_errors_below: Float64
     slots: Int32
@@ -324,12 +326,13 @@ def _summarize_stored_level(pyramid: Pyramid, number: int, trees: dict[int, Int3
         cells, nodes = bricks[part], np.arange(part.start, part.stop)
         for above in range(top, number, -1):
             level = pyramid.levels[above - 1]
-            nodes, cells = children(nodes, cells, level.masks, level.first_children)
+            nodes, cells = visible_children(nodes, cells, level.masks, level.first_children)
         means_of_nodes = pyramid.levels[number - 1].means[nodes]
         sums.add(cells, node_errors(pyramid, nodes, cells, number), means_of_nodes)
         kernels.scatter(_items(means_of_nodes), cells, slots, _items(means))
 
-    _in_threads(work, _parts(len(bricks)), num_threads)
+    with ThreadPool(num_threads) as pool:
+        pool.map(work, _parts(len(bricks)))
     return _summarize(sums, slots, means)
 
 
@@ -353,16 +356,17 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
 def _make_voxel_level(pyramid: Pyramid, transfer: TransferFunction, roughness: Float64, num_threads: int) -> BrickLevel:
     volume = pyramid.volume
     flips = _visibility_breakpoints(transfer, volume.finest_spacing)
-    codes, scalars = raw_voxels(volume), pyramid.classifier.scalars
+    raw, scalars = raw_voxels(volume), pyramid.classifier.scalars
     numbers = None if scalars is None else np.searchsorted(flips, scalars, side="right").astype(np.uint32)
     places = grid_cells(roughness.shape)
     boxes = np.zeros((*roughness.shape, 2, 3), np.float32)
 
     def work(part: slice) -> None:
         volume.require_unchanged()
-        kernels.find_voxel_bounds(codes, numbers, flips, places[part], boxes)
+        kernels.find_voxel_bounds(raw, numbers, flips, places[part], boxes)
 
-    _in_threads(work, _parts(len(places)), num_threads)
+    with ThreadPool(num_threads) as pool:
+        pool.map(work, _parts(len(places)))
     volume.require_unchanged()
     slots, means = np.empty((0, 0, 0), np.int32), np.empty((0, BRICK_SIZE, BRICK_SIZE, BRICK_SIZE, 4), np.float32)
     return _frozen(BrickLevel(boxes, np.zeros_like(roughness), roughness, slots, means))
@@ -385,13 +389,14 @@ def _subvoxel_variation(
             brightest=lighting.ambient + lighting.diffuse if lighting else 1.0,
             volume_range=volume_range,
         )
-    codes, places = raw_voxels(pyramid.volume), grid_cells(shape)
+    raw, places = raw_voxels(pyramid.volume), grid_cells(shape)
 
     def work(part: slice) -> None:
         pyramid.volume.require_unchanged()
-        measure_subvoxel_variation(codes, scalars, *line, places[part], largest, roughness, steepness)
+        measure_subvoxel_variation(raw, scalars, *line, places[part], largest, roughness, steepness)
 
-    _in_threads(work, _parts(len(places)), num_threads)
+    with ThreadPool(num_threads) as pool:
+        pool.map(work, _parts(len(places)))
     pyramid.volume.require_unchanged()
     if pyramid.of == "scalar":
         half = volume_range[1] / 2 - volume_range[0] / 2  # the range itself may be too large for a number
@@ -405,7 +410,7 @@ def _cell_error_scale(pyramid: Pyramid, number: int) -> float:
 
 
 def _frozen(level: BrickLevel) -> BrickLevel:
-    for array in (level.boxes, level.errors, level.roughness, level.slots, level.means):
+    for array in (level.visible_bounds, level.errors, level.step_errors, level.slots, level.means):
         array.flags.writeable = False
     return level
 
@@ -417,17 +422,3 @@ def _items(means: Array) -> Array:
 
 def _parts(num: int) -> list[slice]:
     return [slice(start, min(start + _BRICKS_PER_TASK, num)) for start in range(0, num, _BRICKS_PER_TASK)]
-
-
-def _in_threads(work: Callable[[slice], None], parts: Iterable[slice], num_threads: int) -> None:
-    rest = iter(parts)
-
-    def work_on(_: int) -> None:
-        for part in rest:  # shared: each thread takes the next one when it is ready
-            work(part)
-
-    with ThreadPoolExecutor(num_threads) as pool:
-        try:
-            list(pool.map(work_on, range(num_threads)))
-        finally:  # interrupted, or failed in one thread: leave nothing to the others
-            deque(rest, maxlen=0)

@@ -42,7 +42,7 @@ def _count_at_thresholds(bricks: Bricks, finest_level: int) -> tuple[Float64, In
     around = np.full((1, 1, 1), np.inf)
     for number in range(len(bricks.levels) - 1, -1, -1):
         level = bricks.levels[number]
-        visible = (level.boxes[..., 1, :] > level.boxes[..., 0, :]).all(axis=-1)
+        visible = (level.visible_bounds[..., 1, :] > level.visible_bounds[..., 0, :]).all(axis=-1)
         divisions = np.minimum(level.errors, around) if number > finest_level else np.full(around.shape, -1.0)
         above.append(around[visible])
         below.append(divisions[visible])

@@ -33,7 +33,7 @@ _VISIBLE_BIT = np.uint32(1)
 
 
 @jit
-def find_voxel_bounds(codes: RawVoxels, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32) -> None:
+def find_voxel_bounds(raw: RawVoxels, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32) -> None:
     """Write the boxes of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0.
 
     numbers: uint32 by bit pattern, of flips at or below the scalar; None where voxels are scalars themselves.
@@ -42,11 +42,11 @@ def find_voxel_bounds(codes: RawVoxels, numbers: UInt32 | None, flips: Float64, 
     low, high, end = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3)
     for i in range(len(bricks)):
         x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
-        is_uniform = _count_breakpoints(codes, numbers, flips, x, y, z, field)
+        is_uniform = _count_breakpoints(raw, numbers, flips, x, y, z, field)
         if is_uniform and field[0, 0, 0] & _VISIBLE_BIT == 0:
             continue
         for axis in range(3):
-            end[axis] = min(codes.shape[2 - axis] - BRICK_SIZE * bricks[i, axis], BRICK_SIZE)
+            end[axis] = min(raw.shape[2 - axis] - BRICK_SIZE * bricks[i, axis], BRICK_SIZE)
             low[axis], high[axis] = 0, int(end[axis])  # dual cell t lies between the centres of texels t and t + 1
         if not is_uniform:
             _to_dual_cells(field)
@@ -58,11 +58,11 @@ def find_voxel_bounds(codes: RawVoxels, numbers: UInt32 | None, flips: Float64, 
 
 @jit
 def _count_breakpoints(
-    codes: RawVoxels, numbers: UInt32 | None, flips: Float64, i: int, j: int, k: int, field: UInt32
+    raw: RawVoxels, numbers: UInt32 | None, flips: Float64, i: int, j: int, k: int, field: UInt32
 ) -> bool:
     """Numbers of flips of a brick's voxels with its apron [18, 18, 18], the nearest voxels beyond the border; whether
     they are all the same."""
-    num_z, num_y, num_x = codes.shape
+    num_z, num_y, num_x = raw.shape
     differ = np.uint32(0)
     for t in range(PADDED_BRICK_SIZE):
         z = min(max(BRICK_SIZE * k - HALO + t, 0), num_z - 1)
@@ -71,9 +71,9 @@ def _count_breakpoints(
             for v in range(PADDED_BRICK_SIZE):
                 x = min(max(BRICK_SIZE * i - HALO + v, 0), num_x - 1)
                 if numbers is not None:
-                    field[t, u, v] = numbers[codes[z, y, x]]
+                    field[t, u, v] = numbers[raw[z, y, x]]
                 else:
-                    field[t, u, v] = _num_at_or_below(flips, float(codes[z, y, x]))
+                    field[t, u, v] = _num_at_or_below(flips, float(raw[z, y, x]))
                 differ |= field[t, u, v] ^ field[0, 0, 0]
     return bool(differ == 0)
 

@@ -22,10 +22,10 @@ from renderer.pyramid import (
     Scratch,
     classify_blocks,
     opacities_to_depths,
-    store,
+    store_scaled,
     visible_blocks,
 )
-from renderer.threads import Threads
+from renderer.threads import ThreadPool
 from renderer.transfer import raw_voxels
 
 Array = npt.NDArray[Any]
@@ -48,21 +48,21 @@ class MeanCache:
     are too many, those that were asked for longest ago would be the next. threads: that make them.
     """
 
-    def __init__(self, threads: Threads | None = None) -> None:
-        self._threads = threads or Threads()
+    def __init__(self, threads: ThreadPool | None = None) -> None:
+        self._threads = threads or ThreadPool()
         self._kept: dict[tuple[int, ...], Array] = {}  # stored means by level and cell
         self._last_used: dict[tuple[int, ...], int] = {}  # the number of the picture, longest ago first
         self._picture, self._num_bytes, self._is_used = 0, 0, False
 
-    def begin(self, *, is_used: bool) -> None:
+    def begin(self, *, is_enabled: bool) -> None:
         """Another picture begins, which has more bricks than the device holds, or not."""
-        self._picture, self._is_used = self._picture + 1, is_used
-        if not is_used:
+        self._picture, self._is_used = self._picture + 1, is_enabled
+        if not is_enabled:
             self._kept.clear()
             self._last_used.clear()
             self._num_bytes = 0
 
-    def of(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
+    def get(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
         """As `recompute_means`."""
         if not self._is_used:
             return self._made(pyramid, level, cells)
@@ -109,27 +109,27 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
         pyramid.volume.require_unchanged()
         _average_voxels(pyramid, level, BRICK_SIZE * cells[part].astype(np.int64) - HALO, scratch, means[part])
     pyramid.volume.require_unchanged()
-    if pyramid.deepest is not None:
+    if pyramid.max_depth is not None:
         visible = means[..., 3] > 0
         depths = means[visible]
-        opacities_to_depths(depths, pyramid.deepest)
+        opacities_to_depths(depths, pyramid.max_depth)
         means[visible] = depths
     stored: Array = np.empty(means.shape, pyramid.levels[0].means.dtype)
-    store(means, 1 / pyramid.mean_unit, stored)
+    store_scaled(means, 1 / pyramid.mean_unit, stored)
     return stored
 
 
 def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, scratch: Scratch, out: Float32) -> None:
     """The means of cells from each of `corners` [n, 3] (x, y, z) on, averaged as the pyramid has them, to `out`
     [n, 18, 18, 18, 4]."""
-    codes = raw_voxels(pyramid.volume)
+    raw = raw_voxels(pyramid.volume)
     starts, extents = np.empty((2, scratch.nodes[2][0].shape[0], 3), np.uint64)
     bricks = np.empty(len(starts), np.int64)
-    num = _list_blocks(corners, level, codes.shape, starts, extents, bricks)
-    visible = np.flatnonzero(visible_blocks(codes, pyramid.averaged, starts[:num], extents[:num]))
+    num = _list_blocks(corners, level, raw.shape, starts, extents, bricks)
+    visible = np.flatnonzero(visible_blocks(raw, pyramid.mean_classifier, starts[:num], extents[:num]))
     starts, extents, bricks = starts[visible], extents[visible], bricks[visible]
     scratch = scratch.first(len(visible))
-    classify_blocks(codes, pyramid.averaged, starts, extents, scratch.voxels, scratch.nodes)
+    classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, scratch.nodes)
     _copy_nodes(scratch.nodes[level - 1][0], (starts.astype(np.int64) >> level) - corners[bricks], bricks, out)
 
 

@@ -49,15 +49,20 @@ STEP_EXPONENT = 0.4
 # From which tolerance on which lattices of pixels are drawn. Below all of them every pixel is: next to all blocks of a
 # finer lattice differ there, and what is thin must not fall between nodes.
 STRIDES = ((2.0, (8, 4)), (1.0, (4, 2)), (0.15, (4, 1)))
-# Nodes of the first lattice lie no further apart than so many of the finest cells for each FINE of the tolerance, four
-# of them at 0.3, and no further than this share of the volume's thinnest side. What is thinner may fall between them: a
-# sheet seen edge-on, or what a steep transfer function cuts out of a cell.
-MAX_STRIDE_CELLS, FINE, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
+# Nodes of the first lattice lie no further apart than so many of the finest cells for each STRIDE_TOLERANCE_UNIT of the
+# tolerance, four of them at 0.3, and no further than this share of the volume's thinnest side. What is thinner may fall
+# between them: a sheet seen edge-on, or what a steep transfer function cuts out of a cell.
+MAX_STRIDE_CELLS, STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
 # In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
 # With a third, pictures are as exact as those of all pixels, within 2 dB at 0.15 to 0.5, where two of three CT scans
 # take half to three quarters of their time; with 1 a shaded scan lost 10 dB for nothing. Behind 0.08 instead of 0.04
 # two CT scans lose 1 to 1.5 dB, behind 0.15 3 to 5 more, and gain 2 to 4 % of the time.
-SPREAD, MAX_DIFFERENCE_THRESHOLD, TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.35, 0.35, 0.04, 0.025
+DIFFERENCE_THRESHOLD, MAX_DIFFERENCE_THRESHOLD, TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = (
+    0.35,
+    0.35,
+    0.04,
+    0.025,
+)
 
 # What float32 leaves of a transmittance is less.
 _MIN_TERMINATION_TRANSMITTANCE = 2.0**-22
@@ -78,18 +83,19 @@ class ScreenSampling:
         axes is drawn. On each that follows only those blocks between four nodes of the one before are drawn whose nodes
         differ; the others are interpolated (bilinear), as are pixels between the nodes of the last lattice. (1,) draws
         every pixel.
-    spread: four nodes differ where a channel (premultiplied RGBA) differs by more than this among them and a channel
+    difference_threshold: four nodes differ where a channel (premultiplied RGBA) differs by more than this among them
+    and a channel
         bends by more than this at one of them, along rows or columns: by `|a - 2 b + c|`, b the node and a and c its
         neighbours on the lattice, at the last ones itself.
     termination_transmittance: what lies behind less than this is not drawn.
     """
 
     strides: tuple[int, ...]
-    spread: float
+    difference_threshold: float
     termination_transmittance: float
 
     @property
-    def opaque(self) -> float:
+    def termination_alpha(self) -> float:
         """The alpha behind which a ray may end: nothing is drawn there, or float32 would not keep it."""
         return 1 - max(self.termination_transmittance, _MIN_TERMINATION_TRANSMITTANCE)
 
@@ -100,7 +106,8 @@ class BrickBatch:
 
     steps: float64 [n], about how long a step is, in cells of the brick.
     pieces: as in Bricks.
-    origin: float64 [3], world position of the model's origin, the volume's centre. length: world units in a model unit.
+    origin: float64 [3], world position of the model's origin, the volume's centre. model_unit: world length of a model
+    unit.
     """
 
     cut: BrickCut
@@ -110,7 +117,7 @@ class BrickBatch:
     shading: ShadingSpec | None
     screen_sampling: ScreenSampling
     origin: Float64
-    length: float
+    model_unit: float
 
     def __len__(self) -> int:
         return len(self.cut)
@@ -118,7 +125,7 @@ class BrickBatch:
     @property
     def spacings_per_model_unit(self) -> float:
         """The finest spacing's worth in model units: what tau times that spacing is multiplied by for tau per unit."""
-        return self.length / self.cut.volume.finest_spacing
+        return self.model_unit / self.cut.volume.finest_spacing
 
 
 def toward_light(shading: ShadingSpec) -> Float64:
@@ -134,11 +141,11 @@ def make_brick_batch(
     tolerance: float,
     shading: ShadingSpec | None,
     voxel_px: float,
-    change: float | None = None,
+    pixel_tolerance: float | None = None,
 ) -> BrickBatch:
     """What a cut at a tolerance looks like, on a film on which a voxel appears about `voxel_px` pixels wide.
 
-    change: how much of a pixel's channel the tolerance stands for; None where that is the measure's own unit.
+    pixel_tolerance: how much of a pixel's channel the tolerance stands for; None where that is the measure's own unit.
     """
     volume = cut.volume
     length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
@@ -147,10 +154,12 @@ def make_brick_batch(
     return BrickBatch(
         cut,
         bricks,
-        step_sizes(cut.roughness, tolerance, _depths(cut, bricks)),
+        step_sizes(cut.step_errors, tolerance, _depths(cut, bricks)),
         bricks.pieces,
         shading,
-        screen_sampling_at(tolerance if change is None else change, voxel_px * 2.0**finest, voxel_px * thinnest),
+        screen_sampling_at(
+            tolerance if pixel_tolerance is None else pixel_tolerance, voxel_px * 2.0**finest, voxel_px * thinnest
+        ),
         volume.centre,
         length,
     )
@@ -159,7 +168,7 @@ def make_brick_batch(
 def _depths(cut: BrickCut, bricks: Bricks) -> Float64:
     """float64 [n]: of cells of bricks, about the largest; without the measure for it, that of the whole volume."""
     if bricks.pyramid.measure == "optical":
-        return cut.roughness
+        return cut.step_errors
     return np.full(len(cut), bricks.transfer.max_extinction * cut.volume.finest_spacing)
 
 
@@ -174,7 +183,7 @@ def step_sizes(roughness: Float64, tolerance: float, depths: Float64) -> Float64
 def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = math.inf) -> ScreenSampling:
     """What is spared at a tolerance where the finest cells appear `cell_px` pixels wide, and the volume's thinnest side
     `thinnest_px`."""
-    most = min(MAX_STRIDE_CELLS * cell_px * tolerance / FINE, MAX_STRIDE_THICKNESS * thinnest_px)
+    most = min(MAX_STRIDE_CELLS * cell_px * tolerance / STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS * thinnest_px)
     strides = next((wanted for least, wanted in STRIDES if tolerance >= least and wanted[0] <= most), (1,))
-    spread = min(SPREAD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
+    spread = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
     return ScreenSampling(strides, spread, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE))

@@ -131,7 +131,7 @@ def _simplify_polyline(values: Float64, points: Float64, tolerance: float) -> np
 
 @jit
 def measure_subvoxel_variation(
-    codes: RawVoxels,
+    raw: RawVoxels,
     scalars: Float64 | None,
     values: Float64,
     points: Float64,
@@ -155,11 +155,11 @@ def measure_subvoxel_variation(
     for i in range(len(bricks)):
         x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
         nums = (
-            min(codes.shape[0] - BRICK_SIZE * z, BRICK_SIZE),
-            min(codes.shape[1] - BRICK_SIZE * y, BRICK_SIZE),
-            min(codes.shape[2] - BRICK_SIZE * x, BRICK_SIZE),
+            min(raw.shape[0] - BRICK_SIZE * z, BRICK_SIZE),
+            min(raw.shape[1] - BRICK_SIZE * y, BRICK_SIZE),
+            min(raw.shape[2] - BRICK_SIZE * x, BRICK_SIZE),
         )
-        least, most = _fill_scalars(codes, scalars, scale, x, y, z, nums, low)
+        least, most = _fill_scalars(raw, scalars, scale, x, y, z, nums, low)
         first = _num_at_or_below(values, least, 0)
         if _num_at_or_below(values, most, first) > first or not _is_constant(first, points):
             _to_dual_cell_ranges(low, high, nums)
@@ -170,7 +170,7 @@ def measure_subvoxel_variation(
 
 @jit
 def _fill_scalars(
-    codes: RawVoxels,
+    raw: RawVoxels,
     scalars: Float64 | None,
     scale: float,
     i: int,
@@ -181,7 +181,7 @@ def _fill_scalars(
 ) -> tuple[float, float]:
     """Scaled scalars of a brick's voxels [nums], with an apron of one, the nearest voxels beyond the border; the
     smallest and the largest."""
-    num_z, num_y, num_x = codes.shape
+    num_z, num_y, num_x = raw.shape
     least, most = np.inf, -np.inf
     for t in range(nums[0] + 2 * HALO):
         z = min(max(BRICK_SIZE * k - HALO + t, 0), num_z - 1)
@@ -189,7 +189,7 @@ def _fill_scalars(
             y = min(max(BRICK_SIZE * j - HALO + u, 0), num_y - 1)
             for v in range(nums[2] + 2 * HALO):
                 x = min(max(BRICK_SIZE * i - HALO + v, 0), num_x - 1)
-                scalar = scale * scalar_at(codes, scalars, z, y, x)
+                scalar = scale * scalar_at(raw, scalars, z, y, x)
                 field[t, u, v] = scalar
                 least, most = min(least, scalar), max(most, scalar)
     return least, most

@@ -58,18 +58,18 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     """
     volume, scalars = bricks.volume, bricks.pyramid.classifier.scalars
     first, last = bricks.scalar_range
-    codes = raw_voxels(volume)
+    raw = raw_voxels(volume)
     volume.require_unchanged()
     if not lit:
         texels = np.empty((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE), np.float32)
-        _fill_scalars(codes, scalars, cells, first, last, texels)
+        _fill_scalars(raw, scalars, cells, first, last, texels)
         volume.require_unchanged()
         return texels
     lit_texels = np.empty((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     world_from_gradient = np.linalg.inv(volume.world_from_index[:3, :3]).T
     world_from_gradient = np.ascontiguousarray(world_from_gradient / np.abs(world_from_gradient).max())
     scale = _unit_scale(*bricks.volume_range)
-    _fill_lit_scalars(codes, scalars, cells, first, last, scale, world_from_gradient, lit_texels)
+    _fill_lit_scalars(raw, scalars, cells, first, last, scale, world_from_gradient, lit_texels)
     volume.require_unchanged()
     return lit_texels
 
@@ -81,7 +81,7 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32, made: MeanCache | None
     Raises InputError where voxels are needed and the volume's file was changed.
     """
     if level <= STREAMED_LEVELS:
-        means = (made or MeanCache()).of(bricks.pyramid, level, cells)
+        means = (made or MeanCache()).get(bricks.pyramid, level, cells)
         texels = means.astype(np.float32)
         texels *= np.float32(bricks.pyramid.mean_unit)
     else:
@@ -120,7 +120,7 @@ def _set_nearest(cell: int, num: int, nearest: Array) -> None:
 
 @jit
 def _fill_scalars(
-    codes: RawVoxels, scalars: Float64 | None, cells: Int32, first: float, last: float, texels: Float32
+    raw: RawVoxels, scalars: Float64 | None, cells: Int32, first: float, last: float, texels: Float32
 ) -> None:
     width, halves = range_width(first, last)
     x, y, z = (
@@ -129,19 +129,19 @@ def _fill_scalars(
         np.empty(PADDED_BRICK_SIZE, np.int64),
     )
     for i in range(len(cells)):
-        _set_nearest(cells[i, 0], codes.shape[2], x)
-        _set_nearest(cells[i, 1], codes.shape[1], y)
-        _set_nearest(cells[i, 2], codes.shape[0], z)
+        _set_nearest(cells[i, 0], raw.shape[2], x)
+        _set_nearest(cells[i, 1], raw.shape[1], y)
+        _set_nearest(cells[i, 2], raw.shape[0], z)
         for t in range(PADDED_BRICK_SIZE):
             for u in range(PADDED_BRICK_SIZE):
                 for v in range(PADDED_BRICK_SIZE):
-                    scalar = scalar_at(codes, scalars, z[t], y[u], x[v])
+                    scalar = scalar_at(raw, scalars, z[t], y[u], x[v])
                     texels[i, t, u, v] = relative(scalar, first, width, halves)
 
 
 @jit
 def _fill_lit_scalars(
-    codes: RawVoxels,
+    raw: RawVoxels,
     scalars: Float64 | None,
     cells: Int32,
     first: float,
@@ -158,9 +158,9 @@ def _fill_lit_scalars(
     nearest, weights = np.empty((3, PADDED_BRICK_SIZE), np.int64), np.empty((3, PADDED_BRICK_SIZE))
     m = world_from_gradient
     for i in range(len(cells)):
-        _fill_padded_scalars(codes, scalars, cells[i], around)
+        _fill_padded_scalars(raw, scalars, cells[i], around)
         for axis in range(3):
-            num = codes.shape[2 - axis]
+            num = raw.shape[2 - axis]
             _set_nearest(cells[i, axis], num, nearest[axis])
             for t in range(PADDED_BRICK_SIZE):
                 voxel = nearest[axis, t]
@@ -184,17 +184,17 @@ def _fill_lit_scalars(
 
 
 @jit
-def _fill_padded_scalars(codes: RawVoxels, scalars: Float64 | None, cell: Int32, around: Float64) -> None:
+def _fill_padded_scalars(raw: RawVoxels, scalars: Float64 | None, cell: Int32, around: Float64) -> None:
     """The scalars [20, 20, 20] of a brick at `cell` (x, y, z) and of two voxels around it, the nearest ones beyond the
     border."""
-    num_z, num_y, num_x = codes.shape
+    num_z, num_y, num_x = raw.shape
     x0, y0, z0 = BRICK_SIZE * cell[0] - HALO - 1, BRICK_SIZE * cell[1] - HALO - 1, BRICK_SIZE * cell[2] - HALO - 1
     for t in range(PADDED_BRICK_SIZE + 2):
         z = min(max(z0 + t, 0), num_z - 1)
         for u in range(PADDED_BRICK_SIZE + 2):
             y = min(max(y0 + u, 0), num_y - 1)
             for v in range(PADDED_BRICK_SIZE + 2):
-                around[t, u, v] = scalar_at(codes, scalars, z, y, min(max(x0 + v, 0), num_x - 1))
+                around[t, u, v] = scalar_at(raw, scalars, z, y, min(max(x0 + v, 0), num_x - 1))
 
 
 @jit

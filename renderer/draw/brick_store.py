@@ -12,7 +12,7 @@ import numpy.typing as npt
 from renderer.bricks import BrickBatch, Bricks, MeanCache
 from renderer.draw.brick_atlas import Atlas, Texels
 from renderer.draw.brick_view import BrickView, make_brick_view, mean_texels_by_key, scalar_texels_by_key
-from renderer.threads import Threads
+from renderer.threads import ThreadPool
 from renderer.view import View
 
 A = TypeVar("A", bound=Atlas)
@@ -25,7 +25,7 @@ class BrickCache(Generic[A]):
     threads: that make bricks ready."""
 
     def __init__(
-        self, of_scalars: Callable[[int, int], A], of_means: Callable[[int, int], A], threads: Threads
+        self, of_scalars: Callable[[int, int], A], of_means: Callable[[int, int], A], threads: ThreadPool
     ) -> None:
         self._make_scalar_atlas, self._make_mean_atlas, self._threads = of_scalars, of_means, threads
         self._bricks: Bricks | None = None
@@ -54,7 +54,7 @@ class BrickCache(Generic[A]):
             return False
         if not any(atlas.num_missing(keys) for atlas, keys, _ in kinds):
             return False
-        self._made.begin(is_used=False)
+        self._made.begin(is_enabled=False)
         for atlas, keys, texels in kinds:
             atlas.place(keys, texels)
         return True
@@ -62,7 +62,7 @@ class BrickCache(Generic[A]):
     def begin_frame(self, picture: BrickView) -> None:
         """Say that a picture is drawn now."""
         _, (means, is_mean, _) = self.kinds(picture)
-        self._made.begin(is_used=int(np.count_nonzero(is_mean)) > means.max_slots)
+        self._made.begin(is_enabled=int(np.count_nonzero(is_mean)) > means.max_slots)
 
     def kinds(self, picture: BrickView) -> tuple[Kind[A], Kind[A]]:
         """Of scalars and of means."""
@@ -92,7 +92,7 @@ class BrickCache(Generic[A]):
         num_channels = 4 if batch.shading else 1
         if self._scalars is None or self._bricks is not batch.bricks or self._scalars.num_channels != num_channels:
             self.forget()
-            grids = [level.boxes.shape[:3] for level in batch.bricks.levels]
+            grids = [level.visible_bounds.shape[:3] for level in batch.bricks.levels]
             self._scalars = self._make_scalar_atlas(num_channels, int(np.prod(grids[0])))
             self._means = self._make_mean_atlas(4, sum(int(np.prod(grid)) for grid in grids[1:]))
             self._bricks = batch.bricks

@@ -17,7 +17,7 @@ from renderer.bricks import (
     mean_texels,
     scalar_texels,
 )
-from renderer.threads import Threads
+from renderer.threads import ThreadPool
 from renderer.view import View, screen_rectangles
 
 Float32 = npt.NDArray[np.float32]
@@ -62,7 +62,7 @@ def make_brick_view(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View
         is_mean=levels > 0,
         keys=_keys(batch, order),
         rectangles_px=screen_rectangles(batch, order, view),
-        bounds=cut.boxes[order] - centre,
+        bounds=cut.visible_bounds[order] - centre,
         corners=first_voxels - 0.5 - centre,
         cells_per_voxel=np.ldexp(1.0, -levels),
         steps=batch.steps[order],
@@ -75,7 +75,7 @@ def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.i
     levels, cells = batch.cut.levels[chosen], batch.cut.cells[chosen]
     first = 0
     for level, here in enumerate(batch.bricks.levels):
-        grid = here.boxes.shape[:3]
+        grid = here.visible_bounds.shape[:3]
         is_here = levels == level
         keys[is_here] = first + np.ravel_multi_index(tuple(cells[is_here, ::-1].T), grid)
         first += int(np.prod(grid)) if level > 0 else 0
@@ -88,9 +88,9 @@ def _cells(keys: npt.NDArray[np.int64], grid: tuple[int, ...]) -> npt.NDArray[np
     return np.column_stack([x, y, z]).astype(np.int32)
 
 
-def scalar_texels_by_key(batch: BrickBatch, threads: Threads, keys: npt.NDArray[np.int64]) -> Float32:
+def scalar_texels_by_key(batch: BrickBatch, threads: ThreadPool, keys: npt.NDArray[np.int64]) -> Float32:
     """Texels of bricks of level 0, by their keys: float32 [n, p, p, p(, 4)], p = PADDED_BRICK_SIZE."""
-    cells = _cells(keys, batch.bricks.levels[0].boxes.shape[:3])
+    cells = _cells(keys, batch.bricks.levels[0].visible_bounds.shape[:3])
     return threads.map_concatenated(
         partial(scalar_texels, batch.bricks, lit=batch.shading is not None), cells, MIN_BRICKS_PER_THREAD
     )  # fmt: skip
@@ -101,7 +101,7 @@ def mean_texels_by_key(batch: BrickBatch, made: MeanCache, keys: npt.NDArray[np.
     texels = np.empty((len(keys), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     first = 0
     for level, here in enumerate(batch.bricks.levels[1:], 1):
-        grid = here.boxes.shape[:3]
+        grid = here.visible_bounds.shape[:3]
         is_here = (keys >= first) & (keys < first + int(np.prod(grid)))
         if is_here.any():
             texels[is_here] = mean_texels(batch.bricks, level, _cells(keys[is_here] - first, grid), made)

@@ -37,13 +37,13 @@ class CellEdges:
         and the level of the cell.
     voxel_side: the shortest side of a voxel, or of a brick of voxels, model units.
     origin: float64 [3], world position of the model's origin.
-    length: world units in a model unit.
+    model_unit: world length of a model unit.
     """
 
     vertices: npt.NDArray[np.float32]
     voxel_side: float
     origin: Float64
-    length: float
+    model_unit: float
 
     def __len__(self) -> int:
         return len(self.vertices)

@@ -53,7 +53,7 @@ def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32],
     for coarse, stride in pairwise(strides):
         assert coarse % stride == 0, strides
         nodes = _pixel_grid(view.size, stride)
-        is_alike = _are_alike(image, batch.screen_sampling.spread)[nodes[1] // coarse, nodes[0] // coarse]
+        is_alike = _are_alike(image, batch.screen_sampling.difference_threshold)[nodes[1] // coarse, nodes[0] // coarse]
         is_drawn = ~is_alike & ((nodes[0] % coarse != 0) | (nodes[1] % coarse != 0))
         image = _between(image, coarse, *nodes)
         image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)))
@@ -129,7 +129,7 @@ def _radiance(batch: BrickBatch, order: npt.NDArray[np.uint32], rays: _Rays) -> 
     """[n, 4]: all bricks, one after the other."""
     total = np.zeros((len(rays.starts), 4))
     for brick in order:
-        enter, leave = _span(rays, batch.cut.boxes[brick])
+        enter, leave = _span(rays, batch.cut.visible_bounds[brick])
         is_hit = (enter < leave) & (1 - total[:, 3] >= batch.screen_sampling.termination_transmittance)
         if is_hit.any():
             of_brick = _of_brick(batch, int(brick), rays[is_hit], enter[is_hit], leave[is_hit])

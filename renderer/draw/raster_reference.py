@@ -51,7 +51,7 @@ def rasterize_reference(batch: SplatBatch, order: npt.NDArray[np.uint32], view: 
         gaussian = _beyond(view.near, _in_view(batch, index, view))
         if areas[3] == 0.0 or gaussian.mass == 0.0:
             continue
-        ellipse = _projected(gaussian, areas[3] * batch.length**2, batch.footprint.narrowest_px, view)
+        ellipse = _projected(gaussian, areas[3] * batch.model_unit**2, batch.footprint.min_sigma_px, view)
         rows, columns = _window(ellipse, batch.footprint.cutoff, view.size)
         x_px, y_px = np.meshgrid(np.arange(columns.start, columns.stop) + 0.5, np.arange(rows.start, rows.stop) + 0.5)
         if isinstance(batch.footprint, GaussianFootprint):
@@ -66,8 +66,8 @@ def rasterize_reference(batch: SplatBatch, order: npt.NDArray[np.uint32], view: 
 def _in_view(batch: SplatBatch, index: int, view: View) -> _Gaussian:
     """The splat's whole Gaussian, mass 1."""
     rotation = np.diag([1.0, 1.0, -1.0]) @ view.axes
-    from_target = (batch.origin - view.target) + batch.length * batch.centers[index].astype(np.float64)
-    axes_world = batch.length * batch.axes[batch.shapes[index]]
+    from_target = (batch.origin - view.target) + batch.model_unit * batch.centers[index].astype(np.float64)
+    axes_world = batch.model_unit * batch.axes[batch.shapes[index]]
     covariance_world = axes_world @ axes_world.T
     mean = rotation @ from_target + (0.0, 0.0, view.distance)
     return _Gaussian(1.0, mean, rotation @ covariance_world @ rotation.T)
@@ -94,7 +94,7 @@ def _beyond(near: float, gaussian: _Gaussian) -> _Gaussian:
     )
 
 
-def _projected(gaussian: _Gaussian, optical_area: float, narrowest_px: float, view: View) -> _Ellipse:
+def _projected(gaussian: _Gaussian, optical_area: float, min_sigma_px: float, view: View) -> _Ellipse:
     """The affine image of a Gaussian whose ray integrals add up to `optical_area` across the rays."""
     size = np.array(view.size)
     right, up, depth = gaussian.mean
@@ -109,7 +109,7 @@ def _projected(gaussian: _Gaussian, optical_area: float, narrowest_px: float, vi
         px_per_unit, slant = view.scale_px, 1.0
         jacobian = px_per_unit * np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     variances, directions = np.linalg.eigh(jacobian @ gaussian.covariance @ jacobian.T)
-    variances = np.maximum(variances, narrowest_px**2)
+    variances = np.maximum(variances, min_sigma_px**2)
     return _Ellipse(
         size / 2 + px_per_unit * np.array([right, -up]),
         directions @ np.diag(variances) @ directions.T,

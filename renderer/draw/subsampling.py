@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.threads import Threads
+from renderer.threads import ThreadPool
 
 Bools = npt.NDArray[np.bool_]
 Float32 = npt.NDArray[np.float32]
@@ -21,7 +21,7 @@ def num_nodes(size: tuple[int, int], stride: int) -> tuple[int, int]:
     return -(-(size[0] - 1) // stride) + 1, -(-(size[1] - 1) // stride) + 1
 
 
-def interpolated(nodes: Float32, stride: int, size: tuple[int, int], threads: Threads) -> Float32:
+def interpolated(nodes: Float32, stride: int, size: tuple[int, int], threads: ThreadPool) -> Float32:
     """float32 [height, width, 4]: the picture of `size` (width, height), bilinear between nodes [h, w, 4] at every
     `stride`-th pixel, of which there are `num_nodes`."""
     width, height = size
@@ -60,7 +60,7 @@ def _interpolate(nodes: Float32, stride: int, first_row: int, end_row: int, imag
 
 
 def refined(
-    nodes: Float32, factor: int, spread: float, shape: tuple[int, int], threads: Threads
+    nodes: Float32, factor: int, spread: float, shape: tuple[int, int], threads: ThreadPool
 ) -> tuple[Float32, Bools]:
     """A finer lattice of `shape` (columns, rows), each `factor`-th of whose nodes are those given, [h, w, 4]: float32
     [rows, columns, 4], and bool [rows, columns], which of it are to be drawn.

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from renderer.errors import InputError, OutputLockedError
 from renderer.film.atomic import remove_temporaries, translate_os_errors
-from renderer.runs import runs
+from renderer.runs import consecutive_ranges
 
 _MAX_OWNER_BYTES = 200
 # Whoever comes or goes holds the file's first byte for a moment, so that nobody is refused for one who is going.
@@ -139,7 +139,7 @@ def _make(folder: Path) -> None:
 
 def _acquire_slots(descriptor: int, places: Sequence[int], output: Path) -> None:
     """Lock these places and leave the gate."""
-    for start, stop in runs(places):
+    for start, stop in consecutive_ranges(places):
         if _lock(descriptor, _FIRST_SLOT_BYTE + start, stop - start) is False:
             raise OutputLockedError(
                 "another job is writing this output",

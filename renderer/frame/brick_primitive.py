@@ -120,7 +120,7 @@ class BrickPrimitive:
             self._sizes = brick_cut_sizes(
                 self._bricks, finest_level=self._finest_level, finest_level_at_zero=self._finest_level_at_zero
             )
-        return self._sizes.finest(max(1, int(min(num_cells, self._sizes.max_cells)))).tolerance
+        return self._sizes.finest_within(max(1, int(min(num_cells, self._sizes.max_cells)))).tolerance
 
     def tolerance_for_size(self, size: float) -> float:
         """As in Family; of few digits, to be written down."""
@@ -146,7 +146,7 @@ class BrickPrimitive:
             cut,
             self._bricks,
             tolerance=tolerance,
-            change=tolerance / self._largest_change,
+            pixel_tolerance=tolerance / self._largest_change,
             shading=self._shading,
             voxel_px=self._voxel_px,
         )
@@ -163,8 +163,8 @@ def num_samples(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) ->
         return 0.0
     chosen = order[:: max(1, len(order) // _MAX_SAMPLED_BRICKS)]
     cut, camera = batch.cut, model_view(batch, view)
-    low, high = cut.boxes[chosen, 0], cut.boxes[chosen, 1]
-    model_from_index = cut.volume.world_from_index[:3, :3] / batch.length
+    low, high = cut.visible_bounds[chosen, 0], cut.visible_bounds[chosen, 1]
+    model_from_index = cut.volume.world_from_index[:3, :3] / batch.model_unit
     in_view_from_index = camera.view_from_model[:, :3] @ model_from_index
     centres = ((low + high) / 2 - cut.volume.centre_index) @ in_view_from_index.T + camera.view_from_model[:, 3]
     edges = in_view_from_index * (high - low)[:, None, :]  # columns: the edges of each box
@@ -189,10 +189,13 @@ def _subsampling_cost_share(screen_sampling: ScreenSampling) -> float:
     first, *others = screen_sampling.strides
     share = first**-_STRIDE_EXPONENT
     for stride in others:
-        share += min(1.0, _DIFFERING_SHARE * screen_sampling.spread**-_SPREAD_EXPONENT) * stride**-_STRIDE_EXPONENT
+        share += (
+            min(1.0, _DIFFERING_SHARE * screen_sampling.difference_threshold**-_SPREAD_EXPONENT)
+            * stride**-_STRIDE_EXPONENT
+        )
     return float(share)
 
 
 def _cells_in_bounds(cut: BrickCut) -> Float64:
     """float64 [n]: the volume of each box in cells of its brick's level."""
-    return np.asarray((cut.boxes[:, 1] - cut.boxes[:, 0]).prod(axis=1) / np.exp2(3.0 * cut.levels))
+    return np.asarray((cut.visible_bounds[:, 1] - cut.visible_bounds[:, 0]).prod(axis=1) / np.exp2(3.0 * cut.levels))

@@ -94,7 +94,7 @@ class SplatPrimitive:
         """As in Family."""
         most = max(1, int(min(num_cells, self._pyramid.volume.values.size)))
         sizes = self._sizes_to(most)
-        return sizes.finest(min(most, sizes.max_cells)).tolerance
+        return sizes.finest_within(min(most, sizes.max_cells)).tolerance
 
     def tolerance_for_size(self, size: float) -> float:
         """As in Family."""
@@ -108,14 +108,14 @@ class SplatPrimitive:
         """As in Family."""
         most = int(min(num_cells, self._pyramid.volume.values.size))
         sizes = self._sizes_to(max(1, most // _LOOK_AHEAD))
-        return sizes.num_in_all is None if tolerance == 0 else tolerance <= sizes.beyond
+        return sizes.num_cells_at_zero is None if tolerance == 0 else tolerance <= sizes.tolerance_limit
 
     def _cut(self, tolerance: float) -> Cut:
         finest_level = self._finest_level if tolerance > 0 else self._finest_level_at_zero
         return cut_pyramid(self._pyramid, tolerance, finest_level=finest_level)
 
     def _sizes_to(self, num_cells: int) -> CutSizes:
-        if self._sizes is None or (self._sizes.max_cells < num_cells and self._sizes.num_in_all is None):
+        if self._sizes is None or (self._sizes.max_cells < num_cells and self._sizes.num_cells_at_zero is None):
             self._sizes = cut_sizes(
                 self._pyramid,
                 _LOOK_AHEAD * num_cells,

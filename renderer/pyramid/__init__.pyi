@@ -1,11 +1,15 @@
-from .blocks import classify_blocks as classify_blocks, opacities_to_depths as opacities_to_depths, store as store
+from .blocks import (
+    classify_blocks as classify_blocks,
+    opacities_to_depths as opacities_to_depths,
+    store_scaled as store_scaled,
+)
 from .cut import (
     Cut as Cut,
     cell_voxel_counts as cell_voxel_counts,
-    children as children,
     cut_pyramid as cut_pyramid,
     node_errors as node_errors,
     root_error as root_error,
+    visible_children as visible_children,
 )
 from .cut_size import CutSizes as CutSizes, cut_sizes as cut_sizes
 from .empty_space import visible_blocks as visible_blocks

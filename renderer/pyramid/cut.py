@@ -78,7 +78,7 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
         parts.append(_Leaves(number, cells[is_leaf], means))
         nodes, cells = nodes[~is_leaf], cells[~is_leaf]
         if number > 1:
-            nodes, cells = children(nodes, cells, level.masks, level.first_children)
+            nodes, cells = visible_children(nodes, cells, level.masks, level.first_children)
     return _joined(pyramid, parts, cells)
 
 
@@ -101,7 +101,9 @@ def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
     return np.asarray(x * y * z)
 
 
-def children(nodes: Int64, cells: Int32, masks: npt.NDArray[np.uint8], first_children: Int64) -> tuple[Int64, Int32]:
+def visible_children(
+    nodes: Int64, cells: Int32, masks: npt.NDArray[np.uint8], first_children: Int64
+) -> tuple[Int64, Int32]:
     """The visible children of some nodes: their indices in the level below and their cells."""
     num = int(np.bitwise_count(masks[nodes]).sum(dtype=np.int64))
     child_nodes, child_cells = np.empty(num, np.int64), np.empty((num, 3), np.int32)
@@ -138,9 +140,9 @@ def _joined(pyramid: Pyramid, parts: list[_Leaves], parents: Int32) -> Cut:
     cells, depths = np.empty((room, 3), np.int32), np.empty((room, 4), np.float32)
     np.concatenate([part.cells for part in parts], out=cells[:num_coarse])
     np.concatenate([part.depths for part in parts], out=depths[:num_coarse])
-    codes = raw_voxels(pyramid.volume)
+    raw = raw_voxels(pyramid.volume)
     pyramid.volume.require_unchanged()
-    num = num_coarse + _fill_voxels(codes, *pyramid.classifier, parents, cells[num_coarse:], depths[num_coarse:])
+    num = num_coarse + _fill_voxels(raw, *pyramid.classifier, parents, cells[num_coarse:], depths[num_coarse:])
     pyramid.volume.require_unchanged()
     cells.resize((num, 3), refcheck=False)
     depths.resize((num, 4), refcheck=False)
@@ -162,7 +164,7 @@ def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> npt.NDArray[np.uint8]:
 
 @jit
 def _count_voxels(
-    codes: RawVoxels,
+    raw: RawVoxels,
     table: Float32 | None,
     segments: TransferSegments | None,
     scalars: Float64 | None,
@@ -175,14 +177,14 @@ def _count_voxels(
         num = 0
         for k in range(8):
             x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
-            if x < codes.shape[2] and y < codes.shape[1] and z < codes.shape[0]:
-                num += classify_voxel(codes, table, segments, scalars, lighting, z, y, x)[3] > 0
+            if x < raw.shape[2] and y < raw.shape[1] and z < raw.shape[0]:
+                num += classify_voxel(raw, table, segments, scalars, lighting, z, y, x)[3] > 0
         counts[i] = num
 
 
 @jit
 def _fill_voxels(
-    codes: RawVoxels,
+    raw: RawVoxels,
     table: Float32 | None,
     segments: TransferSegments | None,
     scalars: Float64 | None,
@@ -196,8 +198,8 @@ def _fill_voxels(
     for i in range(len(parents)):
         for k in range(8):
             x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
-            if x < codes.shape[2] and y < codes.shape[1] and z < codes.shape[0]:
-                red, green, blue, depth = classify_voxel(codes, table, segments, scalars, lighting, z, y, x)
+            if x < raw.shape[2] and y < raw.shape[1] and z < raw.shape[0]:
+                red, green, blue, depth = classify_voxel(raw, table, segments, scalars, lighting, z, y, x)
                 if depth > 0:
                     depths[num, 0], depths[num, 1], depths[num, 2], depths[num, 3] = red, green, blue, depth
                     cells[num, 0], cells[num, 1], cells[num, 2] = x, y, z

@@ -18,22 +18,22 @@ from renderer.transfer import VISIBILITY_THRESHOLD, Classifier, RawVoxels, Trans
 UInt64 = npt.NDArray[np.uint64]
 
 
-def visible_blocks(codes: RawVoxels, rule: Classifier, starts: UInt64, extents: UInt64) -> npt.NDArray[np.bool_]:
+def visible_blocks(raw: RawVoxels, classifier: Classifier, starts: UInt64, extents: UInt64) -> npt.NDArray[np.bool_]:
     """bool [g]: whether the blocks at voxels `starts` [g, 3], `extents` [g, 3] large (x, y, z), may show something.
 
     Exact with a table; without one, a block may count although nothing in it is visible.
     """
     visible = np.zeros(len(starts), np.bool_)
-    if rule.table is not None:
-        _test_by_table(codes, (rule.table[:, 3] > 0).view(np.uint8), starts, extents, visible)
+    if classifier.table is not None:
+        _test_by_table(raw, (classifier.table[:, 3] > 0).view(np.uint8), starts, extents, visible)
     else:
-        _test_by_range(codes, rule.segments, starts, extents, visible)
+        _test_by_range(raw, classifier.segments, starts, extents, visible)
     return visible
 
 
 @jit
 def _test_by_table(
-    codes: RawVoxels, shown: npt.NDArray[np.uint8], starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
+    raw: RawVoxels, shown: npt.NDArray[np.uint8], starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
 ) -> None:
     for g in range(len(starts)):
         x0, y0, z0, num = starts[g, 0], starts[g, 1], starts[g, 2], extents[g, 0]
@@ -41,10 +41,10 @@ def _test_by_table(
         while found == 0 and z < extents[g, 2]:
             if num == BLOCK_SIZE:  # a fixed number, which the compiler unrolls
                 for x in range(np.uint64(BLOCK_SIZE)):
-                    found |= shown[codes[z0 + z, y0 + y, x0 + x]]
+                    found |= shown[raw[z0 + z, y0 + y, x0 + x]]
             else:
                 for x in range(num):
-                    found |= shown[codes[z0 + z, y0 + y, x0 + x]]
+                    found |= shown[raw[z0 + z, y0 + y, x0 + x]]
             y += np.uint64(1)
             if y == extents[g, 1]:
                 y, z = np.uint64(0), z + np.uint64(1)
@@ -53,18 +53,18 @@ def _test_by_table(
 
 @jit
 def _test_by_range(
-    codes: RawVoxels, segments: Any, starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
+    raw: RawVoxels, segments: Any, starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
 ) -> None:
     for g in range(len(starts)):
         x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
-        low = high = codes[z0, y0, x0]
+        low = high = raw[z0, y0, x0]
         if evaluate(float(low), segments)[3] > 0:
             visible[g] = True
             continue
         for z in range(z0, z0 + extents[g, 2]):
             for y in range(y0, y0 + extents[g, 1]):
                 for x in range(x0, x0 + extents[g, 0]):
-                    value = codes[z, y, x]
+                    value = raw[z, y, x]
                     low, high = min(low, value), max(high, value)
         visible[g] = _shows(float(low), float(high), segments)
 

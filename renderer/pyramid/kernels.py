@@ -57,7 +57,7 @@ NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
 
 @jit
 def build_channel_level(
-    codes: RawVoxels,
+    raw: RawVoxels,
     table: Float32 | None,
     segments: TransferSegments | None,
     scalars: Float64 | None,
@@ -75,24 +75,24 @@ def build_channel_level(
     voxels: [512, 4], scratch. packed_table, packed_voxels: the rows of `table` and `voxels` as items.
     """
     shares = np.empty((3, 64 * 4), np.float32)
-    block_voxels = np.empty((BLOCK_SIZE, BLOCK_SIZE, BLOCK_SIZE), codes.dtype)
+    block_voxels = np.empty((BLOCK_SIZE, BLOCK_SIZE, BLOCK_SIZE), raw.dtype)
     for g in range(len(starts)):
         if g == 0 or not _has_same_extents(extents, g):
             _set_shares(extents, g, VOXEL_SIDE, shares, means.shape[2])
             voxels[:] = 0  # those outside of the volume stay so
         whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK_SIZE**3
         if whole and lighting is None and packed_table is not None:
-            _classify_by_table(codes, packed_table, starts, g, packed_voxels)
+            _classify_by_table(raw, packed_table, starts, g, packed_voxels)
         elif whole and lighting is None and segments is not None:
-            _evaluate_channels(codes, segments, starts, g, block_voxels, voxels)
+            _evaluate_channels(raw, segments, starts, g, block_voxels, voxels)
         else:
-            _fill_channels(codes, table, segments, scalars, lighting, starts, extents, g, voxels)
+            _fill_channels(raw, table, segments, scalars, lighting, starts, extents, g, voxels)
         _merge_voxels(voxels.reshape(8, 256), shares, means.reshape(-1, 256), variances.reshape(-1, 256), g)
 
 
 @jit
 def build_scalar_level(
-    codes: RawVoxels,
+    raw: RawVoxels,
     scalars: Float64 | None,
     offset: float,
     scale: float,
@@ -110,7 +110,7 @@ def build_scalar_level(
         for z in range(extents[g, 2]):
             for y in range(extents[g, 1]):
                 for x in range(extents[g, 0]):
-                    s = scalar_at(codes, scalars, starts[g, 2] + z, starts[g, 1] + y, starts[g, 0] + x)
+                    s = scalar_at(raw, scalars, starts[g, 2] + z, starts[g, 1] + y, starts[g, 0] + x)
                     voxels[VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y] + VOXEL_OFFSET_X[x]] = (s - offset) * scale
         _merge_voxels(voxels.reshape(8, 64), shares, means.reshape(-1, 64), variances.reshape(-1, 64), g)
 
@@ -169,7 +169,7 @@ def _set_shares(extents: UInt64, g: int, child: int | np.int64, shares: Array, n
 
 @jit
 def _fill_channels(
-    codes: RawVoxels,
+    raw: RawVoxels,
     table: Float32 | None,
     segments: TransferSegments | None,
     scalars: Float64 | None,
@@ -187,28 +187,28 @@ def _fill_channels(
             for x in range(extents[g, 0]):
                 at = row + VOXEL_OFFSET_X[x]
                 red, green, blue, weight = classify_voxel(
-                    codes, table, segments, scalars, lighting, z0 + z, y0 + y, x0 + x
+                    raw, table, segments, scalars, lighting, z0 + z, y0 + y, x0 + x
                 )
                 out[at, 0], out[at, 1], out[at, 2], out[at, 3] = red, green, blue, weight
 
 
 @jit
-def _classify_by_table(codes: RawVoxels, items: PackedChannels, starts: UInt64, g: int, out: PackedChannels) -> None:
+def _classify_by_table(raw: RawVoxels, items: PackedChannels, starts: UInt64, g: int, out: PackedChannels) -> None:
     """The same for a whole block without light."""
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
     for z in range(np.uint64(BLOCK_SIZE)):
         for y in range(np.uint64(BLOCK_SIZE)):
             row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
             for x in range(np.uint64(BLOCK_SIZE)):
-                out[row + VOXEL_OFFSET_X[x]] = items[codes[z0 + z, y0 + y, x0 + x]]
+                out[row + VOXEL_OFFSET_X[x]] = items[raw[z0 + z, y0 + y, x0 + x]]
 
 
 @jit
 def _evaluate_channels(
-    codes: RawVoxels, segments: TransferSegments, starts: UInt64, g: int, block_voxels: RawVoxels, out: Float32
+    raw: RawVoxels, segments: TransferSegments, starts: UInt64, g: int, block_voxels: RawVoxels, out: Float32
 ) -> None:
     """The same where there is no table."""
-    _fetch(codes, starts, g, block_voxels)
+    _fetch(raw, starts, g, block_voxels)
     for z in range(np.uint64(BLOCK_SIZE)):
         for y in range(np.uint64(BLOCK_SIZE)):
             row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
@@ -219,13 +219,13 @@ def _evaluate_channels(
 
 
 @jit
-def _fetch(codes: RawVoxels, starts: UInt64, g: int, block_voxels: RawVoxels) -> None:
+def _fetch(raw: RawVoxels, starts: UInt64, g: int, block_voxels: RawVoxels) -> None:
     """Copy a whole block [8, 8, 8]: with nothing else to do meanwhile, the waits for memory of its 64 rows overlap."""
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
     for z in range(np.uint64(BLOCK_SIZE)):
         for y in range(np.uint64(BLOCK_SIZE)):
             for x in range(np.uint64(BLOCK_SIZE)):
-                block_voxels[z, y, x] = codes[z0 + z, y0 + y, x0 + x]
+                block_voxels[z, y, x] = raw[z0 + z, y0 + y, x0 + x]
 
 
 @jit

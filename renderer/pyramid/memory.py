@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.pyramid.kernels import BLOCK_SIZE
+from renderer.threads import ThreadPool
 
 Array = npt.NDArray[Any]
 Int64 = npt.NDArray[np.int64]
@@ -31,12 +31,12 @@ MAX_OCCUPANCY_SIDE = 128
 # Means and variances [g, n, c] of the 64 nodes of some groups, of their 8 parents, and of their root.
 Groups = list[tuple[Array, Array]]
 
-# Stored means, stored errors and child masks of the visible nodes of one level.
-Stored = tuple[Array, Array, npt.NDArray[np.uint8]]
+# NodeArrays means, stored errors and child masks of the visible nodes of one level.
+NodeArrays = tuple[Array, Array, npt.NDArray[np.uint8]]
 
 
 @dataclass(frozen=True)
-class Room:
+class BlockLevelBuffers:
     """Where the levels inside blocks go: room for every node, visible or not, which costs addresses rather than memory.
 
     first_blocks: of each task, and their number; int64 [num_tasks + 1].
@@ -46,12 +46,14 @@ class Room:
 
     first_blocks: Int64
     counts: Int64
-    levels: tuple[Stored, ...]
+    levels: tuple[NodeArrays, ...]
     occupied: npt.NDArray[np.bool_]
     occupied_level: int
 
     @classmethod
-    def empty(cls, first_blocks: Int64, shape_xyz: tuple[int, int, int], dtype: type[Any], lowest: int) -> Room:
+    def empty(
+        cls, first_blocks: Int64, shape_xyz: tuple[int, int, int], dtype: type[Any], lowest: int
+    ) -> BlockLevelBuffers:
         """For tasks with these blocks of a volume; nothing is stored yet. lowest: so many levels are not kept."""
         level = max(1, (max(shape_xyz) - 1).bit_length() - (MAX_OCCUPANCY_SIDE - 1).bit_length())
         occupied = np.zeros([((num - 1) >> level) + 1 for num in shape_xyz[::-1]], np.bool_)
@@ -63,16 +65,17 @@ class Room:
         )
         return cls(first_blocks, counts, tuple(levels), occupied, level)
 
-    def of_task(self, task: int, level: int) -> Stored:
+    def of_task(self, task: int, level: int) -> NodeArrays:
         """The part for the nodes of one task, `level` being 0 for the lowest."""
         first, end = self.first_blocks[task : task + 2] * NODES_OF_GROUP[level]
         means, errors, masks = (array[first:end] for array in self.levels[level])
         return means, errors, masks
 
-    def compacted(self, num_threads: int) -> list[Stored]:
+    def compacted(self, num_threads: int) -> list[NodeArrays]:
         """The levels without the gaps between tasks: moved together where they lie, then cut off."""
 
-        def compact(level: int, array: Array) -> None:
+        def compact(level_and_array: tuple[int, Array]) -> None:
+            level, array = level_and_array
             end = 0
             for task, num in enumerate(self.counts[:, level]):
                 start = self.first_blocks[task] * NODES_OF_GROUP[level]
@@ -81,16 +84,13 @@ class Room:
                 end += num
             array.resize((end, *array.shape[1:]), refcheck=False)
 
-        levels, arrays = zip(
-            *((k, array) for k, level in enumerate(self.levels) for array in level if len(array)), strict=True
-        )
-        with ThreadPoolExecutor(num_threads) as pool:
-            list(pool.map(compact, levels, arrays))
+        with ThreadPool(num_threads) as pool:
+            pool.map(compact, [(k, array) for k, level in enumerate(self.levels) for array in level if len(array)])
         return list(self.levels)
 
 
-def empty_node_arrays(num: int, dtype: type[Any], *, masked: bool) -> Stored:
-    """Room for so many nodes, with masks or, on level 1, without."""
+def empty_node_arrays(num: int, dtype: type[Any], *, masked: bool) -> NodeArrays:
+    """BlockLevelBuffers for so many nodes, with masks or, on level 1, without."""
     return np.empty((num, 4), dtype), np.empty(num, dtype), np.empty(num if masked else 0, np.uint8)
 
 
@@ -110,7 +110,7 @@ class Scratch:
     visible: npt.NDArray[np.float32]
     spreads: npt.NDArray[np.float32]
     voxels: npt.NDArray[np.float32]
-    passing: tuple[Stored, ...]
+    passing: tuple[NodeArrays, ...]
 
     @classmethod
     def empty(

@@ -24,9 +24,7 @@ large volume until all are done is then small.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -34,7 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.pyramid import kernels
-from renderer.pyramid.blocks import as_packed_channels, classify_blocks, merge, opacities_to_depths, store
+from renderer.pyramid.blocks import as_packed_channels, classify_blocks, merge, opacities_to_depths, store_scaled
 from renderer.pyramid.empty_space import visible_blocks
 from renderer.pyramid.kernels import BLOCK_SIZE
 from renderer.pyramid.memory import (
@@ -42,12 +40,13 @@ from renderer.pyramid.memory import (
     BLOCKS_PER_TASK,
     CUBE_LEVELS,
     NODES_OF_GROUP,
-    Room,
+    BlockLevelBuffers,
+    NodeArrays,
     Scratch,
-    Stored,
     empty_node_arrays,
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.threads import ThreadPool
 from renderer.transfer import VISIBILITY_THRESHOLD, Classifier, TransferFunction, make_classifier, raw_voxels
 from renderer.volume import Volume
 
@@ -106,7 +105,7 @@ class Pyramid:
     Multiply stored means by `mean_unit` and errors by `error_unit` to have them in the units above. `classifier` gives
     level 0, always as (tau c, tau) h0. measure, of: what errors are, as in ErrorSpec.
 
-    averaged: what means are means of; where that is opacities, `deepest` is the depth of the deepest voxel.
+    mean_classifier: what means are means of; where that is opacities, `max_depth` is the depth of the max_depth voxel.
 
     occupied: bool [z, y, x], the cells of level `occupied_level` in which anything is visible.
     min_tolerance, finest_level: cuts at smaller tolerances, or of finer levels, need nodes that were left out.
@@ -116,8 +115,8 @@ class Pyramid:
     mean_unit: float
     error_unit: float
     classifier: Classifier
-    averaged: Classifier
-    deepest: float | None
+    mean_classifier: Classifier
+    max_depth: float | None
     volume: Volume
     measure: str
     of: str
@@ -149,44 +148,50 @@ def build_pyramid(
     num_threads: int = 2,
     min_tolerance: float = 0.0,
     finest_level: int = 0,
-    tell: NodeCallback | None = None,
+    on_nodes: NodeCallback | None = None,
 ) -> Pyramid:
     """Build all levels in one pass over the voxels; the result does not depend on `num_threads`.
 
     No cut will be asked for at a tolerance below `min_tolerance`, nor one with cells of a level below `finest_level`.
-    tell: told all visible nodes of the levels up to STREAMED_LEVELS, which are not stored, by several threads at a
-    time;
+    on_nodes: called with all visible nodes of the levels up to STREAMED_LEVELS, which are not stored, by several
+    threads at a time;
         the nodes in a cube of 2^CUBE_LEVELS voxels a side come together. There are levels above these then.
 
     Raises InputError where the volume's file was changed.
     """
-    num_levels = max(1 if tell is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
-    plan = _make_build_settings(volume, transfer, spec, error, shading)
-    if tell is None:
-        limits = _leaf_variance_limits(plan, volume, error.measure, num_levels, min_tolerance, finest_level)
-        plan = replace(plan, limits=limits)
+    num_levels = max(1 if on_nodes is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
+    settings = _make_build_settings(volume, transfer, spec, error, shading)
+    if on_nodes is None:
+        limits = _leaf_variance_limits(settings, volume, error.measure, num_levels, min_tolerance, finest_level)
+        settings = replace(settings, leaf_variance_limits=limits)
     else:
-        plan, finest_level = replace(plan, tell=tell), STREAMED_LEVELS + 1
+        settings, finest_level = replace(settings, on_nodes=on_nodes), STREAMED_LEVELS + 1
     cubes, first_cubes, first_blocks = _tasks(volume.shape_xyz)
-    room = Room.empty(first_blocks, volume.shape_xyz, plan.dtype, lowest=0 if tell is None else STREAMED_LEVELS)
-    tier, above = _build_all_blocks(plan, np.split(cubes, first_cubes), room, num_threads)
-    depths = plan.rule if spec.average == "extinction" else make_classifier(volume, transfer, shading, opacity=False)
-    stored = room.compacted(num_threads) + above
+    buffers = BlockLevelBuffers.empty(
+        first_blocks, volume.shape_xyz, settings.dtype, lowest=0 if on_nodes is None else STREAMED_LEVELS
+    )
+    tier, above = _build_all_blocks(settings, np.split(cubes, first_cubes), buffers, num_threads)
+    depths = (
+        settings.mean_classifier
+        if spec.average == "extinction"
+        else make_classifier(volume, transfer, shading, opacity=False)
+    )
+    stored = buffers.compacted(num_threads) + above
     while len(stored) < num_levels:
-        tier, levels = _next_tier(plan, tier, len(stored))
+        tier, levels = _next_tier(settings, tier, len(stored))
         stored += levels
     return Pyramid(
         levels=_link_children(stored[:num_levels]),
-        mean_unit=plan.mean_unit,
-        error_unit=plan.error_unit,
+        mean_unit=settings.mean_unit,
+        error_unit=settings.error_unit,
         classifier=depths,
-        averaged=plan.rule,
-        deepest=plan.deepest,
+        mean_classifier=settings.mean_classifier,
+        max_depth=settings.max_depth,
         volume=volume,
         measure=error.measure,
         of=error.of,
-        occupied=room.occupied,
-        occupied_level=room.occupied_level,
+        occupied=buffers.occupied,
+        occupied_level=buffers.occupied_level,
         min_tolerance=min_tolerance,
         finest_level=finest_level,
     )
@@ -217,24 +222,24 @@ class _BuildSettings:
     rule: classifies for the means; the variance that comes with them is the error where both of the others are None.
     error_classifier: classifies for the errors. normal: (offset, scale) of the scalar that errors are of.
     mean_unit, error_unit: as in Pyramid. error_factor: brings the root of a variance to its stored unit.
-    deepest: of a voxel, where opacities are averaged; the means are stored as depths all the same.
+    max_depth: of a voxel, where opacities are averaged; the means are stored as depths all the same.
     limits: nodes of level 2, and of level 3, with a variance below are leaves in every cut.
     tell: as of `build_pyramid`.
     """
 
     volume: Volume
     measure: str
-    codes: Array
-    rule: Classifier
+    raw: Array
+    mean_classifier: Classifier
     error_classifier: Classifier | None
-    normal: tuple[float, float] | None
+    scalar_normalization: tuple[float, float] | None
     mean_unit: float
     error_unit: float
     error_factor: float
     dtype: type[np.float16] | type[np.float32]
-    deepest: float | None
-    limits: tuple[float, float] = (0.0, 0.0)
-    tell: NodeCallback | None = None
+    max_depth: float | None
+    leaf_variance_limits: tuple[float, float] = (0.0, 0.0)
+    on_nodes: NodeCallback | None = None
 
     @property
     def shape_xyz(self) -> Shape:
@@ -243,7 +248,7 @@ class _BuildSettings:
     @property
     def error_layout(self) -> tuple[int, type[Any]] | None:
         """Channels and dtype of what errors are measured of, where that is not what is averaged."""
-        if self.normal:  # scalars may lie close together and far from zero: float64
+        if self.scalar_normalization:  # scalars may lie close together and far from zero: float64
             return 1, np.float64
         return (4, np.float32) if self.error_classifier else None
 
@@ -284,7 +289,7 @@ def _make_build_settings(
 
 
 def _leaf_variance_limits(
-    plan: _BuildSettings, volume: Volume, measure: str, num_levels: int, min_tolerance: float, finest_level: int
+    settings: _BuildSettings, volume: Volume, measure: str, num_levels: int, min_tolerance: float, finest_level: int
 ) -> tuple[float, float]:
     """Total variances of nodes of levels 2 and 3 below which their stored errors are below any tolerance asked for.
 
@@ -292,8 +297,8 @@ def _leaf_variance_limits(
     """
     limits = []
     for level in (2, 3):
-        unit = float(error_scale(volume, measure, 8.0**level)) * plan.error_unit
-        root = (min_tolerance * ROUNDING_MARGIN - MAX_STORED_ROUNDING * unit) / (unit * plan.error_factor)
+        unit = float(error_scale(volume, measure, 8.0**level)) * settings.error_unit
+        root = (min_tolerance * ROUNDING_MARGIN - MAX_STORED_ROUNDING * unit) / (unit * settings.error_factor)
         if level > num_levels or (root <= 0 and level > finest_level):
             limits.append(0.0)
         else:
@@ -353,78 +358,77 @@ class _Tier(NamedTuple):
 
 
 def _build_all_blocks(
-    plan: _BuildSettings, cubes: list[Int64], room: Room, num_threads: int
-) -> tuple[_Tier, list[Stored]]:
-    """The levels inside the blocks of the cubes of all tasks, into `room`; the tier above and the levels in it."""
-    tasks = iter(range(len(cubes)))
-    done: dict[int, tuple[_Tier, list[Stored]]] = {}
-    num_blocks = int(np.diff(room.first_blocks).max())
-    passing = (STREAMED_LEVELS if plan.tell else 0), plan.dtype
+    settings: _BuildSettings, cubes: list[Int64], buffers: BlockLevelBuffers, num_threads: int
+) -> tuple[_Tier, list[NodeArrays]]:
+    """Build the levels inside blocks, task by task, into `buffers`; return the tier above and the levels in it."""
+    num_blocks = int(np.diff(buffers.first_blocks).max())
+    streamed = (STREAMED_LEVELS if settings.on_nodes else 0), settings.dtype
+    scratches = [Scratch.empty(num_blocks, settings.error_layout, streamed) for _ in range(num_threads)]
 
-    def work(_: int) -> None:
-        scratch = Scratch.empty(num_blocks, plan.error_layout, passing)
-        for task in tasks:  # shared: each thread takes the next one when it is ready
-            plan.volume.require_unchanged()
-            roots = _build_blocks(plan, cubes[task], room, task, scratch)
-            done[task] = _next_tier(plan, roots, BLOCK_LEVELS)
+    def work(task: int) -> tuple[_Tier, list[NodeArrays]]:
+        scratch = scratches.pop()  # each thread has one at a time
+        settings.volume.require_unchanged()
+        roots = _build_blocks(settings, cubes[task], buffers, task, scratch)
+        scratches.append(scratch)
+        return _next_tier(settings, roots, BLOCK_LEVELS)
 
-    with ThreadPoolExecutor(num_threads) as pool:
-        try:
-            list(pool.map(work, range(num_threads)))
-        finally:  # interrupted, or failed in one thread: leave nothing to the others
-            deque(tasks, maxlen=0)
-    plan.volume.require_unchanged()
-    tiers, levels = zip(*(done[task] for task in sorted(done)), strict=True)
+    with ThreadPool(num_threads) as pool:
+        tiers, levels = zip(*pool.map(work, range(len(cubes))), strict=True)
+    settings.volume.require_unchanged()
     tier = _Tier(*(np.concatenate(parts) for parts in zip(*tiers, strict=True)))
     return tier, [_concatenated(parts) for parts in zip(*levels, strict=True)]
 
 
-def _concatenated(parts: Sequence[Stored]) -> Stored:
+def _concatenated(parts: Sequence[NodeArrays]) -> NodeArrays:
     means, errors, masks = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return means, errors, masks
 
 
-def _build_blocks(plan: _BuildSettings, cubes: Int64, room: Room, task: int, scratch: Scratch) -> _Tier:
+def _build_blocks(
+    settings: _BuildSettings, cubes: Int64, buffers: BlockLevelBuffers, task: int, scratch: Scratch
+) -> _Tier:
     """The levels inside the blocks of one task, and their roots."""
-    cells = _subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, plan.shape_xyz)
+    cells = _subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, settings.shape_xyz)
     starts = (cells * BLOCK_SIZE).astype(np.uint64)
-    extents = cell_extents(cells, BLOCK_LEVELS, plan.shape_xyz).astype(np.uint64)
-    if not plan.normal:  # the scalars of what is not visible count for the errors of scalars
-        visible = visible_blocks(plan.codes, plan.rule, starts, extents)
+    extents = cell_extents(cells, BLOCK_LEVELS, settings.shape_xyz).astype(np.uint64)
+    if not settings.scalar_normalization:  # the scalars of what is not visible count for the errors of scalars
+        visible = visible_blocks(settings.raw, settings.mean_classifier, starts, extents)
         cells, starts, extents = cells[visible], starts[visible], extents[visible]
     scratch = scratch.first(len(cells))
     nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
-    classify_blocks(plan.codes, plan.rule, starts, extents, scratch.voxels, nodes)
-    if plan.normal:
-        kernels.build_scalar_level(plan.codes, plan.rule.scalars, *plan.normal, starts, extents, *errors[0])
+    classify_blocks(settings.raw, settings.mean_classifier, starts, extents, scratch.voxels, nodes)
+    if settings.scalar_normalization:
+        kernels.build_scalar_level(
+            settings.raw, settings.mean_classifier.scalars, *settings.scalar_normalization, starts, extents, *errors[0]
+        )
         merge(errors, extents, 2)
-    elif plan.error_classifier:
-        classify_blocks(plan.codes, plan.error_classifier, starts, extents, scratch.voxels, errors)
-    if any(plan.limits):
-        kernels.mark_permanent_leaves(errors[1][1], errors[2][1], plan.limits, *scratch.final)
-    part = min(room.occupied_level, BLOCK_LEVELS) - 1
-    kernels.mark_occupied(nodes[part][0], cells, room.occupied_level - 1 - part, room.occupied)
+    elif settings.error_classifier:
+        classify_blocks(settings.raw, settings.error_classifier, starts, extents, scratch.voxels, errors)
+    if any(settings.leaf_variance_limits):
+        kernels.mark_permanent_leaves(errors[1][1], errors[2][1], settings.leaf_variance_limits, *scratch.final)
+    part = min(buffers.occupied_level, BLOCK_LEVELS) - 1
+    kernels.mark_occupied(nodes[part][0], cells, buffers.occupied_level - 1 - part, buffers.occupied)
     for level in range(BLOCK_LEVELS):
-        is_told = level < len(scratch.passing)
-        target = scratch.passing[level] if is_told else room.of_task(task, level)
-        num = room.counts[task, level] = _store_visible(plan, scratch, level, target)
-        if is_told:
-            _tell(plan, level + 1, nodes[level][0], cells, target[0][:num], target[1][:num])
+        is_streamed = level < len(scratch.passing)
+        target = scratch.passing[level] if is_streamed else buffers.of_task(task, level)
+        num = buffers.counts[task, level] = _store_visible(settings, scratch, level, target)
+        if is_streamed:
+            _stream_nodes(settings, level + 1, nodes[level][0], cells, target[0][:num], target[1][:num])
     return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
 
 
-def _tell(
-    plan: _BuildSettings, level: int, nodes: npt.NDArray[np.float32], groups: Int64, means: Array, errors: Array
+def _stream_nodes(
+    settings: _BuildSettings, level: int, nodes: npt.NDArray[np.float32], groups: Int64, means: Array, errors: Array
 ) -> None:
     """Tell the visible nodes [g, n, 4] of groups at `groups` [g, 3], with their stored means and errors."""
-    assert plan.tell is not None
+    assert settings.on_nodes is not None
     cells, sizes = np.empty((len(means), 3), np.int32), np.empty(len(means), np.int64)
-    kernels.list_visible_cells(nodes, groups, 1 << level, plan.codes.shape, cells, sizes)
-    scales = error_scale(plan.volume, plan.measure, np.arange(8**level + 1)) * plan.error_unit
-    plan.tell(level, cells, errors * (scales[sizes] if scales.ndim else scales), means)
+    kernels.list_visible_cells(nodes, groups, 1 << level, settings.raw.shape, cells, sizes)
+    scales = error_scale(settings.volume, settings.measure, np.arange(8**level + 1)) * settings.error_unit
+    settings.on_nodes(level, cells, errors * (scales[sizes] if scales.ndim else scales), means)
 
 
-def _next_tier(plan: _BuildSettings, tier: _Tier, level: int) -> tuple[_Tier, list[Stored]]:
+def _next_tier(settings: _BuildSettings, tier: _Tier, level: int) -> tuple[_Tier, list[NodeArrays]]:
     """The two levels above `level`, on which the nodes of `tier` lie in Morton order, and the upper one's as a tier."""
     cells = tier.cells >> TIER_LEVELS
     steps = np.diff(cells, axis=0)
@@ -432,9 +436,9 @@ def _next_tier(plan: _BuildSettings, tier: _Tier, level: int) -> tuple[_Tier, li
     is_first[1:] = (steps[:, 0] | steps[:, 1] | steps[:, 2]) != 0
     place = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
     cells = cells[is_first]
-    extents = cell_extents(cells, level + TIER_LEVELS, plan.shape_xyz).astype(np.uint64)
+    extents = cell_extents(cells, level + TIER_LEVELS, settings.shape_xyz).astype(np.uint64)
 
-    scratch = Scratch.empty(len(cells), plan.error_layout)
+    scratch = Scratch.empty(len(cells), settings.error_layout)
     errors = scratch.errors or scratch.nodes
     scratch.nodes[0][1][:] = 0  # used only where it is the error's, and set then
     for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
@@ -445,8 +449,8 @@ def _next_tier(plan: _BuildSettings, tier: _Tier, level: int) -> tuple[_Tier, li
         merge(scratch.errors, extents, 1 << level)
     stored = []
     for part in (1, 2):
-        target = empty_node_arrays(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
-        num = _store_visible(plan, scratch, part, target)
+        target = empty_node_arrays(len(cells) * NODES_OF_GROUP[part], settings.dtype, masked=True)
+        num = _store_visible(settings, scratch, part, target)
         stored.append((target[0][:num], target[1][:num], target[2][:num]))
     return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
 
@@ -456,7 +460,7 @@ def _octants(cells: Int64) -> Int64:
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 
-def _store_visible(plan: _BuildSettings, scratch: Scratch, part: int, target: Stored) -> int:
+def _store_visible(settings: _BuildSettings, scratch: Scratch, part: int, target: NodeArrays) -> int:
     """Write the visible nodes of one part of the groups to the beginning of `target`; how many they are."""
     means, _ = scratch.nodes[part]
     _, variances = (scratch.errors or scratch.nodes)[part]
@@ -474,14 +478,14 @@ def _store_visible(plan: _BuildSettings, scratch: Scratch, part: int, target: St
         scratch.spreads,
         target[2],
     )
-    if plan.deepest is not None:
-        opacities_to_depths(scratch.visible[:num], plan.deepest)
-    store(scratch.visible[:num], 1 / plan.mean_unit, target[0][:num])
-    store(scratch.spreads[:num], plan.error_factor, target[1][:num])
+    if settings.max_depth is not None:
+        opacities_to_depths(scratch.visible[:num], settings.max_depth)
+    store_scaled(scratch.visible[:num], 1 / settings.mean_unit, target[0][:num])
+    store_scaled(scratch.spreads[:num], settings.error_factor, target[1][:num])
     return num
 
 
-def _link_children(stored: list[Stored]) -> tuple[Level, ...]:
+def _link_children(stored: list[NodeArrays]) -> tuple[Level, ...]:
     """Levels with the place of each node's first child: children are in the order of their parents."""
     levels = []
     for means, errors, masks in stored:

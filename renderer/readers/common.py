@@ -13,7 +13,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from renderer.errors import InputError, nearest
+from renderer.errors import InputError, closest_match
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH
 from renderer.volume import Array, Float64, MappedFile, slabs
 
@@ -335,7 +335,7 @@ def existing(path: Path) -> Path:
             raise InputError("this is neither a file nor a folder", where=str(path))
         return path
     try:
-        meant = nearest(path.name, sorted(entry.name for entry in path.parent.iterdir()))
+        meant = closest_match(path.name, sorted(entry.name for entry in path.parent.iterdir()))
     except OSError:
         meant = None
     raise InputError(

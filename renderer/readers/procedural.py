@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.errors import InputError, nearest
+from renderer.errors import InputError, closest_match
 from renderer.scene import PROCEDURAL_NAMES, ProceduralSource
 from renderer.volume import Array, Float64
 
@@ -43,7 +43,7 @@ def procedural_values(source: ProceduralSource) -> Array:
         "marschner_lobb": _marschner_lobb,
     }
     if source.name not in makers:
-        meant = nearest(source.name, PROCEDURAL_NAMES)
+        meant = closest_match(source.name, PROCEDURAL_NAMES)
         raise InputError(
             "no such procedural volume",
             got=source.name,

@@ -12,7 +12,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-from renderer.errors import RenderError, nearest
+from renderer.errors import RenderError, closest_match
 
 
 def colormap_names() -> tuple[str, ...]:
@@ -29,7 +29,7 @@ def nearest_colormap(name: str) -> str | None:
     """The colormap that was probably meant, or None; `_r` is kept."""
     base = _base(name)
     short = ":" not in base
-    found = nearest(base, (known for known in colormap_names() if (":" not in known) == short))
+    found = closest_match(base, (known for known in colormap_names() if (":" not in known) == short))
     return f"{found}_r" if found and base != _normal(name) else found
 
 

@@ -43,9 +43,9 @@ class _Located:
     def complaint(self, path: Path, lines: Sequence[str]) -> Problem:
         """The problem with its place and, if that is in the file, the line that it is about."""
         if self.option is not None:
-            return replace(self.problem, place=self.option.text)
+            return replace(self.problem, location=self.option.text)
         what = self.problem.what + excerpt(lines, self.mark)
-        return replace(self.problem, place=format_location(path, self.mark), what=what)
+        return replace(self.problem, location=format_location(path, self.mark), what=what)
 
 
 class Editor:

@@ -6,7 +6,7 @@ import os
 import re
 from pathlib import Path
 
-from renderer.errors import InputError, nearest
+from renderer.errors import InputError, closest_match
 
 MAX_SCENE_BYTES = 2**20
 # The longest film that a scene can ask for has a million frames, and a sidecar some 500 bytes for each.
@@ -77,5 +77,5 @@ def nearest_file_hint(path: Path) -> str | None:
         names = sorted({entry.name for entry in path.parent.iterdir()} - {path.name})
     except OSError:
         return None
-    close = nearest(path.name, names)
+    close = closest_match(path.name, names)
     return f"did you mean {path.with_name(close)}?" if close else None

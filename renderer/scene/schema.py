@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from renderer.errors import Problem, nearest
+from renderer.errors import Problem, closest_match
 from renderer.scene.spec import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH
 
 T = TypeVar("T")
@@ -149,7 +149,7 @@ def has_unexpanded_tilde(name: str) -> bool:
 
 def did_you_mean(name: object, names: Iterable[str]) -> str | None:
     """A hint that names the nearest of `names`, or None."""
-    close = nearest(name, names) if isinstance(name, str) else None
+    close = closest_match(name, names) if isinstance(name, str) else None
     return f"did you mean {close}?" if close else None
 
 
@@ -347,7 +347,7 @@ def fields(
         if key in table:
             given[key] = table[key].read(node.child(key, value))
             continue
-        close = nearest(key, table) if isinstance(key, str) else None
+        close = closest_match(key, table) if isinstance(key, str) else None
         other_place = (elsewhere or {}).get(key) if isinstance(key, str) else None
         hint = other_place or (f"did you mean {close}?" if close else None)
         if value is None and type(key) is int:  # as of {opacity: 0,5}

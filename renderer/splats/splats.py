@@ -40,7 +40,7 @@ class GaussianFootprint:
     and in space, with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is
     `1 + 3/2 a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8)`, which is nowhere negative for s > 0.26.
 
-    narrowest_px: footprints are widened to this standard deviation. Sampled at pixels, the energy of one at 0.5 varies
+    min_sigma_px: footprints are widened to this standard deviation. Sampled at pixels, the energy of one at 0.5 varies
     with its place by 3.9 % at most.
     """
 
@@ -48,7 +48,7 @@ class GaussianFootprint:
     coefficients: tuple[float, float, float]
     rim: float
     cutoff: float = GAUSSIAN_CUTOFF
-    narrowest_px: float = 0.5
+    min_sigma_px: float = 0.5
 
     @classmethod
     def from_sigma(cls, sigma: float) -> GaussianFootprint:
@@ -74,7 +74,7 @@ class GouraudFootprint:
     vertices: float64 [v, 2], in standard deviations; vertex 0 is the centre.
     weights: float64 [v], footprint weight at each vertex; linear in the triangles, they integrate to 1.
     triangles: int32 [t, 3].
-    narrowest_px: footprints are widened to this standard deviation; wider than Gaussians, for the mesh's kinks alias.
+    min_sigma_px: footprints are widened to this standard deviation; wider than Gaussians, for the mesh's kinks alias.
 
     On the image the vertices lie at `centre + root @ vertex`, in pixels with row 0 at the top, `root` being the lower
     triangular root (Cholesky) of the footprint's covariance.
@@ -83,7 +83,7 @@ class GouraudFootprint:
     vertices: Float64
     weights: Float64
     triangles: npt.NDArray[np.int32]
-    narrowest_px: float = 0.85
+    min_sigma_px: float = 0.85
 
     @property
     def cutoff(self) -> float:
@@ -100,14 +100,14 @@ class SplatBatch:
     axes: float64 [num_shapes, 3, 3], columns: the Gaussian's standard deviation along each edge of the cell, a vector
         in model units, world axes; the covariance is `axes @ axes.T`.
     origin: float64 [3], world position of the model's origin.
-    length: world units in a model unit.
+    model_unit: world length of a model unit.
     footprint: gaussian or gouraud.
     """
 
     vertices: npt.NDArray[np.float32]
     axes: Float64
     origin: Float64
-    length: float
+    model_unit: float
     footprint: GaussianFootprint | GouraudFootprint
 
     def __post_init__(self) -> None:

@@ -154,24 +154,24 @@ def evaluate(scalar: float, segments: TransferSegments) -> Channels:
 
 
 @jit
-def scalar_at(codes: RawVoxels, scalars: Float64 | None, z: int, y: int, x: int) -> float:
+def scalar_at(raw: RawVoxels, scalars: Float64 | None, z: int, y: int, x: int) -> float:
     """The scalar of a voxel."""
     if scalars is None:
-        return float(codes[z, y, x])
-    return float(scalars[codes[z, y, x]])
+        return float(raw[z, y, x])
+    return float(scalars[raw[z, y, x]])
 
 
 @jit
-def _lighting_factor(codes: RawVoxels, scalars: Float64 | None, lighting: Lighting, z: int, y: int, x: int) -> float:
+def _lighting_factor(raw: RawVoxels, scalars: Float64 | None, lighting: Lighting, z: int, y: int, x: int) -> float:
     """Factor on the colour: ambient + diffuse max(0, n . l), n against the world gradient; ambient where it is 0.
 
     Derivatives along the index axes are central, one-sided at the border, 0 across one voxel.
     """
     z0, y0, x0 = max(z - 1, 0), max(y - 1, 0), max(x - 1, 0)
-    z1, y1, x1 = min(z + 1, codes.shape[0] - 1), min(y + 1, codes.shape[1] - 1), min(x + 1, codes.shape[2] - 1)
-    x_low, x_high = scalar_at(codes, scalars, z, y, x0), scalar_at(codes, scalars, z, y, x1)
-    y_low, y_high = scalar_at(codes, scalars, z, y0, x), scalar_at(codes, scalars, z, y1, x)
-    z_low, z_high = scalar_at(codes, scalars, z0, y, x), scalar_at(codes, scalars, z1, y, x)
+    z1, y1, x1 = min(z + 1, raw.shape[0] - 1), min(y + 1, raw.shape[1] - 1), min(x + 1, raw.shape[2] - 1)
+    x_low, x_high = scalar_at(raw, scalars, z, y, x0), scalar_at(raw, scalars, z, y, x1)
+    y_low, y_high = scalar_at(raw, scalars, z, y0, x), scalar_at(raw, scalars, z, y1, x)
+    z_low, z_high = scalar_at(raw, scalars, z0, y, x), scalar_at(raw, scalars, z1, y, x)
     # Only the direction counts, of which the largest part becomes 1. Halves have differences that do not overflow;
     # where those are small the numbers themselves have, too, and no halves, which would round denormals.
     gx, gy, gz = 0.5 * x_high - 0.5 * x_low, 0.5 * y_high - 0.5 * y_low, 0.5 * z_high - 0.5 * z_low
@@ -192,7 +192,7 @@ def _lighting_factor(codes: RawVoxels, scalars: Float64 | None, lighting: Lighti
 
 @jit
 def classify_voxel(
-    codes: RawVoxels,
+    raw: RawVoxels,
     table: npt.NDArray[np.float32] | None,
     segments: TransferSegments | None,
     scalars: Float64 | None,
@@ -203,11 +203,11 @@ def classify_voxel(
 ) -> Channels:
     """The four channels of one voxel, lit if the scene asks for it."""
     if table is not None:
-        pattern = codes[z, y, x]
+        pattern = raw[z, y, x]
         r, g, b, a = table[pattern, 0], table[pattern, 1], table[pattern, 2], table[pattern, 3]
     if segments is not None:
-        r, g, b, a = evaluate(float(codes[z, y, x]), segments)
+        r, g, b, a = evaluate(float(raw[z, y, x]), segments)
     if lighting is not None:
-        light = _lighting_factor(codes, scalars, lighting, z, y, x) if a > 0 else 1.0
+        light = _lighting_factor(raw, scalars, lighting, z, y, x) if a > 0 else 1.0
         r, g, b = r * light, g * light, b * light
     return r, g, b, a

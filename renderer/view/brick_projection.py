@@ -84,7 +84,7 @@ def screen_rectangles(batch: BrickBatch, order: npt.NDArray[np.uint32], view: Vi
     To the image belongs what the last nodes of the coarsest lattice are beyond it. Empty, with right <= left or
     bottom <= top, where a box is not in it; the whole of it where the eye plane cuts a box.
     """
-    boxes, volume, length = batch.cut.boxes[order], batch.cut.volume, batch.length
+    boxes, volume, length = batch.cut.visible_bounds[order], batch.cut.volume, batch.model_unit
     view_from_index = view.axes @ volume.world_from_index[:3, :3] / length
     centre = view.in_view(volume.centre) / length
     rectangles = np.empty((len(boxes), 4))

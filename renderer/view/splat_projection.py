@@ -52,20 +52,20 @@ class Model(Protocol):
     @property
     def origin(self) -> Float64: ...
     @property
-    def length(self) -> float: ...
+    def model_unit(self) -> float: ...
 
 
 def model_view(model: Model, view: View) -> ModelView:
     """The view as model units see it; differences are taken in float64."""
-    translation = view.in_view(model.origin) / model.length
+    translation = view.in_view(model.origin) / model.model_unit
     perspective = view.projection == "perspective"
-    scale_px = view.scale_px if perspective else view.scale_px * model.length
+    scale_px = view.scale_px if perspective else view.scale_px * model.model_unit
     return ModelView(
         np.column_stack([view.axes, translation]),
         perspective,
         scale_px,
         view.size,
-        view.near / model.length,
+        view.near / model.model_unit,
         SLOPE_LIMIT * np.array(view.size) / 2 / view.scale_px,
     )
 
@@ -106,7 +106,7 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     magnification = camera.scale_px / nearest
     center_px = size / 2 + camera.scale_px * (slopes if camera.perspective else origin[:2])
     model_px = magnification * (radius * np.hypot(1, slopes) + batch.footprint.cutoff * sigma * np.hypot(1, limit))
-    reach_px = model_px + batch.footprint.cutoff * batch.footprint.narrowest_px + 2  # rounding, and whole pixels
+    reach_px = model_px + batch.footprint.cutoff * batch.footprint.min_sigma_px + 2  # rounding, and whole pixels
     low = np.clip(np.floor(center_px - reach_px), 0, size).astype(int)
     high = np.clip(np.ceil(center_px + reach_px), 0, size).astype(int)
     return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
@@ -126,7 +126,7 @@ def mean_footprint_area_px(
     if camera.perspective:
         depths = -(vertices[:, :3] @ camera.view_from_model[2, :3] + camera.view_from_model[2, 3])
         scale_px = (camera.scale_px / np.maximum(depths, max(camera.near, 1e-6)))[:, None]  # the near plane may be at 0
-    radii_px = batch.footprint.cutoff * np.maximum(axes * scale_px, batch.footprint.narrowest_px)
+    radii_px = batch.footprint.cutoff * np.maximum(axes * scale_px, batch.footprint.min_sigma_px)
     areas_px = math.pi * np.minimum(radii_px, region.num_pixels).prod(axis=1)
     return float(np.minimum(areas_px, region.num_pixels).mean())
 
@@ -155,7 +155,7 @@ def _square_areas_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: 
     if camera.perspective:
         scale_px = (camera.scale_px / np.maximum(-in_view[:, 2], max(camera.near, 1e-6)))[:, None]
     sigmas = longest_sigma(batch)[vertices[:, 7].astype(np.int64), None]
-    reach_px = batch.footprint.cutoff * np.maximum(sigmas * scale_px, batch.footprint.narrowest_px)
+    reach_px = batch.footprint.cutoff * np.maximum(sigmas * scale_px, batch.footprint.min_sigma_px)
     center_px = np.array(camera.size) / 2 + in_view[:, :2] * (1.0, -1.0) * scale_px
     low, high = (np.clip(center_px + sign * reach_px, 0, camera.size) for sign in (-1, 1))
     return np.asarray((high - low).prod(axis=1))
@@ -176,7 +176,7 @@ def visible_order(
     camera = model_view(batch, view)
     sigmas = longest_sigma(batch)
     depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
-    half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.narrowest_px + 1 for n in camera.size)
+    half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.min_sigma_px + 1 for n in camera.size)
     _compute_depths_and_cull(
         batch.vertices, sigmas, batch.footprint.cutoff, camera.view_from_model, camera.perspective,
         camera.scale_px, half_width, half_height, camera.slope_limit, camera.near,

@@ -75,9 +75,11 @@ def test_what_is_visible_lies_in_one_brick(shape: Shape, tolerance: float, fines
     cut = cut_bricks(bricks, tolerance, finest_level=finest_level)
     assert coverage(cut, regions(cut) - 0.5).max(initial=0) <= 1
     visible = depths_of(bricks.volume, SOFT)[..., 3] > 0
-    assert np.all(coverage(cut, cut.boxes)[visible] == 1)
-    assert np.all(cut.boxes[:, 0] < cut.boxes[:, 1])
-    assert np.all(cut.boxes >= regions(cut)[:, :1] - 0.5) and np.all(cut.boxes <= regions(cut)[:, 1:] - 0.5)
+    assert np.all(coverage(cut, cut.visible_bounds)[visible] == 1)
+    assert np.all(cut.visible_bounds[:, 0] < cut.visible_bounds[:, 1])
+    assert np.all(cut.visible_bounds >= regions(cut)[:, :1] - 0.5) and np.all(
+        cut.visible_bounds <= regions(cut)[:, 1:] - 0.5
+    )
     assert cut.levels.min(initial=255) >= min(finest_level, len(bricks.levels) - 1)
     assert num_bricks_at(bricks, tolerance, finest_level) == len(cut)
 
@@ -138,8 +140,8 @@ def test_roughness_goes_with_its_brick() -> None:
     bricks = soft(SHAPES[-1])
     cut = cut_bricks(bricks, 0.5)
     assert len(np.unique(cut.levels)) > 1
-    for level, (x, y, z), roughness in zip(cut.levels, cut.cells, cut.roughness, strict=True):
-        assert roughness == bricks.levels[level].roughness[z, y, x]
+    for level, (x, y, z), roughness in zip(cut.levels, cut.cells, cut.step_errors, strict=True):
+        assert roughness == bricks.levels[level].step_errors[z, y, x]
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
@@ -156,7 +158,7 @@ def test_bricks_back_to_front(projection: Literal["perspective", "orthographic"]
         eye = index_from_world[:3, :3] @ (view.target + view.distance * view.axes[2]) + index_from_world[:3, 3]
         if projection == "orthographic":
             eye = np.copysign(np.inf, index_from_world[:3, :3] @ view.axes[2])
-        low, high = cut.boxes[order, 0], cut.boxes[order, 1]
+        low, high = cut.visible_bounds[order, 0], cut.visible_bounds[order, 1]
         above = (low[None] >= high[:, None]) & (eye >= high[:, None])
         below = (high[None] <= low[:, None]) & (eye <= low[:, None])
         assert np.all(np.any(above | below, axis=2)[np.triu_indices(len(order), 1)])
@@ -172,7 +174,7 @@ def test_the_engine_in_bricks(data_dir: Path) -> None:
     num_before = 10**9
     for tolerance in (0.0, 2.4, 4.8, 8.0, 16.0, 40.0):
         cut = cut_bricks(bricks, tolerance)
-        assert np.all(coverage(cut, cut.boxes)[visible] == 1)
+        assert np.all(coverage(cut, cut.visible_bounds)[visible] == 1)
         assert coverage(cut, regions(cut) - 0.5).max() == 1
         assert len(cut) <= num_before
         num_before = len(cut)

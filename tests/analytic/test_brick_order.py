@@ -31,7 +31,7 @@ def random_view(rng: np.random.Generator, cut: BrickCut) -> View:
 def crossed(cut: BrickCut, origin: Float64, direction: Float64) -> tuple[Float64, Float64]:
     """[n] each: where a ray in index coordinates enters the boxes of bricks and leaves them; none is met behind 0."""
     with np.errstate(divide="ignore"):
-        a, b = ((cut.boxes[:, k] - origin) / direction for k in (0, 1))
+        a, b = ((cut.visible_bounds[:, k] - origin) / direction for k in (0, 1))
     return np.maximum(np.minimum(a, b).max(axis=1), 0.0), np.maximum(a, b).min(axis=1)
 
 

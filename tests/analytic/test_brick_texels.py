@@ -327,7 +327,7 @@ def test_what_is_seen_lies_in_the_boxes(shape: Shape) -> None:
                     field = transfer.classify(scalars)[1] * volume.finest_spacing
                 seen = np.argwhere(field >= VISIBILITY_THRESHOLD)
                 num_seen += len(seen)
-                low, high = of_level.boxes[cell[2], cell[1], cell[0]]
+                low, high = of_level.visible_bounds[cell[2], cell[1], cell[0]]
                 for axis, places in enumerate((z, y, x)):
                     at = places[seen[:, axis]]
                     assert np.all((low[2 - axis] <= at) & (at <= high[2 - axis]))

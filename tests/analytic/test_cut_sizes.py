@@ -15,7 +15,7 @@ import pytest
 from hypothesis import assume, given, settings, strategies as st
 
 from renderer.frame import finest_level_at, prepare_stage
-from renderer.pyramid import CutSizes, Pyramid, build_pyramid, children, cut_pyramid, cut_sizes, node_errors
+from renderer.pyramid import CutSizes, Pyramid, build_pyramid, cut_pyramid, cut_sizes, node_errors, visible_children
 from renderer.readers.procedural import procedural_values
 from renderer.scene import MIN_TOLERANCE, ErrorSpec, ProceduralSource, PyramidSpec, SplatSpec, load_scene
 from renderer.scene.parse import parse_scene
@@ -72,7 +72,7 @@ def all_node_errors(pyramid: Pyramid) -> Float64:
         found.append(node_errors(pyramid, nodes, cells, number))
         if number > 1:
             level = pyramid.levels[number - 1]
-            nodes, cells = children(nodes, cells, level.masks, level.first_children)
+            nodes, cells = visible_children(nodes, cells, level.masks, level.first_children)
     return np.unique(np.concatenate(found))[::-1]
 
 
@@ -85,7 +85,7 @@ def all_cuts(pyramid: Pyramid, finest: int, finest_at_zero: int) -> list[tuple[f
 
 
 def assert_finest(pyramid: Pyramid, num: int, levels: tuple[int, int], cuts: list[tuple[float, int]]) -> None:
-    found = sizes_of(pyramid, num, *levels).finest(num)
+    found = sizes_of(pyramid, num, *levels).finest_within(num)
     best, most = min((at, cells) for at, cells in cuts if cells <= num)
     assert found.num_cells == most
     ours, theirs = (cut_pyramid(pyramid, at, finest_level=levels[at == 0]) for at in (found.tolerance, best))
@@ -121,10 +121,10 @@ def test_every_cut_is_counted(values: npt.NDArray[Any], error: ErrorSpec, levels
     pyramid = build(volume_of(values), error)
     levels = max(levels), min(levels)
     every = sizes_of(pyramid, 10**9, *levels)
-    assert every.beyond == 0.0
-    assert every.num_in_all == len(cut_pyramid(pyramid, 0.0, finest_level=levels[1]))
-    assert (np.diff(every.divisions) < 0).all() and (np.diff(every.counts) >= 0).all()
-    for k, division in enumerate(every.divisions.tolist()):
+    assert every.tolerance_limit == 0.0
+    assert every.num_cells_at_zero == len(cut_pyramid(pyramid, 0.0, finest_level=levels[1]))
+    assert (np.diff(every.split_thresholds) < 0).all() and (np.diff(every.counts) >= 0).all()
+    for k, division in enumerate(every.split_thresholds.tolist()):
         assert (
             len(cut_pyramid(pyramid, math.nextafter(division, 2 * division), finest_level=levels[0])) == every.counts[k]
         )
@@ -133,9 +133,9 @@ def test_every_cut_is_counted(values: npt.NDArray[Any], error: ErrorSpec, levels
     some = sizes_of(pyramid, most, *levels)
     num = int(np.searchsorted(every.counts, most, side="right"))
     np.testing.assert_array_equal(some.counts, every.counts[:num])
-    np.testing.assert_array_equal(some.divisions, every.divisions[: num - 1])
-    assert some.beyond == (every.divisions[num - 1] if num <= len(every.divisions) else 0.0)
-    assert some.num_in_all == (every.num_in_all if every.num_in_all <= most else None)
+    np.testing.assert_array_equal(some.split_thresholds, every.split_thresholds[: num - 1])
+    assert some.tolerance_limit == (every.split_thresholds[num - 1] if num <= len(every.split_thresholds) else 0.0)
+    assert some.num_cells_at_zero == (every.num_cells_at_zero if every.num_cells_at_zero <= most else None)
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=IDS)
@@ -144,19 +144,19 @@ def test_a_phantom_by_all_sizes(error: ErrorSpec) -> None:
     pyramid = build(of, error)
     sizes = sizes_of(pyramid)
     for num in np.unique(np.geomspace(1, 2 * len(cut_pyramid(pyramid, 0.0)), 60).astype(int)).tolist():
-        found = sizes.finest(num)
-        assert found == sizes_of(pyramid, num).finest(num)
+        found = sizes.finest_within(num)
+        assert found == sizes_of(pyramid, num).finest_within(num)
         assert found.num_cells == len(cut_pyramid(pyramid, found.tolerance)) <= num
 
 
 @pytest.mark.parametrize("num", [1, 5, 10**6])
 def test_nothing_visible_has_no_cells(num: int) -> None:
-    assert sizes_of(build(volume_of(np.zeros((5, 6, 7), np.uint8)))).finest(num) == (0.0, 0)
+    assert sizes_of(build(volume_of(np.zeros((5, 6, 7), np.uint8)))).finest_within(num) == (0.0, 0)
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=IDS)
 def test_one_voxel_is_one_cell(error: ErrorSpec) -> None:
-    assert sizes_of(build(volume_of(np.full((1, 1, 1), 250, np.uint8)), error), 1).finest(1) == (0.0, 1)
+    assert sizes_of(build(volume_of(np.full((1, 1, 1), 250, np.uint8)), error), 1).finest_within(1) == (0.0, 1)
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=IDS)
@@ -164,9 +164,9 @@ def test_an_even_volume_is_one_cell_or_every_voxel(error: ErrorSpec) -> None:
     pyramid = build(volume_of(np.full((9, 8, 17), 200, np.uint8)), error)
     every = 9 * 8 * 17
     for num in (1, 2, every - 1):
-        assert sizes_of(pyramid, num).finest(num) == (1.0, 1)
+        assert sizes_of(pyramid, num).finest_within(num) == (1.0, 1)
     for num in (every, every + 1):
-        assert sizes_of(pyramid, num).finest(num) == (0.0, every)
+        assert sizes_of(pyramid, num).finest_within(num) == (0.0, every)
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=IDS)
@@ -184,7 +184,7 @@ def test_sizes_that_were_not_asked_for_are_refused() -> None:
     sizes = sizes_of(build(volume_of(np.full((4, 4, 4), 200, np.uint8))), 20)
     for num in (0, 21):
         with pytest.raises(ValueError, match=rf"^sizes of other cuts: got {num}, expected 1 to 20$"):
-            sizes.finest(num)
+            sizes.finest_within(num)
 
 
 @pytest.mark.parametrize("levels", [(2, 1), (1, 2)])
@@ -213,10 +213,13 @@ def test_a_pyramid_from_some_tolerance_on_has_its_own_cuts(
         )
         most = len(cut_pyramid(whole, min_tolerance, finest_level=finest))
         for num in {1, 5, max(1, most - 1), most, 10 * most}:
-            found = sizes_of(part, num, finest, finest).finest(num)
+            found = sizes_of(part, num, finest, finest).finest_within(num)
             assert found.tolerance >= min_tolerance
             assert found.num_cells == len(cut_pyramid(part, found.tolerance, finest_level=finest)) <= num
-            assert found.num_cells == sizes_of(whole, min(num, most), finest, finest).finest(min(num, most)).num_cells
+            assert (
+                found.num_cells
+                == sizes_of(whole, min(num, most), finest, finest).finest_within(min(num, most)).num_cells
+            )
 
 
 # Tolerances
@@ -253,7 +256,7 @@ def test_tolerances_lie_between_the_divisions_and_are_legal(
         low = high * (1 - ulps * 2.0**-52)
     assume(MIN_TOLERANCE <= low < high)
     sizes = made_sizes([high], low) if beyond else made_sizes([high, low])
-    above, between = sizes.finest(1).tolerance, sizes.finest(2).tolerance
+    above, between = sizes.finest_within(1).tolerance, sizes.finest_within(2).tolerance
     assert above > high >= between > low
     for tolerance in (above, between):
         assert_legal(tolerance)
@@ -266,7 +269,7 @@ def test_tolerances_lie_between_the_divisions_and_are_legal(
 def test_tolerances_beside_a_single_division(division: float) -> None:
     sizes = made_sizes([division])
     for num, (above, up_to) in {1: (division, math.inf), 2: (0.0, division)}.items():
-        tolerance = sizes.finest(num).tolerance
+        tolerance = sizes.finest_within(num).tolerance
         assert above < tolerance <= up_to
         assert_legal(tolerance)
         assert float(f"{tolerance:.1e}") == tolerance
@@ -282,11 +285,11 @@ def test_errors_at_the_ends_of_float64(scale: float, precision: Any) -> None:
     tf = TransferFunction(np.zeros(1), np.ones((1, 3)), np.ones(1), 1.0)
     pyramid = build_pyramid(of, tf, spec=PyramidSpec(precision=precision), error=ERRORS[2], num_threads=1)
     for num in (1, 2, 8, 30, 100, 377, 378):
-        found = sizes_of(pyramid, num).finest(num)
+        found = sizes_of(pyramid, num).finest_within(num)
         assert found.num_cells == len(cut_pyramid(pyramid, found.tolerance)) <= num
         assert_legal(found.tolerance)
     if scale > 1e-299:  # else no tolerance but 0 divides anything
-        assert sizes_of(pyramid, 100).finest(100).num_cells > 1
+        assert sizes_of(pyramid, 100).finest_within(100).num_cells > 1
 
 
 # Cost
@@ -299,7 +302,7 @@ def test_few_cells_cost_little_whatever_the_volume() -> None:
     for num in (100, 3000):
         sizes_of(pyramid, num)  # compiled, and imported
         tracemalloc.start()
-        found = sizes_of(pyramid, num).finest(num)
+        found = sizes_of(pyramid, num).finest_within(num)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert found.num_cells <= num
@@ -315,8 +318,11 @@ def test_the_engine_in_thousands_and_a_million(data_dir: Path) -> None:
     levels = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
     for num in (10**3, 10**4, 10**5, 10**6):
         sizes = sizes_of(stage.pyramid, num, *levels)
-        found = sizes.finest(num)
+        found = sizes.finest_within(num)
         cells = len(cut_pyramid(stage.pyramid, found.tolerance, finest_level=levels[found.tolerance == 0]))
         assert found.num_cells == cells <= num
         if cells < 0.995 * num:
-            assert len(cut_pyramid(stage.pyramid, sizes.beyond, finest_level=levels[sizes.beyond == 0])) > num
+            assert (
+                len(cut_pyramid(stage.pyramid, sizes.tolerance_limit, finest_level=levels[sizes.tolerance_limit == 0]))
+                > num
+            )

@@ -43,7 +43,7 @@ def energy(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
         slope_squared = ((column - view.size[0] / 2) ** 2 + (row - view.size[1] / 2) ** 2) / view.scale_px**2
         px_area *= depth**2 / np.sqrt(1 + slope_squared)
     depths = optical_depth(gl.rasterize(batch, in_order(batch), view))
-    return float(np.sum(depths * px_area) / batch.length**2 / np.sum(batch.areas[:, 3], dtype=np.float64))
+    return float(np.sum(depths * px_area) / batch.model_unit**2 / np.sum(batch.areas[:, 3], dtype=np.float64))
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])

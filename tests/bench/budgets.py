@@ -84,14 +84,14 @@ def splats(data: Path) -> Iterator[str]:
         for number in NUMBERS:
             start = time.perf_counter()
             sizes = cut_sizes(stage.pyramid, number, **levels)
-            found = sizes.finest(number)
+            found = sizes.finest_within(number)
             middle = time.perf_counter()
             cut = cut_pyramid(stage.pyramid, found.tolerance, finest_level=finest_level_at(stage, found.tolerance))
             end = time.perf_counter()
             assert len(cut) == found.num_cells <= number
             next_finer = "none"
-            if sizes.beyond > 0:
-                finer = cut_pyramid(stage.pyramid, sizes.beyond, finest_level=levels["finest_level"])
+            if sizes.tolerance_limit > 0:
+                finer = cut_pyramid(stage.pyramid, sizes.tolerance_limit, finest_level=levels["finest_level"])
                 assert len(finer) > number
                 next_finer = f"{len(finer)}"
             under = f"{1 - len(cut) / number:.2%}" if found.tolerance > 0 else "full resolution"

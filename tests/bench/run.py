@@ -131,9 +131,11 @@ def bench_splats(name: str, scene: Scene) -> None:
             return cut_sizes(stage.pyramid, num, finest_level=above_zero, finest_level_at_zero=at_zero)
 
         sizes = search()
-        found = sizes.finest(num)
+        found = sizes.finest_within(num)
         cut = cut_pyramid(stage.pyramid, found.tolerance, finest_level=finest_level_at(stage, found.tolerance))
-        finer = cut_pyramid(stage.pyramid, sizes.beyond, finest_level=finest_level_at(stage, sizes.beyond))
+        finer = cut_pyramid(
+            stage.pyramid, sizes.tolerance_limit, finest_level=finest_level_at(stage, sizes.tolerance_limit)
+        )
         assert len(cut) == found.num_cells <= num, "another cut"
         assert len(finer) > num or found.tolerance == 0, "not the finest"
         wall, _ = _timed(search, 5)

@@ -62,7 +62,7 @@ def thin_splat(center: Float64, axes: Float64, spec: SplatSpec, view: View) -> S
     sigmas = np.sort(np.linalg.svd(axes[0], compute_uv=False))
     vertices = batch.vertices.copy()
     vertices[:, 3:7] = THIN * max(sigmas[0], 0.5 * per_px) * max(sigmas[1], 0.5 * per_px)
-    return SplatBatch(vertices, batch.axes, batch.origin, batch.length, batch.footprint)
+    return SplatBatch(vertices, batch.axes, batch.origin, batch.model_unit, batch.footprint)
 
 
 def energy_error(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
@@ -190,7 +190,7 @@ class Turn:
 
     @property
     def distance(self) -> float:
-        return 4.5 * self.splats.length
+        return 4.5 * self.splats.model_unit
 
 
 def turntable(elevation: float) -> TurntablePath:

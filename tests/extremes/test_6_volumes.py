@@ -205,7 +205,7 @@ def energies(tolerance: float, precision: str) -> Callable[[int], float]:
             of = placed(values, axes)
             splats = make_splats(cut_pyramid(build(of, by, precision=precision), tolerance), SplatSpec())
             exact = values.sum(dtype=np.float64) / 255 * 2.0 * abs(np.linalg.det(axes))
-            got = splats.areas[:, 3].sum(dtype=np.float64) * splats.length**2
+            got = splats.areas[:, 3].sum(dtype=np.float64) * splats.model_unit**2
             worst = max(worst, abs(float(got / exact) - 1))
         return worst
 

@@ -64,7 +64,9 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
 
 
 def _nudged(batch: BrickBatch, nudge: float) -> BrickBatch:
-    screen_sampling = replace(batch.screen_sampling, spread=batch.screen_sampling.spread * (1 + nudge))
+    screen_sampling = replace(
+        batch.screen_sampling, difference_threshold=batch.screen_sampling.difference_threshold * (1 + nudge)
+    )
     return replace(batch, steps=batch.steps * (1 + nudge), screen_sampling=screen_sampling)
 
 

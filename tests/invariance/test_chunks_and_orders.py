@@ -84,8 +84,8 @@ def test_the_mean_footprint(projection: str) -> None:
     for sigma in (0.03, 1e-6):
         batch = place_splats(centers, sigma, 0.1, np.ones((9000, 3)), SplatSpec())
         camera = model_view(batch, view)
-        scale_px = camera.scale_px / (4.0 / batch.length if camera.perspective else 1.0)
-        radius_px = batch.footprint.cutoff * max(sigma / batch.length * scale_px, batch.footprint.narrowest_px)
+        scale_px = camera.scale_px / (4.0 / batch.model_unit if camera.perspective else 1.0)
+        radius_px = batch.footprint.cutoff * max(sigma / batch.model_unit * scale_px, batch.footprint.min_sigma_px)
         # depths differ by 1e-3 / 4, areas by twice that
         assert mean_footprint_area_px(batch, in_order(batch), camera, region) == pytest.approx(
             np.pi * radius_px**2, rel=1e-3

@@ -74,7 +74,9 @@ def assert_parity(
 
 def nudged(batch: BrickBatch, sign: int) -> BrickBatch:
     """With slightly longer, or shorter, steps, and a slightly larger, or smaller, spread."""
-    screen_sampling = replace(batch.screen_sampling, spread=batch.screen_sampling.spread * (1 + sign * SPREAD))
+    screen_sampling = replace(
+        batch.screen_sampling, difference_threshold=batch.screen_sampling.difference_threshold * (1 + sign * SPREAD)
+    )
     return replace(batch, steps=batch.steps * (1 + sign * STEP), screen_sampling=screen_sampling)
 
 

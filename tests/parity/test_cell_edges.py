@@ -53,7 +53,7 @@ def edges_of_boxes(cut: Cut) -> set[tuple[int, tuple[float, ...], tuple[float, .
 
 def in_world(edges: CellEdges) -> list[tuple[int, tuple[float, ...], tuple[float, ...]]]:
     return [
-        (int(v[6]), *(tuple(np.round(edges.origin + edges.length * v[k : k + 3].astype(float), 5)) for k in (0, 3)))
+        (int(v[6]), *(tuple(np.round(edges.origin + edges.model_unit * v[k : k + 3].astype(float), 5)) for k in (0, 3)))
         for v in edges.vertices
     ]
 
@@ -96,9 +96,9 @@ def draw_reference(edges: CellEdges, view: View) -> np.ndarray:
         side = edges.voxel_side * 2**level
         ends = []
         for k in (0, 3):
-            world = edges.origin + edges.length * vertex[k : k + 3]
+            world = edges.origin + edges.model_unit * vertex[k : k + 3]
             ends.append(view.in_view(world))
-        nearest = max(view.near, 1e-5 * edges.length) if is_perspective else view.near
+        nearest = max(view.near, 1e-5 * edges.model_unit) if is_perspective else view.near
         ends.sort(key=lambda point: point[2])  # the farther one first
         far, close = ends
         if -far[2] <= nearest:
@@ -113,7 +113,7 @@ def draw_reference(edges: CellEdges, view: View) -> np.ndarray:
         offset = np.stack([x, y], axis=-1) - a
         share = np.clip(offset @ (b - a) / max((b - a) @ (b - a), 1e-30), 0, 1)
         distance = np.linalg.norm(offset - share[..., None] * (b - a), axis=-1)
-        side_px = side * edges.length * ((1 - share) * px_per_unit[0] + share * px_per_unit[1])
+        side_px = side * edges.model_unit * ((1 - share) * px_per_unit[0] + share * px_per_unit[1])
         alpha = np.clip(1 - distance, 0, 1) * np.minimum(LINE_COVER * side * side_px, LINE_OPACITY)
         alpha *= side_px >= MIN_SIDE_PX
         color = level_colors()[min(level, len(LEVEL_COLORS) - 1)]

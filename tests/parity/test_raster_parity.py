@@ -75,7 +75,7 @@ def assert_parity(
         # 4 of a mesh of few pixels, all of which lie beside an edge.
         assert np.sum(beside_edges) <= 4 + LARGEST_SHARE_BESIDE_EDGES * np.sum(expected[..., 3] > 0), what
         # Slope of a fan: its peak over a third of its radius, which is 2.4 standard deviations or more.
-        excess -= peak * SUBPIXEL / (2.4 * batch.footprint.narrowest_px / 3)
+        excess -= peak * SUBPIXEL / (2.4 * batch.footprint.min_sigma_px / 3)
     worst = np.unravel_index(excess.argmax(), excess.shape)
     assert excess[worst] <= 0, f"{what}: {image[worst]} instead of {expected[worst]} at {worst}, peak {peak}"
     return image

@@ -87,7 +87,7 @@ def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:
 
 def level_cut(bricks: Bricks, level: int) -> BrickCut:
     """All visible bricks of one level."""
-    shape = bricks.levels[level].boxes.shape[:3]
+    shape = bricks.levels[level].visible_bounds.shape[:3]
     cells = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1]
     return cut_of_bricks(bricks, np.full(len(cells), level, np.uint8), cells.astype(np.int32))
 
@@ -97,8 +97,8 @@ def cut_of_bricks(bricks: Bricks, levels: npt.NDArray[np.uint8], cells: npt.NDAr
     boxes, roughness = np.empty((len(levels), 2, 3)), np.empty(len(levels))
     for i, (level, (x, y, z)) in enumerate(zip(levels, cells, strict=True)):
         of_level = bricks.levels[level]
-        boxes[i] = 2.0**level * (BRICK_SIZE * cells[i] + of_level.boxes[z, y, x].astype(np.float64)) - 0.5
-        roughness[i] = of_level.roughness[z, y, x]
+        boxes[i] = 2.0**level * (BRICK_SIZE * cells[i] + of_level.visible_bounds[z, y, x].astype(np.float64)) - 0.5
+        roughness[i] = of_level.step_errors[z, y, x]
     is_seen = np.all(boxes[:, 0] < boxes[:, 1], axis=1)
     return BrickCut(levels[is_seen], cells[is_seen], boxes[is_seen], roughness[is_seen], bricks.volume)
 

@@ -90,7 +90,7 @@ class _Profile:
     """
 
     cutoff: float
-    narrowest_px: float
+    min_sigma_px: float
     decay: float = 0.0
     coefficients: tuple[float, ...] = ()
     rim: float = 0.0
@@ -203,7 +203,7 @@ def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profil
     slopes = _slopes(mean, depth, view)
     jacobian = _jacobian(px_per_unit, slopes)
     variances, directions = np.linalg.eigh(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
-    variances = np.maximum(variances, profile.narrowest_px**2)
+    variances = np.maximum(variances, profile.min_sigma_px**2)
     offset_px = mean[:, :2] * px_per_unit[:, None] * [1, -1]
 
     relative_depth = (off[2] + ULPS * sigma * (1 + np.abs(a)) * is_cut) / depth if perspective else 0.0
@@ -346,7 +346,7 @@ def _profile(spec: SplatSpec) -> _Profile:
         end = GAUSSIAN_CUTOFF**2
         rim = math.exp(-0.5 * ratio * end) * float(np.polynomial.polynomial.polyval(end, factor))
         integral = math.pi * end / 2 * float(shares @ (values - rim))  # dA = pi dq
-        narrowest = GaussianFootprint.narrowest_px
+        narrowest = GaussianFootprint.min_sigma_px
         return _Profile(GAUSSIAN_CUTOFF, narrowest, 0.5 * ratio, tuple(factor / integral), rim / integral)
     rings = np.arange(spec.radial + 1) / spec.radial
     weights = np.interp(rings, *np.array(spec.profile, np.float64).T)
@@ -364,7 +364,7 @@ def _profile(spec: SplatSpec) -> _Profile:
     scale = math.sqrt(mass / second)
     return _Profile(
         scale,
-        GouraudFootprint.narrowest_px,
+        GouraudFootprint.min_sigma_px,
         radii=rings * scale,
         weights=weights / (mass * scale**2),
         corners=spec.angular,

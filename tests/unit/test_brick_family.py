@@ -63,13 +63,13 @@ def test_sizes_are_those_of_the_cuts(stage: Stage, finest_level: int, least_step
     """At every step, and just above it; what is told is the largest of a cut and of those coarser than it."""
     bricks = bricks_of(stage)
     sizes = brick_cut_sizes(bricks, finest_level=finest_level, finest_level_at_zero=finest_level)
-    assert len(sizes.divisions) >= least_steps
-    steps = [math.inf, *sizes.divisions.tolist(), 0.0]
+    assert len(sizes.split_thresholds) >= least_steps
+    steps = [math.inf, *sizes.split_thresholds.tolist(), 0.0]
     at_steps = [num_bricks_at(bricks, step, finest_level) for step in steps]
     above = [num_bricks_at(bricks, math.nextafter(step, math.inf), finest_level) for step in steps[1:]]
     assert sizes.counts.tolist() == np.maximum.accumulate(at_steps[:-1]).tolist()
     assert above == at_steps[:-1]
-    assert sizes.num_in_all == max(at_steps)
+    assert sizes.num_cells_at_zero == max(at_steps)
 
 
 @pytest.mark.parametrize("num", [1, 2, 5, 8, 9, 20, 1000])
@@ -77,7 +77,7 @@ def test_the_finest_cut_of_so_many_bricks(stage: Stage, primitive: BrickPrimitiv
     tolerance = primitive.tolerance_for_cells(num)
     assert 1 <= primitive.num_cells(tolerance) <= num
     sizes = brick_cut_sizes(bricks_of(stage), finest_level=0, finest_level_at_zero=0)
-    finer = sizes.divisions[sizes.divisions < tolerance]
+    finer = sizes.split_thresholds[sizes.split_thresholds < tolerance]
     if tolerance > 0 and len(finer):
         assert primitive.num_cells(float(finer[0])) > num
 
@@ -126,13 +126,13 @@ def test_more_is_drawn_at_smaller_tolerances(primitive: BrickPrimitive) -> None:
 def counted(lod: BrickLOD, view: View) -> float:
     """Samples along the rays through the pixels' centres, as they are taken, and six more for each brick on the way."""
     batch = lod.splats
-    frame, volume = ray_setup(batch.cut.volume, batch.length, view), batch.cut.volume
+    frame, volume = ray_setup(batch.cut.volume, batch.model_unit, view), batch.cut.volume
     width, height = view.size
     column, row = np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)
     place = np.stack([np.ones_like(column), column, row], axis=-1).reshape(-1, 3)
     origins, directions = place @ frame.origins.T, place @ frame.directions.T
     num = 0.0
-    for box, level, step in zip(batch.cut.boxes, batch.cut.levels, batch.steps, strict=True):
+    for box, level, step in zip(batch.cut.visible_bounds, batch.cut.levels, batch.steps, strict=True):
         with np.errstate(divide="ignore", invalid="ignore"):
             low, high = ((corner - volume.centre_index - origins) / directions for corner in box)
         start = np.maximum(np.minimum(low, high).max(axis=1), frame.start)

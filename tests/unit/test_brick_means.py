@@ -10,7 +10,7 @@ from dense_bricks import OBLIQUE, Shape, patches
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE, MeanCache, make_bricks, means as brick_means
 from renderer.bricks.kernels import BRICK_LEVELS, HALO
 from renderer.bricks.means import recompute_means
-from renderer.pyramid import Pyramid, build_pyramid, children
+from renderer.pyramid import Pyramid, build_pyramid, visible_children
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
@@ -30,7 +30,7 @@ def dense_nodes(pyramid: Pyramid, level: int) -> npt.NDArray[np.floating]:
     nodes, cells = np.arange(len(pyramid.levels[-1].errors)), np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     for number in range(pyramid.num_levels, level, -1):
         above = pyramid.levels[number - 1]
-        nodes, cells = children(nodes, cells, above.masks, above.first_children)
+        nodes, cells = visible_children(nodes, cells, above.masks, above.first_children)
     x, y, z = cells.T + HALO
     means[z, y, x] = pyramid.levels[level - 1].means[nodes]
     return means
@@ -104,9 +104,9 @@ def test_bricks_that_are_asked_for_in_turns(pyramid: Pyramid, monkeypatch: pytes
     made, kept = num_made(monkeypatch), MeanCache()
     want = recompute_means(pyramid, 1, CELLS)
     for _ in range(4):
-        kept.begin(is_used=True)
+        kept.begin(is_enabled=True)
         for part in (slice(0, 6), slice(6, 12), slice(12, 16)):
-            np.testing.assert_array_equal(kept.of(pyramid, 1, CELLS[part]), want[part])
+            np.testing.assert_array_equal(kept.get(pyramid, 1, CELLS[part]), want[part])
     assert made == [6, 6, 4, *(3 * [0, 4, 4])]
 
 
@@ -115,32 +115,32 @@ def test_what_is_not_needed_any_more_goes(pyramid: Pyramid, monkeypatch: pytest.
     made, kept = num_made(monkeypatch), MeanCache()
     want = recompute_means(pyramid, 1, CELLS)
     for part in (slice(0, 8), slice(8, 16), slice(8, 16), slice(8, 16), slice(5, 11)):
-        kept.begin(is_used=True)
-        np.testing.assert_array_equal(kept.of(pyramid, 1, CELLS[part]), want[part])
+        kept.begin(is_enabled=True)
+        np.testing.assert_array_equal(kept.get(pyramid, 1, CELLS[part]), want[part])
     assert made == [8, 8, 8, 0, 3]
 
 
 def test_nothing_is_kept_where_the_device_holds_all(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
     made, kept = num_made(monkeypatch), MeanCache()
-    for is_used in (False, False, True, True, False, True):
-        kept.begin(is_used=is_used)
-        kept.of(pyramid, 2, CELLS[:2])
+    for is_enabled in (False, False, True, True, False, True):
+        kept.begin(is_enabled=is_enabled)
+        kept.get(pyramid, 2, CELLS[:2])
     assert made == [2, 2, 2, 0, 2, 2]
 
 
 def test_levels_are_not_mistaken_for_each_other(pyramid: Pyramid) -> None:
     kept = MeanCache()
-    kept.begin(is_used=True)
-    one, two = (kept.of(pyramid, level, CELLS[:2]) for level in (1, 2))
+    kept.begin(is_enabled=True)
+    one, two = (kept.get(pyramid, level, CELLS[:2]) for level in (1, 2))
     assert not np.array_equal(one, two)
-    np.testing.assert_array_equal(kept.of(pyramid, 1, CELLS[:2]), one)
-    np.testing.assert_array_equal(kept.of(pyramid, 2, CELLS[:2]), two)
+    np.testing.assert_array_equal(kept.get(pyramid, 1, CELLS[:2]), one)
+    np.testing.assert_array_equal(kept.get(pyramid, 2, CELLS[:2]), two)
 
 
 def test_no_brick_more_than_there_is_room_for(pyramid: Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(brick_means, "MAX_CACHE_BYTES", NUM_BYTES - 1)
     made, kept = num_made(monkeypatch), MeanCache()
     for _ in range(2):
-        kept.begin(is_used=True)
-        kept.of(pyramid, 1, CELLS[:3])
+        kept.begin(is_enabled=True)
+        kept.get(pyramid, 1, CELLS[:3])
     assert made == [3, 3]

@@ -76,7 +76,7 @@ def test_boxes_of_voxels_hold_just_what_may_be_seen(dtype: str) -> None:
         volume = make_volume(values, OBLIQUE, "patches")
         transfer = random_transfer(rng, float(low), float(high))
         shown = dual_cells_shown(volume, transfer)
-        boxes = bricks_of(volume, transfer).levels[0].boxes
+        boxes = bricks_of(volume, transfer).levels[0].visible_bounds
         for (x, y, z), part in per_brick(values, BRICK_SIZE).items():
             box = box_of(shown, (x, y, z), np.array(shape))
             np.testing.assert_array_equal(boxes[z, y, x], box)
@@ -108,7 +108,7 @@ def test_what_lies_between_two_voxels(points: tuple[tuple[float, float], ...], s
     values = np.full((1, 1, 16), 10, dtype)
     values[0, 0, 3:] = 20
     transfer = hills(*points)
-    box = bricks_of(make_volume(values, np.eye(4), "step"), transfer).levels[0].boxes[0, 0, 0]
+    box = bricks_of(make_volume(values, np.eye(4), "step"), transfer).levels[0].visible_bounds[0, 0, 0]
     at_10, at_20 = transfer.classify(np.array([10.0, 20.0]))[1] >= 2.0**-80
     low = 0 if at_10 else 2.5
     high = 16 if at_20 else 3.5
@@ -123,7 +123,7 @@ def test_boxes_of_nodes_reach_to_the_next_centres(shape: Shape) -> None:
         cells = means_over_cells(depths_of(volume, SOFT), number)[..., 3] > 0
         extent = np.array(shape) / 2**number
         for x, y, z in per_brick(cells, BRICK_SIZE):
-            np.testing.assert_array_equal(level.boxes[z, y, x], box_of(nodes_shown(cells), (x, y, z), extent))
+            np.testing.assert_array_equal(level.visible_bounds[z, y, x], box_of(nodes_shown(cells), (x, y, z), extent))
 
 
 @pytest.mark.parametrize("precision", ["half", "single"])
@@ -161,7 +161,7 @@ def test_errors_of_a_brick(shape: Shape) -> None:
         above = errors_of_cells(volume, depths, number + 1)
         num_voxels = sums_over_cells(np.ones(shape), number + 1)
         squares, sizes = per_brick(above**2 * num_voxels, BRICK_SIZE // 2), per_brick(num_voxels, BRICK_SIZE // 2)
-        own = np.zeros(level.roughness.shape)
+        own = np.zeros(level.step_errors.shape)
         for (x, y, z), error in errors.items():
             want = error if number else 0
             np.testing.assert_allclose(level.errors[z, y, x], want, rtol=HALF_RTOL, atol=4e-7)
@@ -171,7 +171,7 @@ def test_errors_of_a_brick(shape: Shape) -> None:
             if number == 0:
                 want = np.hypot(want, 2 * side * np.sqrt(rough[x, y, z]))
             want = max(want, 2 ** (number + 1) * side * np.sqrt(steep[x, y, z]))
-            np.testing.assert_allclose(level.roughness[z, y, x], want, rtol=HALF_RTOL, atol=1e-7)
+            np.testing.assert_allclose(level.step_errors[z, y, x], want, rtol=HALF_RTOL, atol=1e-7)
         children = defaultdict(list)
         for (x, y, z), mean in steep.items():
             children[x // 2, y // 2, z // 2].append(mean)
@@ -185,8 +185,8 @@ def test_a_brick_without_errors_beside_one_with_errors() -> None:
     volume = make_volume(values, np.eye(4), "beside")
     fine, coarse = bricks_of(volume, SOFT).levels[:2]
     of_nodes = errors_of_cells(volume, depths_of(volume, SOFT), 1)[:8, :8, :8]
-    assert fine.roughness[0, 0, 1] >= np.sqrt((of_nodes**2).mean()) * (1 - HALF_RTOL) > 0
-    assert fine.roughness[0, 0, 2] == 0
+    assert fine.step_errors[0, 0, 1] >= np.sqrt((of_nodes**2).mean()) * (1 - HALF_RTOL) > 0
+    assert fine.step_errors[0, 0, 2] == 0
     assert coarse.errors[0, 0, 1] == 0  # the last visible voxel is 16 away
     values = values.copy()
     values[5:20, 5:20, 28:32:2] = 250
@@ -203,7 +203,7 @@ def test_what_shows_between_voxels_only() -> None:
     distance = np.sqrt(4 * 2**2 * (50 / 255) / 3)  # of a triangle, in four channels
     shown = {(z, y, x) for z in (2,) for y in (0, 1) for x in (1,)}
     assert not fine.errors.any()
-    assert {tuple(place) for place in np.argwhere(fine.roughness > 0).tolist()} == shown
+    assert {tuple(place) for place in np.argwhere(fine.step_errors > 0).tolist()} == shown
     for number, level in enumerate(levels, 1):
         shown = {(z // 2, y // 2, x // 2) for z, y, x in shown}
         assert {tuple(place) for place in np.argwhere(level.errors > 0).tolist()} == shown
@@ -225,9 +225,9 @@ def test_in_the_unit_of_the_measure(measure: Literal["rms"], of: Literal["classi
         want = RAY_ERROR_FACTOR * (distance if of == "classified" else DIFFERENCE_ERROR_SHARE)
         assert level.errors.max() == pytest.approx(want, rel=1e-6)
     if of == "scalar":  # one layer of dual cells in 16
-        assert fine.roughness[1, 0, 0] == pytest.approx(DIFFERENCE_ERROR_SHARE / 4, rel=1e-6)
+        assert fine.step_errors[1, 0, 0] == pytest.approx(DIFFERENCE_ERROR_SHARE / 4, rel=1e-6)
     else:
-        assert fine.roughness[1, 0, 0] > 0.1
+        assert fine.step_errors[1, 0, 0] > 0.1
 
 
 @pytest.mark.parametrize("shift", [0, 1, 2, 8, 16])
@@ -243,8 +243,8 @@ def test_differences_count_wherever_they_are(shift: int) -> None:
         if number:
             relative = level.errors.max() / (RAY_ERROR_FACTOR * 2**number * difference)
             assert DIFFERENCE_ERROR_SHARE * (1 - HALF_RTOL) <= relative <= 0.5 * (1 + HALF_RTOL)
-        assert (level.roughness[level.errors > 0] > 0).all()
-        assert level.roughness.max() > 0.1
+        assert (level.step_errors[level.errors > 0] > 0).all()
+        assert level.step_errors.max() > 0.1
 
 
 def test_light_counts_at_its_brightest() -> None:
@@ -269,21 +269,21 @@ def test_roughness_of_the_largest_and_the_smallest_errors(size: float) -> None:
     unscaled = make_volume(volume.values / size, np.eye(4), "near")
     one = make_bricks(unscaled, hills((0, 1), (1, 1)), spec=PyramidSpec(precision="single"), error=error)
     for level, other in zip(bricks.levels, one.levels, strict=True):
-        np.testing.assert_allclose(level.roughness / size, other.roughness, rtol=1e-5)
+        np.testing.assert_allclose(level.step_errors / size, other.step_errors, rtol=1e-5)
 
 
 def test_levels_end_in_a_single_brick() -> None:
     for shape in SHAPES:
         levels = bricks_of(soft(shape), SOFT).levels
-        assert levels[-1].boxes.shape == (1, 1, 1, 2, 3)
-        assert all(level.boxes.shape != (1, 1, 1, 2, 3) for level in levels[:-1])
+        assert levels[-1].visible_bounds.shape == (1, 1, 1, 2, 3)
+        assert all(level.visible_bounds.shape != (1, 1, 1, 2, 3) for level in levels[:-1])
 
 
 def test_nothing_visible() -> None:
     volume = make_volume(np.full((20, 40, 33), 7, np.int16), OBLIQUE, "clear")
     bricks = bricks_of(volume, SOFT)
     for level in bricks.levels:
-        assert not level.boxes.any() and not level.errors.any() and not level.roughness.any()
+        assert not level.visible_bounds.any() and not level.errors.any() and not level.step_errors.any()
         assert len(level.means) == 0
     assert len(cut_bricks(bricks, 0.0)) == 0
 
@@ -292,7 +292,7 @@ def test_threads_change_nothing() -> None:
     volume = soft((70, 90, 130))
     one, many = bricks_of(volume, SOFT), bricks_of(volume, SOFT, num_threads=3)
     for level, other in zip(one.levels, many.levels, strict=True):
-        for name in ("boxes", "errors", "roughness", "slots", "means"):
+        for name in ("visible_bounds", "errors", "step_errors", "slots", "means"):
             assert not getattr(level, name).flags.writeable
             np.testing.assert_array_equal(getattr(level, name), getattr(other, name))
 

@@ -118,7 +118,7 @@ def test_frames_that_are_not_there(tmp_path: Path) -> None:
     rules.require_frames(["a.png", "frame 3"])
     with pytest.raises(SceneError) as caught:
         rules.require_frames(["c.png"])
-    assert [(problem.got, problem.place) for problem in caught.value.problems] == [
+    assert [(problem.got, problem.location) for problem in caught.value.problems] == [
         ("'a.png'", f"{tmp_path / 'compare.yaml'}:2:3"),
         ("'frame 3'", f"{tmp_path / 'compare.yaml'}:4:3"),
     ]

@@ -21,7 +21,7 @@ from renderer.draw.cpu.sample import opacity
 from renderer.draw.raster_bricks_reference import _are_alike, _between
 from renderer.draw.subsampling import interpolated, refined
 from renderer.jit import fma, jit
-from renderer.threads import Threads
+from renderer.threads import ThreadPool
 
 GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))
 
@@ -85,7 +85,7 @@ def test_lattices_are_refined_as_the_reference_does(factor: int, spread: float) 
     nodes = rng.random((7, 9, 4)).astype(np.float32)
     nodes[:4, :5] = 0.25 + 0.01 * rng.random((4, 5, 4))
     size = 8 * factor - 1, 6 * factor + 1
-    image, is_drawn = refined(nodes, factor, spread, size, Threads())
+    image, is_drawn = refined(nodes, factor, spread, size, ThreadPool())
     columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
     is_alike = _are_alike(nodes.astype(np.float64), spread)[rows // factor, columns // factor]
     expected = ~is_alike & ((columns % factor != 0) | (rows % factor != 0))
@@ -101,7 +101,7 @@ def test_threads_do_not_change_what_lies_between_nodes(monkeypatch: pytest.Monke
     monkeypatch.setattr(lattices, "_MIN_PIXELS_PER_THREAD", 1)
     pictures = []
     for num in (1, 3):
-        threads = Threads(num)
+        threads = ThreadPool(num)
         image, is_drawn = refined(nodes, 4, 0.5, size, threads)
         pictures.append([each.tobytes() for each in (image, is_drawn, interpolated(nodes, 4, size, threads))])
         threads.release()

@@ -135,7 +135,9 @@ def test_workers_are_counted_by_what_their_bricks_may_take(
     """With a software renderer atlases are memory of the machine: of a few bricks little, of many all they may take."""
     monkeypatch.setattr(executor, "num_cores", lambda: 100)
     grids = [(max(1, size >> 4 + level),) * 3 for level in range(max(1, size.bit_length() - 4))]
-    bricks = SimpleNamespace(levels=[SimpleNamespace(boxes=np.empty((*grid, 2, 3), np.float32)) for grid in grids])
+    bricks = SimpleNamespace(
+        levels=[SimpleNamespace(visible_bounds=np.empty((*grid, 2, 3), np.float32)) for grid in grids]
+    )
     stage = SimpleNamespace(bricks=bricks, scene=SimpleNamespace(shading=None))
     each = mib * 2**20
     for num in (1, 2, 7):

@@ -160,8 +160,8 @@ def test_voxels_that_are_not_aligned(tmp_path: Path) -> None:
     in_memory = replace(volume, values=values, source=None)
     one, other = (make_bricks(v, SOFT, spec=PyramidSpec(), error=ErrorSpec()) for v in (volume, in_memory))
     for level, level_in_memory in zip(one.levels, other.levels, strict=True):
-        np.testing.assert_array_equal(level.boxes, level_in_memory.boxes)
-        np.testing.assert_array_equal(level.roughness, level_in_memory.roughness)
+        np.testing.assert_array_equal(level.visible_bounds, level_in_memory.visible_bounds)
+        np.testing.assert_array_equal(level.step_errors, level_in_memory.step_errors)
 
 
 # Files that do not stay as they are
@@ -238,7 +238,7 @@ def test_during_a_build(tmp_path: Path) -> None:
         os.truncate(tmp_path / "v.raw", 0)
 
     with pytest.raises(InputError, match="became shorter while it was in use"):
-        build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1, tell=tell)
+        build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1, on_nodes=tell)
     assert told == [1, 2]  # the first task had read all that it needs, and no other one began
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from hypothesis import given, strategies as st
 
-from renderer.runs import runs
+from renderer.runs import consecutive_ranges
 
 
 @given(st.sets(st.integers(0, 40)))
 def test_they_hold_the_numbers_and_no_two_touch(numbers: set[int]) -> None:
-    found = runs(sorted(numbers))
+    found = consecutive_ranges(sorted(numbers))
     assert [number for start, stop in found for number in range(start, stop)] == sorted(numbers)
     ends = [end for run in found for end in run]
     assert ends == sorted(set(ends))

@@ -8,33 +8,35 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from renderer.threads import Threads
+from renderer.threads import ThreadPool
 
 
 @pytest.fixture(params=[1, 3])
-def threads(request: pytest.FixtureRequest) -> Iterator[Threads]:
-    threads = Threads(request.param)
+def threads(request: pytest.FixtureRequest) -> Iterator[ThreadPool]:
+    threads = ThreadPool(request.param)
     yield threads
     threads.release()
 
 
-def test_each_item_is_worked_on(threads: Threads) -> None:
+def test_each_item_is_worked_on(threads: ThreadPool) -> None:
     done: list[int] = []
-    threads.each(done.append, range(20))
+    threads.map(done.append, range(20))
     assert sorted(done) == list(range(20))
 
 
-def test_what_fails_is_raised(threads: Threads) -> None:
+def test_what_fails_is_raised(threads: ThreadPool) -> None:
     def work(item: int) -> None:
         if item == 2:
             raise KeyError(item)
 
     with pytest.raises(KeyError):
-        threads.each(work, range(4))
+        threads.map(work, range(4))
 
 
 @pytest.mark.parametrize(("num", "least", "num_parts"), [(0, 5, 1), (9, 5, 1), (10, 5, 2), (15, 5, 3), (100, 1, 3)])
-def test_parts_are_large_enough_and_make_up_the_whole(threads: Threads, num: int, least: int, num_parts: int) -> None:
+def test_parts_are_large_enough_and_make_up_the_whole(
+    threads: ThreadPool, num: int, least: int, num_parts: int
+) -> None:
     parts: list[tuple[int, int]] = []
     threads.for_ranges(lambda first, end: parts.append((first, end)), num, least)
     parts.sort()
@@ -44,7 +46,7 @@ def test_parts_are_large_enough_and_make_up_the_whole(threads: Threads, num: int
     assert len(parts) == 1 or min(end - first for first, end in parts) >= least
 
 
-def test_what_is_made_in_parts_is_in_order(threads: Threads) -> None:
+def test_what_is_made_in_parts_is_in_order(threads: ThreadPool) -> None:
     items = np.arange(17)
     names: set[str] = set()
 
@@ -53,5 +55,5 @@ def test_what_is_made_in_parts_is_in_order(threads: Threads) -> None:
         return part[:, None] * [1, 10]
 
     np.testing.assert_array_equal(threads.map_concatenated(make, items, 4), items[:, None] * [1, 10])
-    assert any(name.startswith("hsplat-bricks") for name in names) == (threads.num > 1)
+    assert any(name.startswith("hsplat") for name in names) == (threads.num > 1)
     assert threads.map_concatenated(make, items[:0], 4).shape == (0, 2)

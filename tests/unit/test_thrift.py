@@ -9,9 +9,9 @@ import pytest
 
 from renderer.bricks import ScreenSampling
 from renderer.bricks.sampling import (
+    DIFFERENCE_THRESHOLD,
     MAX_DIFFERENCE_THRESHOLD,
     MAX_TERMINATION_TRANSMITTANCE,
-    SPREAD,
     STRIDES,
     TERMINATION_TRANSMITTANCE,
     screen_sampling_at,
@@ -57,7 +57,7 @@ def test_what_is_hidden_stays_so_at_any_tolerance() -> None:
 )
 def test_lattices(tolerance: float, cell_px: float, strides: tuple[int, ...]) -> None:
     """Of 1.35 cells at most from node to node for each tenth of the tolerance; all of them are refined."""
-    spread = min(SPREAD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
+    spread = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
     assert screen_sampling_at(tolerance, cell_px) == ScreenSampling(
         strides, spread, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE)
     )

@@ -145,7 +145,7 @@ def test_the_smallest_and_the_largest_voxels_are_drawn(tmp_path: Path, scale: fl
     pyramid = build_pyramid(of, by, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1)
     for tolerance in (0.0, 1e-3):
         splats = make_splats(cut_pyramid(pyramid, tolerance), SplatSpec())
-        energy = splats.areas[:, 3].sum(dtype=np.float64) * splats.length**2 / of.finest_spacing**2
+        energy = splats.areas[:, 3].sum(dtype=np.float64) * splats.model_unit**2 / of.finest_spacing**2
         assert energy == pytest.approx(8 * math.log(2), rel=1e-3)
 
 

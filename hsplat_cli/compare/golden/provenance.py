@@ -168,7 +168,7 @@ def read_provenance(folder: Path) -> Provenance:
     problems: list[Problem] = []
     given = fields(Node(data, "", problems), _TABLE, required=["format", *_PARTS, "frames"])
     if problems:
-        raise SceneError([replace(problem, place=str(path)) for problem in problems])
+        raise SceneError([replace(problem, location=str(path)) for problem in problems])
     volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
     origin = {"volume": volume} | {part: given[part] for part in _PARTS if part != "volume"}
     return Provenance(origin, given["frames"])

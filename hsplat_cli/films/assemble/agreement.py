@@ -13,7 +13,7 @@ from typing import Any
 from hsplat_cli.films.assemble.parts import Part
 from renderer.errors import Problem
 from renderer.film import Record, bytes_digest, png_shape
-from renderer.runs import runs
+from renderer.runs import consecutive_ranges
 from renderer.scene import FRAME_FIELD, join, schedule_to_dict, show
 
 _MOST_SHOWN = 4
@@ -51,7 +51,7 @@ def film_problems(parts: Sequence[Part]) -> Iterator[Problem]:
                 "a part of another film",
                 got=_shown(keys, now),
                 expected=f"{_shown(keys, before)}, as in {model.path}",
-                place=str(part.path),
+                location=str(part.path),
             )
 
 
@@ -132,11 +132,11 @@ def _duplicate_problems(first: PickedFrame, other: PickedFrame) -> Iterator[Prob
     contents = [_content(first.file), _content(other.file)]
     if None not in contents and contents[0] != contents[1]:
         got, what = f"{first.file} and {other.file}", f"frame {first.number} is in two parts, and not the same"
-        yield Problem("", what, got=got, hint="leave one of the parts out", place=str(other.part.path))
+        yield Problem("", what, got=got, hint="leave one of the parts out", location=str(other.part.path))
 
 
 def _missing_problems(missing: Sequence[int], part: Part) -> Iterator[Problem]:
-    gaps = runs(missing)
+    gaps = consecutive_ranges(missing)
     if not gaps:
         return
     ranges = ", ".join(f"{start}:{stop}" for start, stop in gaps)
@@ -179,14 +179,14 @@ def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) ->
             without_digest.setdefault(frame.part.path, []).append(frame)
         elif why := _picture_problem(content, frame, shape, by_digest):
             hint = f"remove it, and {shlex.join(['hsplat', 'render', str(frame.part.path)])} draws it again"
-            yield Problem("", f"not the picture of frame {frame.number}", got=why, hint=hint, place=str(frame.file))
+            yield Problem("", f"not the picture of frame {frame.number}", got=why, hint=hint, location=str(frame.file))
     for path, frames in gone.items():
         yield Problem(
             "",
             f"{len(frames)} of its pictures {'is' if len(frames) == 1 else 'are'} not there",
             got=f"no {frames[0].file}" + f" and {len(frames) - 1} more" * (len(frames) > 1),
             hint=f"{shlex.join(['hsplat', 'render', str(path)])} draws them again",
-            place=str(path),
+            location=str(path),
         )
     for path, frames in without_digest.items():
         yield Problem(
@@ -194,7 +194,7 @@ def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) ->
             "nothing tells whether its pictures are those that were drawn",
             got=f"no digest of frame {frames[0].number}" + f" and {len(frames) - 1} more" * (len(frames) > 1),
             hint=f"{shlex.join(['hsplat', 'render', str(path), '--force'])} draws them again",
-            place=str(path),
+            location=str(path),
         )
 
 

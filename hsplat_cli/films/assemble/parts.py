@@ -89,7 +89,9 @@ def _parts_at(path: Path, problems: list[Problem]) -> Iterator[Part]:
             yield part
     if not found and len(problems) == num_before:
         hint = "`hsplat render SCENE --frames 0:30 --output 'parts/{frame:04}.png'` draws a part"
-        problems.append(Problem("", "no numbered frames with their sidecar in this folder", hint=hint, place=str(path)))
+        problems.append(
+            Problem("", "no numbered frames with their sidecar in this folder", hint=hint, location=str(path))
+        )
 
 
 def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Part]:
@@ -106,7 +108,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     if sidecar is None or file is None or file.suffix.lower() != ".png":
         if is_named:
             what = "not the sidecar of numbered frames" if sidecar is None else "a film, which is not taken apart again"
-            problems.append(Problem("", what, expected=_EXPECTED, place=str(path)))
+            problems.append(Problem("", what, expected=_EXPECTED, location=str(path)))
         return
     data = json.loads(content)
     wrong = [*sidecar.problems, *_file_problems(sidecar)] or [
@@ -115,13 +117,13 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
         *_path_problems(sidecar),
     ]
     if wrong:
-        problems.extend(replace(problem, place=str(path)) for problem in wrong)
+        problems.extend(replace(problem, location=str(path)) for problem in wrong)
         return
     yield Part(path, data, sidecar.original.asked, film_path_of_sidecar(path, file))
 
 
 def _problem(error: InputError, place: str) -> Problem:
-    return Problem("", error.what, error.got, error.expected, error.hint, place=error.where or place)
+    return Problem("", error.what, error.got, error.expected, error.hint, location=error.where or place)
 
 
 def _output_file(sidecar: Sidecar | None) -> Path | None:

@@ -23,7 +23,7 @@ from renderer.draw.cpu.march import Boxes, Float64, Int64, Rays, bin_bricks, dra
 from renderer.draw.cpu.sample import Field, Float32
 from renderer.draw.subsampling import interpolated, num_nodes, refined
 from renderer.scene import ShadingSpec
-from renderer.threads import Threads
+from renderer.threads import ThreadPool
 from renderer.transfer import PiecewiseTransfer
 from renderer.view import View, ray_setup
 
@@ -40,7 +40,7 @@ class CPUBrickRenderer:
     """Draws on so many threads; pictures do not depend on their number. `release` ends them."""
 
     def __init__(self, num_threads: int) -> None:
-        self._threads = Threads(num_threads)
+        self._threads = ThreadPool(num_threads)
         self._store = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, self._threads)
         self._pieces: tuple[PiecewiseTransfer, Float32] | None = None
 
@@ -58,7 +58,9 @@ class CPUBrickRenderer:
         self._draw_boxes(picture, strides[0], is_drawn, image)
         for coarse, stride in pairwise(strides):
             shape = num_nodes(view.size, stride)
-            image, is_drawn = refined(image, coarse // stride, batch.screen_sampling.spread, shape, self._threads)
+            image, is_drawn = refined(
+                image, coarse // stride, batch.screen_sampling.difference_threshold, shape, self._threads
+            )
             self._draw_boxes(picture, stride, is_drawn, image)
         return image if strides[-1] == 1 else interpolated(image, strides[-1], view.size, self._threads)
 
@@ -89,7 +91,7 @@ class CPUBrickRenderer:
         side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
         starts, numbers = _tile_bins(rectangles, side, (columns, rows))
         tiles = np.flatnonzero(starts[1:] > starts[:-1])
-        opaque = np.float32(picture.batch.screen_sampling.opaque)
+        opaque = np.float32(picture.batch.screen_sampling.termination_alpha)
         rays = _rays(picture)
 
         def draw(some: Int64) -> None:
@@ -98,7 +100,7 @@ class CPUBrickRenderer:
             )  # fmt: skip
 
         num_tasks = min(len(tiles), _TASKS_EACH * self._threads.num) if self._threads.num > 1 else 1
-        self._threads.each(draw, np.array_split(tiles, max(1, num_tasks)))
+        self._threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
 
     def _boxes(self, picture: BrickView, group: slice) -> Boxes:
         """What the loops are told of bricks, which are made ready."""
@@ -143,7 +145,7 @@ class CPUBrickRenderer:
 
 def _rays(picture: BrickView) -> Rays:
     batch, view = picture.batch, picture.view
-    frame = ray_setup(batch.cut.volume, batch.length, view)
+    frame = ray_setup(batch.cut.volume, batch.model_unit, view)
     center_px = view.size[0] / 2, view.size[1] / 2
     return Rays(frame.origins, frame.directions, float(frame.slope_per_px), float(frame.start), center_px)
 

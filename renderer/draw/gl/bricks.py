@@ -23,7 +23,7 @@ from renderer.draw.brick_store import BrickCache
 from renderer.draw.brick_view import BrickView
 from renderer.draw.gl.atlas import GLAtlas
 from renderer.draw.subsampling import interpolated, num_nodes
-from renderer.threads import Threads
+from renderer.threads import ThreadPool
 from renderer.transfer import PiecewiseTransfer
 from renderer.view import View, ray_setup
 
@@ -81,7 +81,7 @@ class GLBrickRenderer:
 
     def __init__(self, context: Any, programs: Programs, largest_point_px: float, num_threads: int) -> None:
         self._context, self._programs, self._largest_point_px = context, programs, largest_point_px
-        self._threads = Threads(num_threads)
+        self._threads = ThreadPool(num_threads)
         self._pixel_grids: dict[int, _PixelGrid] = {}
         self._image_size = (0, 0)
         self._store = BrickCache(partial(GLAtlas, context), partial(GLAtlas, context), self._threads)
@@ -100,7 +100,7 @@ class GLBrickRenderer:
         coarse = None
         for stride in batch.screen_sampling.strides:
             lattice = self._pixel_grid(stride)
-            self._init_grid(lattice, coarse, batch.screen_sampling.spread)
+            self._init_grid(lattice, coarse, batch.screen_sampling.difference_threshold)
             self._draw_boxes(programs, picture, vertices, lattice)
             coarse = lattice
         assert coarse is not None
@@ -184,14 +184,14 @@ class GLBrickRenderer:
         There are two, for software renderers go through what either needs for all pixels of a program that has both.
         """
         look_up_scalars = "brick_pieces.glsl " + ("brick_lit.glsl" if batch.shading else "brick_plain.glsl")
-        rays = ray_setup(batch.cut.volume, batch.length, view)
+        rays = ray_setup(batch.cut.volume, batch.model_unit, view)
         common = {
             "center_px": tuple(n / 2 for n in view.size),
             "origins": tuple(rays.origins.T.ravel()),  # GL matrices are column by column
             "directions": tuple(rays.directions.T.ravel()),
             "slope_per_px": rays.slope_per_px,
             "start": max(rays.start, -LARGEST),
-            "opaque": batch.screen_sampling.opaque,
+            "opaque": batch.screen_sampling.termination_alpha,
             "jitter_per_px": JITTER_PER_PX,
             "dither": DITHER,
             "spacings_per_model_unit": batch.spacings_per_model_unit,

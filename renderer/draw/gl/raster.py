@@ -186,7 +186,7 @@ class GLRasterizer:
             _set_camera(program, camera)
             program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
             program["slope_limit"] = tuple(camera.slope_limit)
-            for uniform in ("narrowest_px", *(("cutoff", "decay", "coefficients", "rim") if is_gaussian else ())):
+            for uniform in ("min_sigma_px", *(("cutoff", "decay", "coefficients", "rim") if is_gaussian else ())):
                 program[uniform] = getattr(batch.footprint, uniform)
         return (
             partial(self._draw_gaussians, program, batch, camera)
@@ -386,4 +386,4 @@ def _size_bound_px(batch: SplatBatch, vertices: npt.NDArray[np.float32], camera:
         steepest = np.sqrt(1 + np.sum(camera.slope_limit**2))
         safe = depth - camera.near > 5 * sigma
         sigma_px = np.divide(sigma * (camera.scale_px * steepest), depth, out=np.full(len(sigma), np.inf), where=safe)
-    return 2 * batch.footprint.cutoff * np.maximum(sigma_px, batch.footprint.narrowest_px) + 1
+    return 2 * batch.footprint.cutoff * np.maximum(sigma_px, batch.footprint.min_sigma_px) + 1

@@ -13,7 +13,7 @@ uniform float scale_px;          // focal length, or pixels per model unit
 uniform vec2 size_px;
 uniform float near_beyond_origin; // depth of the near plane behind the model's origin
 uniform vec2 slope_limit;
-uniform float narrowest_px;      // smallest standard deviation of a footprint
+uniform float min_sigma_px;      // smallest standard deviation of a footprint
 
 // Stands for no length at all: its square is still a number above 0.
 const float MIN_LENGTH = 1e-18;
@@ -95,14 +95,14 @@ Footprint project() {
     row_y /= unit;
     float unit_px = unit * magnification;
 
-    // Widened so that no standard deviation is under narrowest_px. The determinant is a Gram determinant: no cancellation.
+    // Widened so that no standard deviation is under min_sigma_px. The determinant is a Gram determinant: no cancellation.
     float xx = dot(row_x, row_x), xy = dot(row_x, row_y), yy = dot(row_y, row_y);
     float middle = 0.5 * (xx + yy);
     float large = middle + length(vec2(0.5 * (xx - yy), xy));
     float short_side = length(cross(row_x, row_y)) / sqrt(large);
-    float narrowest = narrowest_px / unit_px;
+    float narrowest = min_sigma_px / unit_px;
     if (sqrt(large) <= narrowest) {
-        result.root = vec3(narrowest_px, 0.0, narrowest_px);
+        result.root = vec3(min_sigma_px, 0.0, min_sigma_px);
     } else {
         if (short_side < narrowest) {
             float small = short_side * short_side, least = narrowest * narrowest;
