@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hsplat_cli.scenes import read_with_options, transfer_dict, transfer_lines, volume_options, volume_spec
-from hsplat_cli.terminal import counted
+from hsplat_cli.terminal import Reporter, counted
 
 if TYPE_CHECKING:
     from renderer.suggest import Statistics, Suggestion, ValueRange
@@ -33,7 +33,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """
     from renderer.suggest import measure, suggest, suggest_ranges
 
-    read = read_with_options(volume_spec(volume, **reading))
+    read = read_with_options(volume_spec(volume, **reading), Reporter())
     statistics = measure(read.values, read.source)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)

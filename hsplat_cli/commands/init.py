@@ -17,7 +17,7 @@ from hsplat_cli.scenes import (
     volume_options,
     volume_spec,
 )
-from hsplat_cli.terminal import OutputPath
+from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 from renderer.film import require_no_input, require_writable_dry_run, volume_files, write_staged
 
@@ -48,12 +48,13 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     scene = suggest_scene(
         spec,
         film,
+        Reporter(),
         colormap=colormap,
         hides_nonfinite=options["nonfinite"] is None,
         scene=output or Path("scene.yaml"),
         output=Path(f"{base_name(volume)}.mp4"),
     )
-    for line in scene.told():
+    for line in scene.summary_lines():
         click.echo(f"{volume}: {line}", err=True)
     if output is None:
         # As bytes: a terminal's encoding does not concern the file that this may become.

@@ -12,12 +12,12 @@ import click
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
 from hsplat_cli.scenes import (
     FILM_OPTION_NAMES,
-    Named,
+    NamedVolume,
     default_output,
-    expand,
+    expand_volumes,
     film_options,
     make_film_options,
-    named,
+    name_volumes,
     require_colormap,
     volume_options,
     volume_spec,
@@ -131,13 +131,13 @@ def _make_single_film(order: Order, *, quiet: bool) -> None:
     update_manifest(folder, [result])
 
 
-def _films(volumes: tuple[str, ...], name: str | None, quiet: bool) -> list[Named]:
+def _films(volumes: tuple[str, ...], name: str | None, quiet: bool) -> list[NamedVolume]:
     if name is not None:
-        return [Named(Path(volumes[0]), name)]
-    found, notes = expand(volumes)
+        return [NamedVolume(Path(volumes[0]), name)]
+    found, notes = expand_volumes(volumes)
     if not found:
         raise InputError("there is nothing to render", where="hsplat turntable", got=", ".join(volumes))
     for note in notes:
         if not quiet:
             click.echo(f"note: {note}", err=True)
-    return named(found)
+    return name_volumes(found)

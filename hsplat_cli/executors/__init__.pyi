@@ -1,5 +1,5 @@
 from .executor import open_executor as open_executor
-from .frame_result import Drawn as Drawn, FrameExecutor as FrameExecutor, LocalExecutor as LocalExecutor
+from .frame_result import FrameExecutor as FrameExecutor, FrameResult as FrameResult, LocalExecutor as LocalExecutor
 from .options import (
     ExecutorSpec as ExecutorSpec,
     executor_options as executor_options,

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Protocol
 
 from hsplat_cli.executors.cluster.cluster_executor import Cluster, open_cluster
-from hsplat_cli.executors.frame_result import Drawn, FrameExecutor, LocalExecutor
+from hsplat_cli.executors.frame_result import FrameExecutor, FrameResult, LocalExecutor
 from hsplat_cli.executors.options import ExecutorSpec
 from hsplat_cli.executors.rasterizers import open_recovering_rasterizer
 from hsplat_cli.executors.workers.pool import Pool, open_pool
-from hsplat_cli.scenes import Plan
+from hsplat_cli.scenes import FilmPlan
+from hsplat_cli.terminal import Reporter
 from renderer.cores import num_cores
 from renderer.draw import RecoveringRasterizer, is_software, most_bytes
 from renderer.errors import RenderError
@@ -31,15 +32,15 @@ _SINGLE_PROCESS_NOTE = "drawn by one process, for others could not be started: {
 
 
 @contextlib.contextmanager
-def open_executor(spec: ExecutorSpec, scene: Scene, *, quiet: bool) -> Iterator[Executor]:
-    """Those who can draw this scene. quiet: not to say that workers are waited for.
+def open_executor(spec: ExecutorSpec, scene: Scene, reporter: Reporter) -> Iterator[Executor]:
+    """Those who can draw this scene.
 
     Raises what is wrong with the GL here, where the scene needs it, or with the address of a cluster.
     """
     with contextlib.ExitStack() as stack:
         cluster = rasterizer = None
         if spec.scheduler is not None:
-            cluster = stack.enter_context(open_cluster(spec.scheduler, num_workers=spec.workers, quiet=quiet))
+            cluster = stack.enter_context(open_cluster(spec.scheduler, reporter, num_workers=spec.workers))
         if cluster is None or isinstance(scene.error.goal, AccuracyGoal):  # which is looked for here
             rasterizer = stack.enter_context(open_recovering_rasterizer(needs_opengl=scene.needs_opengl))
         yield Executor(spec, rasterizer, cluster)
@@ -52,7 +53,7 @@ class Executor:
         self._spec, self.rasterizer, self._cluster = spec, rasterizer, cluster
 
     @property
-    def gl(self) -> str:
+    def renderer_name(self) -> str:
         """Device and driver, as GL names them; those of a cluster are known when it has drawn."""
         if self._cluster is not None:
             return "that of a cluster's workers"
@@ -60,17 +61,18 @@ class Executor:
         return self.rasterizer.renderer_name
 
     @contextlib.contextmanager
-    def drawer(self, plan: Plan, num_frames: int) -> Iterator[FilmExecutor]:
+    def for_plan(self, plan: FilmPlan, num_frames: int) -> Iterator[FilmExecutor]:
         """What draws so many frames of a plan, which the caller lets go of: its volume may move to shared memory.
 
         Frames on a budget of time are drawn one by one, as they were timed.
         """
         if self._cluster is not None:
-            with self._cluster.drawer(plan.stage) as drawer:
+            with self._cluster.for_stage(plan.stage) as drawer:
                 yield _RemoteExecutor(plan, drawer)
             return
         assert self.rasterizer is not None
-        num_workers = max(1, min(self._spec.workers or _default_num_workers(self.gl, plan.stage), num_frames))
+        most = self._spec.workers or _default_num_workers(self.renderer_name, plan.stage)
+        num_workers = max(1, min(most, num_frames))
         threads_per_worker = max(1, num_cores() // num_workers)
         alone, is_timing_dependent = _SingleProcessExecutor(plan, self.rasterizer), plan.is_timing_dependent
         del plan
@@ -89,47 +91,47 @@ class FilmExecutor(FrameExecutor, Protocol):
     """plan: by which it draws; another one, with the same pictures, where the volume has moved."""
 
     @property
-    def plan(self) -> Plan: ...
+    def plan(self) -> FilmPlan: ...
 
 
 class _RemoteExecutor:
     """Others draw, on a cluster."""
 
-    def __init__(self, plan: Plan, drawer: FrameExecutor) -> None:
+    def __init__(self, plan: FilmPlan, drawer: FrameExecutor) -> None:
         self.plan, self._executor = plan, drawer
 
     @property
-    def made_by(self) -> Sequence[str]:
-        """As in Drawer."""
-        return self._executor.made_by
+    def drivers(self) -> Sequence[str]:
+        """As in FrameExecutor."""
+        return self._executor.drivers
 
     @property
     def notes(self) -> Sequence[str]:
-        """As in Drawer."""
+        """As in FrameExecutor."""
         return self._executor.notes
 
-    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
-        """As in Drawer."""
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
+        """As in FrameExecutor."""
         return self._executor.draw(numbers)
 
 
 class _SingleProcessExecutor:
     """This process draws."""
 
-    def __init__(self, plan: Plan, rasterizer: RecoveringRasterizer) -> None:
-        self.made_by, self._rasterizer = [rasterizer.renderer_name], rasterizer
+    def __init__(self, plan: FilmPlan, rasterizer: RecoveringRasterizer) -> None:
+        self.drivers, self._rasterizer = [rasterizer.renderer_name], rasterizer
         self._set_plan(plan)
 
-    def _set_plan(self, plan: Plan) -> None:
+    def _set_plan(self, plan: FilmPlan) -> None:
         self.plan, self._executor = plan, LocalExecutor(plan.stage, self._rasterizer, plan.controller)
 
     @property
     def notes(self) -> Sequence[str]:
-        """As in Drawer."""
+        """As in FrameExecutor."""
         return self._rasterizer.notes
 
-    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
-        """As in Drawer."""
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
+        """As in FrameExecutor."""
         return self._executor.draw(numbers)
 
     def switch_stage(self, stage: Stage) -> None:
@@ -151,22 +153,22 @@ class _GrowingExecutor:
         self._notes = list[str]()
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> FilmPlan:
         """As in FilmExecutor."""
         return self._alone.plan
 
     @property
     def notes(self) -> list[str]:
-        """As in Drawer."""
+        """As in FrameExecutor."""
         return [*self._notes, *self._alone.notes, *(self._pool.notes if self._pool else ())]
 
     @property
-    def made_by(self) -> tuple[str, ...]:
-        """As in Drawer."""
-        return tuple(dict.fromkeys([*self._alone.made_by, *(self._pool.made_by if self._pool else ())]))
+    def drivers(self) -> tuple[str, ...]:
+        """As in FrameExecutor."""
+        return tuple(dict.fromkeys([*self._alone.drivers, *(self._pool.drivers if self._pool else ())]))
 
-    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
-        """As in Drawer."""
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
+        """As in FrameExecutor."""
         num_drawn, seconds = 0, math.inf if self._must else 0.0
         with contextlib.closing(self._alone.draw(numbers)) as frames:
             while not self._has_workers((len(numbers) - num_drawn) * seconds):

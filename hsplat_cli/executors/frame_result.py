@@ -16,7 +16,7 @@ _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8
 
 
 @dataclass(frozen=True)
-class Drawn:
+class FrameResult:
     """record: plain data for JSON, as `is_frame_record` has it: the number as `frame`, `tolerance`, `cells`, `splats`,
     `seconds` by step."""
 
@@ -28,17 +28,17 @@ class Drawn:
 class FrameExecutor(Protocol):
     """Draws frames of a film, wherever that is.
 
-    made_by: devices and drivers of the frames so far, as GL names them: one, unless machines differ.
+    drivers: devices and drivers of the frames so far, as GL names them: one, unless machines differ.
     notes: what the user should know.
     """
 
     @property
-    def made_by(self) -> Sequence[str]: ...
+    def drivers(self) -> Sequence[str]: ...
 
     @property
     def notes(self) -> Sequence[str]: ...
 
-    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
         """These frames, in this order."""
 
 
@@ -49,16 +49,16 @@ class LocalExecutor:
         self._stage, self._rasterizer = stage, rasterizer
         self._controller = ScheduleController(stage) if controller is None else controller
 
-    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
         """As in Drawer."""
         frames = render_frames(
             self._stage, numbers, self._rasterizer, clock=time.perf_counter, controller=self._controller
         )
         for frame in frames:
-            yield drawn(frame)
+            yield make_frame_result(frame)
 
 
-def drawn(frame: Frame) -> Drawn:
+def make_frame_result(frame: Frame) -> FrameResult:
     """A frame of the loop."""
     record: dict[str, Any] = {
         "frame": frame.number,
@@ -69,4 +69,4 @@ def drawn(frame: Frame) -> Drawn:
     }
     predicted = {} if frame.predicted_seconds is None else {"predicted_seconds": frame.predicted_seconds}
     blank = {"blank": True} if np.max(frame.radiance[..., 3], initial=0.0) < _MIN_VISIBLE_OPACITY else {}
-    return Drawn(frame.number, Picture(frame.image), record | predicted | blank)
+    return FrameResult(frame.number, Picture(frame.image), record | predicted | blank)

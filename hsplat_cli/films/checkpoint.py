@@ -8,14 +8,14 @@ from pathlib import Path
 import click
 
 from hsplat_cli.films.fingerprint import JobFingerprint, Made, read_recorded_film, reason
-from hsplat_cli.scenes import Job, Plan
+from hsplat_cli.scenes import FilmPlan, Job
 from hsplat_cli.terminal import counted
 from renderer.film import FrameCheckpoint, Record, has_frame_files, sidecar_path
 from renderer.scene import tolerance_at
 
 
 def resume_checkpoint(
-    job: Job, plan: Plan, folder: Path, cause: JobFingerprint, before: Made | None, *, force: bool
+    job: Job, plan: FilmPlan, folder: Path, cause: JobFingerprint, before: Made | None, *, force: bool
 ) -> FrameCheckpoint:
     """Those of the job's frames that are there and are what would be drawn; none with `force`.
 
@@ -31,14 +31,14 @@ def resume_checkpoint(
     return kept
 
 
-def _matches_plan(plan: Plan, record: Record) -> bool:
+def _matches_plan(plan: FilmPlan, record: Record) -> bool:
     """Whether a frame that is kept has the tolerance that it would have now; one on a budget of time has any."""
     if plan.is_timing_dependent:
         return "predicted_seconds" in record
     return bool(record["tolerance"] == tolerance_at(plan.stage.scene.error, record["frame"]))
 
 
-def report_checkpoint(kept: FrameCheckpoint, job: Job, plan: Plan) -> None:
+def report_checkpoint(kept: FrameCheckpoint, job: Job, plan: FilmPlan) -> None:
     """Say which frames are there already, and why others are not."""
     if kept.records:
         click.echo(f"{_some(kept, job)} there already", err=True)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from hsplat_cli.executors import Drawn, ExecutorSpec, FrameExecutor, open_executor
+from hsplat_cli.executors import ExecutorSpec, FrameExecutor, FrameResult, open_executor
 from hsplat_cli.films.background import run_overlapped, run_sequentially
 from hsplat_cli.films.checkpoint import report_checkpoint, report_resumable, resume_checkpoint
 from hsplat_cli.films.finished_film import FinishedFilm, record, tell
@@ -16,7 +16,7 @@ from hsplat_cli.films.goals import make_plan
 from hsplat_cli.films.preparation import prepare_film
 from hsplat_cli.films.sidecar_record import makers, with_seconds
 from hsplat_cli.scenes import Job
-from hsplat_cli.terminal import counted, deferrable_interrupts, progress
+from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts, progress
 from renderer.errors import RenderError
 from renderer.film import (
     FilmWriter,
@@ -55,8 +55,8 @@ def render_once(
         folder = place or stack.enter_context(locked_output(output, frames, sidecar_path(job.scene, frames)))
         defer_interrupts = stack.enter_context(deferrable_interrupts())
         require_encoder(output)
-        executor = stack.enter_context(open_executor(executor_spec, job.scene, quiet=quiet))
-        begun = prepare_film(job, folder, executor.gl, force=force, quiet=quiet)
+        executor = stack.enter_context(open_executor(executor_spec, job.scene, Reporter(quiet)))
+        begun = prepare_film(job, folder, executor.renderer_name, force=force, quiet=quiet)
         if begun is None:
             return None
         if on_start is not None:
@@ -70,7 +70,7 @@ def render_once(
         num_kept = len(kept.records)
         label = "drawing" if is_auxiliary else output.file.name
         try:
-            with executor.drawer(plan, len(frames) - num_kept) as drawer:
+            with executor.for_plan(plan, len(frames) - num_kept) as drawer:
                 is_timing_dependent = plan.is_timing_dependent
                 del plan  # its volume may move
                 records, notes = _draw(
@@ -85,7 +85,7 @@ def render_once(
                 )
                 plan = drawer.plan
                 notes = [*notes, *drawer.notes]
-                made_by = list(dict.fromkeys([*makers(records), *drawer.made_by])) or [executor.gl]
+                made_by = list(dict.fromkeys([*makers(records), *drawer.drivers])) or [executor.renderer_name]
             seconds = time.perf_counter() - start
             done = FinishedFilm(job, plan, records, notes, made_by, seconds, num_kept)
             record(done, folder, cause)
@@ -133,7 +133,7 @@ def _draw(
     return records, notes
 
 
-def _store(kept: FrameCheckpoint, film: FilmWriter | None, number: int, drawn: Drawn | None) -> Record:
+def _store(kept: FrameCheckpoint, film: FilmWriter | None, number: int, drawn: FrameResult | None) -> Record:
     """Keep a frame that was drawn, or take the one that is kept, for the film, too; its record."""
     before = time.perf_counter()
     record = kept.records[number] if drawn is None else kept.keep(number, drawn.picture.png, drawn.record)

@@ -65,7 +65,7 @@ def job_fingerprint(job: Job, fingerprint: str, made_by: str) -> JobFingerprint:
     output = {key: value for key, value in scene["output"].items() if key not in _ENCODING_KEYS}
     del scene["volume"]
     of = {
-        "scene": scene | {"output": output, "error": {**job.asked, **rest}},
+        "scene": scene | {"output": output, "error": {**job.requested_error, **rest}},
         "volume": {"fingerprint": fingerprint},
         "versions": package_versions(),
         "sources": sources_digest(),

@@ -13,7 +13,7 @@ from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record, wit
 from hsplat_cli.films.goals import shortfall_of
 from hsplat_cli.films.rerender import rerender_notes
 from hsplat_cli.films.sidecar_record import driver_notes, film_record, schedule_record, summary, visibility_notes
-from hsplat_cli.scenes import Job, Plan
+from hsplat_cli.scenes import FilmPlan, Job
 from renderer.errors import RenderError
 from renderer.film import Record, sidecar_path, write_sidecar
 
@@ -26,7 +26,7 @@ class FinishedFilm:
     """
 
     job: Job
-    plan: Plan
+    plan: FilmPlan
     frames: Sequence[Record]
     file_notes: Sequence[str]
     made_by: Sequence[str]
@@ -71,7 +71,7 @@ def record(done: FinishedFilm, folder: Path, cause: JobFingerprint, *, passes: S
     content = film_record(done.plan.stage, frames, done.gl) | {"schedule": schedule}
     content |= {"passes": list(passes)} if passes else {}
     content |= {"notes": done.notes, "seconds": done.plan.stage.seconds | {"total": done.seconds}}
-    if not done.plan.is_unfinished and (schedule["reproducible"] or "seconds" in job.asked):
+    if not done.plan.is_unfinished and (schedule["reproducible"] or "seconds" in job.requested_error):
         content |= fingerprint_record(cause, job.scene.output)
     write_sidecar(done.sidecar, content | {"frames": frames}, folder)
 

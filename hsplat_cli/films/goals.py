@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from hsplat_cli.films.sidecar_record import TIME_BUDGET_MARGIN, budget_seconds, drawing_seconds, span
-from hsplat_cli.scenes import Job, Plan
+from hsplat_cli.scenes import FilmPlan, Job
 from renderer.errors import RenderError
 from renderer.film import Record
 from renderer.frame import BudgetController, LODCostEstimator, Rasterizer, Stage, Stopwatch, calibrate_costs, upload
@@ -28,7 +28,7 @@ def make_plan(
     *,
     quiet: bool,
     on_step: Callable[[], None] = lambda: None,
-) -> Plan:
+) -> FilmPlan:
     """Find what the goal of the scene takes, if it has one.
 
     rasterizer: for goals of accuracy and of time.
@@ -37,7 +37,7 @@ def make_plan(
     stage = estimator.stage
     goal = stage.scene.error.goal
     if goal is None:
-        return Plan(stage)
+        return FilmPlan(stage)
     if isinstance(goal, AccuracyGoal):
         assert rasterizer is not None
         return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
@@ -45,7 +45,7 @@ def make_plan(
         tolerances = {
             frame: estimator.primitive.tolerance_for_cells(value_at(goal.by_frame, frame)) for frame in frames
         }
-        return Plan(replace(stage, scene=with_tolerances(stage.scene, tolerances)))
+        return FilmPlan(replace(stage, scene=with_tolerances(stage.scene, tolerances)))
     assert rasterizer is not None
     least = min(value_at(goal.by_frame, frame) for frame in frames)
     calibrate_costs(
@@ -54,7 +54,7 @@ def make_plan(
     pacer = BudgetController(estimator, lambda frame: value_at(goal.by_frame, frame))
     draw_list, _ = pacer.choose(frames[0], Stopwatch(time.perf_counter))
     upload(draw_list, rasterizer)
-    return Plan(stage, pacer, is_timing_dependent=True)
+    return FilmPlan(stage, pacer, is_timing_dependent=True)
 
 
 def _plan_accuracy(
@@ -65,7 +65,7 @@ def _plan_accuracy(
     on_step: Callable[[], None],
     *,
     quiet: bool,
-) -> Plan:
+) -> FilmPlan:
     """One tolerance for the whole film; 0 where none is good enough."""
     # Imported where they are used: other films need no ray integral, which takes a while to load.
     from hsplat_cli.films.tolerance_search import search_tolerance, unreachable_accuracy_error
@@ -78,10 +78,10 @@ def _plan_accuracy(
         hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
         shortfall = unreachable_accuracy_error(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
     exact = replace(stage, scene=with_tolerance(stage.scene, found.tolerance or 0.0))
-    return Plan(exact, shortfall=shortfall, found=found)
+    return FilmPlan(exact, shortfall=shortfall, found=found)
 
 
-def shortfall_of(job: Job, plan: Plan, frames: Sequence[Record]) -> RenderError | None:
+def shortfall_of(job: Job, plan: FilmPlan, frames: Sequence[Record]) -> RenderError | None:
     """What was asked for and not had, now that the frames are there."""
     goal = job.scene.error.goal
     if plan.is_unfinished:
@@ -89,7 +89,7 @@ def shortfall_of(job: Job, plan: Plan, frames: Sequence[Record]) -> RenderError 
             "the film was not refined to what the scene asks for",
             where=str(job.scene.output.file),
             got=f"tolerance {span([frame['tolerance'] for frame in frames])}",
-            expected=", ".join(f"{name} {show(value)}" for name, value in job.asked.items()),
+            expected=", ".join(f"{name} {show(value)}" for name, value in job.requested_error.items()),
             hint=f"it needs more time; {BEST_EFFORT_HINT}",
         )
     return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall

@@ -65,9 +65,9 @@ def _fingerprint_job(job: Job, volume: Volume, made_by: str) -> tuple[Job, JobFi
     nobody has measured that: they are asked for at the tolerances that the sidecar has.
     """
     cause = job_fingerprint(job, volume.fingerprint, made_by)
-    if job.original is None or job.original.cause == cause.frames:
+    if job.original is None or job.original.frames_fingerprint == cause.frames:
         return job, cause
-    job = replace(job, asked=schedule_to_dict(job.scene.error))
+    job = replace(job, requested_error=schedule_to_dict(job.scene.error))
     return job, job_fingerprint(job, volume.fingerprint, made_by)
 
 

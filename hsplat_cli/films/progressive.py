@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from hsplat_cli.executors import Drawn, LocalExecutor, open_recovering_rasterizer
+from hsplat_cli.executors import FrameResult, LocalExecutor, open_recovering_rasterizer
 from hsplat_cli.films.background import run_overlapped, run_sequentially
 from hsplat_cli.films.fingerprint import JobFingerprint
 from hsplat_cli.films.finished_film import FinishedFilm, record, tell
@@ -27,7 +27,7 @@ from hsplat_cli.films.goals import make_plan
 from hsplat_cli.films.pass_difference import Difference, Differences
 from hsplat_cli.films.preparation import prepare_film
 from hsplat_cli.films.sidecar_record import limits, span, with_seconds
-from hsplat_cli.scenes import Job, Plan
+from hsplat_cli.scenes import FilmPlan, Job
 from hsplat_cli.terminal import Progress, counted, deferrable_interrupts, pluralize_range, progress
 from renderer.draw import RecoveringRasterizer
 from renderer.errors import RenderError
@@ -75,7 +75,7 @@ class _DeadlineReached(Exception):  # noqa: N818  no error
 class _Pass:
     """A film to be made. frame_seconds: what a frame is predicted to take."""
 
-    plan: Plan
+    plan: FilmPlan
     frame_seconds: float
 
 
@@ -189,7 +189,7 @@ class _PassRenderer:
         if not self._quiet:
             click.echo(f"pass {number}: {', '.join(_facts(made, frames, job.scene.splat.noun, difference))}")
 
-    def accept(self, plan: Plan) -> None:
+    def accept(self, plan: FilmPlan) -> None:
         """The last film is what was asked for, or better, as `plan` has found out."""
         assert self.done is not None
         met = replace(self.done.plan, is_unfinished=False, found=plan.found, shortfall=plan.shortfall)
@@ -206,10 +206,10 @@ class _PassRenderer:
         if self.done and self.remaining_seconds() < 0:
             raise _DeadlineReached
 
-    def _executor(self, plan: Plan) -> LocalExecutor:
+    def _executor(self, plan: FilmPlan) -> LocalExecutor:
         return LocalExecutor(plan.stage, self._rasterizer, plan.controller)
 
-    def _write(self, drawn: Drawn, film: FilmWriter) -> Record:
+    def _write(self, drawn: FrameResult, film: FilmWriter) -> Record:
         before = time.perf_counter()
         film.write(drawn.number, drawn.picture.pixels)
         record = with_seconds(drawn.record, encode=time.perf_counter() - before)
@@ -304,12 +304,12 @@ class _PassPlanner:
         finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
         return not self._estimator.primitive.has_more_cells(finest, max_cells)
 
-    def _final_plan(self, maker: _PassRenderer) -> Plan:
+    def _final_plan(self, maker: _PassRenderer) -> FilmPlan:
         frames, quiet = self._frames, self._quiet
         plan = make_plan(self._estimator, frames, self._rasterizer, quiet=quiet, on_step=maker.require_time)
         return plan if plan.controller else replace(plan, controller=ScheduleController(plan.stage, self._estimator))
 
-    def _work(self, plan: Plan) -> list[_Work]:
+    def _work(self, plan: FilmPlan) -> list[_Work]:
         """What there is to do in some frames of the last pass."""
         goal, num = self._error.goal, min(_NUM_SAMPLED_FRAMES, len(self._frames))
         looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
@@ -346,14 +346,14 @@ class _PassPlanner:
             on_step=maker.require_time,
         )
 
-    def _pass_within(self, seconds: float, plan: Plan | None = None) -> _Pass:
+    def _pass_within(self, seconds: float, plan: FilmPlan | None = None) -> _Pass:
         """A pass whose frames take so long, none of them finer than in the last one, as far as that is known."""
         goal, stage = self._error.goal, self._estimator.stage
         if isinstance(goal, TimeBudget):
             budgets = {frame: min(seconds, value_at(goal.by_frame, frame)) for frame in self._frames}
             pacer = BudgetController(self._estimator, budgets.__getitem__)
             return _Pass(
-                Plan(stage, pacer, is_unfinished=True, is_timing_dependent=True), statistics.fmean(budgets.values())
+                FilmPlan(stage, pacer, is_unfinished=True, is_timing_dependent=True), statistics.fmean(budgets.values())
             )
         draw_list, predicted = find_finest_in_time(self._estimator, self._frames[0], seconds, _stopwatch())
         coarsest, error = draw_list.lod.tolerance, plan.stage.scene.error if plan else self._error
@@ -362,7 +362,7 @@ class _PassPlanner:
             tolerances = {frame: max(coarsest, tolerance_at(error, frame)) for frame in self._frames}
         stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
         controller = ScheduleController(stage, self._estimator)
-        return _Pass(Plan(stage, controller, is_unfinished=True, is_timing_dependent=True), predicted)
+        return _Pass(FilmPlan(stage, controller, is_unfinished=True, is_timing_dependent=True), predicted)
 
 
 def _next_frame_seconds(before: float, last: float) -> float:

@@ -20,7 +20,7 @@ def rerender_notes(job: Job, made_by: str) -> list[str]:
 
 
 def _missed_goal_notes(job: Job, original: Original) -> list[str]:
-    if original.told.get("met") is not False:  # older sidecars do not say
+    if original.other_schedule_keys.get("met") is not False:  # older sidecars do not say
         return []
     asked = ", ".join(f"{name} {show(value)}" for name, value in _recorded_request(job, original).items())
     return [f"the film that is made again did not meet what was asked for: {asked}"]
@@ -28,7 +28,7 @@ def _missed_goal_notes(job: Job, original: Original) -> list[str]:
 
 def _recorded_request(job: Job, original: Original) -> Mapping[str, Any]:
     """What the film that is made again was asked for, as far as that is told."""
-    return job.asked if original.asked is None else schedule_to_dict(original.asked)
+    return job.requested_error if original.requested_error is None else schedule_to_dict(original.requested_error)
 
 
 def _version_notes(original: Original, made_by: str) -> list[str]:
@@ -56,6 +56,6 @@ def inherited_schedule(job: Job, *, is_unfinished: bool) -> dict[str, Any]:
     """
     if job.original is None:
         return {}
-    is_same = not is_unfinished and job.asked == _recorded_request(job, job.original)
-    told = job.original.told if is_same else {}
+    is_same = not is_unfinished and job.requested_error == _recorded_request(job, job.original)
+    told = job.original.other_schedule_keys if is_same else {}
     return {**told, "made_from": job.original.path.name}

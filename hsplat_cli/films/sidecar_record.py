@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.films.rerender import inherited_schedule, printable_name
-from hsplat_cli.scenes import Job, Plan
+from hsplat_cli.scenes import FilmPlan, Job
 from hsplat_cli.terminal import counted, pluralize_range
 from renderer.errors import RenderError
 from renderer.film import Record
@@ -55,14 +55,16 @@ def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[st
     }
 
 
-def schedule_record(job: Job, plan: Plan, frames: Sequence[Record], shortfall: RenderError | None) -> dict[str, Any]:
+def schedule_record(
+    job: Job, plan: FilmPlan, frames: Sequence[Record], shortfall: RenderError | None
+) -> dict[str, Any]:
     """What was asked for and what was reached.
 
     Where the tolerances depend on how quick the machine was, the scene does not make the same film again; this file
     does.
     """
     record = {
-        "asked": job.asked,
+        "asked": job.requested_error,
         "tolerance": limits(frame["tolerance"] for frame in frames),
         "cells": limits(frame["cells"] for frame in frames),
         "met": shortfall is None,

@@ -6,8 +6,8 @@ from .film_arguments import (
     make_film_options as make_film_options,
 )
 from .job import Job as Job, load_job as load_job
-from .patterns import matches as matches
-from .plan import Plan as Plan
+from .patterns import expand_pattern as expand_pattern
+from .plan import FilmPlan as FilmPlan
 from .scene_text import (
     FilmOptions as FilmOptions,
     transfer_dict as transfer_dict,
@@ -32,4 +32,9 @@ from .volume_arguments import (
     volume_options as volume_options,
     volume_spec as volume_spec,
 )
-from .volume_names import Named as Named, base_name as base_name, expand as expand, named as named
+from .volume_names import (
+    NamedVolume as NamedVolume,
+    base_name as base_name,
+    expand_volumes as expand_volumes,
+    name_volumes as name_volumes,
+)

@@ -36,13 +36,13 @@ _MOVED_FILE_HINTS = {
 @dataclass(frozen=True)
 class Job:
     """frames: their numbers, ascending.
-    asked: how exact, as a section `error` says it: `{"splats": 100000}`.
+    requested_error: how exact, as a section `error` says it: `{"splats": 100000}`.
     original: the film that is made again, if it is one.
     """
 
     scene: Scene
     frames: Sequence[int]
-    asked: Mapping[str, Any]
+    requested_error: Mapping[str, Any]
     original: Original | None = None
 
 
@@ -87,11 +87,13 @@ def load_job(
         )
     if draws != "nothing":
         _require_no_input(path, scene, picked, *([] if is_beside else [sidecar_path(scene, picked)]))
-    original, asked = sidecar.original, sidecar.original.asked or scene.error
+    original, asked = sidecar.original, sidecar.original.requested_error or scene.error
     if is_changed or not _has_recorded_tolerances(sidecar, scene):
-        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}, tool_versions={}))
+        return Job(
+            scene, picked, schedule_to_dict(scene.error), replace(original, other_schedule_keys={}, tool_versions={})
+        )
     if not is_whole and is_film_wide_goal(asked):
-        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, told={}))
+        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, other_schedule_keys={}))
     return Job(scene, picked, schedule_to_dict(asked), original)
 
 
@@ -108,7 +110,7 @@ def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:
 
 def _has_whole_schedule(sidecar: Sidecar, editor: Editor) -> bool:
     """Whether the scene says how exact all frames of the path are, not only those that were drawn."""
-    asked = sidecar.original.asked
+    asked = sidecar.original.requested_error
     is_new = any(key == "error" or key.startswith("error.") for key in editor.changed)
     return is_new or (asked is not None and asked.goal is None)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from renderer.errors import InputError
 
 
-def matches(name: str) -> list[Path]:
+def expand_pattern(name: str) -> list[Path]:
     """What a pattern such as `scans/**/*.nrrd` matches, sorted; any other name, or one that is there, as it is.
 
     Raises InputError for a pattern that matches nothing.

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Plan:
+class FilmPlan:
     """How frames get their tolerances: from the schedule of the stage's scene, whose goal is resolved, or from a guide.
 
     shortfall: what was asked for and cannot be had; what is drawn then is the best there is.

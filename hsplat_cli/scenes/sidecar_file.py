@@ -37,7 +37,7 @@ from renderer.scene import (
 )
 
 # What the record of a film's schedule has of its own, whatever the film was made from.
-_OWN = ("asked", "tolerance", "cells", "made_from")
+_OWN_SCHEDULE_KEYS = ("asked", "tolerance", "cells", "made_from")
 
 
 @dataclass(frozen=True)
@@ -46,18 +46,18 @@ class Original:
 
     path: of the sidecar.
     fingerprint: of the film's volume.
-    asked: how exact the film was to be, as a section `error` says it; None where it is not told.
-    told: what else its schedule's record says, but for what a new film has its own of.
+    requested_error: how exact the film was to be, as a section `error` says it; None where it is not told.
+    other_schedule_keys: what else its schedule's record says, but for what a new film has its own of.
     tool_versions: the versions of what made it by their names, the OpenGL as `GL`, the digest of what drew as
-    `sources`. cause: the mark of what its frames depended on; None where it is not told.
+    `sources`. frames_fingerprint: the mark of what its frames depended on; None where it is not told.
     """
 
     path: Path
     fingerprint: str
-    asked: ErrorSpec | None
-    told: Mapping[str, Any]
+    requested_error: ErrorSpec | None
+    other_schedule_keys: Mapping[str, Any]
     tool_versions: Mapping[str, Any]
-    cause: str | None
+    frames_fingerprint: str | None
 
 
 @dataclass(frozen=True)
@@ -188,12 +188,12 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
     original = Original(
         path=path,
         fingerprint=given["volume"],
-        asked=schedule.get("asked"),
-        told={key: value for key, value in schedule.items() if key not in _OWN},
+        requested_error=schedule.get("asked"),
+        other_schedule_keys={key: value for key, value in schedule.items() if key not in _OWN_SCHEDULE_KEYS},
         tool_versions=given.get("versions", {})
         | ({"GL": given["gl"]} if "gl" in given else {})
         | _recorded_sources(data.get("cause")),
-        cause=_frames_fingerprint_in(data.get("cause")),
+        frames_fingerprint=_frames_fingerprint_in(data.get("cause")),
     )
     tolerances = () if problems else tuple(record.get("tolerance") for record in data["frames"])
     return Sidecar(given["scene"], given["frames"], tolerances, original, tuple(problems))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.scenes.scene_text import FilmOptions, scene_text
 from hsplat_cli.scenes.volume_arguments import read_with_options
+from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, SceneError
 from renderer.scene import (
     VolumeSpec,
@@ -48,7 +49,7 @@ class SuggestedScene:
     nonfinite: str | None = None
     far: tuple[str, ...] = ()
 
-    def told(self) -> list[str]:
+    def summary_lines(self) -> list[str]:
         """What is said about the volume, a line each."""
         return [f"{self.kind}; {self.reason}", *self.far, *([] if self.nonfinite is None else [self.nonfinite])]
 
@@ -69,6 +70,7 @@ def require_colormap(name: str | None) -> None:
 def suggest_scene(
     volume: VolumeSpec,
     film: FilmOptions,
+    reporter: Reporter,
     *,
     colormap: str | None,
     scene: Path,
@@ -84,9 +86,9 @@ def suggest_scene(
     cannot be in a scene.
     """
     require_colormap(colormap)
-    tried = _attempt(volume, colormap)
+    tried = _attempt(volume, colormap, reporter)
     if hides_nonfinite and tried.unseen is not None:
-        other = _attempt(replace(volume, nonfinite=tried.unseen), colormap)
+        other = _attempt(replace(volume, nonfinite=tried.unseen), colormap, reporter)
         # That is another volume, in which the value may show against all expectation.
         if tried.shows or not other.shows:
             tried = other
@@ -120,13 +122,13 @@ class _Attempt:
     nonfinite: str | None = None
 
 
-def _attempt(volume: VolumeSpec, colormap: str | None) -> _Attempt:
+def _attempt(volume: VolumeSpec, colormap: str | None, reporter: Reporter) -> _Attempt:
     import numpy as np
 
     from renderer.suggest import measure, suggest, suggest_nonfinite_fill
     from renderer.transfer import make_transfer_function
 
-    read = read_with_options(volume)
+    read = read_with_options(volume, reporter)
     raise_problems(volume_problems(extent_of(read), read.name))
     statistics = measure(read.values, read.source)
     tried = _Attempt(volume, suggest(read, statistics, colormap), read.values.dtype.kind == "f")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 
+from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError
 from renderer.readers import UnknownFormatError
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, FileSource, RawSource, VolumeSpec
@@ -138,7 +139,7 @@ def volume_spec(
     return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=instead)
 
 
-def read_with_options(volume: VolumeSpec) -> Volume:
+def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
     """The volume that the options ask for; what there is to say of how it was read is said. Raises InputError, with
     hints about these options, not a scene."""
     from hsplat_cli.scenes.truncation_guard import read_volume_guarded
@@ -162,7 +163,7 @@ def read_with_options(volume: VolumeSpec) -> Volume:
             hint=error.hint and _as_options(error.hint),
         ) from error
     if read.note is not None:
-        click.echo(f"{read.name}: {read.note}", err=True)
+        reporter.status(f"{read.name}: {read.note}")
     return read
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hsplat_cli.scenes.patterns import matches
+from hsplat_cli.scenes.patterns import expand_pattern
 from renderer.errors import InputError
 from renderer.film import header_data_files
 
@@ -17,7 +17,7 @@ _ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|mha|mhd|raw|tiff?|npy|dcm|vtk|m
 
 
 @dataclass(frozen=True)
-class Named:
+class NamedVolume:
     """A volume, and the name of its scene and film."""
 
     volume: Path
@@ -41,7 +41,7 @@ def _safe(name: str) -> str:
     return text or "volume"
 
 
-def expand(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
+def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     """The volumes that are meant, each once, in the order given, and what is to be said about those left out.
 
     A pattern that the shell did not expand is expanded here, sorted. Data files are left out where their headers are
@@ -51,7 +51,7 @@ def expand(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     found: dict[Path, Path] = {}
     for text in arguments:
         try:
-            paths = matches(text)
+            paths = expand_pattern(text)
         except InputError:
             paths = [Path(text)]
         for path in paths:
@@ -73,7 +73,7 @@ def _refuse_slices(volumes: Sequence[Path]) -> None:
             )
 
 
-def named(volumes: Sequence[Path]) -> list[Named]:
+def name_volumes(volumes: Sequence[Path]) -> list[NamedVolume]:
     """Each volume with a name of its own, also where upper and lower case are the same.
 
     `scan`; where there are several of them, with the folder `a_scan`, or else with the ending `scan.nrrd`, or else with
@@ -92,7 +92,7 @@ def named(volumes: Sequence[Path]) -> list[Named]:
             number += 1
             name = f"{wanted}-{number}"
         taken.add(name.lower())
-        result.append(Named(volume, name))
+        result.append(NamedVolume(volume, name))
     return result
 
 

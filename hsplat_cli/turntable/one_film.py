@@ -12,8 +12,8 @@ from pathlib import Path
 import click
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.scenes import FilmOptions, Job, SuggestedScene, matches, suggest_scene, volume_file
-from hsplat_cli.terminal import report_first_run
+from hsplat_cli.scenes import FilmOptions, Job, SuggestedScene, expand_pattern, suggest_scene, volume_file
+from hsplat_cli.terminal import Reporter, report_first_run
 from hsplat_cli.turntable.manifest import (
     DONE,
     NOT_STARTED,
@@ -87,19 +87,20 @@ def exit_code(error: HsplatError) -> int:
 
 def make_film(order: Order, *, quiet: bool) -> Record:
     """Write the scene, render it, and say what came of it. Raises HsplatError."""
-    matches(str(volume_file(order.volume)))  # or there is none
+    expand_pattern(str(volume_file(order.volume)))  # or there is none
     # Before the volume is read, as that may take long.
     require_writable(order.scene)
     suggested = suggest_scene(
         order.volume,
         order.film,
+        Reporter(quiet),
         colormap=order.colormap,
         scene=order.scene,
         output=order.output,
         hides_nonfinite=order.hides_nonfinite,
     )
     if not quiet:
-        for line in suggested.told():
+        for line in suggested.summary_lines():
             click.echo(f"{volume_file(order.volume)}: {line}", err=True)
     require_unedited_scene(order, suggested)
     job = _job(order, suggested)

@@ -23,7 +23,7 @@ import imageio.v3 as iio
 import numpy as np
 
 from hsplat_cli.scenes import FilmOptions, suggest_scene
-from hsplat_cli.terminal import describe_machine
+from hsplat_cli.terminal import Reporter, describe_machine
 from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.scene import (
@@ -232,7 +232,7 @@ def subjects(data: Path) -> dict[str, Subject]:
 def suggested(volume: VolumeSpec) -> Scene:
     """As `hsplat init` has it."""
     scene = Path("suggested.yaml")
-    text = suggest_scene(volume, FilmOptions(), colormap=None, scene=scene, output=Path("film.mp4")).text
+    text = suggest_scene(volume, FilmOptions(), Reporter(), colormap=None, scene=scene, output=Path("film.mp4")).text
     return parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
 
 

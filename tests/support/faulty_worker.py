@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hsplat_cli.executors import Drawn, LocalExecutor
+from hsplat_cli.executors import FrameResult, LocalExecutor
 from hsplat_cli.executors.workers import worker
 from hsplat_cli.executors.workers.messages import Message
 from renderer.errors import InputError, RenderError
@@ -31,7 +31,7 @@ def main(name: str, folder: Path, rest: Sequence[str]) -> None:
         START_FAULTS[name](folder)
     whole_draw = LocalExecutor.draw
 
-    def draw(self: LocalExecutor, numbers: Sequence[int]) -> Iterator[Drawn]:
+    def draw(self: LocalExecutor, numbers: Sequence[int]) -> Iterator[FrameResult]:
         if name in DRAW_FAULTS:
             DRAW_FAULTS[name](folder, numbers[0])
         if name in GL_FAULTS and GL_FAULTS[name](folder, numbers[0]):

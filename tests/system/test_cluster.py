@@ -23,6 +23,7 @@ from hsplat_cli import main
 from hsplat_cli.executors import LocalExecutor
 from hsplat_cli.executors.cluster import cluster_executor as cluster_drawer
 from hsplat_cli.executors.cluster.cluster_executor import Cluster
+from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.frame import Stage, prepare_stage
@@ -69,13 +70,13 @@ def draw(
     client: Client, stage: Stage, on_frame: Callable[[int], None] = lambda number: None
 ) -> tuple[list[bytes], list[str]]:
     """The files of all frames, and notes."""
-    with Cluster(client, "tcp://here:1", patience_s=30.0).drawer(stage) as drawer:
+    with Cluster(client, "tcp://here:1", reporter=Reporter(), patience_s=30.0).for_stage(stage) as drawer:
         files = []
         for number, drawn in enumerate(drawer.draw(range(NUM_FRAMES))):
             assert drawn.number == drawn.record["frame"] == number
             files.append(drawn.picture.png)
             on_frame(number)
-        assert len(drawer.made_by) == 1
+        assert len(drawer.drivers) == 1
         return files, drawer.notes
 
 
@@ -155,7 +156,7 @@ def test_a_worker_with_other_sources_is_refused(
 def error_of(client: Client, stage: Stage) -> HsplatError:
     """Of a film that begins with the frame that things happen at."""
     with (
-        Cluster(client, "tcp://here:1", patience_s=30.0).drawer(stage) as drawer,
+        Cluster(client, "tcp://here:1", reporter=Reporter(), patience_s=30.0).for_stage(stage) as drawer,
         pytest.raises(HsplatError) as caught,
     ):
         list(drawer.draw(range(faulty.FRAME, NUM_FRAMES)))
@@ -195,7 +196,7 @@ def test_nobody_is_there(stage: Stage) -> None:
     with (
         LocalCluster(n_workers=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
-        Cluster(client, "tcp://here:1", patience_s=0.5).drawer(stage) as drawer,
+        Cluster(client, "tcp://here:1", reporter=Reporter(), patience_s=0.5).for_stage(stage) as drawer,
         pytest.raises(RenderError) as caught,
     ):
         next(drawer.draw([0]))

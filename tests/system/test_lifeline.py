@@ -128,9 +128,9 @@ def test_cut_twice(mark: str) -> None:
     """The second time does nothing, although the numbers of the descriptors are others' by then."""
     child_processes = ChildProcesses()
     child = start(child_processes, "wait")
-    child_processes.cut()
+    child_processes.end_all()
     ends = [os.open(os.devnull, os.O_RDONLY) for _ in range(8)]
-    child_processes.cut()
+    child_processes.end_all()
     for end in ends:
         os.close(end)
     assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)

@@ -20,7 +20,7 @@ from hsplat_cli.executors.executor import Executor
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.executors.workers.process import HangPolicy
-from hsplat_cli.scenes import Plan
+from hsplat_cli.scenes import FilmPlan
 from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.frame import Stage
@@ -283,7 +283,7 @@ def test_leaving_at_once(stage: Stage, mark: str) -> None:
     """Before anybody is ready."""
     with open_pool(stage, 2, threads_per_worker=1) as pool:
         assert len(marked(mark)) == 2 or wait_until(lambda: len(marked(mark)) == 2, SOON_S)
-        assert pool.made_by == ()
+        assert pool.drivers == ()
     assert marked(mark) == set()
 
 
@@ -295,7 +295,7 @@ def test_the_stage_moves(stage: Stage) -> None:
         memory = ours()
         assert len(memory) >= 1 and max(len(by) for by in memory.values()) == 3
         assert (pool.stage.volume.values == stage.volume.values).all()
-        assert len(pool.made_by) == 1
+        assert len(pool.drivers) == 1
 
 
 def test_one_process_lets_go_of_what_the_others_draw() -> None:
@@ -304,8 +304,8 @@ def test_one_process_lets_go_of_what_the_others_draw() -> None:
     assert stage.bricks is not None
     once = [weakref.ref(thing) for thing in (stage, stage.bricks, stage.volume)]
     with RecoveringRasterizer() as rasterizer:
-        plan, most = Plan(stage), 5000  # frames take milliseconds, and workers a second or so
-        with Executor(ExecutorSpec(workers=2), rasterizer, None).drawer(plan, most) as drawer:
+        plan, most = FilmPlan(stage), 5000  # frames take milliseconds, and workers a second or so
+        with Executor(ExecutorSpec(workers=2), rasterizer, None).for_plan(plan, most) as drawer:
             del plan, stage
             drawing = drawer.draw(range(most))
             for drawn in drawing:

@@ -10,6 +10,7 @@ import pytest
 from hsplat_cli.executors.cluster import registry
 from hsplat_cli.executors.cluster.registry import WorkerRegistry
 from hsplat_cli.executors.cluster.worker import describe
+from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 from renderer.versions import package_versions, sources_digest
 
@@ -36,7 +37,7 @@ class Client:
 
 
 def roster_of(answers: dict[str, Any]) -> WorkerRegistry:
-    return WorkerRegistry(Client(answers), ADDRESS, 30.0)  # type: ignore[arg-type]
+    return WorkerRegistry(Client(answers), ADDRESS, 30.0, Reporter())  # type: ignore[arg-type]
 
 
 def test_what_a_worker_tells() -> None:
@@ -82,7 +83,7 @@ def test_that_it_waits_is_said_at_once(monkeypatch: pytest.MonkeyPatch, capsys: 
     del answers["a"]
     found.look()
     assert capsys.readouterr() == ("", f"the cluster has no workers left: {waits}")
-    quiet = WorkerRegistry(Client({}), ADDRESS, 30.0, quiet=True)  # type: ignore[arg-type]
+    quiet = WorkerRegistry(Client({}), ADDRESS, 30.0, Reporter(is_quiet=True))  # type: ignore[arg-type]
     quiet.look()
     assert capsys.readouterr() == ("", "")
 

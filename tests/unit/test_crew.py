@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hsplat_cli.executors import Drawn, executor
+from hsplat_cli.executors import FrameResult, executor
 from renderer import cores
 from renderer.cores import num_cores
 from renderer.errors import RenderError
@@ -18,21 +18,21 @@ from renderer.film import Picture
 STAGE = SimpleNamespace(bricks=None)
 
 
-def drawn(number: int, by: str, seconds: float) -> Drawn:
-    return Drawn(number, Picture(np.zeros((1, 1, 3), np.uint8)), {"by": by, "seconds": {"draw": seconds}})
+def drawn(number: int, by: str, seconds: float) -> FrameResult:
+    return FrameResult(number, Picture(np.zeros((1, 1, 3), np.uint8)), {"by": by, "seconds": {"draw": seconds}})
 
 
 class Alone:
     """Stands in for this process. seconds: of a frame."""
 
     def __init__(self, seconds: float) -> None:
-        self.seconds, self.made_by, self.notes = seconds, ("here",), ()
+        self.seconds, self.drivers, self.notes = seconds, ("here",), ()
         self.plan = SimpleNamespace(stage="in memory")
 
     def switch_stage(self, stage: str) -> None:
         self.plan = SimpleNamespace(stage=stage)
 
-    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
         for number in numbers:
             yield drawn(number, "alone", self.seconds)
 
@@ -42,7 +42,7 @@ class Pool:
 
     def __init__(self, num_asked: int = 0, fails: str = "") -> None:
         self.num_asked, self.fails, self.is_called, self.is_closed = num_asked, fails, False, False
-        self.made_by, self.notes, self.stage = ("there",), (), "shared"
+        self.drivers, self.notes, self.stage = ("there",), (), "shared"
 
     def call(self, stage: str) -> Pool:
         assert (stage, self.is_called) == ("in memory", False)
@@ -58,7 +58,7 @@ class Pool:
         self.num_asked -= 1
         return self.num_asked < 0
 
-    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
         for number in numbers:
             yield drawn(number, "pool", 0.0)
 
@@ -71,7 +71,7 @@ def who(seconds: float, pool: Pool, *, num: int = 10, must: bool = False) -> tup
     drawer = executor._GrowingExecutor(Alone(seconds), pool.call, must=must)  # type: ignore[arg-type]
     frames = list(drawer.draw(range(100, 100 + num)))
     assert [frame.number for frame in frames] == list(range(100, 100 + num))
-    assert drawer.made_by == (("here", "there") if pool.is_called and pool.fails != "start" else ("here",))
+    assert drawer.drivers == (("here", "there") if pool.is_called and pool.fails != "start" else ("here",))
     who_drew = "".join(frame.record["by"][0] for frame in frames)
     assert drawer.plan.stage == ("shared" if "p" in who_drew else "in memory")
     return who_drew, drawer.notes

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hsplat_cli.scenes import expand
+from hsplat_cli.scenes import expand_volumes
 from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
@@ -174,4 +174,4 @@ def test_a_name_with_a_percent_sign() -> None:
 @pytest.mark.parametrize("header", NAMINGS)
 def test_slices_are_left_out_beside_their_header(header: str) -> None:
     Path(header).write_text(NAMINGS[header] + LIST, encoding="ascii")
-    assert expand(["*"])[0] == [Path(header)]
+    assert expand_volumes(["*"])[0] == [Path(header)]

@@ -55,13 +55,13 @@ def test_what_is_taken_from_it() -> None:
     assert job.scene.error == ErrorSpec(((0, 0.5), (3, 0.5), (4, 0.0), (7, 0.0)))
     assert job.scene.output.file == Path("film.mp4")
     assert list(job.frames) == [1, 4, 7]
-    assert job.asked == {"splats": 1000}
+    assert job.requested_error == {"splats": 1000}
     assert job.original is not None
     assert job.original.path == Path("film.mp4.json")
     assert job.original.fingerprint == "0123456789abcdef0123456789abcdef"
-    assert job.original.told == {"met": False, "shortfall": "why"}
+    assert job.original.other_schedule_keys == {"met": False, "shortfall": "why"}
     assert job.original.tool_versions == {"python": "3.10.0", "hsplat": "0.1.0", "GL": "GL 4.5"}
-    assert job.original.cause == "89" * 16
+    assert job.original.frames_fingerprint == "89" * 16
 
 
 @pytest.mark.usefixtures("folder")
@@ -84,7 +84,7 @@ def test_which_sources_have_drawn_it(cause: Any, sources: dict[str, str]) -> Non
 def test_a_cause_that_is_none(cause: object) -> None:
     job = load(SIDECAR | {"cause": cause})
     assert job.original is not None
-    assert job.original.cause is None
+    assert job.original.frames_fingerprint is None
 
 
 @pytest.mark.usefixtures("folder")
@@ -103,9 +103,9 @@ def test_a_cause_that_is_none(cause: object) -> None:
 def test_tolerances_that_somebody_put_in(error: dict[str, Any], asked: dict[str, Any]) -> None:
     """The frames were drawn at others, by which they met what was asked for."""
     job = load(SIDECAR | {"scene": SIDECAR["scene"] | {"error": error}})
-    assert job.asked == asked
+    assert job.requested_error == asked
     assert job.original is not None
-    assert job.original.told == job.original.tool_versions == {}
+    assert job.original.other_schedule_keys == job.original.tool_versions == {}
 
 
 @pytest.mark.usefixtures("folder")

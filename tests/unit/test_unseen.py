@@ -11,6 +11,7 @@ import pytest
 from kinds_of_data import KINDS, N, axes, ball
 
 from hsplat_cli.scenes import FilmOptions, suggest_scene
+from hsplat_cli.terminal import Reporter
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import measure, suggest, suggest_nonfinite_fill
@@ -45,6 +46,7 @@ def is_seen(folder: Path, values: Array) -> bool:
     scene = suggest_scene(
         VolumeSpec(FileSource(folder / "scan.npy"), nonfinite="lowest"),
         FilmOptions(),
+        Reporter(),
         colormap=None,
         scene=folder / "scene.yaml",
         output=folder / "film.mp4",

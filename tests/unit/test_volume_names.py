@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsplat_cli.scenes import base_name, expand, matches, named
+from hsplat_cli.scenes import base_name, expand_pattern, expand_volumes, name_volumes
 from renderer.errors import InputError
 
 
@@ -23,7 +23,7 @@ def touch(*names: str) -> None:
 
 
 def names_of(*volumes: str) -> list[str]:
-    return [one.name for one in named([Path(volume) for volume in volumes])]
+    return [one.name for one in name_volumes([Path(volume) for volume in volumes])]
 
 
 @pytest.mark.parametrize(
@@ -70,30 +70,30 @@ def test_each_volume_has_a_name_of_its_own(volumes: list[str], names: list[str] 
 
 def test_patterns_are_expanded_in_order() -> None:
     touch("b.npy", "a.npy", "sub/c.npy", "x.txt")
-    assert expand(["*.npy", "a.npy"]) == ([Path("a.npy"), Path("b.npy")], [])
-    assert expand(["**/*.npy"])[0] == [Path("a.npy"), Path("b.npy"), Path("sub/c.npy")]
+    assert expand_volumes(["*.npy", "a.npy"]) == ([Path("a.npy"), Path("b.npy")], [])
+    assert expand_volumes(["**/*.npy"])[0] == [Path("a.npy"), Path("b.npy"), Path("sub/c.npy")]
 
 
 @pytest.mark.parametrize("pattern", ["*.npy", "/nowhere/*.npy"])
 def test_a_pattern_that_matches_nothing(pattern: str, tmp_path: Path) -> None:
     touch("scan.nrrd")
-    volumes, notes = expand(["scan.nrrd", pattern])  # left, like what is not there, until its turn comes
+    volumes, notes = expand_volumes(["scan.nrrd", pattern])  # left, like what is not there, until its turn comes
     assert (volumes, notes) == ([Path("scan.nrrd"), Path(pattern)], [])
-    matches(str(volumes[0]))
+    expand_pattern(str(volumes[0]))
     with pytest.raises(InputError) as caught:
-        matches(str(volumes[1]))
+        expand_pattern(str(volumes[1]))
     hint = f"\n  hint: it is relative to {tmp_path}" if pattern == "*.npy" else ""
     assert str(caught.value) == f"{pattern}: no file matches this pattern{hint}"
 
 
 def test_a_name_that_looks_like_a_pattern() -> None:
     touch("scan[1].npy", "scan1.npy")
-    assert expand(["scan[1].npy"])[0] == [Path("scan[1].npy")]
-    matches("scan[1].npy")
+    assert expand_volumes(["scan[1].npy"])[0] == [Path("scan[1].npy")]
+    expand_pattern("scan[1].npy")
 
 
 def test_what_is_not_there_is_left_to_its_reader() -> None:
-    assert expand(["missing.npy"]) == ([Path("missing.npy")], [])
+    assert expand_volumes(["missing.npy"]) == ([Path("missing.npy")], [])
 
 
 def test_data_files_are_left_out_beside_their_headers() -> None:
@@ -102,19 +102,19 @@ def test_data_files_are_left_out_beside_their_headers() -> None:
         "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: engine.raw\n", encoding="ascii"
     )
     touch("pair.hdr", "pair.img", "alone.raw")
-    volumes, notes = expand(["*"])
+    volumes, notes = expand_volumes(["*"])
     assert volumes == [Path("alone.raw"), Path("engine.nhdr"), Path("pair.hdr")]
     assert notes == ["engine.raw is the data of engine.nhdr", "pair.img is the data of pair.hdr"]
-    assert expand(["engine.raw"]) == ([Path("engine.raw")], [])
+    assert expand_volumes(["engine.raw"]) == ([Path("engine.raw")], [])
 
 
 def test_a_header_whose_data_are_gone_is_left_to_its_reader() -> None:
     Path("engine.nhdr").write_text("NRRD0004\nencoding: raw\ndata file: gone.raw\n", encoding="ascii")
-    assert expand(["*"]) == ([Path("engine.nhdr")], [])
+    assert expand_volumes(["*"]) == ([Path("engine.nhdr")], [])
 
 
 def test_slices_are_no_volumes() -> None:
     touch("series/1.dcm", "series/2.dcm")
     with pytest.raises(InputError, match="2 DICOM files of one folder would be a film each"):
-        expand(["series/*.dcm"])
-    assert expand(["a/*.dcm", "a/?.dcm"])[0] == [Path("a/*.dcm"), Path("a/?.dcm")]  # which are no files
+        expand_volumes(["series/*.dcm"])
+    assert expand_volumes(["a/*.dcm", "a/?.dcm"])[0] == [Path("a/*.dcm"), Path("a/?.dcm")]  # which are no files

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 from hsplat_cli.executors.cluster.connection import connect
 from hsplat_cli.executors.cluster.registry import WorkerRegistry
 from hsplat_cli.executors.cluster.worker import SerializedStage, draw
-from hsplat_cli.executors.frame_result import Drawn
+from hsplat_cli.executors.frame_result import FrameResult
+from hsplat_cli.terminal import Reporter
 from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import Picture
 from renderer.frame import Stage, serialized_stage
@@ -44,29 +45,28 @@ _FINISHED_STATUSES = ("finished", "lost")
 
 @contextlib.contextmanager
 def open_cluster(
-    address: str, *, num_workers: int | None = None, patience_s: float = PATIENCE_S, quiet: bool = False
+    address: str, reporter: Reporter, *, num_workers: int | None = None, patience_s: float = PATIENCE_S
 ) -> Iterator[Cluster]:
     """The cluster of the Dask scheduler at an address, or at `local` one of processes on this machine.
 
     num_workers: of `local`, as many as cores by default. patience_s: the longest time without any worker.
-    quiet: not to say that one is waited for.
 
     Raises InputError where nobody answers; RenderError, in the block, where workers are missing or cannot draw.
     """
     with connect(address, num_workers) as client:
-        yield Cluster(client, address, patience_s, quiet=quiet)
+        yield Cluster(client, address, patience_s, reporter)
 
 
 class Cluster:
     """A connection with a scheduler; made by `open_cluster`."""
 
-    def __init__(self, client: Client, address: str, patience_s: float, *, quiet: bool = False) -> None:
-        self._client, self._address, self._patience_s, self._quiet = client, address, patience_s, quiet
+    def __init__(self, client: Client, address: str, patience_s: float, reporter: Reporter) -> None:
+        self._client, self._address, self._patience_s, self._reporter = client, address, patience_s, reporter
 
     @contextlib.contextmanager
-    def drawer(self, stage: Stage) -> Iterator[ClusterExecutor]:
+    def for_stage(self, stage: Stage) -> Iterator[ClusterExecutor]:
         """What draws this stage, whose goal is resolved, at the tolerances of its schedule."""
-        registry = WorkerRegistry(self._client, self._address, self._patience_s, quiet=self._quiet)
+        registry = WorkerRegistry(self._client, self._address, self._patience_s, self._reporter)
         drawer = ClusterExecutor(registry, self._client, stage)
         try:
             yield drawer
@@ -84,7 +84,7 @@ class _Task:
 
 
 class ClusterExecutor:
-    """A Drawer; made by `Cluster.drawer`."""
+    """A Drawer; made by `Cluster.for_stage`."""
 
     def __init__(self, registry: WorkerRegistry, client: Client, stage: Stage) -> None:
         self._registry, self._client, self._stage = registry, client, stage
@@ -93,7 +93,7 @@ class ClusterExecutor:
         self._num_redrawn = 0
 
     @property
-    def made_by(self) -> tuple[str, ...]:
+    def drivers(self) -> tuple[str, ...]:
         """Devices and drivers of the frames so far, as GL names them: one, unless machines differ."""
         return tuple(dict.fromkeys(maker["GL"] for maker in self._worker_versions))
 
@@ -111,7 +111,7 @@ class ClusterExecutor:
         again = f"{self._num_redrawn} frame{'s were' if self._num_redrawn > 1 else ' was'} drawn again by other workers"
         return [*notes, *self._registry.notes, *[again] * bool(self._num_redrawn)]
 
-    def draw(self, numbers: Sequence[int]) -> Generator[Drawn, None, None]:
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
         """As in Drawer.
 
         Raises RenderError, or what a frame failed with, once several workers have failed on it, or were lost at it.
@@ -172,7 +172,7 @@ class ClusterExecutor:
             return
         film.remove(task)
         png, record, maker = result
-        film.drawn[task.index] = Drawn(film.numbers[task.index], Picture(png=png), {**record, "gl": maker["GL"]})
+        film.drawn[task.index] = FrameResult(film.numbers[task.index], Picture(png=png), {**record, "gl": maker["GL"]})
         if maker not in self._worker_versions:
             self._worker_versions.append(maker)
 
@@ -235,7 +235,7 @@ class _FrameQueue:
 
     def __init__(self, numbers: Sequence[int]) -> None:
         self.numbers, self.left = numbers, list(range(len(numbers)))
-        self.drawn: dict[int, Drawn] = {}
+        self.drawn: dict[int, FrameResult] = {}
         self.num_failures: Counter[int] = Counter()
         self.losses: defaultdict[int, list[str]] = defaultdict(list)
         self.suspects: set[int] = set()

@@ -6,9 +6,8 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from hsplat_cli.executors.cluster.worker import describe
+from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 
 if TYPE_CHECKING:
@@ -23,15 +22,13 @@ class WorkerRegistry:
     """The workers of a cluster that can draw, by their addresses.
 
     address: of the scheduler, for messages. patience_s: the longest time without any worker at all.
-    quiet: not to say that it waits for one.
     """
 
-    def __init__(self, client: Client, address: str, patience_s: float, *, quiet: bool = False) -> None:
+    def __init__(self, client: Client, address: str, patience_s: float, reporter: Reporter) -> None:
         self._client, self._address, self._patience_s = client, address, patience_s
         self._here = describe()
         self._excluded: dict[str, str] = {}  # why, by address
-        self._had_any, self._quiet = False, quiet
-        self._is_told = quiet
+        self._had_any, self._is_reported, self._reporter = False, False, reporter
         self._look_at = self._last_seen = time.monotonic()
         self.fit: set[str] = set()
         self._require_hsplat_in_scheduler()
@@ -57,7 +54,7 @@ class WorkerRegistry:
         if new:
             self._check_new_workers(new)
         if present:
-            self._had_any, self._last_seen, self._is_told = True, time.monotonic(), self._quiet
+            self._had_any, self._last_seen, self._is_reported = True, time.monotonic(), False
         elif time.monotonic() > self._last_seen + self._patience_s:
             raise RenderError(
                 self._what,
@@ -65,9 +62,9 @@ class WorkerRegistry:
                 got=f"none for {self._patience_s:g} s",
                 hint=_HINT,
             )
-        elif not self._is_told:
-            self._is_told = True
-            click.echo(f"{self._what}: waiting {self._patience_s:g} s for one; {_HINT}", err=True)
+        elif not self._is_reported:
+            self._is_reported = True
+            self._reporter.status(f"{self._what}: waiting {self._patience_s:g} s for one; {_HINT}")
         if present and present <= self._excluded.keys():
             raise RenderError(
                 "no worker of the cluster can draw this film",

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.executors.frame_result import Drawn, LocalExecutor
+from hsplat_cli.executors.frame_result import FrameResult, LocalExecutor
 from hsplat_cli.executors.rasterizers import open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import deserialize_stage
@@ -45,7 +45,7 @@ class Studio:
         self._executor = LocalExecutor(stage, self._rasterizer)
         self.tool_versions = package_versions() | {"GL": self._rasterizer.renderer_name}
 
-    def draw(self, number: int) -> Drawn:
+    def draw(self, number: int) -> FrameResult:
         """One frame, once those that other threads have asked for are done."""
         return self._thread.submit(lambda: next(self._executor.draw([number]))).result()
 

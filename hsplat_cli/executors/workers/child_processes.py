@@ -41,7 +41,7 @@ class ChildProcesses:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.cut()
+        self.end_all()
 
     def start(
         self,
@@ -84,7 +84,7 @@ class ChildProcesses:
         if end is not None:
             os.close(end)
 
-    def cut(self) -> None:
+    def end_all(self) -> None:
         """End all children that there still are; they are not waited for."""
         for child in list(self._ends):
             self.end_child(child)

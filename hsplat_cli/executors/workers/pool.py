@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hsplat_cli.executors.frame_result import Drawn
+from hsplat_cli.executors.frame_result import FrameResult
 from hsplat_cli.executors.workers.child_processes import ChildProcesses
 from hsplat_cli.executors.workers.messages import Message, error_from_plain
 from hsplat_cli.executors.workers.process import HangPolicy, WorkerProcess, worker_environment
@@ -89,7 +89,7 @@ class _DrawCall:
 
     def __init__(self, numbers: Sequence[int]) -> None:
         self.waiting = [_Task(place, number, self) for place, number in enumerate(numbers)]
-        self.done: dict[int, Drawn] = {}
+        self.done: dict[int, FrameResult] = {}
 
 
 class Pool:
@@ -128,7 +128,7 @@ class Pool:
         ]
 
     @property
-    def made_by(self) -> tuple[str, ...]:
+    def drivers(self) -> tuple[str, ...]:
         """The GL renderers of the workers that are or were ready: one, unless devices differ."""
         return tuple(self._renderer_names)
 
@@ -138,7 +138,7 @@ class Pool:
         self._poll_messages(0)
         return any(worker.is_ready for worker in self._workers)
 
-    def draw(self, numbers: Sequence[int]) -> Iterator[Drawn]:
+    def draw(self, numbers: Sequence[int]) -> Iterator[FrameResult]:
         """These frames, in this order, at the tolerances of the schedule of the stage's scene.
 
         It may be left before its end. Only few frames are drawn ahead of what was taken.
@@ -215,7 +215,7 @@ class Pool:
             self._num_failed_starts = 0
         elif kind == "drawn":
             task = worker.tasks.popleft()
-            task.run.done[task.place] = Drawn(task.number, self._picture(*message.runs), content)
+            task.run.done[task.place] = FrameResult(task.number, self._picture(*message.runs), content)
         elif kind == "lost":
             worker.kill()
             self._replace_worker(worker, error_from_plain(content))

@@ -13,7 +13,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-from hsplat_cli.executors.frame_result import Drawn, LocalExecutor
+from hsplat_cli.executors.frame_result import FrameResult, LocalExecutor
 from hsplat_cli.executors.rasterizers import open_rasterizer
 from hsplat_cli.executors.workers.messages import Message, error_to_plain, receive, send
 from hsplat_cli.executors.workers.shared_stage import map_stage
@@ -55,7 +55,7 @@ def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
     draw_frame(stage, make_draw_list(stage, make_lod(stage, math.inf, watch), 0, watch), rasterizer, watch)
 
 
-def _drawn(drawer: LocalExecutor, number: int) -> Drawn:
+def _drawn(drawer: LocalExecutor, number: int) -> FrameResult:
     try:
         (drawn,) = drawer.draw([number])
     except MemoryError as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.films.assemble.part_schema import part_problems
-from hsplat_cli.scenes import Sidecar, matches, parse_sidecar
+from hsplat_cli.scenes import Sidecar, expand_pattern, parse_sidecar
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import Record, film_path_of_sidecar, frame_path, is_frame_record
 from renderer.scene import MAX_FRAMES, OUTPUT_FILE, ErrorSpec, Node, read_content
@@ -71,7 +71,7 @@ def find_parts(names: Sequence[str]) -> list[Part]:
 def _expand_name(name: str, problems: list[Problem]) -> list[Path]:
     """What a glob matches; any other name as it is."""
     try:
-        return matches(name)
+        return expand_pattern(name)
     except InputError as error:
         problems.append(_problem(error, name))
         return []
@@ -119,7 +119,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     if wrong:
         problems.extend(replace(problem, location=str(path)) for problem in wrong)
         return
-    yield Part(path, data, sidecar.original.asked, film_path_of_sidecar(path, file))
+    yield Part(path, data, sidecar.original.requested_error, film_path_of_sidecar(path, file))
 
 
 def _problem(error: InputError, place: str) -> Problem:
