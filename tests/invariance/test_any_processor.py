@@ -14,14 +14,14 @@ CHILD = """
 import hashlib
 import numpy as np
 from brickwork import AFFINES, LIT, batch_of, bricks_of, hills, ordered, placed, random_cut, transfer_of, view_of
-from renderer.bricks.sampling import Thrift
+from renderer.bricks.sampling import ScreenSampling
 from renderer.draw.cpu.bricks import CPUBrickRenderer
 
 volume = placed(hills((30, 40, 50), 9.0), AFFINES["oblique"])
 transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (0.4, (0.1, 0.5, 1.0), 0.3), (0.4, (1.0, 1.0, 1.0), 2.0))
 for shading in (None, LIT):
     bricks = bricks_of(volume, transfer, shading)
-    batch = batch_of(random_cut(bricks, 3), bricks, step=0.3, shading=shading, thrift=Thrift((4, 1), 0.02, 0.01))
+    batch = batch_of(random_cut(bricks, 3), bricks, step=0.3, shading=shading, screen_sampling=ScreenSampling((4, 1), 0.02, 0.01))
     view = view_of(volume, "perspective", (60, 50))
     drawer = CPUBrickRenderer(1)
     image = drawer.draw(batch, ordered(batch.cut, view), view)

@@ -287,7 +287,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 from hsplat_cli import main
-from hsplat_cli.executors import drawn
+from hsplat_cli.executors import frame_result
 
 replace = os.replace
 

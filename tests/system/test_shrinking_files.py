@@ -117,12 +117,12 @@ def test_between_a_look_and_the_reading(footprint: str, workers: str, program: s
 STRANGER = """\
 import os
 import numpy as np
-from hsplat_cli.scenes.truncation_guard import guard
+from hsplat_cli.scenes.truncation_guard import guard_mapping
 from renderer.volume.mapped_file import backing_file
 for name in ("ours", "another"):
     np.ones(1 << 20, np.uint8).tofile(name)
 ours, another = np.memmap("ours", np.uint8, "r"), np.memmap("another", np.uint8, "r")
-guard(backing_file(ours), ours)
+guard_mapping(backing_file(ours), ours)
 os.truncate("ours", 5000)
 assert int(ours.sum()) == 5000
 os.truncate("another", 5000)
@@ -133,11 +133,11 @@ another.sum()
 SENT = """\
 import os, signal
 import numpy as np
-from hsplat_cli.scenes.truncation_guard import guard
+from hsplat_cli.scenes.truncation_guard import guard_mapping
 from renderer.volume.mapped_file import backing_file
 np.ones(1 << 20, np.uint8).tofile("ours")
 ours = np.memmap("ours", np.uint8, "r")
-guard(backing_file(ours), ours)
+guard_mapping(backing_file(ours), ours)
 assert int(ours.sum()) == 1 << 20
 os.kill(os.getpid(), signal.SIGBUS)
 print("still there")
