@@ -14,13 +14,13 @@ from hsplat_cli.executors.frame_result import FrameExecutor, FrameResult, LocalE
 from hsplat_cli.executors.options import ExecutorSpec
 from hsplat_cli.executors.rasterizers import open_recovering_rasterizer
 from hsplat_cli.executors.workers.pool import Pool, open_pool
-from hsplat_cli.scenes import FilmPlan
 from hsplat_cli.terminal import Reporter
 from renderer.cores import num_cores
 from renderer.draw import RecoveringRasterizer, is_software, most_bytes
 from renderer.errors import RenderError
 from renderer.frame import Stage
 from renderer.scene import AccuracyGoal, Scene
+from renderer.study import FilmPlan
 
 # A device is shared by the processes; what they do beside drawing is not.
 _MAX_WORKERS_PER_DEVICE = 4

@@ -7,12 +7,16 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-
 from renderer.film import Picture
-from renderer.frame import Frame, Rasterizer, ScheduleController, Stage, ToleranceController, render_frames
-
-_MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
+from renderer.frame import (
+    Frame,
+    Rasterizer,
+    ScheduleController,
+    Stage,
+    ToleranceController,
+    frame_record,
+    render_frames,
+)
 
 
 @dataclass(frozen=True)
@@ -60,13 +64,4 @@ class LocalExecutor:
 
 def make_frame_result(frame: Frame) -> FrameResult:
     """A frame of the loop."""
-    record: dict[str, Any] = {
-        "frame": frame.number,
-        "tolerance": frame.tolerance,
-        "cells": frame.num_cells,
-        "splats": frame.num_splats,
-        "seconds": frame.seconds,
-    }
-    predicted = {} if frame.predicted_seconds is None else {"predicted_seconds": frame.predicted_seconds}
-    blank = {"blank": True} if np.max(frame.radiance[..., 3], initial=0.0) < _MIN_VISIBLE_OPACITY else {}
-    return FrameResult(frame.number, Picture(frame.image), record | predicted | blank)
+    return FrameResult(frame.number, Picture(frame.image), frame_record(frame))

@@ -8,10 +8,11 @@ from pathlib import Path
 import click
 
 from hsplat_cli.films.fingerprint import JobFingerprint, Made, read_recorded_film, reason
-from hsplat_cli.scenes import FilmPlan, Job
+from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted
 from renderer.film import FrameCheckpoint, Record, has_frame_files, sidecar_path
 from renderer.scene import tolerance_at
+from renderer.study import FilmPlan
 
 
 def resume_checkpoint(

@@ -12,10 +12,12 @@ import click
 from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record, with_digests
 from hsplat_cli.films.goals import shortfall_of
 from hsplat_cli.films.rerender import rerender_notes
-from hsplat_cli.films.sidecar_record import driver_notes, film_record, schedule_record, summary, visibility_notes
-from hsplat_cli.scenes import FilmPlan, Job
+from hsplat_cli.films.sidecar_record import driver_notes, schedule_record, summary
+from hsplat_cli.scenes import Job
 from renderer.errors import RenderError
 from renderer.film import Record, sidecar_path, write_sidecar
+from renderer.frame import film_record, visibility_notes
+from renderer.study import FilmPlan
 
 
 @dataclass(frozen=True)

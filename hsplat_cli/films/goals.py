@@ -5,20 +5,22 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from hsplat_cli.films.sidecar_record import TIME_BUDGET_MARGIN, budget_seconds, drawing_seconds, span
-from hsplat_cli.scenes import FilmPlan, Job
+from hsplat_cli.scenes import Job
+from renderer import study
 from renderer.errors import RenderError
 from renderer.film import Record
-from renderer.frame import BudgetController, LODCostEstimator, Rasterizer, Stage, Stopwatch, calibrate_costs, upload
-from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, Want, show, value_at, with_tolerance, with_tolerances
+from renderer.frame import LODCostEstimator, Rasterizer, Stage
+from renderer.scene import TimeBudget, Want, show
+from renderer.study import BEST_EFFORT_HINT, FilmPlan
 
-# A trial drawing that takes this part of a frame's time tells enough about the whole.
-_MAX_TRIAL_FRACTION = 0.3
+if TYPE_CHECKING:
+    from renderer.study import ToleranceSearchResult
+
 # Frames that may be late without a word.
 MAX_LATE_FRACTION = 0.1
-BEST_EFFORT_HINT = "with --best-effort it is good enough"
 
 
 def make_plan(
@@ -29,56 +31,17 @@ def make_plan(
     quiet: bool,
     on_step: Callable[[], None] = lambda: None,
 ) -> FilmPlan:
-    """Find what the goal of the scene takes, if it has one.
+    """Find what the goal of the scene takes, if it has one, and tell of a search; as `renderer.study.make_plan`."""
 
-    rasterizer: for goals of accuracy and of time.
-    on_step: called now and then in a long search; what it raises goes through.
-    """
-    stage = estimator.stage
-    goal = stage.scene.error.goal
-    if goal is None:
-        return FilmPlan(stage)
-    if isinstance(goal, AccuracyGoal):
+    def search(stage: Stage, want: Want) -> ToleranceSearchResult:
+        # Imported where they are used: other films need no ray integral, which takes a while to load.
+        from hsplat_cli.films.tolerance_search import search_tolerance
+        from renderer.study import TRUTH_TOLERANCE
+
         assert rasterizer is not None
-        return _plan_accuracy(stage, goal, frames, rasterizer, on_step, quiet=quiet)
-    if isinstance(goal, SplatBudget):
-        tolerances = {
-            frame: estimator.primitive.tolerance_for_cells(value_at(goal.by_frame, frame)) for frame in frames
-        }
-        return FilmPlan(replace(stage, scene=with_tolerances(stage.scene, tolerances)))
-    assert rasterizer is not None
-    least = min(value_at(goal.by_frame, frame) for frame in frames)
-    calibrate_costs(
-        estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=time.perf_counter, on_step=on_step
-    )
-    pacer = BudgetController(estimator, lambda frame: value_at(goal.by_frame, frame))
-    draw_list, _ = pacer.choose(frames[0], Stopwatch(time.perf_counter))
-    upload(draw_list, rasterizer)
-    return FilmPlan(stage, pacer, is_timing_dependent=True)
+        return search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)
 
-
-def _plan_accuracy(
-    stage: Stage,
-    goal: AccuracyGoal,
-    frames: Sequence[int],
-    rasterizer: Rasterizer,
-    on_step: Callable[[], None],
-    *,
-    quiet: bool,
-) -> FilmPlan:
-    """One tolerance for the whole film; 0 where none is good enough."""
-    # Imported where they are used: other films need no ray integral, which takes a while to load.
-    from hsplat_cli.films.tolerance_search import search_tolerance, unreachable_accuracy_error
-    from renderer.study import TRUTH_TOLERANCE
-
-    want = Want(goal.metric, goal.value)
-    found = search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)
-    shortfall = None
-    if found.tolerance is None:
-        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
-        shortfall = unreachable_accuracy_error(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
-    exact = replace(stage, scene=with_tolerance(stage.scene, found.tolerance or 0.0))
-    return FilmPlan(exact, shortfall=shortfall, found=found)
+    return study.make_plan(estimator, frames, rasterizer, clock=time.perf_counter, search=search, on_step=on_step)
 
 
 def shortfall_of(job: Job, plan: FilmPlan, frames: Sequence[Record]) -> RenderError | None:

@@ -27,7 +27,7 @@ from hsplat_cli.films.goals import make_plan
 from hsplat_cli.films.pass_difference import Difference, Differences
 from hsplat_cli.films.preparation import prepare_film
 from hsplat_cli.films.sidecar_record import limits, span, with_seconds
-from hsplat_cli.scenes import FilmPlan, Job
+from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Progress, counted, deferrable_interrupts, pluralize_range, progress
 from renderer.draw import RecoveringRasterizer
 from renderer.errors import RenderError
@@ -53,6 +53,7 @@ from renderer.frame import (
     workload_of,
 )
 from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, tolerance_at, value_at, with_tolerances
+from renderer.study import FilmPlan
 
 # Of the first frame that shows what it is, the first pass may take so many times as long. It has few cells, whose
 # pixels, not their number, are what it costs, so that there are far more cells in the first pass.

@@ -8,13 +8,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.films.rerender import inherited_schedule, printable_name
-from hsplat_cli.scenes import FilmPlan, Job
+from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, pluralize_range
 from renderer.errors import RenderError
 from renderer.film import Record
-from renderer.frame import Stage, finest_level_at
-from renderer.scene import TimeBudget, scene_to_dict, value_at, with_tolerances
-from renderer.versions import package_versions
+from renderer.scene import TimeBudget, value_at
+from renderer.study import FilmPlan
 
 if TYPE_CHECKING:
     from renderer.study import ToleranceSearchResult
@@ -31,28 +30,6 @@ def with_seconds(record: Record, **seconds: float) -> Record:
 def makers(frames: Sequence[Record]) -> list[str]:
     """Devices and drivers, as GL names them, of the frames that tell: those that were drawn elsewhere."""
     return list(dict.fromkeys(frame["gl"] for frame in frames if "gl" in frame))
-
-
-def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[str, Any]:
-    """The sidecar's first part: a scene that makes these frames again, with all defaults, and what it met."""
-    scene, volume, pyramid = stage.scene, stage.volume, stage.pyramid
-    finest_level = min(finest_level_at(stage, frame["tolerance"]) for frame in frames)
-    if scene.error.goal is not None:
-        scene = with_tolerances(scene, {frame["frame"]: frame["tolerance"] for frame in frames})
-    return {
-        "scene": scene_to_dict(scene),
-        "volume": {
-            "name": volume.name,
-            "fingerprint": volume.fingerprint,
-            "dtype": str(volume.values.dtype),
-            "shape": volume.shape_xyz,
-            "world_from_index": volume.world_from_index,
-        },
-        "camera": {"target": stage.target, "distance": stage.distance},
-        "pyramid": {"levels": pyramid.num_levels, "bytes": pyramid.num_bytes, "finest_level_drawn": finest_level},
-        "gl": made_by,
-        "versions": package_versions(),
-    }
 
 
 def schedule_record(
@@ -85,20 +62,6 @@ def driver_notes(made_by: Sequence[str]) -> list[str]:
     """That frames are not all of one driver, if so: some of them are kept, or workers differ."""
     drivers = " and ".join(map(printable_name, made_by))
     return [f"bytes may differ from frame to frame, drawn by different drivers: {drivers}"] * (len(made_by) > 1)
-
-
-def visibility_notes(frames: Sequence[Record]) -> list[str]:
-    """What the user should know about the pictures."""
-    if all(frame["cells"] == 0 for frame in frames):
-        return [
-            "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
-        ]
-    empty = [frame for frame in frames if frame["splats"] == 0 or frame.get("blank")]
-    if not empty:
-        return []
-    among = f" on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0]['frame']}" * (len(frames) > 1)
-    why = ": the volume is out of the picture, nearer than `camera.near`, too small or too transparent"
-    return [f"nothing is in view{among}{why if any(frame['splats'] for frame in empty) else ''}"]
 
 
 def summary(

@@ -9,9 +9,8 @@ import click
 
 from hsplat_cli.films.truths import find_truths
 from hsplat_cli.terminal import counted
-from renderer.errors import RenderError
 from renderer.frame import Rasterizer, Stage
-from renderer.scene import Scene, Want
+from renderer.scene import Want
 from renderer.study import ToleranceSearchResult, Trial, Truth, TruthCache, TruthOf, find_tolerance
 
 
@@ -37,21 +36,6 @@ def search_tolerance(
         truth_of=_truths(stage, truth_tolerance, on_step, quiet=quiet),
         clock=time.perf_counter,
         on_trial=_trial_reporter(want, stage.scene.splat.noun, on_step, quiet=quiet),
-    )
-
-
-def unreachable_accuracy_error(found: ToleranceSearchResult, scene: Scene, *, where: str, hint: str) -> RenderError:
-    """The error where nothing was good enough. hint: what to do about it, to which is added what limits the scene."""
-    want, worst = found.want, found.worst
-    level, drawn = scene.error.finest_level, counted(worst.num_cells, scene.splat.noun)
-    page = "docs/footprints.md"
-    limit = f"error.finest_level: {level} lets no cell be smaller" if level else f"what limits it is told in {page}"
-    return RenderError(
-        "the accuracy that is wanted is beyond full resolution",
-        where=where,
-        got=f"{want.of(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
-        expected=str(want),
-        hint=f"{hint}; {limit}",
     )
 
 

@@ -7,7 +7,6 @@ from .film_arguments import (
 )
 from .job import Job as Job, load_job as load_job
 from .patterns import expand_pattern as expand_pattern
-from .plan import FilmPlan as FilmPlan
 from .scene_text import (
     FilmOptions as FilmOptions,
     transfer_dict as transfer_dict,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from hsplat_cli.scenes.scene_text import FilmOptions, scene_text
 from hsplat_cli.scenes.volume_arguments import read_with_options
@@ -12,17 +11,11 @@ from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, SceneError
 from renderer.scene import (
     VolumeSpec,
-    extent_of,
     is_colormap,
     nearest_colormap,
     parse_scene_content,
-    raise_problems,
     show,
-    volume_problems,
 )
-
-if TYPE_CHECKING:
-    from renderer.suggest import Suggestion
 
 # Where the values of a scene came from.
 _OPTIONS = {
@@ -86,64 +79,23 @@ def suggest_scene(
     cannot be in a scene.
     """
     require_colormap(colormap)
-    tried = _attempt(volume, colormap, reporter)
-    if hides_nonfinite and tried.unseen is not None:
-        other = _attempt(replace(volume, nonfinite=tried.unseen), colormap, reporter)
-        # That is another volume, in which the value may show against all expectation.
-        if tried.shows or not other.shows:
-            tried = other
+    from renderer.suggest import suggest_for
+
+    found = suggest_for(
+        volume, lambda spec: read_with_options(spec, reporter), colormap=colormap, hides_nonfinite=hides_nonfinite
+    )
     text = scene_text(
-        tried.volume,
-        tried.suggestion,
+        found.volume,
+        found.suggestion,
         film,
         folder=scene.parent,
         output=output,
-        is_float=tried.is_float,
-        nonfinite=tried.nonfinite,
+        is_float=found.is_float,
+        nonfinite=found.nonfinite,
     )
     _check(text, scene)
-    chosen = tried.suggestion
-    return SuggestedScene(text, chosen.kind, chosen.reason, tried.nonfinite, chosen.far)
-
-
-@dataclass(frozen=True)
-class _Attempt:
-    """What comes of a volume, whose voxels are in memory no longer.
-
-    unseen: the value to try for NaN and infinities, or None. shows: whether what they are now is seen. nonfinite: as in
-    SuggestedScene.
-    """
-
-    volume: VolumeSpec
-    suggestion: Suggestion
-    is_float: bool
-    unseen: float | None = None
-    shows: bool = False
-    nonfinite: str | None = None
-
-
-def _attempt(volume: VolumeSpec, colormap: str | None, reporter: Reporter) -> _Attempt:
-    import numpy as np
-
-    from renderer.suggest import measure, suggest, suggest_nonfinite_fill
-    from renderer.transfer import make_transfer_function
-
-    read = read_with_options(volume, reporter)
-    raise_problems(volume_problems(extent_of(read), read.name))
-    statistics = measure(read.values, read.source)
-    tried = _Attempt(volume, suggest(read, statistics, colormap), read.values.dtype.kind == "f")
-    if not read.num_nonfinite:
-        return tried
-    is_lowest = volume.nonfinite == "lowest"
-    transfer = make_transfer_function(tried.suggestion.transfer, read.finest_spacing)
-    shows = bool(transfer.classify(np.array([read.stand_in]))[1][0] > 0)
-    told = (
-        f"{read.num_nonfinite} of {read.values.size} voxels are NaN or infinite; they are drawn as "
-        f"{'the lowest value, ' if is_lowest else ''}{read.stand_in:.7g}, which "
-        f"{'can be seen' if shows else 'is not seen'}"
-    )
-    unseen = suggest_nonfinite_fill(read, statistics) if is_lowest else None
-    return replace(tried, unseen=unseen, shows=shows, nonfinite=told)
+    chosen = found.suggestion
+    return SuggestedScene(text, chosen.kind, chosen.reason, found.nonfinite, chosen.far)
 
 
 def _check(text: str, scene: Path) -> None:

@@ -22,6 +22,7 @@ from .pacing import (
     find_finest_in_time as find_finest_in_time,
 )
 from .pipeline import prepare_stage as prepare_stage, render_frames as render_frames
+from .records import film_record as film_record, frame_record as frame_record, visibility_notes as visibility_notes
 from .transport import (
     deserialize_stage as deserialize_stage,
     serialize_stage as serialize_stage,

@@ -15,6 +15,12 @@ from .metrics import (
     require_measuring_packages as require_measuring_packages,
 )
 from .pareto import cost_at_psnr as cost_at_psnr, find_regressions as find_regressions, pareto_front as pareto_front
+from .plan import (
+    BEST_EFFORT_HINT as BEST_EFFORT_HINT,
+    FilmPlan as FilmPlan,
+    make_plan as make_plan,
+    unreachable_accuracy_error as unreachable_accuracy_error,
+)
 from .results import Study as Study, TruthRecord as TruthRecord
 from .strictness import (
     STRICTNESS_LEVELS as STRICTNESS_LEVELS,

@@ -20,10 +20,10 @@ from hsplat_cli.executors.executor import Executor
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.executors.workers.process import HangPolicy
-from hsplat_cli.scenes import FilmPlan
 from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.frame import Stage
+from renderer.study import FilmPlan
 
 NUMBERS = [0, 1, 2, 3, 4, 5, 6, 7, 2, 1]  # some twice, and backwards
 

@@ -10,8 +10,9 @@ from typing import Any
 from hsplat_cli.films.assemble.agreement import PickedFrame, error_without_schedule, has_goal
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.fingerprint import JobFingerprint, recorded_fingerprint
-from hsplat_cli.films.sidecar_record import limits, visibility_notes
+from hsplat_cli.films.sidecar_record import limits
 from renderer.film import Record, bytes_digest, has_frame_files
+from renderer.frame import visibility_notes
 from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_to_dict, through
 from renderer.versions import package_versions, sources_digest
 

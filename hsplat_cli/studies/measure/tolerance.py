@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import click
 
 from hsplat_cli.executors import open_rasterizer
-from hsplat_cli.films import nothing_visible_error, search_tolerance, unreachable_accuracy_error
+from hsplat_cli.films import nothing_visible_error, search_tolerance
 from hsplat_cli.scenes import read_volume_guarded
 from hsplat_cli.studies.measure.prepare import prepared
 from hsplat_cli.terminal import counted, report_first_run
 from renderer.errors import InputError
 from renderer.scene import Scene, Want
-from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages
+from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages, unreachable_accuracy_error
 
 
 def print_tolerance(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:

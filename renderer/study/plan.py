@@ -1,0 +1,107 @@
+"""From what a scene asks for (cells, seconds, an accuracy) to the tolerances of its frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from renderer.errors import RenderError
+from renderer.frame import (
+    BudgetController,
+    Clock,
+    LODCostEstimator,
+    Rasterizer,
+    Stage,
+    Stopwatch,
+    ToleranceController,
+    calibrate_costs,
+    upload,
+)
+from renderer.scene import AccuracyGoal, Scene, SplatBudget, Want, value_at, with_tolerance, with_tolerances
+
+if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
+    from renderer.study.trials import ToleranceSearchResult
+
+# A trial drawing that takes this part of a frame's time tells enough about the whole.
+_MAX_TRIAL_FRACTION = 0.3
+BEST_EFFORT_HINT = "with --best-effort it is good enough"
+
+
+@dataclass(frozen=True)
+class FilmPlan:
+    """How frames get their tolerances: from the schedule of the stage's scene, without a goal, or from a controller.
+
+    shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
+    is_unfinished: finer passes follow.
+    is_timing_dependent: its tolerances depend on how quick the machine was.
+    found: the result of the search for an accuracy.
+    """
+
+    stage: Stage
+    controller: ToleranceController | None = None
+    shortfall: RenderError | None = None
+    is_unfinished: bool = False
+    is_timing_dependent: bool = False
+    found: ToleranceSearchResult | None = None
+
+
+def make_plan(
+    estimator: LODCostEstimator,
+    frames: Sequence[int],
+    rasterizer: Rasterizer | None,
+    *,
+    clock: Clock,
+    search: Callable[[Stage, Want], ToleranceSearchResult],
+    on_step: Callable[[], None] = lambda: None,
+) -> FilmPlan:
+    """Find what the goal of the scene takes, if it has one.
+
+    rasterizer: for goals of accuracy and of time.
+    search: finds the tolerance of an accuracy; called for goals of accuracy.
+    on_step: called now and then in a long search; what it raises goes through.
+    """
+    stage = estimator.stage
+    goal = stage.scene.error.goal
+    if goal is None:
+        return FilmPlan(stage)
+    if isinstance(goal, AccuracyGoal):
+        return _plan_accuracy(stage, goal, search(stage, Want(goal.metric, goal.value)))
+    if isinstance(goal, SplatBudget):
+        tolerances = {
+            frame: estimator.primitive.tolerance_for_cells(value_at(goal.by_frame, frame)) for frame in frames
+        }
+        return FilmPlan(replace(stage, scene=with_tolerances(stage.scene, tolerances)))
+    assert rasterizer is not None
+    least = min(value_at(goal.by_frame, frame) for frame in frames)
+    calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
+    pacer = BudgetController(estimator, lambda frame: value_at(goal.by_frame, frame))
+    draw_list, _ = pacer.choose(frames[0], Stopwatch(clock))
+    upload(draw_list, rasterizer)
+    return FilmPlan(stage, pacer, is_timing_dependent=True)
+
+
+def _plan_accuracy(stage: Stage, goal: AccuracyGoal, found: ToleranceSearchResult) -> FilmPlan:
+    """FilmPlan one tolerance for the whole film; 0 where none is good enough."""
+    shortfall = None
+    if found.tolerance is None:
+        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
+        shortfall = unreachable_accuracy_error(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
+    exact = replace(stage, scene=with_tolerance(stage.scene, found.tolerance or 0.0))
+    return FilmPlan(exact, shortfall=shortfall, found=found)
+
+
+def unreachable_accuracy_error(found: ToleranceSearchResult, scene: Scene, *, where: str, hint: str) -> RenderError:
+    """Return the error where no tolerance is good enough. hint: what to do about it."""
+    want, worst = found.want, found.worst
+    level, noun = scene.error.finest_level, scene.splat.noun
+    drawn = f"{worst.num_cells} {noun}{'s' * (worst.num_cells != 1)}"
+    page = "docs/footprints.md"
+    limit = f"error.finest_level: {level} lets no cell be smaller" if level else f"what limits it is told in {page}"
+    return RenderError(
+        "the accuracy that is wanted is beyond full resolution",
+        where=where,
+        got=f"{want.of(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
+        expected=str(want),
+        hint=f"{hint}; {limit}",
+    )

@@ -1,0 +1,80 @@
+"""Suggest a transfer function for a volume that is still to be read, and choose what stands for NaN and infinities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from renderer.scene import VolumeSpec, extent_of, raise_problems, volume_problems
+from renderer.suggest.histogram import measure
+from renderer.suggest.nonfinite import suggest_nonfinite_fill
+from renderer.suggest.suggestion import Suggestion, suggest
+from renderer.transfer import make_transfer_function
+from renderer.volume import Volume
+
+
+@dataclass(frozen=True)
+class VolumeSuggestion:
+    """A suggestion for a volume, whose voxels are in memory no longer.
+
+    volume: which voxels, and what stands for NaN and infinities. is_float: whether its voxels can have these.
+    nonfinite: how many voxels have, and what is drawn for them; None if every voxel is finite.
+    """
+
+    volume: VolumeSpec
+    suggestion: Suggestion
+    is_float: bool
+    nonfinite: str | None = None
+
+
+def suggest_for(
+    volume: VolumeSpec,
+    read: Callable[[VolumeSpec], Volume],
+    *,
+    colormap: str | None = None,
+    hides_nonfinite: bool = True,
+) -> VolumeSuggestion:
+    """Read a volume and suggest how to show it.
+
+    read: reads the voxels, perhaps twice.
+    hides_nonfinite: where `volume` asks for the `lowest` value in place of NaN and infinities, and another value is
+        less visible, the suggestion has that one.
+    Raises InputError for a volume that cannot be read or drawn.
+    """
+    tried = _attempt(volume, read, colormap)
+    if hides_nonfinite and tried.unseen is not None:
+        other = _attempt(replace(volume, nonfinite=tried.unseen), read, colormap)
+        # That is another volume, in which the value may show against all expectation.
+        if tried.shows or not other.shows:
+            return other.result
+    return tried.result
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """unseen: the value to try for NaN and infinities, or None. shows: whether what they are now is visible."""
+
+    result: VolumeSuggestion
+    unseen: float | None = None
+    shows: bool = False
+
+
+def _attempt(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: str | None) -> _Attempt:
+    volume = read(spec)
+    raise_problems(volume_problems(extent_of(volume), volume.name))
+    statistics = measure(volume.values, volume.source)
+    result = VolumeSuggestion(spec, suggest(volume, statistics, colormap), volume.values.dtype.kind == "f")
+    if not volume.num_nonfinite:
+        return _Attempt(result)
+    is_lowest = spec.nonfinite == "lowest"
+    transfer = make_transfer_function(result.suggestion.transfer, volume.finest_spacing)
+    shows = bool(transfer.classify(np.array([volume.stand_in]))[1][0] > 0)
+    told = (
+        f"{volume.num_nonfinite} of {volume.values.size} voxels are NaN or infinite; they are drawn as "
+        f"{'the lowest value, ' if is_lowest else ''}{volume.stand_in:.7g}, which "
+        f"{'can be seen' if shows else 'is not seen'}"
+    )
+    unseen = suggest_nonfinite_fill(volume, statistics) if is_lowest else None
+    return _Attempt(replace(result, nonfinite=told), unseen, shows)
