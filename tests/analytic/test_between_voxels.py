@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brick_reference import rasterize_bricks_reference
 from brickwork import AFFINES, EXACTLY, bricks_of, placed, transfer_of, view_of
 from dense_bricks import (
     OBLIQUE,
@@ -33,7 +34,6 @@ from renderer.bricks.subvoxel import (
     squared_difference,
     squared_distance,
 )
-from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
 from renderer.transfer import TransferFunction, make_classifier, raw_voxels
 from renderer.truth import integrate
 from renderer.view import View, visible_bricks

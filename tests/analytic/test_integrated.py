@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from brick_reference import rasterize_bricks_reference
 from brickwork import (
     AFFINES,
     CAMERAS,
@@ -29,7 +30,6 @@ from brickwork import (
 from ray_integrals import ray_spans
 
 from renderer.bricks import cut_bricks, make_brick_batch
-from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
 from renderer.scene import ErrorSpec, ShadingSpec
 from renderer.truth import integrate
 from renderer.view import View, visible_bricks

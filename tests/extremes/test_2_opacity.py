@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from extremes import Extreme, Section
+from splat_reference import rasterize_reference
 from splatting import in_order, look
 
 from renderer.draw import GLRasterizer
-from renderer.draw.raster_reference import rasterize_reference
 from renderer.film import quantize
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec

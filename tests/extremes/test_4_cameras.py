@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from extremes import Extreme, Section
+from splat_reference import rasterize_reference
 from splatting import Float64, volume_of
 
 from renderer.draw import GLRasterizer
-from renderer.draw.raster_reference import rasterize_reference
 from renderer.errors import SceneError
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.pyramid import cut_pyramid

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from extremes import Extreme, Section
+from splat_reference import rasterize_reference
 from splatting import look, optical_depth, place_splats, point_at, volume_of
 
 from renderer.draw import GLRasterizer
-from renderer.draw.raster_reference import rasterize_reference
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import (
     CameraSpec,

@@ -19,11 +19,11 @@ from extremes import Extreme, Section
 from lattices import MATRICES, SHAPES, turned
 from number_types import LARGEST, TYPES, limits, random_ranges, spread
 from ray_integrals import along_z, transfer
+from splat_reference import rasterize_reference
 from splatting import in_order, look, optical_depth
 from volume_files import write_volume
 
 from renderer.draw import GLRasterizer
-from renderer.draw.raster_reference import rasterize_reference
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (

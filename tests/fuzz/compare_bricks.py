@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from brick_reference import rasterize_bricks_reference
 from compare import WrongError
 
 from renderer.bricks import BrickBatch
 from renderer.draw import GLRasterizer
-from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
 from renderer.film import quantize
 from renderer.frame import Frame, Stage, make_primitive, render_frames
 from renderer.frame.brick_primitive import BrickPrimitive

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from splat_reference import rasterize_reference
 from subjects import SUBJECTS, Pixels, Shot
 
 from renderer.draw import GLRasterizer
-from renderer.draw.raster_reference import rasterize_reference
 from renderer.splats import SplatBatch
 from renderer.view import View
 from tests.support.machines import NothingLasting
@@ -58,7 +58,7 @@ def _rounded_otherwise(share: float) -> Callable[[Shot], Pixels]:
 
 
 class _Reference(NothingLasting):
-    """Draws as `renderer.draw.raster_reference`."""
+    """Draws as `splat_reference`."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
         return rasterize_reference(batch, order, view).astype(np.float32)

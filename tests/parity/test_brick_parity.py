@@ -20,6 +20,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brick_reference import rasterize_bricks_reference
 from brickwork import (
     AFFINES,
     CAMERAS,
@@ -38,7 +39,6 @@ from brickwork import (
 
 from renderer.bricks import BrickBatch, Bricks, ScreenSampling
 from renderer.draw import GLRasterizer
-from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath
 from renderer.view import View, make_view
 from renderer.volume import make_volume

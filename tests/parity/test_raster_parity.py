@@ -21,10 +21,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from splat_reference import _rasterized_triangle, rasterize_reference
 from splatting import in_order, look, place_splats, point_at, splats_of, volume_of
 
 from renderer.draw import GLRasterizer
-from renderer.draw.raster_reference import _rasterized_triangle, rasterize_reference
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch
 from renderer.view import View

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from brick_reference import _are_alike, _between
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 
 from renderer.bricks import PADDED_BRICK_SIZE
@@ -18,7 +19,6 @@ from renderer.draw.cpu.atlas import CPUAtlas, max_atlas_bytes
 from renderer.draw.cpu.bricks import CPUBrickRenderer
 from renderer.draw.cpu.march import _inside, bin_bricks, draw_tiles
 from renderer.draw.cpu.sample import opacity
-from renderer.draw.raster_bricks_reference import _are_alike, _between
 from renderer.draw.subsampling import interpolated, refined
 from renderer.jit import fma, jit
 from renderer.threads import ThreadPool

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from brick_reference import _classified
 from brickwork import batch_of, bricks_of, level_cut
 from number_types import random_ranges
 
 from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
 from renderer.draw.cpu.bricks import CPUBrickRenderer
-from renderer.draw.raster_bricks_reference import _classified
 from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from brick_reference import rasterize_bricks_reference
 from brickwork import AFFINES, EXACTLY, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 from scipy.ndimage import map_coordinates, zoom
 
 from renderer.bricks import BrickBatch, ScreenSampling
-from renderer.draw.raster_bricks_reference import rasterize_bricks_reference
 from renderer.view import View
 from renderer.volume import Float64
 

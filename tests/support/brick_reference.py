@@ -1,30 +1,33 @@
-"""Rasterise bricks in float64, one after the other: slow, and meant to be seen to be right. The oracle of the tests.
+"""Rasterise bricks in float64, one after the other: slow, and simple enough to check by eye.
 
-It shares its inputs with `renderer.draw.gl.raster`, nothing else; `renderer.bricks.sampling` says what is drawn. All of
-it happens in index coordinates, into which rays are brought from the world:
+The reference for both production rasterisers. It shares their inputs and the constants of `renderer.bricks.sampling`,
+which says what is drawn; it classifies, averages and interpolates the voxels with code of its own. Everything happens
+in index coordinates:
 
-    ray of a pixel -> its way through a brick's box -> equal parts -> the field in the middle of each -> front to back
+    ray of a pixel -> its segment in a brick's box -> equal parts -> the field in the middle of each -> front to back
 
 N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1 (1995): the integral that the parts add up to.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dense_bricks import means_over_cells
 
-from renderer.bricks import BRICK_SIZE, DITHER, HALO, JITTER_PER_PX, BrickBatch, mean_texels, scalar_texels
+from renderer.bricks import DITHER, JITTER_PER_PX, BrickBatch, Bricks
 from renderer.scene import ShadingSpec
+from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD
 from renderer.view import View
 from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
+Fields = dict[int, Float64]  # by level, as of `_scalar_field` or `_mean_field`
 
 
 @dataclass(frozen=True)
@@ -49,14 +52,15 @@ def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32],
     """Composite the bricks `order`, front to back: float64 [height, width, 4], premultiplied RGBA over nothing."""
     strides = batch.screen_sampling.strides
     nodes = _pixel_grid(view.size, strides[0])
-    image = _radiance(batch, order, _rays(batch.cut.volume, view, *nodes)).reshape(*nodes[0].shape, 4)
+    fields: Fields = {}
+    image = _radiance(batch, order, _rays(batch.cut.volume, view, *nodes), fields).reshape(*nodes[0].shape, 4)
     for coarse, stride in pairwise(strides):
         assert coarse % stride == 0, strides
         nodes = _pixel_grid(view.size, stride)
         is_alike = _are_alike(image, batch.screen_sampling.difference_threshold)[nodes[1] // coarse, nodes[0] // coarse]
         is_drawn = ~is_alike & ((nodes[0] % coarse != 0) | (nodes[1] % coarse != 0))
         image = _between(image, coarse, *nodes)
-        image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)))
+        image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)), fields)
     return _between(image, strides[-1], *_pixel_grid(view.size, 1))
 
 
@@ -125,14 +129,17 @@ def _phases(columns: Int64, rows: Int64) -> Float64:
     return np.asarray((whole >> 8) / 2.0**24)
 
 
-def _radiance(batch: BrickBatch, order: npt.NDArray[np.uint32], rays: _Rays) -> Float64:
-    """[n, 4]: all bricks, one after the other."""
+def _radiance(batch: BrickBatch, order: npt.NDArray[np.uint32], rays: _Rays, fields: Fields) -> Float64:
+    """Composite all bricks, one after the other: [n, 4]. fields: those of earlier calls with this batch."""
     total = np.zeros((len(rays.starts), 4))
     for brick in order:
         enter, leave = _span(rays, batch.cut.visible_bounds[brick])
         is_hit = (enter < leave) & (1 - total[:, 3] >= batch.screen_sampling.termination_transmittance)
         if is_hit.any():
-            of_brick = _of_brick(batch, int(brick), rays[is_hit], enter[is_hit], leave[is_hit])
+            level = int(batch.cut.levels[brick])
+            if level not in fields:
+                fields[level] = _mean_field(batch.bricks, level) if level else _scalar_field(batch)
+            of_brick = _of_brick(batch, int(brick), fields[level], rays[is_hit], (enter[is_hit], leave[is_hit]))
             total[is_hit] += (1 - total[is_hit, 3:]) * of_brick
     return total
 
@@ -155,9 +162,9 @@ def _span(rays: _Rays, box: Float64) -> tuple[Float64, Float64]:
     return enter, leave
 
 
-def _of_brick(batch: BrickBatch, brick: int, rays: _Rays, enter: Float64, leave: Float64) -> Float64:
-    """[n, 4]: what rays take up in a brick between two lengths."""
-    level, cell = int(batch.cut.levels[brick]), batch.cut.cells[brick]
+def _of_brick(batch: BrickBatch, brick: int, field: Float64, rays: _Rays, segment: tuple[Float64, Float64]) -> Float64:
+    """Integrate rays through a brick from one length to another ([n] each): [n, 4]. field: that of its level."""
+    level, (enter, leave) = int(batch.cut.levels[brick]), segment
     length = np.linalg.norm(rays.directions, axis=1) * (leave - enter) / 2**level  # in cells
     spread = 1 + DITHER * (rays.phases - 0.5)
     num_parts = np.maximum(1, np.floor(length / batch.steps[brick] * spread + 0.5 + rays.phases))
@@ -168,7 +175,8 @@ def _of_brick(batch: BrickBatch, brick: int, rays: _Rays, enter: Float64, leave:
     rays_of, numbers = np.nonzero(is_part)
     index = rays[rays_of].at(enter[rays_of] + (numbers + 0.5) * part[rays_of])
     channels = np.zeros((*is_part.shape, 4))
-    channels[is_part] = _field(batch, level, cell)((index + 0.5) / 2**level - BRICK_SIZE * cell)
+    texels = _trilinear(field, (index + 0.5) / 2**level)
+    channels[is_part] = (texels if level else _classified(batch, texels)) / batch.cut.volume.finest_spacing
     total = np.zeros((len(enter), 4))
     for k in range(len(number)):
         tau = channels[:, k, 3:]
@@ -178,25 +186,93 @@ def _of_brick(batch: BrickBatch, brick: int, rays: _Rays, enter: Float64, leave:
     return total
 
 
-def _field(batch: BrickBatch, level: int, cell: npt.NDArray[np.int32]) -> Callable[[Float64], Float64]:
-    """(tau c, tau) over the world unit, [n, 4], at points of a brick [n, 3], in cells from its lowest corner."""
-    if level > 0:
-        means = mean_texels(batch.bricks, level, cell[None])[0].astype(np.float64)
-        return lambda at: _trilinear(means, at) / batch.cut.volume.finest_spacing
-    texels = scalar_texels(batch.bricks, cell[None], lit=batch.shading is not None)[0].astype(np.float64)
-    texels = texels.reshape(*texels.shape[:3], -1)
-    return lambda at: _classified(batch, _trilinear(texels, at)) / batch.cut.volume.finest_spacing
+def _scalar_field(batch: BrickBatch) -> Float64:
+    """Return the scalars relative to their range, [z + 2, y + 2, x + 2, 1], with the nearest voxels around the volume;
+    with shading [..., 4], their gradient in the world after them, times any factor.
+
+    All are rounded to float32, the precision in which bricks are stored.
+    """
+    bricks = batch.bricks
+    halves = bricks.volume.values.astype(np.float64) / 2  # their differences are finite
+    first, last = (end / 2 for end in bricks.scalar_range)
+    limit = MAX_NORMALIZED_SCALAR
+    channels = [np.clip((halves - first) / (last - first), -limit, limit)[..., None]]
+    if batch.shading is not None:
+        world_from_index = bricks.volume.world_from_index[:3, :3]
+        channels.append(_index_gradients(halves) @ np.linalg.inv(world_from_index))
+    around = [(1, 1), (1, 1), (1, 1), (0, 0)]
+    return np.pad(np.concatenate(channels, axis=-1), around, mode="edge").astype(np.float32).astype(np.float64)
 
 
-def _trilinear(texels: Float64, at: Float64) -> Float64:
-    """[n, k]: texels [z, y, x, k], whose first one lies in the apron, at points (x, y, z) in cells of the brick."""
-    place = at + HALO - 0.5  # of a texel's centre its index
-    low = np.clip(np.floor(place).astype(int), 0, BRICK_SIZE + 2 * HALO - 2)
+def _index_gradients(scalars: Float64) -> Float64:
+    """Return gradients [z, y, x, 3], along x, y, z: central differences, one-sided at the border, 0 along one voxel.
+
+    They are divided by the largest difference of two scalars.
+    """
+    scaled = scalars / (np.ptp(scalars) or 1.0)
+    along = [np.gradient(scaled, axis=axis) if n > 1 else np.zeros_like(scaled) for axis, n in enumerate(scaled.shape)]
+    return np.stack(along[::-1], axis=-1)
+
+
+def _mean_field(bricks: Bricks, level: int) -> Float64:
+    """Return (tau c, tau) times the finest spacing at the centres of cells, [z + 2, y + 2, x + 2, 4].
+
+    The mean of a cell that the border cuts belongs to the middle of what is left of it. The field is linear from there
+    to the cell before and on to one cell beyond the border, as `renderer.bricks.texels` says.
+    """
+    field = _cell_means(bricks, level)
+    lighting = bricks.pyramid.classifier.lighting
+    brightest = max(1.0, bricks.transfer.colors.max() * (lighting.ambient + lighting.diffuse if lighting else 1))
+    for axis in (2, 1, 0):
+        rows = np.moveaxis(field, axis, 0)
+        last, before = rows[-1], rows[max(len(rows) - 2, 0)]
+        share = bricks.volume.values.shape[axis] / 2**level - len(rows) + 1
+        slope = 2 * (last - before) / (1 + share)
+        beyond = _held(last + slope * (3 - share) / 2, brightest)
+        rows = np.concatenate([rows[:-1], [_held(last + slope * (1 - share) / 2, brightest) if share < 1 else last]])
+        first = _held(2 * rows[0] - rows[min(1, len(rows) - 1)], brightest)
+        field = np.moveaxis(np.concatenate([[first], rows, [beyond]]), 0, axis)
+    return field
+
+
+def _held(channels: Float64, brightest: float) -> Float64:
+    """Return (tau c, tau) not below 0, and no colour above the brightest, by more than 11 bits leave of it."""
+    depths = np.maximum(channels[..., 3:], 0.0)
+    return np.concatenate([np.clip(channels[..., :3], 0.0, depths * brightest * (1 + 2.0**-9)), depths], axis=-1)
+
+
+def _cell_means(bricks: Bricks, level: int) -> Float64:
+    """Return the means of the classified voxels of each cell, [z, y, x, 4], rounded as they are stored."""
+    pyramid = bricks.pyramid
+    scalars = bricks.volume.values.astype(np.float64)
+    colors, extinctions = bricks.transfer.classify(scalars)
+    lighting = pyramid.classifier.lighting
+    if lighting is not None:
+        shading = ShadingSpec(lighting.ambient, lighting.diffuse, tuple(lighting.light))
+        gradients = _index_gradients(scalars / 2) @ np.linalg.inv(bricks.volume.world_from_index[:3, :3])
+        colors = colors * _light(shading, gradients.reshape(-1, 3)).reshape(*scalars.shape, 1)
+    weights = extinctions[..., None] * bricks.volume.finest_spacing
+    if pyramid.deepest is not None:  # opacities are averaged
+        weights = -np.expm1(-weights)
+    weights = np.where(weights < VISIBILITY_THRESHOLD, 0.0, weights)
+    means = means_over_cells(np.concatenate([colors * weights, weights], axis=-1), level)
+    if pyramid.deepest is not None:
+        with np.errstate(divide="ignore"):
+            depths = np.minimum(-np.log1p(-means[..., 3:]), pyramid.deepest)
+        means *= np.divide(depths, means[..., 3:], out=np.ones_like(depths), where=means[..., 3:] > 0)
+    stored = (means / pyramid.mean_unit).astype(np.float32).astype(pyramid.levels[0].means.dtype)
+    return np.asarray(stored.astype(np.float64) * pyramid.mean_unit)
+
+
+def _trilinear(field: Float64, at: Float64) -> Float64:
+    """Return [n, k]: a field [z + 2, y + 2, x + 2, k] at points (x, y, z) in cells from the volume's lowest corner."""
+    place = at + 0.5  # in `field`, of which index 1 is the centre of the first cell
+    low = np.clip(np.floor(place).astype(int), 0, np.array(field.shape[2::-1]) - 2)
     share = place - low
-    total = np.zeros((len(at), texels.shape[-1]))
+    total = np.zeros((len(at), field.shape[-1]))
     for corner in product((0, 1), repeat=3):
         x, y, z = (low + corner).T
-        total += np.prod(np.where(corner, share, 1 - share), axis=1)[:, None] * texels[z, y, x]
+        total += np.prod(np.where(corner, share, 1 - share), axis=1)[:, None] * field[z, y, x]
     return total
 
 

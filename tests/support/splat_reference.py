@@ -1,7 +1,7 @@
-"""Rasterise splats in float64, one after the other: slow, and meant to be seen to be right. The oracle of the tests.
+"""Rasterise splats in float64, one after the other: slow, and simple enough to check by eye.
 
-It shares its inputs with `renderer.draw.gl.raster` and the two constants that define the footprint, nothing else. All
-is in world units and in covariance matrices, as in the literature:
+The reference for `renderer.draw.gl.raster`. It shares its inputs and the limit of slopes (`SLOPE_LIMIT`), nothing else.
+Lengths are world units; Gaussians are covariance matrices, as in the literature:
 
     Gaussian in view space -> what lies beyond the near plane -> affine image about its centre -> widened to the pixels
                            -> weight at each pixel's centre -> alpha = 1 - exp(-optical depth) -> over
