@@ -13,7 +13,7 @@ from hsplat_cli.films import Part, find_parts
 from hsplat_cli.terminal import parse_frames, sigterm_as_interrupt
 from renderer.errors import Problem, SceneError
 from renderer.film import has_frame_files
-from renderer.scene import FRAME_FIELD, OUTPUT, Node, OutputSpec, show
+from renderer.scene import FRAME_FIELD, OUTPUT_SECTION, OutputSpec, TreeNode, format_value
 
 
 @click.command()
@@ -63,11 +63,13 @@ def _output_spec(part: Part, options: dict[str, tuple[Any, str]], numbers: Seque
     """The output of the recorded scene with what the options change in it. Raises SceneError."""
     problems: list[Problem] = []
     tree = {**part.scene["output"], **{key: value for key, (value, _) in options.items()}}
-    spec = OUTPUT.read(Node(tree, "output", problems))
+    spec = OUTPUT_SECTION.read(TreeNode(tree, "output", problems))
     file_option = options["file"][1]
     if not problems and has_frame_files(spec) and len(numbers) > 1 and not FRAME_FIELD.search(spec.file.name):
         hint = f"write {spec.file.stem}-{{frame:04}}.png"
-        problems.append(Problem("output.file", "frames need a number in their names", show(str(spec.file)), hint=hint))
+        problems.append(
+            Problem("output.file", "frames need a number in their names", format_value(str(spec.file)), hint=hint)
+        )
     if problems:
         places = {f"output.{key}": option for key, (_, option) in options.items()}
         raise SceneError([replace(each, location=places.get(each.path, file_option)) for each in problems])

@@ -98,7 +98,7 @@ def _schedule(scene: Scene) -> str:
         wanted = f"{goal.metric} {goal.value:g}" + " dB" * (goal.metric == "psnr")
     elif isinstance(goal, SplatBudget):
         num = _schedule_text(goal.by_frame)
-        wanted = f"at most {num} {scene.splat.noun}{'s' * (num != '1')}"
+        wanted = f"at most {num} {scene.splat.primitive_name}{'s' * (num != '1')}"
     else:
         wanted = f"{_schedule_text(goal.by_frame)} s a frame"
     return f"{error.measure}, {wanted}"

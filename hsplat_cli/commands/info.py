@@ -31,10 +31,10 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     VOLUME is a file, or a folder of slices. The last part of the output suggests ranges of values, and a transfer
     function to paste into a scene file.
     """
-    from renderer.suggest import measure, suggest, suggest_ranges
+    from renderer.suggest import compute_statistics, suggest, suggest_ranges
 
     read = read_with_options(volume_spec(volume, **reading), Reporter())
-    statistics = measure(read.values, read.source)
+    statistics = compute_statistics(read.values, read.source)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)
     if as_json:
@@ -60,7 +60,7 @@ def _facts(
         "bytes": volume.values.nbytes,
         "stays_in_file": volume.source is not None,
         "spacing": spacing.tolist(),
-        "replaced_spacing": volume.replaced_spacing and list(volume.replaced_spacing),
+        "replaced_spacing": volume.file_spacing and list(volume.file_spacing),
         "world_size": (spacing * volume.shape_xyz).tolist(),
         "origin": volume.world_from_index[:3, 3].tolist(),
         "direction": describe_direction(axes),
@@ -72,12 +72,12 @@ def _facts(
         "fingerprint": volume.fingerprint,
         "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
         "ranges": [
-            {"name": part.name, "low": part.low, "high": part.high, "typical": part.typical, "share": part.share}
+            {"name": part.name, "low": part.low, "high": part.high, "typical": part.median, "share": part.fraction}
             for part in ranges
         ],
         "far_values": [
-            {"value": far.value, "voxels": far.num, "is_fill": far.is_fill}
-            for far in statistics.far[: len(suggestion.far)]
+            {"value": outlier.value, "voxels": outlier.num, "is_fill": outlier.is_nodata}
+            for outlier in statistics.outliers[: len(suggestion.outlier_notes)]
         ],
         "kind": suggestion.kind,
         "reason": suggestion.reason,
@@ -163,7 +163,7 @@ def _report(facts: dict[str, Any], marks: str) -> str:
 def _suggestion_lines(suggestion: Suggestion) -> Iterator[str]:
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
-    yield from (f"               {far}" for far in suggestion.far)
+    yield from (f"               {note}" for note in suggestion.outlier_notes)
     yield ""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
 

@@ -16,7 +16,7 @@ from hsplat_cli.compare.picture_file import decode_picture, file_content, is_pic
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.film import ANY_FRAME_FIELD, frame_path
-from renderer.scene import FRAME_FIELD, is_same_file, listed, nearest_file_hint
+from renderer.scene import FRAME_FIELD, is_same_file, join_words, nearest_file_hint
 
 FILM_SUFFIXES = (".mp4", ".gif")
 
@@ -209,7 +209,9 @@ def _combined_error(errors: Sequence[InputError]) -> InputError:
 
 def _some(names: Sequence[str]) -> str:
     most = [repr(name) for name in names[:_MAX_NAMED]]
-    return listed(most, "and") if len(most) == len(names) else f"{', '.join(most)} and {len(names) - len(most)} more"
+    return (
+        join_words(most, "and") if len(most) == len(names) else f"{', '.join(most)} and {len(names) - len(most)} more"
+    )
 
 
 def _differ_in_normalization(goldens: Iterable[str], actuals: Iterable[str]) -> bool:

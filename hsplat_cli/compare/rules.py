@@ -26,21 +26,21 @@ from hsplat_cli.terminal import counted
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
     MAX_SCENE_BYTES,
-    Kind,
-    Node,
-    Tree,
-    choice,
+    FieldType,
+    TreeNode,
+    YamlTree,
+    choice_field,
     did_you_mean,
-    excerpt,
-    fields,
     format_location,
-    join,
-    known,
-    number,
+    format_value,
+    join_keys,
+    number_field,
     parse_yaml_file,
     read_content,
-    section,
-    show,
+    read_fields,
+    section_field,
+    source_excerpt,
+    valid_keys,
 )
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, Limits, Metric
 
@@ -99,7 +99,7 @@ class Rules:
             hints = {name: did_you_mean(name, compared) for name in strange}
             raise SceneError(
                 [
-                    Problem("", "no such frame", show(name), hint=hints[name], location=self.places.get(name))
+                    Problem("", "no such frame", format_value(name), hint=hints[name], location=self.places.get(name))
                     for name in strange
                 ]
             )
@@ -124,7 +124,7 @@ def load_rules(
     problems: list[Problem] = []
     if level is not None:
         found: list[Problem] = []
-        _LEVEL.read(Node(level, "", found))
+        _LEVEL.read(TreeNode(level, "", found))
         problems += [replace(problem, location=f"{option_names[0]} {level}") for problem in found]
     changes: dict[str, float | None] = {}
     for text in overrides:
@@ -147,11 +147,11 @@ def _rules_of_level(from_file: Rules, level: str) -> Rules:
     return Rules(level, notes=[f"the level {level} is asked for: what {from_file.file} says does not hold"])
 
 
-def _limit(figure: Metric) -> Kind[Any]:
+def _limit(figure: Metric) -> FieldType[Any]:
     """A number within what the figure can be, or `none`, which is read as None."""
-    plain = number(least=0, most=255 if figure.unit == "levels" else 1)
+    plain = number_field(minimum=0, maximum=255 if figure.unit == "levels" else 1)
 
-    def parse(node: Node) -> float | None:
+    def parse(node: TreeNode) -> float | None:
         if node.value == "none":
             return None
         found: list[Problem] = []
@@ -160,25 +160,27 @@ def _limit(figure: Metric) -> Kind[Any]:
         return value
 
     words = " ".join(filter(None, (plain.expected, figure.unit)))
-    kind: Kind[Any] = Kind(f"{words}, or none", parse, empty_hint="none takes a limit away")
+    kind: FieldType[Any] = FieldType(f"{words}, or none", parse, empty_hint="none takes a limit away")
     return kind
 
 
-_LEVEL: Kind[Any] = choice(*STRICTNESS_LEVELS)
+_LEVEL: FieldType[Any] = choice_field(*STRICTNESS_LEVELS)
 _FIGURES = {name: _limit(figure) for name, figure in COMPARISON_METRICS.items()}
-_LIMITS: Kind[dict[str, Any]] = section(_FIGURES, lambda _, given: given)
+_LIMITS: FieldType[dict[str, Any]] = section_field(_FIGURES, lambda _, given: given)
 
 
-def _parse_frames(node: Node) -> dict[str, Any]:
+def _parse_frames(node: TreeNode) -> dict[str, Any]:
     if not isinstance(node.value, Mapping):
-        return _FRAMES.refuse(node, "not a mapping", got=show(node.value))
+        return _FRAMES.reject(node, "not a mapping")
     for key in node.value:
         if not isinstance(key, str):
-            node.key(key).complain("not a frame's name", got=show(key), expected="text", hint="put it in quotes")
+            node.key(key).add_problem(
+                "not a frame's name", got=format_value(key), expected="text", hint="put it in quotes"
+            )
     return {key: _LIMITS.read(node.child(key, value)) for key, value in node.value.items()}
 
 
-_FRAMES: Kind[dict[str, Any]] = Kind("a mapping of frames to their limits", _parse_frames)
+_FRAMES: FieldType[dict[str, Any]] = FieldType("a mapping of frames to their limits", _parse_frames)
 
 
 def _override(text: str, option_names: str, problems: list[Problem]) -> dict[str, float | None]:
@@ -186,7 +188,7 @@ def _override(text: str, option_names: str, problems: list[Problem]) -> dict[str
     name, equals, value = (part.strip() for part in text.partition("="))
     found: list[Problem] = []
     if equals:
-        changes = _LIMITS.read(Node({name: value or None}, "", found))
+        changes = _LIMITS.read(TreeNode({name: value or None}, "", found))
     else:
         changes, found = {}, [Problem("", "not a limit", expected=f"{option_names} FIGURE=VALUE, such as largest=4")]
     problems += [replace(problem, location=f"{option_names} {text}") for problem in found]
@@ -207,15 +209,15 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     tree, lines = parse_yaml_file(content, path)
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
-    given = fields(Node({} if tree.data is None else tree.data, "", found), table)
+    given = read_fields(TreeNode({} if tree.data is None else tree.data, "", found), table)
     problems += _located(tree, found, path, lines)
-    frames = given["frames"] if known(given, "frames") else {}
+    frames = given["frames"] if valid_keys(given, "frames") else {}
     return Rules(
         given.get("level", DEFAULT_LEVEL),
         given.get("limits", {}),
         frames,
         file=path,
-        places={name: format_location(path, tree.places[join("frames", name)].key) for name in frames},
+        places={name: format_location(path, tree.locations[join_keys("frames", name)].key) for name in frames},
     )
 
 
@@ -226,13 +228,13 @@ def _names_in(folder: Path) -> list[str]:
         return []
 
 
-def _located(tree: Tree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:
+def _located(tree: YamlTree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:
     """What is wrong in a file, in its order, with places and the lines themselves."""
     marked = list(tree.problems)
     for problem in found:
-        place = tree.places[problem.path]
+        place = tree.locations[problem.path]
         marked.append((place.key if problem.at_key else place.value, problem))
     return [
-        replace(problem, location=format_location(path, mark), what=problem.what + excerpt(lines, mark))
+        replace(problem, location=format_location(path, mark), what=problem.what + source_excerpt(lines, mark))
         for mark, problem in sorted(marked, key=lambda item: item[0])
     ]

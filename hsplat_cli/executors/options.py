@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from renderer.errors import InputError, require_package
-from renderer.scene import Scene, TimeBudget, show
+from renderer.scene import Scene, TimeBudget, format_value
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -25,7 +25,7 @@ def require_address(address: str) -> None:
     """Raise InputError for what cannot be the address of a scheduler, or where no Dask is installed to talk to one."""
     found = _ADDRESS.fullmatch(address)
     if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
-        raise InputError("not an address", where="--scheduler", got=show(address), expected=ADDRESSES)
+        raise InputError("not an address", where="--scheduler", got=format_value(address), expected=ADDRESSES)
     require_package("distributed", extra="cluster")
 
 

@@ -127,7 +127,7 @@ def _draw(
         for record in stack.enter_context(contextlib.closing(stored)):
             records.append(record)
             if record["frame"] in missed:
-                bar.advance(counted(record["splats"], job.scene.splat.noun))
+                bar.advance(counted(record["splats"], job.scene.splat.primitive_name))
     if film is None:
         finishing()
     return records, notes

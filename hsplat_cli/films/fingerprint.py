@@ -21,7 +21,15 @@ from renderer.film import (
     is_frame_record,
     translate_os_errors,
 )
-from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, in_order, join, scene_to_dict, schedule_to_dict, show
+from renderer.scene import (
+    MAX_SIDECAR_BYTES,
+    OutputSpec,
+    format_value,
+    join_keys,
+    scene_to_dict,
+    schedule_to_dict,
+    with_draw_order,
+)
 from renderer.versions import package_versions, sources_digest
 
 # How the frames become a film; not what is in them.
@@ -60,7 +68,7 @@ def job_fingerprint(job: Job, fingerprint: str, made_by: str) -> JobFingerprint:
     Of tolerances that were found it has what they were found for, which a film that is made again takes over.
     fingerprint: of the volume. made_by: as GL names itself.
     """
-    scene = scene_to_dict(in_order(job.scene))
+    scene = scene_to_dict(with_draw_order(job.scene))
     rest = {key: value for key, value in scene["error"].items() if key not in schedule_to_dict(job.scene.error)}
     output = {key: value for key, value in scene["output"].items() if key not in _ENCODING_KEYS}
     del scene["volume"]
@@ -89,9 +97,9 @@ def reason(before: Any, now: Any) -> str:
 def _differences(before: Any, now: Any, path: str) -> Iterator[str]:
     if isinstance(before, dict) and isinstance(now, dict):
         for key in [*now, *(key for key in before if key not in now)]:
-            yield from _differences(before.get(key), now.get(key), join(path, key))
+            yield from _differences(before.get(key), now.get(key), join_keys(path, key))
     elif before != now:
-        yield f"{path} was {show(before)}"
+        yield f"{path} was {format_value(before)}"
 
 
 # In sidecars

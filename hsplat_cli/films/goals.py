@@ -13,7 +13,7 @@ from renderer import study
 from renderer.errors import RenderError
 from renderer.film import Record
 from renderer.frame import LODCostEstimator, Rasterizer, Stage
-from renderer.scene import TimeBudget, Want, show
+from renderer.scene import MetricTarget, TimeBudget, format_value
 from renderer.study import BEST_EFFORT_HINT, FilmPlan
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def make_plan(
 ) -> FilmPlan:
     """Find what the goal of the scene takes, if it has one, and tell of a search; as `renderer.study.make_plan`."""
 
-    def search(stage: Stage, want: Want) -> ToleranceSearchResult:
+    def search(stage: Stage, want: MetricTarget) -> ToleranceSearchResult:
         # Imported where they are used: other films need no ray integral, which takes a while to load.
         from hsplat_cli.films.tolerance_search import search_tolerance
         from renderer.study import TRUTH_TOLERANCE
@@ -52,7 +52,7 @@ def shortfall_of(job: Job, plan: FilmPlan, frames: Sequence[Record]) -> RenderEr
             "the film was not refined to what the scene asks for",
             where=str(job.scene.output.file),
             got=f"tolerance {span([frame['tolerance'] for frame in frames])}",
-            expected=", ".join(f"{name} {show(value)}" for name, value in job.requested_error.items()),
+            expected=", ".join(f"{name} {format_value(value)}" for name, value in job.requested_error.items()),
             hint=f"it needs more time; {BEST_EFFORT_HINT}",
         )
     return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall

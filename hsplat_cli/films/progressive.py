@@ -52,7 +52,7 @@ from renderer.frame import (
     find_finest_in_time,
     workload_of,
 )
-from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, tolerance_at, value_at, with_tolerances
+from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, scheduled_value, tolerance_at, with_tolerances
 from renderer.study import FilmPlan
 
 # Of the first frame that shows what it is, the first pass may take so many times as long. It has few cells, whose
@@ -188,7 +188,7 @@ class _PassRenderer:
         self.done = FinishedFilm(job, each.plan, frames, notes, [self._rasterizer.renderer_name], now - self._start)
         record(self.done, self._folder, self._cause, passes=self._passes)
         if not self._quiet:
-            click.echo(f"pass {number}: {', '.join(_facts(made, frames, job.scene.splat.noun, difference))}")
+            click.echo(f"pass {number}: {', '.join(_facts(made, frames, job.scene.splat.primitive_name, difference))}")
 
     def accept(self, plan: FilmPlan) -> None:
         """The last film is what was asked for, or better, as `plan` has found out."""
@@ -220,7 +220,7 @@ class _PassRenderer:
     def _count(self, record: Record, bar: Progress) -> Record:
         if record["frame"] != self._job.frames[-1]:
             self.require_time()
-        bar.advance(counted(record["splats"], self._job.scene.splat.noun))
+        bar.advance(counted(record["splats"], self._job.scene.splat.primitive_name))
         return record
 
 
@@ -296,10 +296,10 @@ class _PassPlanner:
         per_splat = self._estimator.log.model.per_splat
         max_cells = _MIN_PASS_FACTOR * first / per_splat if per_splat > 0 else math.inf
         if isinstance(goal, SplatBudget):
-            return max(value_at(goal.by_frame, frame) for frame in frames) <= max_cells
+            return max(scheduled_value(goal.by_frame, frame) for frame in frames) <= max_cells
         if (
             isinstance(goal, TimeBudget)
-            and max(value_at(goal.by_frame, frame) for frame in frames) < _MIN_PASS_FACTOR * first
+            and max(scheduled_value(goal.by_frame, frame) for frame in frames) < _MIN_PASS_FACTOR * first
         ):
             return True
         finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
@@ -315,7 +315,7 @@ class _PassPlanner:
         goal, num = self._error.goal, min(_NUM_SAMPLED_FRAMES, len(self._frames))
         looked_at = [self._frames[i * len(self._frames) // num] for i in range(num)]
         if isinstance(goal, TimeBudget):
-            each = {value_at(goal.by_frame, frame): frame for frame in looked_at}  # one of each budget
+            each = {scheduled_value(goal.by_frame, frame): frame for frame in looked_at}  # one of each budget
             draw_lists = (
                 find_finest_in_time(self._estimator, frame, seconds, _stopwatch())[0] for seconds, frame in each.items()
             )
@@ -351,7 +351,7 @@ class _PassPlanner:
         """A pass whose frames take so long, none of them finer than in the last one, as far as that is known."""
         goal, stage = self._error.goal, self._estimator.stage
         if isinstance(goal, TimeBudget):
-            budgets = {frame: min(seconds, value_at(goal.by_frame, frame)) for frame in self._frames}
+            budgets = {frame: min(seconds, scheduled_value(goal.by_frame, frame)) for frame in self._frames}
             pacer = BudgetController(self._estimator, budgets.__getitem__)
             return _Pass(
                 FilmPlan(stage, pacer, is_unfinished=True, is_timing_dependent=True), statistics.fmean(budgets.values())

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hsplat_cli.scenes import Job, Original
-from renderer.scene import schedule_to_dict, show
+from renderer.scene import format_value, schedule_to_dict
 from renderer.versions import package_versions, sources_digest
 
 _LONGEST_NAME = 200
@@ -22,7 +22,7 @@ def rerender_notes(job: Job, made_by: str) -> list[str]:
 def _missed_goal_notes(job: Job, original: Original) -> list[str]:
     if original.other_schedule_keys.get("met") is not False:  # older sidecars do not say
         return []
-    asked = ", ".join(f"{name} {show(value)}" for name, value in _recorded_request(job, original).items())
+    asked = ", ".join(f"{name} {format_value(value)}" for name, value in _recorded_request(job, original).items())
     return [f"the film that is made again did not meet what was asked for: {asked}"]
 
 
@@ -46,7 +46,7 @@ def _version_notes(original: Original, made_by: str) -> list[str]:
 def printable_name(value: object) -> str:
     """What a file says that anybody may have written, for the terminal."""
     is_plain = isinstance(value, str) and value.isprintable() and len(value) <= _LONGEST_NAME
-    return str(value) if is_plain else show(value)
+    return str(value) if is_plain else format_value(value)
 
 
 def inherited_schedule(job: Job, *, is_unfinished: bool) -> dict[str, Any]:

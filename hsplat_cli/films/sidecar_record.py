@@ -12,7 +12,7 @@ from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, pluralize_range
 from renderer.errors import RenderError
 from renderer.film import Record
-from renderer.scene import TimeBudget, value_at
+from renderer.scene import TimeBudget, scheduled_value
 from renderer.study import FilmPlan
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _summary(
 ) -> Iterator[str]:
     num, goal = len(frames), job.scene.error.goal
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_kept} drawn before)" if num_kept else "")
-    yield f"{pluralize_range([frame['splats'] for frame in frames], job.scene.splat.noun)} a frame"
+    yield f"{pluralize_range([frame['splats'] for frame in frames], job.scene.splat.primitive_name)} a frame"
     if goal is not None:
         yield f"tolerance {span([frame['tolerance'] for frame in frames])}"
     if isinstance(goal, TimeBudget):
@@ -86,7 +86,7 @@ def _summary(
         yield f"{taken:.3g} s a frame (predicted: {predicted:.3g} s)"
         yield f"{in_time} of {num} in time"
     if found is not None:
-        worst, num_probes = found.want.of(found.worst.value), len(found.frames)
+        worst, num_probes = found.want.format(found.worst.value), len(found.frames)
         yield f"{worst} or better on {num_probes} probe frames" if num_probes > 1 else worst
 
 
@@ -114,7 +114,7 @@ def drawing_seconds(frame: Record) -> float:
 
 def budget_seconds(goal: TimeBudget, frame: Record) -> float:
     """The time that a frame had."""
-    return value_at(goal.by_frame, frame["frame"])
+    return scheduled_value(goal.by_frame, frame["frame"])
 
 
 def is_in_time(goal: TimeBudget, frame: Record) -> bool:

@@ -10,14 +10,14 @@ import click
 from hsplat_cli.films.truths import find_truths
 from hsplat_cli.terminal import counted
 from renderer.frame import Rasterizer, Stage
-from renderer.scene import Want
+from renderer.scene import MetricTarget
 from renderer.study import ToleranceSearchResult, Trial, Truth, TruthCache, TruthOf, find_tolerance
 
 
 def search_tolerance(
     stage: Stage,
     frames: Sequence[int],
-    want: Want,
+    want: MetricTarget,
     truth_tolerance: float,
     rasterizer: Rasterizer,
     *,
@@ -35,7 +35,7 @@ def search_tolerance(
         rasterizer,
         truth_of=_truths(stage, truth_tolerance, on_step, quiet=quiet),
         clock=time.perf_counter,
-        on_trial=_trial_reporter(want, stage.scene.splat.noun, on_step, quiet=quiet),
+        on_trial=_trial_reporter(want, stage.scene.splat.primitive_name, on_step, quiet=quiet),
     )
 
 
@@ -49,11 +49,13 @@ def _truths(stage: Stage, tolerance: float, on_step: Callable[[], None], *, quie
     return TruthCache(find)
 
 
-def _trial_reporter(want: Want, noun: str, on_step: Callable[[], None], *, quiet: bool) -> Callable[[Trial], None]:
+def _trial_reporter(
+    want: MetricTarget, noun: str, on_step: Callable[[], None], *, quiet: bool
+) -> Callable[[Trial], None]:
     def tell(trial: Trial) -> None:
         on_step()
         if not quiet:
-            what = f"tolerance {trial.tolerance:g}: {want.of(trial.value)} on frame {trial.frame}"
+            what = f"tolerance {trial.tolerance:g}: {want.format(trial.value)} on frame {trial.frame}"
             click.echo(f"{what}, {counted(trial.num_cells, noun)}", err=True)
 
     return tell

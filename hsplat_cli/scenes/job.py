@@ -14,9 +14,9 @@ from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import film_path_of_sidecar, picture_files, require_no_input, sidecar_path, volume_files
 from renderer.scene import (
-    Editor,
     Scene,
-    Tree,
+    SceneEditor,
+    YamlTree,
     is_film_wide_goal,
     is_same_file,
     parse_scene_content,
@@ -64,20 +64,22 @@ def load_job(
     still = is_one_frame(frames)
     sidecar = parse_sidecar(content, path)
     if sidecar is None:
-        scene = parse_scene_content(content, path, overrides=overrides, volume=volume, output=output, still=still)
+        scene = parse_scene_content(
+            content, path, overrides=overrides, volume=volume, output=output, is_single_frame=still
+        )
         picked = parse_frames(frames, scene.camera.path.frames)
         if draws != "nothing":
             _require_no_input(path, scene, picked, sidecar_path(scene, picked))
         return Job(scene, picked, schedule_to_dict(scene.error))
     editor = _editor(sidecar)
     editor.apply(overrides, volume, output)
-    scene = editor.parse(still=still or len(sidecar.frames) <= 1, more=sidecar.problems)
+    scene = editor.parse(is_single_frame=still or len(sidecar.frames) <= 1, extra_problems=sidecar.problems)
     _require_in_path(sidecar, scene)
     recorded = None if frames is not None and _has_whole_schedule(sidecar, editor) else sidecar.frames
     picked = parse_frames(frames, scene.camera.path.frames, recorded)
-    is_changed = any(key not in ("output.file", *_MOVED_FILE_HINTS) for key in editor.changed)
+    is_changed = any(key not in ("output.file", *_MOVED_FILE_HINTS) for key in editor.overridden_paths)
     is_beside = is_same_file(path, sidecar_path(scene, picked))
-    is_elsewhere = ("output.file" in editor.changed or "output" in editor.changed) and not is_beside
+    is_elsewhere = ("output.file" in editor.overridden_paths or "output" in editor.overridden_paths) and not is_beside
     is_whole = [*picked] == [*sidecar.frames]
     if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
         raise InputError(
@@ -108,14 +110,14 @@ def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:
     return scene.error.goal is None and all(tolerance_at(scene.error, frame) == told for frame, told in drawn)
 
 
-def _has_whole_schedule(sidecar: Sidecar, editor: Editor) -> bool:
+def _has_whole_schedule(sidecar: Sidecar, editor: SceneEditor) -> bool:
     """Whether the scene says how exact all frames of the path are, not only those that were drawn."""
     asked = sidecar.original.requested_error
-    is_new = any(key == "error" or key.startswith("error.") for key in editor.changed)
+    is_new = any(key == "error" or key.startswith("error.") for key in editor.overridden_paths)
     return is_new or (asked is not None and asked.goal is None)
 
 
-def _editor(sidecar: Sidecar) -> Editor:
+def _editor(sidecar: Sidecar) -> SceneEditor:
     """The recorded scene, with an output that is the film beside the sidecar, wherever they are now."""
     scene, path = sidecar.scene, sidecar.original.path
     output = scene.get("output")
@@ -124,7 +126,7 @@ def _editor(sidecar: Sidecar) -> Editor:
     splat = scene.get("splat")
     if isinstance(splat, dict):  # so that --set may name another footprint
         scene["splat"] = splat_section_without_defaults(splat)
-    return Editor(Tree(scene), path, within="scene", hints=_MOVED_FILE_HINTS)
+    return SceneEditor(YamlTree(scene), path, path_prefix="scene", hints=_MOVED_FILE_HINTS)
 
 
 def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:

@@ -61,7 +61,7 @@ def scene_text(
     lines = [
         f"# A turntable of {plain_text(volume_file(volume).name)}: {suggestion.kind};",
         f"# {suggestion.reason}.",
-        *(f"# {far}." for far in suggestion.far),
+        *(f"# {note}." for note in suggestion.outlier_notes),
         "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
         "version: 1",
         "",

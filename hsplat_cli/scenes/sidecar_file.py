@@ -16,24 +16,24 @@ from typing import Any
 
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
-    ERROR,
-    FRAME_NUMBER,
+    ERROR_SECTION,
+    FRAME_NUMBER_FIELD,
     INVALID,
-    MAPPING,
+    MAPPING_FIELD,
     MAX_FRAMES,
     MAX_SIDECAR_BYTES,
-    TEXT,
+    TEXT_FIELD,
     ErrorSpec,
-    Kind,
-    Mark,
-    Node,
-    Table,
-    decode,
-    excerpt,
-    fields,
-    join,
+    FieldTable,
+    FieldType,
+    TextPosition,
+    TreeNode,
+    decode_utf8,
+    format_value,
+    join_keys,
     may_be_json,
-    show,
+    read_fields,
+    source_excerpt,
 )
 
 # What the record of a film's schedule has of its own, whatever the film was made from.
@@ -86,7 +86,7 @@ def parse_sidecar(content: bytes, path: Path) -> Sidecar | None:
     if len(content) > MAX_SIDECAR_BYTES:
         raise InputError("too large for a sidecar", where=str(path), expected=f"at most {MAX_SIDECAR_BYTES} bytes")
     try:
-        data = load_json_object(decode(content, path), path)
+        data = load_json_object(decode_utf8(content, path), path)
     except InputError:
         if is_marked:
             raise
@@ -129,7 +129,7 @@ def load_json_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[
 
     def make_float(digits: str) -> float | _RejectedValue:
         number = float(digits)
-        return refuse("not a finite number", got=show(digits)) if math.isinf(number) else number
+        return refuse("not a finite number", got=format_value(digits)) if math.isinf(number) else number
 
     def make_integer(digits: str) -> int | float | _RejectedValue:
         return int(digits) if len(digits) < _MOST_DIGITS else make_float(digits)
@@ -146,7 +146,7 @@ def load_json_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[
         begin, end = text.rfind("\n", 0, error.pos) + 1, text.find("\n", error.pos)
         line = text[begin : end if end >= 0 else None]
         raise InputError(
-            f"not valid JSON{excerpt([line], Mark(1, error.colno))}",
+            f"not valid JSON{source_excerpt([line], TextPosition(1, error.colno))}",
             where=f"{path}:{error.lineno}:{error.colno}",
             hint=f"{kind} is written as a whole: this one was cut off, or changed since",
         ) from error
@@ -167,11 +167,11 @@ def _problems_in(data: object) -> Iterator[Problem]:
     while left:
         path, item = left.pop()
         if isinstance(item, _RejectedValue):
-            yield Problem(path if item.key is None else join(path, item.key), item.what, got=item.got)
+            yield Problem(path if item.key is None else join_keys(path, item.key), item.what, got=item.got)
         elif isinstance(item, dict):
-            left += [(join(path, key), value) for key, value in reversed(item.items())]
+            left += [(join_keys(path, key), value) for key, value in reversed(item.items())]
         elif isinstance(item, list):
-            left += [(join(path, index), value) for index, value in reversed(list(enumerate(item)))]
+            left += [(join_keys(path, index), value) for index, value in reversed(list(enumerate(item)))]
 
 
 # What it says
@@ -179,7 +179,7 @@ def _problems_in(data: object) -> Iterator[Problem]:
 
 def _read(data: dict[str, Any], path: Path) -> Sidecar:
     problems: list[Problem] = []
-    given = _known(Node(data, "", problems), _TABLE, required=("scene", "volume", "frames"))
+    given = _known(TreeNode(data, "", problems), _TABLE, required=("scene", "volume", "frames"))
     if given["scene"] is INVALID:
         raise SceneError([replace(problem, location=str(path)) for problem in problems])
     if problems:
@@ -210,28 +210,28 @@ def _recorded_sources(cause: Any) -> dict[str, str]:
     return {"sources": sources} if isinstance(sources, str) else {}
 
 
-def _known(node: Node, table: Table, *, required: Collection[str] = ()) -> dict[str, Any]:
+def _known(node: TreeNode, table: FieldTable, *, required: Collection[str] = ()) -> dict[str, Any]:
     """The values of these keys of a mapping; a sidecar has more."""
     if isinstance(node.value, Mapping):
         node = replace(node, value={key: node.value[key] for key in table if key in node.value})
-    return fields(node, table, required=required)
+    return read_fields(node, table, required=required)
 
 
-def _parse_fingerprint(node: Node) -> str:
+def _parse_fingerprint(node: TreeNode) -> str:
     if isinstance(node.value, str) and re.fullmatch("[0-9a-f]{32}", node.value):
         return node.value
-    return _FINGERPRINT.refuse(node, "not a fingerprint", got=show(node.value))
+    return _FINGERPRINT.reject(node, "not a fingerprint")
 
 
-_FINGERPRINT: Kind[str] = Kind("32 hexadecimal digits", _parse_fingerprint)
+_FINGERPRINT = FieldType("32 hexadecimal digits", _parse_fingerprint)
 
 
-def _parse_schedule(node: Node) -> dict[str, Any]:
+def _parse_schedule(node: TreeNode) -> dict[str, Any]:
     """Whatever it is, it is written into the next sidecar, too."""
-    schedule = MAPPING.parse(node)
+    schedule = MAPPING_FIELD.parse(node)
     if schedule is not INVALID and not is_shallow(schedule):
-        return MAPPING.refuse(node, "too many levels", expected=f"at most {_MOST_LEVELS}")
-    return schedule if schedule is INVALID else schedule | _known(node, {"asked": ERROR})
+        return MAPPING_FIELD.reject(node, "too many levels", got="", expected=f"at most {_MOST_LEVELS}")
+    return schedule if schedule is INVALID else schedule | _known(node, {"asked": ERROR_SECTION})
 
 
 _MOST_LEVELS = 10
@@ -243,36 +243,36 @@ def is_shallow(value: object, num_levels: int = _MOST_LEVELS) -> bool:
     return num_levels >= 0 and all(is_shallow(item, num_levels - 1) for item in items)
 
 
-def _parse_frames(node: Node) -> tuple[int, ...]:
+def _parse_frames(node: TreeNode) -> tuple[int, ...]:
     """Of records that are wrong the first is told: the others may be wrong for the same reason."""
     if not isinstance(node.value, list) or not node.value:
-        return _FRAMES.refuse(node, "empty" if node.value == [] else "not a list", got=show(node.value))
+        return _FRAMES.reject(node, "empty" if node.value == [] else "not a list")
     found: list[int] = []
     wrong: tuple[int, ...] = INVALID
     for index, record in enumerate(node.value):
         frame = record.get("frame") if isinstance(record, dict) else None
         if type(frame) is not int or not 0 <= frame < MAX_FRAMES:  # others are read slowly
-            frame = _known(node.child(index, record), {"frame": FRAME_NUMBER}, required=["frame"])["frame"]
+            frame = _known(node.child(index, record), {"frame": FRAME_NUMBER_FIELD}, required=["frame"])["frame"]
         if frame is INVALID:
             return wrong
         if found and frame <= found[-1]:
             got, expected = f"{frame} after {found[-1]}", "frames in ascending order, each once"
-            node.child(index).child("frame").complain("frames out of order", got=got, expected=expected)
+            node.child(index).child("frame").add_problem("frames out of order", got=got, expected=expected)
             return wrong
         found.append(frame)
     return tuple(found)
 
 
-_FRAMES: Kind[tuple[int, ...]] = Kind("the records of the frames, each with its number as frame", _parse_frames)
+_FRAMES = FieldType("the records of the frames, each with its number as frame", _parse_frames)
 
-_TABLE: Table = {
-    "scene": MAPPING,
-    "volume": Kind(
+_TABLE: FieldTable = {
+    "scene": MAPPING_FIELD,
+    "volume": FieldType(
         "a mapping with fingerprint",
         lambda node: _known(node, {"fingerprint": _FINGERPRINT}, required=["fingerprint"])["fingerprint"],
     ),
-    "gl": TEXT,
-    "versions": MAPPING,
-    "schedule": Kind("a mapping", _parse_schedule),
+    "gl": TEXT_FIELD,
+    "versions": MAPPING_FIELD,
+    "schedule": FieldType("a mapping", _parse_schedule),
     "frames": _FRAMES,
 }

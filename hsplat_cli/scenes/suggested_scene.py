@@ -11,10 +11,10 @@ from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, SceneError
 from renderer.scene import (
     VolumeSpec,
+    format_value,
     is_colormap,
     nearest_colormap,
     parse_scene_content,
-    show,
 )
 
 # Where the values of a scene came from.
@@ -34,17 +34,21 @@ _OPTIONS = {
 @dataclass(frozen=True)
 class SuggestedScene:
     """text: the YAML. kind, reason: what the volume is taken for, and why. nonfinite: how many voxels are no numbers,
-    and what becomes of them; None where all are. far: as in `renderer.suggest.suggestion.Suggestion`."""
+    and what becomes of them; None where all are. outlier_notes: as in `renderer.suggest.suggestion.Suggestion`."""
 
     text: str
     kind: str
     reason: str
     nonfinite: str | None = None
-    far: tuple[str, ...] = ()
+    outlier_notes: tuple[str, ...] = ()
 
     def summary_lines(self) -> list[str]:
         """What is said about the volume, a line each."""
-        return [f"{self.kind}; {self.reason}", *self.far, *([] if self.nonfinite is None else [self.nonfinite])]
+        return [
+            f"{self.kind}; {self.reason}",
+            *self.outlier_notes,
+            *([] if self.nonfinite is None else [self.nonfinite]),
+        ]
 
 
 def require_colormap(name: str | None) -> None:
@@ -54,7 +58,7 @@ def require_colormap(name: str | None) -> None:
         raise InputError(
             "unknown colormap",
             where="--colormap",
-            got=show(name),
+            got=format_value(name),
             expected="a name such as viridis, gray, cividis_r or crameri:batlow",
             hint=f"did you mean {close}?" if close else None,
         )
@@ -95,14 +99,14 @@ def suggest_scene(
     )
     _check(text, scene)
     chosen = found.suggestion
-    return SuggestedScene(text, chosen.kind, chosen.reason, found.nonfinite, chosen.far)
+    return SuggestedScene(text, chosen.kind, chosen.reason, found.nonfinite, chosen.outlier_notes)
 
 
 def _check(text: str, scene: Path) -> None:
     """Raise SceneError for values that cannot be in a scene, such as odd sizes of an MP4, with the options that they
     came from. Nothing has been written yet, so that there is no line to show."""
     try:
-        parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
+        parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, is_single_frame=False)
     except SceneError as error:
         raise SceneError(
             [

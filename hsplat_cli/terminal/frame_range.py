@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from renderer.errors import InputError
-from renderer.scene import show
+from renderer.scene import format_value
 
 
 def is_one_frame(text: str | None) -> bool:
@@ -31,7 +31,7 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
     expected = f"A:B or A:B:STEP or one number; this path has the frames 0 to {num_frames - 1}"
     parts = _parts(text)
     if not 1 <= len(parts) <= 3 or parts == [None]:
-        raise InputError("not a range of frames", where="--frames", got=show(text), expected=expected)
+        raise InputError("not a range of frames", where="--frames", got=format_value(text), expected=expected)
     if len(parts) == 1 and parts[0] is not None:
         number = parts[0]
         is_there = -num_frames <= number < num_frames
@@ -39,16 +39,18 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
     else:
         step = parts[2] if len(parts) == 3 else None
         if step is not None and step < 1:
-            raise InputError("frames go forward", where="--frames", got=show(text), expected="a step of at least 1")
+            raise InputError(
+                "frames go forward", where="--frames", got=format_value(text), expected="a step of at least 1"
+            )
         picked = range(num_frames)[slice(*parts)]
     if not picked:
-        raise InputError("no frame is in this range", where="--frames", got=show(text), expected=expected)
+        raise InputError("no frame is in this range", where="--frames", got=format_value(text), expected=expected)
     missing = next(iter(sorted({*picked}.difference(picked if recorded is None else recorded))), None)
     if recorded is not None and missing is not None:
         raise InputError(
             f"frame {missing} is not in the film",
             where="--frames",
-            got=show(text),
+            got=format_value(text),
             expected=f"frames of {_as_slice(recorded)}",
         )
     return picked
@@ -67,5 +69,5 @@ def _as_slice(frames: Sequence[int]) -> str:
     step = frames[1] - frames[0] if len(frames) > 1 else 1
     steady = range(frames[0], frames[-1] + 1, step)
     if len(steady) != len(frames) or any(a != b for a, b in zip(steady, frames, strict=True)):
-        return show(frames)
+        return format_value(frames)
     return ":".join(map(str, (steady.start, steady.stop, step)[: 3 if step > 1 else 2]))

@@ -123,7 +123,7 @@ def make_film(order: Order, *, quiet: bool) -> Record:
 def _job(order: Order, suggested: SuggestedScene) -> Job:
     """What the scene's text asks for, whatever becomes of its file meanwhile."""
     content = suggested.text.encode()
-    scene = parse_scene_content(content, order.scene, overrides=(), volume=None, output=None, still=False)
+    scene = parse_scene_content(content, order.scene, overrides=(), volume=None, output=None, is_single_frame=False)
     return Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
 
 

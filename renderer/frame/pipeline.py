@@ -18,11 +18,11 @@ from renderer.scene import (
     Scene,
     Vector,
     camera_problems,
-    extent_of,
-    in_order,
     min_tolerance,
     raise_problems,
+    volume_extent,
     volume_problems,
+    with_draw_order,
 )
 from renderer.transfer import make_transfer_function
 from renderer.view import (
@@ -53,7 +53,7 @@ def prepare_stage(
     than `fingerprint`, which is `recorded_in` some place, cannot be used. The pyramid has what the scene's schedule can
     ask for; with `any_tolerance` it serves every tolerance and level, as bricks always do.
     """
-    scene = in_order(scene)
+    scene = with_draw_order(scene)
     watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
     volume = read_volume(scene.volume) if volume is None else volume
     if fingerprint is not None and volume.fingerprint != fingerprint:
@@ -64,7 +64,7 @@ def prepare_stage(
             expected=fingerprint,
             hint="if the volume was moved, --volume names it; another one can be drawn with a scene of its own",
         )
-    extent = extent_of(volume)
+    extent = volume_extent(volume)
     raise_problems([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
     watch.lap("read")
     transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)

@@ -153,7 +153,7 @@ def _unpacked(tree: Any, content: memoryview, on_mapped: MappedCallback | None) 
         return tuple(_unpacked(item, content, on_mapped) for item in value)
     items = {name: _unpacked(item, content, on_mapped) for name, item in value.items()}
     if kind == "mapped":
-        values = items["source"].mapped()
+        values = items["source"].open_array()
         if on_mapped is not None:
             on_mapped(items["source"], values)
         return Volume(values=values, **items)

@@ -10,7 +10,16 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, check_dtype, check_size, choose, describe_shape, existing, unreadable
+from renderer.readers.common import (
+    Image,
+    affine,
+    check_dtype,
+    check_size,
+    describe_shape,
+    require_exists,
+    select_index,
+    unreadable_error,
+)
 from renderer.scene import RawSource
 from renderer.volume import Array
 
@@ -46,8 +55,8 @@ def read_npy(path: Path, time: int | None, component: int | None) -> Image:
         )
     has_time = values.ndim == 5 or (values.ndim == 4 and time is not None)
     has_component = values.ndim - has_time == 4
-    step = choose("time", time, values.shape[0] if has_time else 1, where)
-    channel = choose("component", component, values.shape[-1] if has_component else 1, where)
+    step = select_index("time", time, values.shape[0] if has_time else 1, where)
+    channel = select_index("component", component, values.shape[-1] if has_component else 1, where)
     values = values[step] if has_time else values
     values = values[..., channel] if has_component else values
     return Image(values, np.eye(4))
@@ -75,7 +84,7 @@ def _map_npy(path: Path) -> Array:
             shape, is_fortran, dtype = read_header[version](file)
             offset = file.tell()
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise unreadable_error(path, error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
         # Of numpy's header parser, and of Python's, whose words are of a program's text.
         raise InputError(
@@ -109,7 +118,7 @@ def _map_npy(path: Path) -> Array:
 
 def read_raw(source: RawSource) -> Image:
     """Headerless voxels, x fastest, origin 0; raises InputError when the file's size does not fit the declaration."""
-    path, where = existing(source.file), str(source.file)
+    path, where = require_exists(source.file), str(source.file)
     try:
         dtype = np.dtype(source.dtype).newbyteorder("<" if source.byte_order == "little" else ">")
     except TypeError as error:
@@ -134,7 +143,7 @@ def read_raw(source: RawSource) -> Image:
     try:
         values = np.memmap(path, dtype, "r", source.offset, z_y_x)
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise unreadable_error(path, error) from error
     return Image(values, affine(source.spacing, np.zeros(3), np.eye(3)))
 
 

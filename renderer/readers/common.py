@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.errors import InputError, closest_match
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH
-from renderer.volume import Array, Float64, MappedFile, slabs
+from renderer.volume import Array, Float64, MappedFile, iter_slabs
 
 # No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
 MAX_VOLUME_BYTES = 2**40
@@ -133,7 +133,7 @@ def check_integer_resolution(values: Array, source: MappedFile | None, where: st
     round their differences away."""
     if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
         return
-    ends = [(int(slab.min()), int(slab.max())) for slab in slabs(values, source)]
+    ends = [(int(slab.min()), int(slab.max())) for slab in iter_slabs(values, source)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     largest = max(abs(low), abs(high))
     step = int(math.ulp(float(largest)))
@@ -303,7 +303,7 @@ def _pieces(file: BinaryIO, num_bytes: int | None) -> Iterator[bytes]:
         yield data
 
 
-def choose(key: str, wanted: int | None, count: int, where: str) -> int:
+def select_index(key: str, wanted: int | None, count: int, where: str) -> int:
     """Which of `count` time steps or components to read; `key` is the scene's word for it.
 
     Raises InputError when there are several and none was asked for, or the one asked for is not there.
@@ -326,7 +326,7 @@ def choose(key: str, wanted: int | None, count: int, where: str) -> int:
     return wanted or 0
 
 
-def existing(path: Path) -> Path:
+def require_exists(path: Path) -> Path:
     """The path itself; raises InputError when nothing is there or it may not be read."""
     if path.exists():
         if not os.access(path, os.R_OK):
@@ -343,7 +343,7 @@ def existing(path: Path) -> Path:
     )
 
 
-def unreadable(path: Path, error: Exception) -> InputError:
+def unreadable_error(path: Path, error: Exception) -> InputError:
     """An operating system's or a library's complaint as an InputError, in one line."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return InputError("cannot read this file", where=str(path), got=" ".join(text.split()) or type(error).__name__)

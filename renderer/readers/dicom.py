@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, check_size, choose, describe_shape
+from renderer.readers.common import Image, affine, check_size, describe_shape, select_index
 from renderer.readers.dicom_header import dicom_spacing
 from renderer.readers.headers import PIXEL_DATA, has_dicom_magic
 from renderer.readers.itk import (
+    array_view,
     itk_name,
     open_itk,
     path_from_itk_name,
@@ -27,7 +28,6 @@ from renderer.readers.itk import (
     read_image,
     read_itk,
     shorten_itk_error,
-    view_of,
 )
 from renderer.volume import Array, Float64
 
@@ -62,19 +62,19 @@ def read_dicom(folder: Path, time: int | None, component: int | None, *, has_spa
         files = _series_files(sitk, folder)
         if len(files) == 1:  # one slice, or all of them in one enhanced file
             return read_itk(files[0], time, component, has_spacing_override=has_spacing_override)
-        choose("time", time, 1, str(folder))
+        select_index("time", time, 1, str(folder))
         slices = [_header(sitk, file, has_spacing_override) for file in files]
         slices.sort(key=lambda part: float(part.position @ part.direction[:, 2]))
         _check_alike(slices, folder)
         step = _even_step(slices, folder)
         first = slices[0]
         num_components = first.reader.GetNumberOfComponents()
-        channel = choose("component", component, num_components, str(folder))
+        channel = select_index("component", component, num_components, str(folder))
         dtype = np.result_type(*(part.dtype for part in slices))  # the rescale slope may differ from slice to slice
         check_size((*first.size, len(slices)), dtype, str(folder))
         values: Array = np.empty((len(slices), first.size[1], first.size[0]), dtype)
         for part, target in zip(slices, values, strict=True):
-            plane = view_of(sitk, read_image(part.reader, part.file)).reshape(*target.shape, num_components)
+            plane = array_view(sitk, read_image(part.reader, part.file)).reshape(*target.shape, num_components)
             target[...] = plane[..., channel]
     axes = np.column_stack([first.direction[:, 0] * first.spacing[0], first.direction[:, 1] * first.spacing[1], step])
     return Image(values, affine(np.ones(3), first.position, axes))

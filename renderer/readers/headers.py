@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import StoredVoxels, existing
-from renderer.scene import show
+from renderer.readers.common import StoredVoxels, require_exists
+from renderer.scene import format_value
 
 # No header comes near this, even if it lists a file for each slice; a file without the end-of-header mark is not read
 # whole in search of it.
@@ -89,7 +89,7 @@ def _check_nrrd_line(line: str, where: str) -> None:
         raise InputError(
             "a line of this NRRD header is too long",
             where=where,
-            got=show(line),
+            got=format_value(line),
             expected=f"at most {_LONGEST_NRRD} bytes",
             hint="shorten or remove that line",
         )
@@ -288,7 +288,7 @@ def _check_numbers(header: bytes, path: Path) -> None:
 
 
 def _shown(text: str) -> str:
-    return text if text.isprintable() and len(text) <= _LONGEST_SHOWN else show(text)
+    return text if text.isprintable() and len(text) <= _LONGEST_SHOWN else format_value(text)
 
 
 def _words(header: bytes) -> dict[str, list[str]]:
@@ -420,4 +420,4 @@ def _data_file(header: Path, name: str) -> Path:
             expected=f"a file {file}",
             hint="the two belong together: move or copy both",
         )
-    return existing(file)
+    return require_exists(file)

@@ -28,8 +28,8 @@ from renderer.readers.common import (
     check_size,
     check_stored,
     check_text,
-    choose,
     describe_shape,
+    select_index,
     stays_mapped,
 )
 from renderer.readers.dicom_header import dicom_spacing, is_dicom, without_photometric_inversion
@@ -43,7 +43,7 @@ from renderer.readers.headers import (
     vtk_voxels,
 )
 from renderer.readers.sniff import UnknownFormatError
-from renderer.scene import show
+from renderer.scene import format_value
 from renderer.volume import Array
 
 # What no sentence has, but conditions of a program that were not met, and its own exceptions.
@@ -117,8 +117,8 @@ def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing
         )
         world_from_index = _world_from_index(reader, spacing)
         check_axes(world_from_index, str(path))  # of which SimpleITK says no more than some numbers
-        step = choose("time", time, size[3] if len(size) == 4 else 1, str(path))
-        channel = choose("component", component, num_components, str(path))
+        step = select_index("time", time, size[3] if len(size) == 4 else 1, str(path))
+        channel = select_index("component", component, num_components, str(path))
         if isinstance(voxels, StoredVoxels) and _can_be_mapped(voxels, num_bytes, num_components, dtype):
             assert voxels.byte_order is not None
             stored = dtype.newbyteorder(voxels.byte_order)  # type: ignore[arg-type]
@@ -128,7 +128,7 @@ def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing
             if len(size) == 4:
                 reader.SetExtractSize([*size[:3], 0])
                 reader.SetExtractIndex([0, 0, 0, step])
-            values = view_of(sitk, read_image(reader, path))
+            values = array_view(sitk, read_image(reader, path))
             if num_components > 1:
                 values = values[..., channel]
         note = _one_of_a_series(sitk, reader, path) if values.ndim == 2 or len(values) == 1 else None
@@ -192,7 +192,7 @@ def itk_name(path: Path) -> str:
         raise InputError(
             "a file or folder of this name cannot be read in its format",
             where=str(path),
-            got=f"{show(bad)}, which is not UTF-8",
+            got=f"{format_value(bad)}, which is not UTF-8",
             expected="a path in UTF-8",
             hint="rename that file or folder",
         ) from error
@@ -273,7 +273,7 @@ class _Kept:
         self.image = image
 
 
-def view_of(sitk: Any, image: Any) -> Array:
+def array_view(sitk: Any, image: Any) -> Array:
     """The voxels of a SimpleITK image as [z, y, x] or [y, x] (several components last), without a copy."""
     return np.asarray(_Kept(sitk.GetArrayViewFromImage(image), image))
 

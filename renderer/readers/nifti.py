@@ -30,11 +30,11 @@ from renderer.readers.common import (
     check_dtype,
     check_size,
     check_stored,
-    choose,
     describe_shape,
     has_volume,
+    select_index,
     stays_mapped,
-    unreadable,
+    unreadable_error,
 )
 from renderer.volume import Array, Float64
 
@@ -66,8 +66,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
             expected="x, y, z, then time and component",
         )
     data_file = _checked_data_file(image, path, num_bytes, shape)
-    step = choose("time", time, shape[3], where)
-    channel = choose("component", component, shape[4] if fields is None else len(fields), where)
+    step = select_index("time", time, shape[3], where)
+    channel = select_index("component", component, shape[4] if fields is None else len(fields), where)
     try:
         last = step, channel if fields is None else 0
         if stays_mapped(num_bytes) and data_file.suffix.lower() != ".gz":
@@ -87,7 +87,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     try:
         ras_from_index = _ras_from_index(image.header)
     except ValueError as error:  # a quaternion that is no rotation
-        raise unreadable(path, error) from error
+        raise unreadable_error(path, error) from error
     return Image(_scaled(values, float(proxy.slope), float(proxy.inter)), LPS_FROM_RAS @ ras_from_index)
 
 
@@ -176,10 +176,10 @@ def _open(path: Path) -> Any:
             expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
         ) from error
     except (EOFError, ValueError, zlib.error) as error:
-        told = unreadable(path, error)
+        told = unreadable_error(path, error)
         raise InputError(told.what, where=told.where, got=told.got, hint="the file is truncated or damaged") from error
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise unreadable_error(path, error) from error
     if not isinstance(image, nib.Nifti1Pair):
         raise InputError(
             "this is not a NIfTI file",

@@ -15,15 +15,15 @@ from renderer.readers.common import (
     check_dtype,
     check_integer_resolution,
     check_lengths,
-    choose,
-    existing,
+    require_exists,
+    select_index,
     spacing_of,
     stays_mapped,
-    unreadable,
+    unreadable_error,
     with_spacing,
 )
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
-from renderer.volume import Array, MappedCallback, MappedFile, Volume, backing_file, make_volume, slabs
+from renderer.volume import Array, MappedCallback, MappedFile, Volume, backing_file, iter_slabs, make_volume
 
 Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 
@@ -56,15 +56,15 @@ def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Vo
         settled = _native_contiguous(image.values)
         del image  # with what it was read into
         file = backing_file(settled)
-        values, num_nonfinite, stand_in = _replace_nonfinite(settled, file, spec.nonfinite, first, name)
+        values, num_nonfinite, nonfinite_fill_value = _replace_nonfinite(settled, file, spec.nonfinite, first, name)
         if mapped is not None:  # and where it was copied
             mapped.require_unchanged()
         file = file if values is settled else None
         check_integer_resolution(values, file, name)
-        made = make_volume(values, world_from_index, name, file, num_nonfinite, stand_in)
-        return replace(made, replaced_spacing=replaced, note=note)
+        made = make_volume(values, world_from_index, name, file, num_nonfinite, nonfinite_fill_value)
+        return replace(made, file_spacing=replaced, note=note)
     except OSError as error:
-        raise unreadable(Path(name), error) from error
+        raise unreadable_error(Path(name), error) from error
     except MemoryError as error:
         raise InputError(
             "there is not enough memory for this volume", where=name, hint="`crop` it, or render on a larger machine"
@@ -76,9 +76,9 @@ def _load(spec: VolumeSpec, name: str) -> Image:
     source = spec.source
     if isinstance(source, FileSource):
         # What a file says wrongly of lengths is no error where others take their place.
-        return _load_file(existing(source.file), spec.time, spec.component, source.spacing is not None)
-    choose("time", spec.time, 1, name)
-    choose("component", spec.component, 1, name)
+        return _load_file(require_exists(source.file), spec.time, spec.component, source.spacing is not None)
+    select_index("time", spec.time, 1, name)
+    select_index("component", spec.component, 1, name)
     if isinstance(source, RawSource):
         from renderer.readers.arrays import read_raw
 
@@ -127,7 +127,7 @@ def _load_folder(folder: Path, time: int | None, component: int | None, has_spac
                 expected="the slices of one volume",
                 hint="put each volume into a folder of its own",
             )
-        choose("time", time, 1, str(folder))
+        select_index("time", time, 1, str(folder))
         return read_tiff_folder(folder, tiffs, component, has_spacing_override=has_spacing_override)
     from renderer.readers.dicom import read_dicom
 
@@ -183,7 +183,7 @@ def _replace_nonfinite(
     if values.dtype.kind != "f":
         return values, 0, 0.0
     num_bad, first_bad, lowest = 0, None, np.inf
-    for z, plane in enumerate(plane for slab in slabs(values, file) for plane in slab):
+    for z, plane in enumerate(plane for slab in iter_slabs(values, file) for plane in slab):
         finite = np.isfinite(plane)
         num_good = int(np.count_nonzero(finite))
         if num_good < plane.size:

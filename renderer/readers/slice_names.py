@@ -11,7 +11,7 @@ import numpy as np
 from renderer.errors import InputError
 
 
-def in_order(folder: Path, files: list[Path]) -> list[Path]:
+def sort_slices(folder: Path, files: list[Path]) -> list[Path]:
     """The files in natural order, `2.tif` before `10.tif`.
 
     Raises InputError unless their names are the same but for numbers of which one goes on from file to file in even

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, check_dtype, check_size, choose, existing
-from renderer.readers.itk import open_itk, quiet_simpleitk, read_image, view_of
-from renderer.readers.slice_names import in_order
+from renderer.readers.common import Image, affine, check_dtype, check_size, require_exists, select_index
+from renderer.readers.itk import array_view, open_itk, quiet_simpleitk, read_image
+from renderer.readers.slice_names import sort_slices
 from renderer.readers.tiff_description import MM_PER_UNIT, hyperstack, imagej_spacing, is_imagej, is_ome, ome_spacing
 from renderer.readers.tiff_directory import (
     BITS,
@@ -76,12 +76,12 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
     check_size((*first.size, len(pages), num_samples), first.dtype, where)
     description = _text(first)
     axes, counts = hyperstack(description, len(pages), where)
-    step = choose("time", time, counts[axes.index("T")], where)
+    step = select_index("time", time, counts[axes.index("T")], where)
     world_from_index = _world_from_index(first, where, has_spacing_override)
     values = _decoded(path, order, pages, where)
     if num_samples > 1:
-        return Image(values[..., choose("component", component, num_samples, where)], world_from_index)
-    channel = choose("component", component, counts[axes.index("C")], where)
+        return Image(values[..., select_index("component", component, num_samples, where)], world_from_index)
+    channel = select_index("component", component, counts[axes.index("C")], where)
     stack = np.moveaxis(values.reshape(*counts, *values.shape[1:]), [axes.index("T"), axes.index("C")], [0, 1])
     return Image(stack[step, channel], world_from_index)
 
@@ -94,10 +94,10 @@ def read_tiff_folder(
 
     has_spacing_override: as of `read_tiff`.
     """
-    files = in_order(folder, files)
+    files = sort_slices(folder, files)
     values, first = None, None
     for index, file in enumerate(files):
-        order, pages = read_pages(existing(file))
+        order, pages = read_pages(require_exists(file))
         page = pages[0]
         first = first or page
         if len(pages) > 1:
@@ -115,7 +115,7 @@ def read_tiff_folder(
                 expected=f"{first.difference(page)} as in {files[0].name}",
             )
         num_samples = page.number(SAMPLES, 1)
-        channel = choose("component", component, num_samples, str(file))
+        channel = select_index("component", component, num_samples, str(file))
         if values is None:
             check_dtype(first.dtype, str(file))
             check_size((*first.size, len(files), num_samples), first.dtype, str(folder))
@@ -144,7 +144,7 @@ def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
         raise _undecodable(where, first)
     try:
         with quiet_simpleitk() as sitk:
-            values = view_of(sitk, read_image(open_itk(sitk, path), path))
+            values = array_view(sitk, read_image(open_itk(sitk, path), path))
     except InputError as error:
         if first.number(COMPRESSION, 1) in _COMMON_COMPRESSIONS:
             raise

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError
-from renderer.readers.common import describe_shape, unreadable
+from renderer.readers.common import describe_shape, unreadable_error
 
 # The fields that are read, by tag. Of the first ones one number is needed, ...
 SAMPLES, COMPRESSION, RESOLUTION_UNIT, BITS = 277, 259, 296, 258
@@ -131,7 +131,7 @@ def read_pages(path: Path) -> tuple[str, list[Page]]:
                 page, offset = directories.page(offset, pages)
                 pages.append(page)
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise unreadable_error(path, error) from error
     except EOFError as error:
         raise InputError(
             "the file ends within its directory",

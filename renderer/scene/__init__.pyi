@@ -3,11 +3,11 @@ from .colormaps import (
     is_colormap as is_colormap,
     nearest_colormap as nearest_colormap,
 )
-from .editor import Editor as Editor
+from .editor import SceneEditor as SceneEditor
 from .input_file import (
     MAX_SCENE_BYTES as MAX_SCENE_BYTES,
     MAX_SIDECAR_BYTES as MAX_SIDECAR_BYTES,
-    decode as decode,
+    decode_utf8 as decode_utf8,
     is_same_file as is_same_file,
     may_be_json as may_be_json,
     nearest_file_hint as nearest_file_hint,
@@ -15,51 +15,51 @@ from .input_file import (
 )
 from .limits import (
     camera_problems as camera_problems,
-    extent_of as extent_of,
     raise_problems as raise_problems,
+    volume_extent as volume_extent,
     volume_problems as volume_problems,
 )
-from .metric_target import Want as Want
+from .metric_target import MetricTarget as MetricTarget
 from .parse import (
     scene_to_dict as scene_to_dict,
     schedule_to_dict as schedule_to_dict,
     splat_section_without_defaults as splat_section_without_defaults,
 )
-from .parse_camera import FRAME_NUMBER as FRAME_NUMBER, MAX_FRAMES as MAX_FRAMES
-from .parse_error_schedule import ERROR as ERROR, MAX_LEVEL as MAX_LEVEL
-from .parse_output import OUTPUT as OUTPUT, OUTPUT_FILE as OUTPUT_FILE
+from .parse_camera import FRAME_NUMBER_FIELD as FRAME_NUMBER_FIELD, MAX_FRAMES as MAX_FRAMES
+from .parse_error_schedule import ERROR_SECTION as ERROR_SECTION, MAX_LEVEL as MAX_LEVEL
+from .parse_output import OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD, OUTPUT_SECTION as OUTPUT_SECTION
 from .scene_file import load_scene as load_scene, parse_scene_content as parse_scene_content
 from .schedule import (
-    in_order as in_order,
     is_film_wide_goal as is_film_wide_goal,
     min_tolerance as min_tolerance,
-    through as through,
+    schedule_from_tolerances as schedule_from_tolerances,
+    scheduled_value as scheduled_value,
     tolerance_at as tolerance_at,
-    value_at as value_at,
+    with_draw_order as with_draw_order,
     with_tolerance as with_tolerance,
     with_tolerances as with_tolerances,
 )
 from .schema import (
-    BOOLEAN as BOOLEAN,
+    BOOLEAN_FIELD as BOOLEAN_FIELD,
     INVALID as INVALID,
-    MAPPING as MAPPING,
-    TEXT as TEXT,
+    MAPPING_FIELD as MAPPING_FIELD,
+    TEXT_FIELD as TEXT_FIELD,
     TILDE_HINT as TILDE_HINT,
-    Kind as Kind,
-    Node as Node,
-    Table as Table,
-    choice as choice,
+    FieldTable as FieldTable,
+    FieldType as FieldType,
+    TreeNode as TreeNode,
+    choice_field as choice_field,
     did_you_mean as did_you_mean,
-    fields as fields,
+    format_value as format_value,
     has_unexpanded_tilde as has_unexpanded_tilde,
-    integer as integer,
-    join as join,
-    known as known,
-    listed as listed,
-    number as number,
-    section as section,
-    sequence as sequence,
-    show as show,
+    integer_field as integer_field,
+    join_keys as join_keys,
+    join_words as join_words,
+    number_field as number_field,
+    read_fields as read_fields,
+    section_field as section_field,
+    sequence_field as sequence_field,
+    valid_keys as valid_keys,
 )
 from .spec import (
     FRAME_FIELD as FRAME_FIELD,
@@ -93,11 +93,11 @@ from .spec import (
     VolumeSpec as VolumeSpec,
 )
 from .yaml_tree import (
-    Mark as Mark,
     NotYamlError as NotYamlError,
-    Tree as Tree,
-    excerpt as excerpt,
+    TextPosition as TextPosition,
+    YamlTree as YamlTree,
     format_location as format_location,
     parse_yaml as parse_yaml,
     parse_yaml_file as parse_yaml_file,
+    source_excerpt as source_excerpt,
 )

@@ -10,9 +10,9 @@ from typing import Any
 
 from renderer.errors import Problem, SceneError
 from renderer.scene.parse import parse_scene
-from renderer.scene.schema import join, show
+from renderer.scene.schema import format_value, join_keys
 from renderer.scene.spec import Scene
-from renderer.scene.yaml_tree import Mark, NotYamlError, Tree, excerpt, format_location, parse_yaml
+from renderer.scene.yaml_tree import NotYamlError, TextPosition, YamlTree, format_location, parse_yaml, source_excerpt
 
 _SOURCES = ("file", "raw", "procedural")
 
@@ -30,7 +30,7 @@ class _Located:
     """A problem and its place: a mark in the file, or an option, or neither."""
 
     problem: Problem
-    mark: Mark | None = None
+    mark: TextPosition | None = None
     option: _Option | None = None
 
     @property
@@ -40,36 +40,36 @@ class _Located:
             return 1, self.option.number, 0
         return (0, self.mark.line, self.mark.column) if self.mark else (0, 0, 0)
 
-    def complaint(self, path: Path, lines: Sequence[str]) -> Problem:
+    def located_problem(self, path: Path, lines: Sequence[str]) -> Problem:
         """The problem with its place and, if that is in the file, the line that it is about."""
         if self.option is not None:
             return replace(self.problem, location=self.option.text)
-        what = self.problem.what + excerpt(lines, self.mark)
+        what = self.problem.what + source_excerpt(lines, self.mark)
         return replace(self.problem, location=format_location(path, self.mark), what=what)
 
 
-class Editor:
+class SceneEditor:
     """Changes a tree as the options of the command line say, and remembers which of them wrote what.
 
     Parameters
     ----------
     tree: a mapping, which is changed.
     path: the file that it was read from; lines: those of the file, to be shown with complaints.
-    within: where the scene is in the file, if that is known by keys and not by lines.
+    path_prefix: where the scene is in the file, if that is known by keys and not by lines.
     hints: for complaints about the file's own values, by path.
     """
 
     def __init__(
         self,
-        tree: Tree,
+        tree: YamlTree,
         path: Path,
         lines: Sequence[str] = (),
         *,
-        within: str = "",
+        path_prefix: str = "",
         hints: Mapping[str, str] | None = None,
     ) -> None:
         self.tree = tree
-        self._path, self._lines, self._within, self._hints = path, lines, within, hints or {}
+        self._path, self._lines, self._path_prefix, self._hints = path, lines, path_prefix, hints or {}
         self._problems = [_Located(problem, mark) for mark, problem in tree.problems]
         self._options: dict[str, _Option] = {}
         self._num_options = 0
@@ -84,23 +84,23 @@ class Editor:
             self._set(["output", "file"], str(output), self._option(f"--output {output}"))
 
     @property
-    def changed(self) -> list[str]:
+    def overridden_paths(self) -> list[str]:
         """The paths that options have written."""
         return list(self._options)
 
-    def parse(self, *, still: bool = False, more: Sequence[Problem] = ()) -> Scene:
-        """The scene, its files relative to that of the tree; `more` is what else is wrong in this file.
+    def parse(self, *, is_single_frame: bool = False, extra_problems: Sequence[Problem] = ()) -> Scene:
+        """The scene, its files relative to that of the tree; `extra_problems` is what else is wrong in this file.
 
         Raises SceneError with all complaints, in their order in the file, those about the command line last.
         """
-        problems = [*self._problems, *(_Located(problem) for problem in more)]
+        problems = [*self._problems, *(_Located(problem) for problem in extra_problems)]
         try:
-            scene = parse_scene(self.tree.data, base=self._path.parent.absolute(), still=still)
+            scene = parse_scene(self.tree.data, base=self._path.parent.absolute(), is_single_frame=is_single_frame)
         except SceneError as error:
             problems += [self._located(problem) for problem in error.problems]
         if problems:
             ordered = sorted(problems, key=lambda item: item.order)
-            raise SceneError([item.complaint(self._path, self._lines) for item in ordered])
+            raise SceneError([item.located_problem(self._path, self._lines) for item in ordered])
         return scene
 
     def _option(self, text: str) -> _Option:
@@ -149,7 +149,7 @@ class Editor:
             key = self._key(parent, part, path, option)
             if key is None:
                 return
-            path = join(path, key)
+            path = join_keys(path, key)
             if isinstance(parent, dict) and parent.get(key) is None:
                 parent[key] = {}
                 self._remember(path, option)
@@ -157,7 +157,7 @@ class Editor:
         key = self._key(parent, parts[-1], path, option)
         if key is None:
             return
-        self._remember(join(path, key), option)
+        self._remember(join_keys(path, key), option)
         if value is None and isinstance(parent, dict):
             parent.pop(key, None)
         else:
@@ -166,20 +166,20 @@ class Editor:
     def _key(self, parent: Any, part: str, path: str, option: _Option) -> Any:
         """What `part` names in `parent`: a key, which need not be there, or an index, which must."""
         if isinstance(parent, dict):
-            return next((key for key in parent if join("", key) == part), part)
+            return next((key for key in parent if join_keys("", key) == part), part)
         if isinstance(parent, list):
             if re.fullmatch("[0-9]{1,9}", part) and int(part) < len(parent):
                 return int(part)
             expected = f"a number from 0 to {len(parent) - 1}" if parent else None
             self._complain(option, Problem(path, "no such item in this list", got=part, expected=expected))
         else:
-            self._complain(option, Problem(path, "neither a mapping nor a list", got=show(parent)))
+            self._complain(option, Problem(path, "neither a mapping nor a list", got=format_value(parent)))
         return None
 
     def _remember(self, path: str, option: _Option) -> None:
         """From now on, `path` and all below it come from `option`."""
-        for known in [known for known in (*self.tree.places, *self._options) if known.startswith(f"{path}.")]:
-            self.tree.places.pop(known, None)
+        for known in [known for known in (*self.tree.locations, *self._options) if known.startswith(f"{path}.")]:
+            self.tree.locations.pop(known, None)
             self._options.pop(known, None)
         self._options[path] = option
 
@@ -189,12 +189,12 @@ class Editor:
     def _located(self, problem: Problem) -> _Located:
         """The problem at the place of its path or, if that is nowhere, of the nearest part around it."""
         path, is_around = problem.path, False
-        while path and path not in self._options and path not in self.tree.places:
+        while path and path not in self._options and path not in self.tree.locations:
             path, is_around = path.rpartition(".")[0], True
         if path in self._options:
             return _Located(problem, option=self._options[path])
         if not path:
-            keys = ".".join(filter(None, (self._within, problem.path)))
+            keys = ".".join(filter(None, (self._path_prefix, problem.path)))
             return _Located(replace(problem, path=keys, hint=self._hints.get(problem.path, problem.hint)))
-        place = self.tree.places[path]
+        place = self.tree.locations[path]
         return _Located(problem, place.key if problem.at_key or is_around else place.value)

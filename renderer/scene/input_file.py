@@ -43,7 +43,7 @@ def may_be_json(content: bytes) -> bool:
     return content.removeprefix(_BYTE_ORDER_MARK).lstrip(b" \t\r\n").startswith(b"{")
 
 
-def decode(content: bytes, path: Path) -> str:
+def decode_utf8(content: bytes, path: Path) -> str:
     """The text that a file holds in UTF-8. Raises InputError."""
     try:
         return content.decode("utf-8-sig")

@@ -51,7 +51,7 @@ class Extent:
         return cls(centre, diagonal / 2, min(spacing), max(spacing))
 
 
-def extent_of(volume: Volume) -> Extent:
+def volume_extent(volume: Volume) -> Extent:
     """That of a volume that has been read."""
     x, y, z = volume.spacing.tolist()
     centre_x, centre_y, centre_z = volume.centre.tolist()

@@ -8,16 +8,16 @@ from typing import Literal
 
 
 @dataclass(frozen=True)
-class Want:
+class MetricTarget:
     """A metric of `renderer.study.metrics.METRICS`, over all pixels of each frame, and the value to be reached."""
 
     metric: Literal["psnr", "rmse", "ssim", "flip"]
     value: float
 
     def __str__(self) -> str:
-        return self.of(self.value)
+        return self.format(self.value)
 
-    def of(self, value: float) -> str:
+    def format(self, value: float) -> str:
         """A value of this metric with its name and unit."""
         return f"{self.metric} {value:.2f} dB" if self.metric == "psnr" else f"{self.metric} {value:.4g}"
 

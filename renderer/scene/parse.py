@@ -15,25 +15,25 @@ from typing import Any
 
 from renderer.errors import Problem, SceneError
 from renderer.scene.limits import proportion_problems
-from renderer.scene.parse_camera import CAMERA, direction
-from renderer.scene.parse_error_schedule import ERROR, check_scheduled_frames
-from renderer.scene.parse_output import OUTPUT, check_frame_field
-from renderer.scene.parse_transfer import TRANSFER_FUNCTION
+from renderer.scene.parse_camera import CAMERA_SECTION, direction_field
+from renderer.scene.parse_error_schedule import ERROR_SECTION, check_scheduled_frames
+from renderer.scene.parse_output import OUTPUT_SECTION, check_frame_field
+from renderer.scene.parse_transfer import TRANSFER_FUNCTION_SECTION
 from renderer.scene.parse_volume import volume_field_type
 from renderer.scene.schema import (
-    BOOLEAN,
+    BOOLEAN_FIELD,
     INVALID,
-    Kind,
-    Node,
-    Table,
-    as_int,
-    choice,
-    integer,
-    known,
-    number,
-    section,
-    sequence,
-    show,
+    FieldTable,
+    FieldType,
+    TreeNode,
+    choice_field,
+    format_value,
+    integer_field,
+    number_field,
+    parse_whole_number,
+    section_field,
+    sequence_field,
+    valid_keys,
 )
 from renderer.scene.spec import (
     AccuracyGoal,
@@ -58,15 +58,15 @@ from renderer.scene.spec import (
 VERSION = 1
 
 
-def parse_scene(tree: object, *, base: Path, still: bool = False) -> Scene:
+def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> Scene:
     """The scene that `tree` describes.
 
     Volume files are looked for relative to `base` and kept as `base / file`; the output file is kept as given. It may
-    be a PNG without a number in its name where the path has one frame or, as `still` says, one of them is drawn.
+    be a PNG without a number in its name where the path has one frame or, one is drawn.
     Raises SceneError with every problem that there is.
     """
     problems: list[Problem] = []
-    scene = _scene_field_type(base, still).read(Node(tree, "", problems))
+    scene = _scene_field_type(base, is_single_frame).read(TreeNode(tree, "", problems))
     if problems:
         raise SceneError(problems)
     return scene
@@ -85,37 +85,40 @@ _MISPLACED_KEY_HINTS = {
 }
 
 
-def _scene_field_type(base: Path, still: bool) -> Kind[Scene]:
-    table: Table = {
+def _scene_field_type(base: Path, is_single_frame: bool) -> FieldType[Scene]:
+    table: FieldTable = {
         "version": _VERSION,
         "volume": volume_field_type(base),
-        "transfer_function": TRANSFER_FUNCTION,
+        "transfer_function": TRANSFER_FUNCTION_SECTION,
         "shading": _SHADING,
-        "camera": CAMERA,
-        "error": ERROR,
+        "camera": CAMERA_SECTION,
+        "error": ERROR_SECTION,
         "pyramid": _PYRAMID,
         "splat": _SPLAT,
-        "overlay": choice("none", "octree"),
-        "output": OUTPUT,
+        "overlay": choice_field("none", "octree"),
+        "output": OUTPUT_SECTION,
     }
     required = ("volume", "transfer_function", "camera", "output")
-    return section(
-        table, lambda node, given: _build_scene(node, given, still), required=required, elsewhere=_MISPLACED_KEY_HINTS
+    return section_field(
+        table,
+        lambda node, given: _build_scene(node, given, is_single_frame),
+        required=required,
+        misplaced_hints=_MISPLACED_KEY_HINTS,
     )
 
 
-def _parse_version(node: Node) -> int:
-    if as_int(node.value) == VERSION:
+def _parse_version(node: TreeNode) -> int:
+    if parse_whole_number(node.value) == VERSION:
         return VERSION
-    return _VERSION.refuse(node, "unknown version of the scene format", got=show(node.value))
+    return _VERSION.reject(node, "unknown version of the scene format")
 
 
-_VERSION: Kind[int] = Kind(str(VERSION), _parse_version)
+_VERSION = FieldType(str(VERSION), _parse_version)
 
 
-def _build_scene(node: Node, given: dict[str, Any], still: bool) -> Scene:
+def _build_scene(node: TreeNode, given: dict[str, Any], is_single_frame: bool) -> Scene:
     check_scheduled_frames(node.child("error"), given)
-    if not still:
+    if not is_single_frame:
         check_frame_field(node.child("output"), given)
     scene = Scene(**given)
     if not node.problems:  # with several values at once, only those that are right by themselves
@@ -123,17 +126,17 @@ def _build_scene(node: Node, given: dict[str, Any], still: bool) -> Scene:
     return scene
 
 
-_SHADING = section(
+_SHADING = section_field(
     {
-        "ambient": number(least=0, most=1),
-        "diffuse": number(least=0, most=1),
-        "light": direction("[x, y, z], not all 0: from the object to the light"),
+        "ambient": number_field(minimum=0, maximum=1),
+        "diffuse": number_field(minimum=0, maximum=1),
+        "light": direction_field("[x, y, z], not all 0: from the object to the light"),
     },
     lambda node, given: ShadingSpec(**given),
 )
 
-_PYRAMID = section(
-    {"average": choice("extinction", "opacity"), "precision": choice("half", "single")},
+_PYRAMID = section_field(
+    {"average": choice_field("extinction", "opacity"), "precision": choice_field("half", "single")},
     lambda node, given: PyramidSpec(**given),
 )
 
@@ -148,25 +151,25 @@ _HINTS_INTEGRATED = _HINTS_GOURAUD | {
     "order": "what it draws does not overlap, so that there is one order, which is exact",
 }
 _ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
-_WEIGHT = number(least=0, most=1)
+_WEIGHT = number_field(minimum=0, maximum=1)
 # Weights are divided by the largest ones.
 MIN_PROFILE_WEIGHT = 1e-6
 _PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
-_PROFILE = sequence(sequence(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS)
+_PROFILE = sequence_field(sequence_field(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS)
 
 
-def _build_splat(node: Node, given: dict[str, Any]) -> SplatSpec:
+def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
     """A section that only says how splats are to be asks for splats; an empty one is none."""
     if not given:
         return Scene.splat
     footprint = given.get("footprint", SplatSpec.footprint)
     hints = _unused_splat_keys(footprint)
-    for key in known(given, *hints):
+    for key in valid_keys(given, *hints):
         if "footprint" in given:
-            node.key(key).complain(f"contradicts footprint: {footprint}", hint=hints[key])
+            node.key(key).add_problem(f"contradicts footprint: {footprint}", hint=hints[key])
         else:  # nobody has written what it contradicts
             hint = f"this section names no footprint, and so asks for {footprint}, which has no {key}"
-            node.key(key).complain("needs footprint: gouraud", hint=hint)
+            node.key(key).add_problem("needs footprint: gouraud", hint=hint)
     profile = given.get("profile", INVALID)
     if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
         _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))
@@ -178,16 +181,16 @@ def _unused_splat_keys(footprint: str) -> dict[str, str]:
     return {"gaussian": _HINTS_GOURAUD, "integrated": _HINTS_INTEGRATED}.get(footprint, {})
 
 
-def _check_profile(node: Node, profile: tuple[tuple[float, float], ...], num_rings: int) -> None:
+def _check_profile(node: TreeNode, profile: tuple[tuple[float, float], ...], num_rings: int) -> None:
     radii = [radius for radius, _ in profile]
     if radii[0] != 0 or radii[-1] != 1 or radii != sorted(set(radii)):
-        node.complain("radius does not ascend from 0 to 1", got=show(radii), expected=_PROFILE_WORDS)
+        node.add_problem("radius does not ascend from 0 to 1", got=format_value(radii), expected=_PROFILE_WORDS)
     elif all(weight == 0 for _, weight in profile):
-        node.complain("every weight is 0", expected="a weight greater than 0")
+        node.add_problem("every weight is 0", expected="a weight greater than 0")
     elif isinstance(num_rings, int) and max(_profile_at_rings(profile, num_rings)) < MIN_PROFILE_WEIGHT:
-        node.complain(
+        node.add_problem(
             "no weight at the radii that the footprint has",
-            got=show(profile),
+            got=format_value(profile),
             expected=f"a weight of at least {MIN_PROFILE_WEIGHT:g} at one of the radii k / {num_rings}",
             hint="a larger splat.radial has more radii",
         )
@@ -201,15 +204,15 @@ def _profile_at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) 
         yield before + (after - before) * ((radius - first) / (end - first))
 
 
-_SPLAT = section(
+_SPLAT = section_field(
     {
-        "footprint": choice("gaussian", "gouraud", "integrated", instead=_ALIASES),
-        "sigma": number(least=0.38, most=2),
-        "angular": integer(least=3, most=64),
-        "radial": integer(least=1, most=32),
+        "footprint": choice_field("gaussian", "gouraud", "integrated", aliases=_ALIASES),
+        "sigma": number_field(minimum=0.38, maximum=2),
+        "angular": integer_field(minimum=3, maximum=64),
+        "radial": integer_field(minimum=1, maximum=32),
         "profile": _PROFILE,
-        "opacity_correction": BOOLEAN,
-        "order": choice("depth", "unmixed", "boxes"),
+        "opacity_correction": BOOLEAN_FIELD,
+        "order": choice_field("depth", "unmixed", "boxes"),
     },
     _build_splat,
 )
@@ -224,7 +227,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
     """The scene as plain data with every default written out; JSON and YAML can hold it.
 
     `parse_scene` makes the same scene from it, with any `base` if the volume's file is an absolute path and with the
-    current folder otherwise; `still` as for the scene.
+    current folder otherwise; `is_single_frame` as for the scene.
     """
     tree: dict[str, Any] = _plain(scene)
     return {key: tree[key] for key in ("version", *tree) if key in tree}

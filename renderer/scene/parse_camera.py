@@ -7,21 +7,21 @@ from itertools import pairwise
 from typing import Any
 
 from renderer.scene.schema import (
-    BOOLEAN,
-    COORDINATE,
+    BOOLEAN_FIELD,
+    COORDINATE_FIELD,
     INVALID,
-    LENGTH,
-    Kind,
-    Node,
-    Table,
-    choice,
-    fields,
-    integer,
-    listed,
-    number,
-    section,
-    sequence,
-    show,
+    LENGTH_FIELD,
+    FieldTable,
+    FieldType,
+    TreeNode,
+    choice_field,
+    format_value,
+    integer_field,
+    join_words,
+    number_field,
+    read_fields,
+    section_field,
+    sequence_field,
 )
 from renderer.scene.spec import (
     MAX_WORLD_LENGTH,
@@ -35,7 +35,7 @@ from renderer.scene.spec import (
 )
 
 MAX_FRAMES = 10**6
-FRAME_NUMBER = integer(least=0, most=MAX_FRAMES - 1)
+FRAME_NUMBER_FIELD = integer_field(minimum=0, maximum=MAX_FRAMES - 1)
 
 # Degrees: thousands of turns, of which float64 keeps the direction to 1e-10 degrees.
 MAX_ANGLE = 1e6
@@ -53,112 +53,114 @@ AXES: dict[str, Vector] = {
 }
 
 
-def direction(expected: str) -> Kind[Vector]:
+def direction_field(expected: str) -> FieldType[Vector]:
     """Three coordinates that are not all 0, nor as good as that."""
 
-    def parse(node: Node) -> Vector:
+    def parse(node: TreeNode) -> Vector:
         vector = numbers.read(node)
         if isinstance(vector, tuple) and INVALID not in vector and all(abs(part) < MIN_WORLD_LENGTH for part in vector):
             hint = None if not any(vector) else f"a component of at least {MIN_WORLD_LENGTH:g}"
-            return kind.refuse(node, "no direction", got=show(node.value), hint=hint)
+            return kind.reject(node, "no direction", hint=hint)
         return vector  # type: ignore[return-value]  # three, or INVALID
 
-    numbers = sequence(COORDINATE, expected, count=3)
-    kind: Kind[Vector] = Kind(expected, parse)
+    numbers = sequence_field(COORDINATE_FIELD, expected, count=3)
+    kind: FieldType[Vector] = FieldType(expected, parse)
     return kind
 
 
 _AXIS_WORDS = "x, y, z, -x, -y, -z or a direction [x, y, z], not all 0"
-_AXIS_NUMBERS = direction(_AXIS_WORDS)
+_AXIS_NUMBERS = direction_field(_AXIS_WORDS)
 
 
-def _parse_axis(node: Node) -> Vector:
+def _parse_axis(node: TreeNode) -> Vector:
     if isinstance(node.value, (list, tuple)):
         return _AXIS_NUMBERS.read(node)
     axis = AXES.get(node.value) if isinstance(node.value, str) else None
-    return axis or _AXIS.refuse(node, "not an axis", got=show(node.value))
+    return axis or _AXIS.reject(node, "not an axis")
 
 
-_AXIS: Kind[Vector] = Kind(_AXIS_WORDS, _parse_axis)
-_ANGLE = number(least=-MAX_ANGLE, most=MAX_ANGLE)
-_ELEVATION = number(least=-90, most=90)
+_AXIS = FieldType(_AXIS_WORDS, _parse_axis)
+_ANGLE = number_field(minimum=-MAX_ANGLE, maximum=MAX_ANGLE)
+_ELEVATION = number_field(minimum=-90, maximum=90)
 
-_KEY_FIELDS: Table = {
-    "frame": FRAME_NUMBER,
+_KEY_FIELDS: FieldTable = {
+    "frame": FRAME_NUMBER_FIELD,
     "azimuth": _ANGLE,
     "elevation": _ELEVATION,
-    "zoom": number(least=MIN_ZOOM, most=MAX_ZOOM),
+    "zoom": number_field(minimum=MIN_ZOOM, maximum=MAX_ZOOM),
 }
-_KEY = section(_KEY_FIELDS, lambda node, given: Keyframe(**given), required=("frame", "azimuth", "elevation"))
+_KEY = section_field(_KEY_FIELDS, lambda node, given: Keyframe(**given), required=("frame", "azimuth", "elevation"))
 
 _PATHS: dict[str, type[TurntablePath | RockerPath | KeyframePath]] = {
     "turntable": TurntablePath,
     "rocker": RockerPath,
     "keyframes": KeyframePath,
 }
-_COMMON: dict[str, Kind[Any]] = {"type": choice(*_PATHS), "frames": integer(least=1, most=MAX_FRAMES), "axis": _AXIS}
-_PATH_FIELDS: dict[str, dict[str, Kind[Any]]] = {
+_COMMON: dict[str, FieldType[Any]] = {
+    "type": choice_field(*_PATHS),
+    "frames": integer_field(minimum=1, maximum=MAX_FRAMES),
+    "axis": _AXIS,
+}
+_PATH_FIELDS: dict[str, dict[str, FieldType[Any]]] = {
     "turntable": _COMMON | {"start": _ANGLE, "elevation": _ELEVATION},
-    "rocker": _COMMON | {"swing": number(above=0, most=360), "start": _ANGLE, "elevation": _ELEVATION},
+    "rocker": _COMMON | {"swing": number_field(above=0, maximum=360), "start": _ANGLE, "elevation": _ELEVATION},
     "keyframes": _COMMON
     | {
-        "keys": sequence(_KEY, "a list of {frame: ..., azimuth: ..., elevation: ..., zoom: ...}, one or more"),
-        "loop": BOOLEAN,
-        "easing": choice("smooth", "linear"),
+        "keys": sequence_field(_KEY, "a list of {frame: ..., azimuth: ..., elevation: ..., zoom: ...}, one or more"),
+        "loop": BOOLEAN_FIELD,
+        "easing": choice_field("smooth", "linear"),
     },
 }
 # What to say about a key of another type of path.
 _OWNERS = {
-    key: f"{key} belongs to type: {listed(name for name, table in _PATH_FIELDS.items() if key in table)}"
+    key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"
     for key in set().union(*_PATH_FIELDS.values())
 }
 
 
-def _parse_path(node: Node) -> Any:
+def _parse_path(node: TreeNode) -> Any:
     if not isinstance(node.value, Mapping):
-        return _PATH.refuse(node, "not a mapping", got=show(node.value))
+        return _PATH.reject(node, "not a mapping")
     if "type" not in node.value:
-        return _COMMON["type"].refuse(node.child("type"), "missing")
+        return _COMMON["type"].reject(node.child("type"), "missing")
     name = _COMMON["type"].read(node.child("type", node.value["type"]))
     if name is INVALID:  # which keys are legal depends on it
         return INVALID
     required = ("frames", "keys") if name == "keyframes" else ("frames",)
-    given = fields(node, _PATH_FIELDS[name], required=required, elsewhere=_OWNERS)
+    given = read_fields(node, _PATH_FIELDS[name], required=required, misplaced_hints=_OWNERS)
     if name == "keyframes":
         _check_keys(node.child("keys"), given["keys"], given["frames"])
     return _PATHS[name](**{key: value for key, value in given.items() if key != "type"})
 
 
-def _check_keys(node: Node, keys: Any, num_frames: Any) -> None:
+def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
     """Keyframes must ascend and lie in the path."""
     frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
     for index, frame in enumerate(frames):
         if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
-            node.child(index).child("frame").complain(
-                "after the last frame", got=show(frame), expected=f"a frame from 0 to {num_frames - 1}"
+            node.child(index).child("frame").add_problem(
+                "after the last frame", got=format_value(frame), expected=f"a frame from 0 to {num_frames - 1}"
             )
     for index, (before, frame) in enumerate(pairwise(frames), start=1):
         if isinstance(frame, int) and isinstance(before, int) and frame <= before:
-            node.child(index).child("frame").complain(
-                "keys out of order", got=show(frame), expected=f"a frame after {before}, that of the key before"
+            node.child(index).child("frame").add_problem(
+                "keys out of order", got=format_value(frame), expected=f"a frame after {before}, that of the key before"
             )
 
 
-_PATH: Kind[Any] = Kind(f"a mapping with type: {listed(_PATHS)}, and frames", _parse_path)
+_PATH = FieldType(f"a mapping with type: {join_words(_PATHS)}, and frames", _parse_path)
 
 _TARGET_WORDS = "[x, y, z] in world units, or visible"
-_TARGET_NUMBERS = sequence(COORDINATE, _TARGET_WORDS, count=3)
-_TARGET: Kind[Any] = Kind(
-    _TARGET_WORDS, lambda node: "visible" if node.value == "visible" else _TARGET_NUMBERS.read(node)
-)
+_TARGET_NUMBERS = sequence_field(COORDINATE_FIELD, _TARGET_WORDS, count=3)
+_TARGET = FieldType(_TARGET_WORDS, lambda node: "visible" if node.value == "visible" else _TARGET_NUMBERS.read(node))
 
-_FIELDS: Table = {
-    "projection": choice("perspective", "orthographic"),
-    "field_of_view": number(least=MIN_FIELD_OF_VIEW, most=MAX_FIELD_OF_VIEW),
+_FIELDS: FieldTable = {
+    "projection": choice_field("perspective", "orthographic"),
+    "field_of_view": number_field(minimum=MIN_FIELD_OF_VIEW, maximum=MAX_FIELD_OF_VIEW),
     "target": _TARGET,
-    "distance": LENGTH,
-    "near": number(least=0, most=MAX_WORLD_LENGTH),
+    "distance": LENGTH_FIELD,
+    "near": number_field(minimum=0, maximum=MAX_WORLD_LENGTH),
     "path": _PATH,
 }
 
-CAMERA = section(_FIELDS, lambda node, given: CameraSpec(**given), required=("path",))
+CAMERA_SECTION = section_field(_FIELDS, lambda node, given: CameraSpec(**given), required=("path",))

@@ -7,8 +7,18 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-from renderer.scene.parse_camera import FRAME_NUMBER
-from renderer.scene.schema import INVALID, Kind, Node, choice, integer, listed, number, section, show
+from renderer.scene.parse_camera import FRAME_NUMBER_FIELD
+from renderer.scene.schema import (
+    INVALID,
+    FieldType,
+    TreeNode,
+    choice_field,
+    format_value,
+    integer_field,
+    join_words,
+    number_field,
+    section_field,
+)
 from renderer.scene.spec import MIN_TOLERANCE, AccuracyGoal, ByFrame, ErrorSpec, SplatBudget, TimeBudget
 
 # Cells of this level would be wider than any volume is long: indices of voxels along an axis are int32.
@@ -23,111 +33,115 @@ MIN_SECONDS, LONGEST_S = 1e-4, 86400.0
 MAX_PSNR_DB = 200.0
 
 
-def _by_frame(value: Kind[Any], example: str, at_frame: Kind[Any] | None = None) -> Kind[ByFrame]:
+def _by_frame(value: FieldType[Any], example: str, at_frame: FieldType[Any] | None = None) -> FieldType[ByFrame]:
     """A constant, or values by frame in ascending order."""
     item = at_frame or value
 
-    def parse(node: Node) -> ByFrame:
+    def parse(node: TreeNode) -> ByFrame:
         if not isinstance(node.value, Mapping):
             return ((0, value.read(node)),)
         if not node.value:
-            return kind.refuse(node, "empty")
+            return kind.reject(node, "empty", got="")
         found: list[tuple[int, float]] = []
         for key, written in node.value.items():
-            frame = FRAME_NUMBER.read(node.key(key))  # text, too: JSON has no other keys
+            frame = FRAME_NUMBER_FIELD.read(node.key(key))  # text, too: JSON has no other keys
             at = item.read(node.child(key, written))
             if frame is not INVALID:
                 _require_ascending(node.key(key), frame, found)
                 found.append((frame, at))
         return tuple(found) or INVALID
 
-    kind: Kind[ByFrame] = Kind(f"{value.expected}, or by frame, such as {example}", parse)
+    kind: FieldType[ByFrame] = FieldType(f"{value.expected}, or by frame, such as {example}", parse)
     return kind
 
 
-def _require_ascending(key: Node, frame: int, found: list[tuple[int, float]]) -> None:
+def _require_ascending(key: TreeNode, frame: int, found: list[tuple[int, float]]) -> None:
     last = found[-1][0] if found else -1
     if frame == last:
-        key.complain("the same frame twice", got=show(frame))
+        key.add_problem("the same frame twice", got=format_value(frame))
     elif frame < last:
-        key.complain("frames out of order", got=f"{frame} after {last}", expected="frames in ascending order")
+        key.add_problem("frames out of order", got=f"{frame} after {last}", expected="frames in ascending order")
 
 
-def _not_zero(kind: Kind[Any], what: str, hint: str) -> Kind[Any]:
+def _not_zero(kind: FieldType[Any], what: str, hint: str) -> FieldType[Any]:
     """The same kind, none of which is 0, with a hint to who writes it nevertheless."""
 
-    def parse(node: Node) -> Any:
+    def parse(node: TreeNode) -> Any:
         if node.value == 0 and node.value is not False:
-            return kind.refuse(node, what, got=show(node.value), hint=hint)
+            return kind.reject(node, what, hint=hint)
         return kind.parse(node)
 
     return replace(kind, parse=parse)
 
 
-def _parse_tolerance(node: Node) -> ByFrame:
+def _parse_tolerance(node: TreeNode) -> ByFrame:
     by_frame = _TOLERANCES.read(node)
     if isinstance(node.value, Mapping) and by_frame is not INVALID:
         for (start, before), (end, after) in pairwise(by_frame):
             if INVALID not in (before, after) and (before == 0) != (after == 0) and end - start > 1:
-                node.child(start if before == 0 else end).complain(
+                node.child(start if before == 0 else end).add_problem(
                     "0 in a tolerance by frame, with frames between it and another",
-                    got=show({start: before, end: after}),
+                    got=format_value({start: before, end: after}),
                     expected="a number greater than 0",
                     hint="it is interpolated in the logarithm; "
-                    f"{show({start: before, end - 1: before, end: after})} goes from one to the other at once",
+                    f"{format_value({start: before, end - 1: before, end: after})} goes from one to the other at once",
                 )
     return by_frame
 
 
-def _parse_tolerance_at_frame(node: Node) -> float:
+def _parse_tolerance_at_frame(node: TreeNode) -> float:
     value = _TOLERANCE.read(node)
     if value is not INVALID and 0 < value < MIN_TOLERANCE:
-        return _AT_FRAME.refuse(node, "out of range", got=show(node.value))
+        return _AT_FRAME.reject(node, "out of range")
     return value
 
 
-_TOLERANCE = number(least=0)
-_AT_FRAME: Kind[float] = Kind(f"0, or a number of at least {show(MIN_TOLERANCE)}", _parse_tolerance_at_frame)
+_TOLERANCE = number_field(minimum=0)
+_AT_FRAME = FieldType(f"0, or a number of at least {format_value(MIN_TOLERANCE)}", _parse_tolerance_at_frame)
 _TOLERANCES = _by_frame(_TOLERANCE, "{0: 0.5, 60: 0.02}", _AT_FRAME)
 _NUM_SPLATS = _not_zero(
-    integer(least=1, most=MAX_SPLATS), "a budget of 0", "1 is the whole volume as one splat; tolerance: 0 has no limit"
+    integer_field(minimum=1, maximum=MAX_SPLATS),
+    "a budget of 0",
+    "1 is the whole volume as one splat; tolerance: 0 has no limit",
 )
 _SECONDS = _not_zero(
-    number(least=MIN_SECONDS, most=LONGEST_S),
+    number_field(minimum=MIN_SECONDS, maximum=LONGEST_S),
     "a budget of 0",
     "it is the time for each frame; the quickest is splats: 1",
 )
 
 # What an `error` may have one of.
-_SCHEDULES: dict[str, Kind[Any]] = {
+_SCHEDULES: dict[str, FieldType[Any]] = {
     "tolerance": replace(_TOLERANCES, parse=_parse_tolerance),
     "splats": _by_frame(_NUM_SPLATS, "{0: 1000, 60: 100000}"),
     "seconds": _by_frame(_SECONDS, "{0: 0.1, 60: 2}"),
     "psnr": _not_zero(
-        number(above=0, most=MAX_PSNR_DB),
+        number_field(above=0, maximum=MAX_PSNR_DB),
         "an accuracy of 0",
         "it is in decibels, the more the better: at 30 flaws are seen, at 40 hardly any",
     ),
     "rmse": _not_zero(
-        number(above=0, most=1), "an accuracy of 0", "nothing is as exact as that; tolerance: 0 draws every voxel"
+        number_field(above=0, maximum=1),
+        "an accuracy of 0",
+        "nothing is as exact as that; tolerance: 0 draws every voxel",
     ),
 }
 
 
-def _build_error(node: Node, given: dict[str, Any]) -> ErrorSpec:
+def _build_error(node: TreeNode, given: dict[str, Any]) -> ErrorSpec:
     if given.get("of") == "scalar" and given.get("measure", ErrorSpec.measure) == "optical":
-        node.child("of").complain(
+        node.child("of").add_problem(
             "contradicts measure: optical",
-            got=show("scalar"),
+            got=format_value("scalar"),
             expected="classified",
             hint="the error of the scalar needs measure: rms",
         )
     written = node.value if isinstance(node.value, Mapping) else {}
     schedules = [key for key in given if key in _SCHEDULES and key in written]  # misspelt ones are given, too
     for other in schedules[1:]:
-        node.key(other).complain(
+        node.key(other).add_problem(
             f"a second schedule beside {schedules[0]}",
-            expected=f"one of {listed(_SCHEDULES)}",
+            expected=f"one of {join_words(_SCHEDULES)}",
             hint=f"leave one out, as --set error.{schedules[0]}=null does",
         )
     rest = {key: value for key, value in given.items() if key not in _SCHEDULES}
@@ -144,18 +158,18 @@ def _schedule(given: dict[str, Any], name: str = "") -> dict[str, Any]:
     return {"goal": SplatBudget(value) if name == "splats" else TimeBudget(value)}
 
 
-ERROR = section(
+ERROR_SECTION = section_field(
     _SCHEDULES
     | {
-        "measure": choice("optical", "rms"),
-        "of": choice("classified", "scalar"),
-        "finest_level": integer(least=0, most=MAX_LEVEL),
+        "measure": choice_field("optical", "rms"),
+        "of": choice_field("classified", "scalar"),
+        "finest_level": integer_field(minimum=0, maximum=MAX_LEVEL),
     },
     _build_error,
 )
 
 
-def check_scheduled_frames(node: Node, given: Mapping[str, Any]) -> None:
+def check_scheduled_frames(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Complain about scheduled frames that the camera's path does not have; `given` is of the whole scene."""
     num_frames = getattr(getattr(given["camera"], "path", None), "frames", None)
     error = given.get("error")
@@ -165,6 +179,6 @@ def check_scheduled_frames(node: Node, given: Mapping[str, Any]) -> None:
     by_frame = getattr(error.goal, "by_frame", error.tolerance)
     for frame, _ in by_frame if isinstance(by_frame, tuple) else ():
         if frame >= num_frames:
-            node.child(name).key(frame).complain(
-                "after the last frame", got=show(frame), expected=f"a frame from 0 to {num_frames - 1}"
+            node.child(name).key(frame).add_problem(
+                "after the last frame", got=format_value(frame), expected=f"a frame from 0 to {num_frames - 1}"
             )

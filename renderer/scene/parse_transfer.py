@@ -9,16 +9,16 @@ from typing import Any
 from renderer.scene.colormaps import is_colormap, nearest_colormap
 from renderer.scene.schema import (
     INVALID,
-    LENGTH,
-    Kind,
-    Node,
-    Table,
+    LENGTH_FIELD,
+    FieldTable,
+    FieldType,
+    TreeNode,
     did_you_mean,
-    known,
-    number,
-    section,
-    sequence,
-    show,
+    format_value,
+    number_field,
+    section_field,
+    sequence_field,
+    valid_keys,
 )
 from renderer.scene.spec import Color, ColormapSpec, ControlPoint, TransferSpec
 
@@ -46,108 +46,108 @@ COLOR_NAMES = {
 }
 
 _HEX = re.compile(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
-_PART = number(least=0, most=1)
+_PART = number_field(minimum=0, maximum=1)
 
 
-def _parse_color(node: Node) -> Color:
+def _parse_color(node: TreeNode) -> Color:
     if isinstance(node.value, (list, tuple)):
         return _parse_rgb(node)
     if not isinstance(node.value, str):
-        return COLOR.refuse(node, "not a color", got=show(node.value))
+        return COLOR_FIELD.reject(node, "not a color")
     text = COLOR_NAMES.get(node.value.lower(), node.value)
     if not _HEX.fullmatch(text):
-        return COLOR.refuse(node, "not a color", got=show(node.value), hint=did_you_mean(text.lower(), COLOR_NAMES))
+        return COLOR_FIELD.reject(
+            node, "not a color", got=format_value(node.value), hint=did_you_mean(text.lower(), COLOR_NAMES)
+        )
     digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
     red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
     return red, green, blue
 
 
-def _parse_rgb(node: Node) -> Color:
+def _parse_rgb(node: TreeNode) -> Color:
     parts = node.value if isinstance(node.value, (list, tuple)) else ()
     if len(parts) == 3 and all(isinstance(part, int) for part in parts) and 1 < max(parts) <= 255 and min(parts) >= 0:
         hint = f'write it as "#{parts[0]:02x}{parts[1]:02x}{parts[2]:02x}"'
-        return COLOR.refuse(node, "not a color", got=show(node.value), hint=hint)
-    return sequence(_PART, COLOR.expected, count=3).read(node)  # type: ignore[return-value]  # three, or INVALID
+        return COLOR_FIELD.reject(node, "not a color", hint=hint)
+    return sequence_field(_PART, COLOR_FIELD.expected, count=3).read(node)  # type: ignore[return-value]  # three, or INVALID
 
 
-COLOR: Kind[Color] = Kind(
+COLOR_FIELD = FieldType(
     'a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white',
     _parse_color,
     'a color that begins with # needs quotes: "#ff8800"',
 )
 
 
-def _parse_colormap(node: Node) -> str:
+def _parse_colormap(node: TreeNode) -> str:
     if not isinstance(node.value, str):
-        return _COLORMAP.refuse(node, "not the name of a colormap", got=show(node.value))
+        return _COLORMAP.reject(node, "not the name of a colormap")
     if not is_colormap(node.value):
         close = nearest_colormap(node.value)
         hint = f"did you mean {close}?" if close else None
-        return _COLORMAP.refuse(node, "unknown colormap", got=show(node.value), hint=hint)
+        return _COLORMAP.reject(node, "unknown colormap", hint=hint)
     return node.value
 
 
-_COLORMAP: Kind[str] = Kind("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
+_COLORMAP = FieldType("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
 
-_POINT_FIELDS: Table = {"value": number(), "color": COLOR, "opacity": _PART}
-_POINT = section(_POINT_FIELDS, lambda node, given: ControlPoint(**given), required=tuple(_POINT_FIELDS))
-_VALUE_RANGE = sequence(number(), "[low, high]: two numbers, low less than high", count=2)
+_POINT_FIELDS: FieldTable = {"value": number_field(), "color": COLOR_FIELD, "opacity": _PART}
+_POINT = section_field(_POINT_FIELDS, lambda node, given: ControlPoint(**given), required=tuple(_POINT_FIELDS))
+_VALUE_RANGE = sequence_field(number_field(), "[low, high]: two numbers, low less than high", count=2)
 
 
-def _parse_opacity_point(node: Node) -> tuple[float, float]:
+def _parse_opacity_point(node: TreeNode) -> tuple[float, float]:
     if not isinstance(node.value, (list, tuple)) or len(node.value) != 2:
-        return _OPACITY_POINT.refuse(node, "not a pair", got=show(node.value))
+        return _OPACITY_POINT.reject(node, "not a pair")
     value, opacity = node.value
-    return number().read(node.child(0, value)), _PART.read(node.child(1, opacity))
+    return number_field().read(node.child(0, value)), _PART.read(node.child(1, opacity))
 
 
-_OPACITY_POINT: Kind[tuple[float, float]] = Kind(
-    "[value, opacity]: a number, and a number from 0 to 1", _parse_opacity_point
-)
+_OPACITY_POINT = FieldType("[value, opacity]: a number, and a number from 0 to 1", _parse_opacity_point)
 
 
-_FIELDS: Table = {
-    "unit": LENGTH,
-    "points": sequence(_POINT, "a list of {value: ..., color: ..., opacity: ...}, one or more"),
+_FIELDS: FieldTable = {
+    "unit": LENGTH_FIELD,
+    "points": sequence_field(_POINT, "a list of {value: ..., color: ..., opacity: ...}, one or more"),
     "colormap": _COLORMAP,
     "range": _VALUE_RANGE,
-    "opacity": sequence(_OPACITY_POINT, "a list of [value, opacity], one or more"),
+    "opacity": sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
 }
 _COLORMAP_KEYS = ("colormap", "range", "opacity")
 
 
-def _build_transfer(node: Node, given: dict[str, Any]) -> TransferSpec:
+def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
     of_colormap = [key for key in _COLORMAP_KEYS if key in given]
     if "points" in given:
-        for key in known(given, *_COLORMAP_KEYS):
+        for key in valid_keys(given, *_COLORMAP_KEYS):
             expected = "either points, or colormap with range and opacity"
-            node.key(key).complain(f"contradicts {node.path}.points", expected=expected)
+            node.key(key).add_problem(f"contradicts {node.path}.points", expected=expected)
         points = given["points"] if isinstance(given["points"], tuple) else ()
         _check_points(node.child("points"), points)
         return TransferSpec(points, unit)
     if not of_colormap:
-        node.complain("no colors and opacities", expected="points, or colormap with range and opacity")
+        node.add_problem("no colors and opacities", expected="points, or colormap with range and opacity")
         return TransferSpec((), unit)
     for key in _COLORMAP_KEYS:
         if key not in given:
             hint = "`hsplat info` shows the values of a volume" if key == "range" else None
-            _FIELDS[key].refuse(node.child(key), "missing", hint=hint)
+            _FIELDS[key].reject(node.child(key), "missing", hint=hint)
     _check_colormap(node, given)
     name, value_range, opacity = (given.get(key, INVALID) for key in _COLORMAP_KEYS)
     return TransferSpec(ColormapSpec(name, value_range, opacity), unit)
 
 
-def _check_points(node: Node, points: tuple[Any, ...]) -> None:
+def _check_points(node: TreeNode, points: tuple[Any, ...]) -> None:
     _check_order(node, [getattr(point, "value", INVALID) for point in points], "value")
     _check_visible(node, [getattr(point, "opacity", INVALID) for point in points])
 
 
-def _check_colormap(node: Node, given: dict[str, Any]) -> None:
+def _check_colormap(node: TreeNode, given: dict[str, Any]) -> None:
     low_high = given.get("range", INVALID)
     if isinstance(low_high, tuple) and INVALID not in low_high and low_high[0] >= low_high[1]:
         hint = "append _r to the name to reverse a colormap" if low_high[0] > low_high[1] else None
-        _VALUE_RANGE.refuse(node.child("range"), "not ascending", got=show(low_high), hint=hint)
+        _VALUE_RANGE.reject(node.child("range"), "not ascending", got=format_value(low_high), hint=hint)
     pairs = given.get("opacity", INVALID)
     if isinstance(pairs, tuple):
         place = node.child("opacity")
@@ -155,23 +155,25 @@ def _check_colormap(node: Node, given: dict[str, Any]) -> None:
         _check_visible(place, [pair[1] if isinstance(pair, tuple) else INVALID for pair in pairs])
 
 
-def _check_order(node: Node, values: list[Any], key: object) -> None:
+def _check_order(node: TreeNode, values: list[Any], key: object) -> None:
     """Values must not descend; two equal ones are a step, and three have a middle that nothing can reach."""
     for index, (before, value) in enumerate(pairwise(values), start=1):
         if INVALID in (before, value):
             continue
         place = node.child(index).child(key)
         if value < before:
-            place.complain(
-                "points out of order", got=show(value), expected=f"at least {show(before)}, as in the point before"
+            place.add_problem(
+                "points out of order",
+                got=format_value(value),
+                expected=f"at least {format_value(before)}, as in the point before",
             )
         elif value == before and index > 1 and values[index - 2] == value:
-            place.complain("a third point at the same value", got=show(value), hint="two points make a step")
+            place.add_problem("a third point at the same value", got=format_value(value), hint="two points make a step")
 
 
-def _check_visible(node: Node, opacities: list[Any]) -> None:
+def _check_visible(node: TreeNode, opacities: list[Any]) -> None:
     if opacities and all(opacity == 0 for opacity in opacities):
-        node.complain("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
+        node.add_problem("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
 
 
-TRANSFER_FUNCTION = section(_FIELDS, _build_transfer)
+TRANSFER_FUNCTION_SECTION = section_field(_FIELDS, _build_transfer)

@@ -8,19 +8,19 @@ from typing import Any
 
 from renderer.scene.schema import (
     INVALID,
-    LENGTH,
+    LENGTH_FIELD,
     TILDE_HINT,
-    Kind,
-    Node,
-    Table,
-    choice,
+    FieldTable,
+    FieldType,
+    TreeNode,
+    choice_field,
     did_you_mean,
-    integer,
-    known,
-    number,
-    section,
-    sequence,
-    show,
+    format_value,
+    integer_field,
+    number_field,
+    section_field,
+    sequence_field,
+    valid_keys,
 )
 from renderer.scene.spec import (
     MAX_WORLD_LENGTH,
@@ -66,79 +66,81 @@ MAX_VOXELS = 2**36
 _NONFINITE_WORDS = ("error", "lowest")
 
 
-def _parse_nonfinite(node: Node) -> Any:
+def _parse_nonfinite(node: TreeNode) -> Any:
     if isinstance(node.value, str) and node.value in _NONFINITE_WORDS:
         return node.value
-    value = number().parse(Node(node.value, node.path, problems=[]))
+    value = number_field().parse(TreeNode(node.value, node.path, problems=[]))
     if value is INVALID:
         hint = did_you_mean(node.value, _NONFINITE_WORDS)
-        return _NONFINITE.refuse(node, "unknown value", got=show(node.value), hint=hint)
+        return _NONFINITE.reject(node, "unknown value", hint=hint)
     return value
 
 
-_NONFINITE: Kind[Any] = Kind("error, lowest or a finite number", _parse_nonfinite)
+_NONFINITE = FieldType("error, lowest or a finite number", _parse_nonfinite)
 
 _HEADERLESS = (".raw", ".bin", ".dat")
 
 
-def _triple(item: Kind[Any], words: str) -> Kind[Any]:
-    return sequence(item, f"[x, y, z]: {words}", count=3)
+def _triple(item: FieldType[Any], words: str) -> FieldType[Any]:
+    return sequence_field(item, f"[x, y, z]: {words}", count=3)
 
 
-_SHAPE = _triple(integer(least=1, most=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
-_SPACING = _triple(LENGTH, f"three lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}")
-_SUBSET_INDEX = integer(least=0, most=10**6)  # a time step or a component, counted from 0
-_CROP = sequence(
-    sequence(integer(least=0, most=MAX_AXIS), "[first, end]: whole numbers with first less than end", count=2),
+_SHAPE = _triple(integer_field(minimum=1, maximum=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
+_SPACING = _triple(LENGTH_FIELD, f"three lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}")
+_SUBSET_INDEX = integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+_CROP = sequence_field(
+    sequence_field(
+        integer_field(minimum=0, maximum=MAX_AXIS), "[first, end]: whole numbers with first less than end", count=2
+    ),
     "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last",
     count=3,
 )
 
 
-def volume_field_type(base: Path) -> Kind[VolumeSpec]:
+def volume_field_type(base: Path) -> FieldType[VolumeSpec]:
     """The kind of `volume`; its files are relative to the folder `base`."""
-    raw: Table = {
+    raw: FieldTable = {
         "file": _file_field_type(base, folder=False),
         "shape": _SHAPE,
-        "dtype": choice(*ITEM_SIZES, instead=_ALIASES),
-        "byte_order": choice("little", "big"),
+        "dtype": choice_field(*ITEM_SIZES, aliases=_ALIASES),
+        "byte_order": choice_field("little", "big"),
         "spacing": _SPACING,
-        "offset": integer(least=0, most=2**40),
+        "offset": integer_field(minimum=0, maximum=2**40),
     }
-    procedural: Table = {
-        "name": choice(*PROCEDURAL_NAMES),
+    procedural: FieldTable = {
+        "name": choice_field(*PROCEDURAL_NAMES),
         "shape": _SHAPE,
-        "seed": integer(least=0, most=2**32 - 1),
+        "seed": integer_field(minimum=0, maximum=2**32 - 1),
         "spacing": _SPACING,
     }
-    table: Table = {
+    table: FieldTable = {
         "file": _file_field_type(base, folder=True),
-        "raw": section(raw, _build_raw, required=("file", "shape", "dtype")),
-        "procedural": section(procedural, _build_procedural, required=("name", "shape")),
+        "raw": section_field(raw, _build_raw, required=("file", "shape", "dtype")),
+        "procedural": section_field(procedural, _build_procedural, required=("name", "shape")),
         "spacing": _SPACING,
         "time": _SUBSET_INDEX,
         "component": _SUBSET_INDEX,
         "crop": _CROP,
         "nonfinite": _NONFINITE,
     }
-    return section(table, _build_volume)
+    return section_field(table, _build_volume)
 
 
-def _build_volume(node: Node, given: dict[str, Any]) -> VolumeSpec:
+def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
     sources = [key for key in ("file", "raw", "procedural") if key in given]
     if not sources:
-        node.complain("no voxels", expected="one of file, raw and procedural")
+        node.add_problem("no voxels", expected="one of file, raw and procedural")
     for extra in sources[1:]:
-        node.key(extra).complain(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
+        node.key(extra).add_problem(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
     own = given.get("raw", given.get("procedural"))
     source = FileSource(given["file"], given.get("spacing")) if "file" in given else own
     rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
     if isinstance(source, (RawSource, ProceduralSource)):
         if "spacing" in given:
             what, place = f"a {sources[0]} volume says its spacing itself", f"{node.path}.{sources[0]}.spacing"
-            node.key("spacing").complain(what, hint=f"give {place} instead")
-        for key in known(given, "time", "component"):
-            node.key(key).complain(
+            node.key("spacing").add_problem(what, hint=f"give {place} instead")
+        for key in valid_keys(given, "time", "component"):
+            node.key(key).add_problem(
                 f"a {sources[0]} volume has neither time steps nor components", hint="remove the key"
             )
     if "crop" in given:
@@ -146,21 +148,21 @@ def _build_volume(node: Node, given: dict[str, Any]) -> VolumeSpec:
     return VolumeSpec(source=source, **rest)  # type: ignore[arg-type]  # an INVALID source never leaves parse_scene
 
 
-def _build_procedural(node: Node, given: dict[str, Any]) -> ProceduralSource:
-    if known(given, "shape"):
+def _build_procedural(node: TreeNode, given: dict[str, Any]) -> ProceduralSource:
+    if valid_keys(given, "shape"):
         _check_total(node.child("shape"), given["shape"])
     return ProceduralSource(**given)
 
 
-def _build_raw(node: Node, given: dict[str, Any]) -> RawSource:
-    if not (known(given, "shape") and _check_total(node.child("shape"), given["shape"])):
+def _build_raw(node: TreeNode, given: dict[str, Any]) -> RawSource:
+    if not (valid_keys(given, "shape") and _check_total(node.child("shape"), given["shape"])):
         return RawSource(**given)
-    if len(known(given, "file", "dtype")) == 2 and isinstance(given.get("offset", 0), int):
+    if len(valid_keys(given, "file", "dtype")) == 2 and isinstance(given.get("offset", 0), int):
         shape, offset = given["shape"], given.get("offset", 0)
         expected = offset + math.prod(shape) * ITEM_SIZES[given["dtype"]]
         found = given["file"].stat().st_size
         if found != expected:
-            node.child("file").complain(
+            node.child("file").add_problem(
                 "wrong size",
                 got=f"{found} bytes",
                 expected=f"{expected} bytes: {' x '.join(map(str, shape))} voxels of {given['dtype']}"
@@ -172,17 +174,17 @@ def _build_raw(node: Node, given: dict[str, Any]) -> RawSource:
     return RawSource(**given)
 
 
-def _check_total(node: Node, shape: tuple[Any, ...]) -> bool:
+def _check_total(node: TreeNode, shape: tuple[Any, ...]) -> bool:
     """Whether these are three axis lengths that make a volume of legal size."""
     if not all(isinstance(length, int) for length in shape):
         return False
     total: int = math.prod(shape)
     if total > MAX_VOXELS:
-        node.complain("too many voxels", got=f"{total}", expected=f"at most {MAX_VOXELS} (4096 x 4096 x 4096)")
+        node.add_problem("too many voxels", got=f"{total}", expected=f"at most {MAX_VOXELS} (4096 x 4096 x 4096)")
     return total <= MAX_VOXELS
 
 
-def _check_crop(node: Node, crop: Any, shape: Any) -> None:
+def _check_crop(node: TreeNode, crop: Any, shape: Any) -> None:
     """Ranges must hold a voxel and, where the volume's shape is known, lie in it."""
     for index, pair in enumerate(crop if isinstance(crop, tuple) else ()):
         if not (isinstance(pair, tuple) and all(isinstance(end, int) for end in pair)):
@@ -190,35 +192,39 @@ def _check_crop(node: Node, crop: Any, shape: Any) -> None:
         place = node.child(index)
         first, end = pair
         if first >= end:
-            place.complain("an empty range", got=show(pair), expected="[first, end] with first less than end")
+            place.add_problem(
+                "an empty range", got=format_value(pair), expected="[first, end] with first less than end"
+            )
         elif isinstance(shape, tuple) and isinstance(shape[index], int) and end > shape[index]:
-            place.complain("outside the volume", got=show(pair), expected=f"an end of at most {shape[index]}")
+            place.add_problem(
+                "outside the volume", got=format_value(pair), expected=f"an end of at most {shape[index]}"
+            )
 
 
-def _file_field_type(base: Path, *, folder: bool) -> Kind[Path]:
+def _file_field_type(base: Path, *, folder: bool) -> FieldType[Path]:
     """An existing file (or folder), relative to `base`."""
 
-    def parse(node: Node) -> Path:
+    def parse(node: TreeNode) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
-            return kind.refuse(node, "not a file name", got=show(node.value))
+            return kind.reject(node, "not a file name")
         path = base / node.value
         got = str(path) if str(path).isprintable() else repr(str(path))
         try:
             is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
         except OSError as error:  # a folder without permission, a name that is too long
-            return kind.refuse(node, f"cannot be read: {error.strerror}", got=show(str(path)))
+            return kind.reject(node, f"cannot be read: {error.strerror}", got=format_value(str(path)))
         if folder and is_file and path.suffix.lower() in _HEADERLESS:
             hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
-            return kind.refuse(node, "a file without a header", got=got, hint=hint)
+            return kind.reject(node, "a file without a header", got=got, hint=hint)
         if is_folder and not folder:
-            return kind.refuse(node, "a folder", got=got)
+            return kind.reject(node, "a folder", got=got)
         if is_file or is_folder:
             return path
         if is_other:
-            return kind.refuse(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
-        return kind.refuse(node, "no such file", got=got, hint=_missing_file_hint(path))
+            return kind.reject(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
+        return kind.reject(node, "no such file", got=got, hint=_missing_file_hint(path))
 
-    kind: Kind[Path] = Kind(_VOLUME_FILE_WORDS if folder else "a file of voxels without a header", parse)
+    kind: FieldType[Path] = FieldType(_VOLUME_FILE_WORDS if folder else "a file of voxels without a header", parse)
     return kind
 
 

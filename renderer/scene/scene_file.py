@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.scene.editor import Editor
+from renderer.scene.editor import SceneEditor
 from renderer.scene.input_file import MAX_SCENE_BYTES, read_content, reject_volume_header
-from renderer.scene.schema import show
+from renderer.scene.schema import format_value
 from renderer.scene.spec import Scene
 from renderer.scene.yaml_tree import parse_yaml_file
 
@@ -22,7 +22,7 @@ def load_scene(
     overrides: Sequence[str] = (),
     volume: Path | None = None,
     output: Path | None = None,
-    still: bool = False,
+    is_single_frame: bool = False,
 ) -> Scene:
     """The scene in the YAML file `path`.
 
@@ -33,16 +33,24 @@ def load_scene(
     volume: takes the place of the volume's source, and output that of the output file; both are relative to the
         current folder. Volume files in the scene are relative to the scene file, and its output file to the current
         folder.
-    still: one frame of the path is drawn.
+    is_single_frame: one frame of the path is drawn.
 
     Raises InputError where the file cannot be read, and SceneError with all the complaints about what is in it, in
     their order in the file, those about the command line last.
     """
-    return parse_scene_content(read_content(path), path, overrides=overrides, volume=volume, output=output, still=still)
+    return parse_scene_content(
+        read_content(path), path, overrides=overrides, volume=volume, output=output, is_single_frame=is_single_frame
+    )
 
 
 def parse_scene_content(
-    content: bytes, path: Path, *, overrides: Sequence[str], volume: Path | None, output: Path | None, still: bool
+    content: bytes,
+    path: Path,
+    *,
+    overrides: Sequence[str],
+    volume: Path | None,
+    output: Path | None,
+    is_single_frame: bool,
 ) -> Scene:
     """The scene in the content of the file `path`; as `load_scene`."""
     if len(content) > MAX_SCENE_BYTES:
@@ -50,9 +58,9 @@ def parse_scene_content(
     reject_volume_header(content, path)
     tree, lines = parse_yaml_file(content, path)
     if not isinstance(tree.data, dict):
-        got = "an empty file" if tree.data is None else show(tree.data)
+        got = "an empty file" if tree.data is None else format_value(tree.data)
         expected = "the keys volume, transfer_function, camera and output"
         raise InputError("not a scene", where=str(path), got=got, expected=expected)
-    editor = Editor(tree, path, lines)
+    editor = SceneEditor(tree, path, lines)
     editor.apply(overrides, volume, output)
-    return editor.parse(still=still)
+    return editor.parse(is_single_frame=is_single_frame)

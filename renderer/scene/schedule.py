@@ -15,10 +15,10 @@ from renderer.scene.spec import AccuracyGoal, ByFrame, ErrorSpec, Scene, TimeBud
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
     """The tolerance of a frame, of a schedule whose goal, if it had one, has been resolved."""
     assert error.goal is None, f"to be resolved first: {error.goal}"
-    return value_at(error.tolerance, frame)
+    return scheduled_value(error.tolerance, frame)
 
 
-def value_at(by_frame: ByFrame, frame: int) -> float:
+def scheduled_value(by_frame: ByFrame, frame: int) -> float:
     """The value at a frame: linear in its logarithm between the scheduled frames, constant before and after them.
 
     At a scheduled frame it is the scheduled number, bit for bit, and between two of them it never turns back.
@@ -45,7 +45,7 @@ def is_film_wide_goal(error: ErrorSpec) -> bool:
     return isinstance(error.goal, (AccuracyGoal, TimeBudget))
 
 
-def in_order(scene: Scene) -> Scene:
+def with_draw_order(scene: Scene) -> Scene:
     """The scene in the order in which it is drawn: a single one, `unmixed`, on a budget of time.
 
     A second drawing of some frames would take twice their time, or a far coarser cut, which flickers.
@@ -67,10 +67,10 @@ def with_tolerance(scene: Scene, tolerance: float) -> Scene:
 
 def with_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
     """The same film with these frames, in ascending order, at these tolerances, which need not be interpolated."""
-    return replace(scene, error=replace(scene.error, tolerance=through(tolerances), goal=None))
+    return replace(scene, error=replace(scene.error, tolerance=schedule_from_tolerances(tolerances), goal=None))
 
 
-def through(tolerances: Mapping[int, float]) -> ByFrame:
+def schedule_from_tolerances(tolerances: Mapping[int, float]) -> ByFrame:
     """A schedule that has, at these frames, in ascending order, these tolerances, bit for bit."""
     frames = list(tolerances)
     starts = frames[:1]

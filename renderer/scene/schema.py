@@ -34,14 +34,14 @@ _MAX_SHOWN = 60
 _MAX_KEY = 255  # as long as the name of a file can be
 
 
-def join(path: str, key: object) -> str:
+def join_keys(path: str, key: object) -> str:
     """The dotted path of what lies at `key` (a mapping's key or a list's index) below `path`."""
-    name = key if isinstance(key, str) and len(key) <= _MAX_KEY and key.isprintable() else show(key)
+    name = key if isinstance(key, str) and len(key) <= _MAX_KEY and key.isprintable() else format_value(key)
     return f"{path}.{name}" if path else name
 
 
 @dataclass(frozen=True)
-class Node:
+class TreeNode:
     """A value, its dotted path, and the list that collects the problems of the whole tree.
 
     With `is_key`, the value is the key itself that the path ends in, and so are the problems' causes.
@@ -52,15 +52,15 @@ class Node:
     problems: list[Problem]
     is_key: bool = False
 
-    def child(self, key: object, value: object = None) -> Node:
+    def child(self, key: object, value: object = None) -> TreeNode:
         """The value at `key` below this one."""
-        return Node(value, join(self.path, key), self.problems)
+        return TreeNode(value, join_keys(self.path, key), self.problems)
 
-    def key(self, key: object) -> Node:
+    def key(self, key: object) -> TreeNode:
         """The key `key` below this one, for complaints that it is there."""
-        return Node(key, join(self.path, key), self.problems, is_key=True)
+        return TreeNode(key, join_keys(self.path, key), self.problems, is_key=True)
 
-    def complain(
+    def add_problem(
         self,
         what: str,
         *,
@@ -73,35 +73,40 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Kind(Generic[T]):
+class FieldType(Generic[T]):
     """What is expected, in words that follow "expected:", and how it is read; `empty_hint` is a hint for no value."""
 
     expected: str
-    parse: Callable[[Node], T]
+    parse: Callable[[TreeNode], T]
     empty_hint: str | None = None
 
-    def read(self, node: Node) -> T:
+    def read(self, node: TreeNode) -> T:
         """The checked value, or INVALID."""
         if node.value is None:
-            return self.refuse(node, "no value", hint=self.empty_hint)
+            return self.reject(node, "no value", hint=self.empty_hint)
         return self.parse(node)
 
-    def refuse(
+    def reject(
         self,
-        node: Node,
+        node: TreeNode,
         what: str,
         *,
         got: str | None = None,
         expected: str | None = None,
         hint: str | None = None,
     ) -> T:
-        """Note that the value is not of this kind; returns INVALID, whatever the type says."""
-        node.complain(what, got=got, expected=expected or self.expected, hint=hint)
-        stand_in: T = INVALID
-        return stand_in
+        """Add a problem with a value that is not of this type, and return INVALID.
+
+        got: the value itself by default; empty to leave it out.
+        """
+        if got is None and node.value is not None:
+            got = format_value(node.value)
+        node.add_problem(what, got=got, expected=expected or self.expected, hint=hint)
+        invalid: T = INVALID
+        return invalid
 
 
-def show(value: object) -> str:
+def format_value(value: object) -> str:
     """A value as a user would write it, on one line and cut to a readable length."""
     text = _flow(value, depth=0)
     return text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
@@ -113,7 +118,7 @@ def _flow(value: object, depth: int) -> str:
     if depth == 3:
         return "..."
     if isinstance(value, Mapping):
-        pairs = [f"{join('', key)}: {_flow(item, depth + 1)}" for key, item in list(value.items())[:_MAX_SHOWN]]
+        pairs = [f"{join_keys('', key)}: {_flow(item, depth + 1)}" for key, item in list(value.items())[:_MAX_SHOWN]]
         return "{" + ", ".join(pairs) + "}"
     return "[" + ", ".join(_flow(item, depth + 1) for item in value[:_MAX_SHOWN]) + "]"
 
@@ -130,13 +135,13 @@ def _scalar(value: object) -> str:
     return repr(value[:_MAX_SHOWN] if isinstance(value, str) else value)
 
 
-Table = Mapping[str, Kind[Any]]
+FieldTable = Mapping[str, FieldType[Any]]
 
 
-def listed(names: Iterable[object], last: str = "or") -> str:
+def join_words(names: Iterable[object], last: str = "or") -> str:
     """`a, b or c`."""
-    *most, final = [str(name) for name in names]
-    return f"{', '.join(most)} {last} {final}" if most else final
+    *others, final = [str(name) for name in names]
+    return f"{', '.join(others)} {last} {final}" if others else final
 
 
 TILDE_HINT = "~ is not expanded: write the whole path"
@@ -156,43 +161,49 @@ def did_you_mean(name: object, names: Iterable[str]) -> str | None:
 # Scalars
 
 
-def number(
-    *, least: float | None = None, most: float | None = None, above: float | None = None, below: float | None = None
-) -> Kind[float]:
-    """A finite number in a range: `least` and `most` belong to it, `above` and `below` do not.
+def number_field(
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    above: float | None = None,
+    below: float | None = None,
+) -> FieldType[float]:
+    """A finite number in a range: `minimum` and `maximum` belong to it, `above` and `below` do not.
 
     Text that spells a number is taken as one, because YAML 1.1 reads `1e-3` as text.
     """
 
-    def parse(node: Node) -> float:
+    def parse(node: TreeNode) -> float:
         value = _as_float(node.value)
         if value is None:
-            return kind.refuse(node, "not a number", got=show(node.value), hint=_decimal_point_hint(node.value))
+            return kind.reject(node, "not a number", hint=_decimal_point_hint(node.value))
         if not math.isfinite(value):
-            return kind.refuse(node, "not a finite number", got=show(node.value))
+            return kind.reject(node, "not a finite number")
         if isinstance(node.value, str) and underflows(node.value):
             hint = "the smallest number above 0 is 5e-324; for zero write 0"
-            return kind.refuse(node, "too small a number to tell from 0", got=show(node.value), hint=hint)
-        if not _within(value, least, most, above, below):
-            return kind.refuse(node, "out of range", got=show(node.value))
+            return kind.reject(node, "too small a number to tell from 0", hint=hint)
+        if not _within(value, minimum, maximum, above, below):
+            return kind.reject(node, "out of range")
         return value
 
-    kind: Kind[float] = Kind("a number" + _range(least, most, above, below), parse)
+    kind: FieldType[float] = FieldType("a number" + _range(minimum, maximum, above, below), parse)
     return kind
 
 
-def integer(*, least: int, most: int) -> Kind[int]:
-    """A whole number from `least` to `most`; `1e3` and `120.0` are whole, and so is text that spells one."""
+def integer_field(*, minimum: int, maximum: int) -> FieldType[int]:
+    """A whole number from `minimum` to `maximum`; `1e3` and `120.0` are whole, and so is text that spells one."""
 
-    def parse(node: Node) -> int:
-        value = as_int(node.value)
+    def parse(node: TreeNode) -> int:
+        value = parse_whole_number(node.value)
         if value is None:
-            return kind.refuse(node, "not a whole number", got=show(node.value), hint=_decimal_point_hint(node.value))
-        if not _within(value, least, most, None, None):
-            return kind.refuse(node, "out of range", got=show(node.value))
+            return kind.reject(
+                node, "not a whole number", got=format_value(node.value), hint=_decimal_point_hint(node.value)
+            )
+        if not _within(value, minimum, maximum, None, None):
+            return kind.reject(node, "out of range")
         return value
 
-    kind: Kind[int] = Kind("a whole number" + _range(least, most, None, None), parse)
+    kind: FieldType[int] = FieldType("a whole number" + _range(minimum, maximum, None, None), parse)
     return kind
 
 
@@ -220,7 +231,7 @@ def _as_float(value: object) -> float | None:
         return math.inf
 
 
-def as_int(value: object) -> int | None:
+def parse_whole_number(value: object) -> int | None:
     """The whole number that a value is or, as text, spells; None for others."""
     if isinstance(value, int) and not isinstance(value, bool):
         return value
@@ -230,117 +241,119 @@ def as_int(value: object) -> int | None:
     return int(as_float)
 
 
-def _within(value: float, least: float | None, most: float | None, above: float | None, below: float | None) -> bool:
+def _within(
+    value: float, minimum: float | None, maximum: float | None, above: float | None, below: float | None
+) -> bool:
     return (
-        (least is None or value >= least)
-        and (most is None or value <= most)
+        (minimum is None or value >= minimum)
+        and (maximum is None or value <= maximum)
         and (above is None or value > above)
         and (below is None or value < below)
     )
 
 
-def _range(least: float | None, most: float | None, above: float | None, below: float | None) -> str:
-    if least is not None and most is not None:
-        return f" from {show(least)} to {show(most)}"
-    parts = (("of at least", least), ("greater than", above), ("less than", below), ("at most", most))
-    words = [f"{word} {show(bound)}" for word, bound in parts if bound is not None]
-    return f" {listed(words, 'and')}" if words else ""
+def _range(minimum: float | None, maximum: float | None, above: float | None, below: float | None) -> str:
+    if minimum is not None and maximum is not None:
+        return f" from {format_value(minimum)} to {format_value(maximum)}"
+    parts = (("of at least", minimum), ("greater than", above), ("less than", below), ("at most", maximum))
+    words = [f"{word} {format_value(bound)}" for word, bound in parts if bound is not None]
+    return f" {join_words(words, 'and')}" if words else ""
 
 
-LENGTH: Kind[float] = number(least=MIN_WORLD_LENGTH, most=MAX_WORLD_LENGTH)
-COORDINATE: Kind[float] = number(least=-MAX_WORLD_LENGTH, most=MAX_WORLD_LENGTH)
+LENGTH_FIELD: FieldType[float] = number_field(minimum=MIN_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
+COORDINATE_FIELD: FieldType[float] = number_field(minimum=-MAX_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
 
 
-def _parse_boolean(node: Node) -> bool:
+def _parse_boolean(node: TreeNode) -> bool:
     if isinstance(node.value, bool):
         return node.value
-    return BOOLEAN.refuse(node, "not true or false", got=show(node.value))
+    return BOOLEAN_FIELD.reject(node, "not true or false")
 
 
-BOOLEAN: Kind[bool] = Kind("true or false", _parse_boolean)
+BOOLEAN_FIELD = FieldType("true or false", _parse_boolean)
 
 
-def _parse_text(node: Node) -> str:
-    return node.value if isinstance(node.value, str) else TEXT.refuse(node, "not text", got=show(node.value))
+def _parse_text(node: TreeNode) -> str:
+    return node.value if isinstance(node.value, str) else TEXT_FIELD.reject(node, "not text")
 
 
-TEXT: Kind[str] = Kind("text", _parse_text)
+TEXT_FIELD = FieldType("text", _parse_text)
 
 
-def choice(*names: str, instead: Mapping[str, str] | None = None) -> Kind[Any]:
-    """One of `names`; `instead` maps other programs' words to ours for the hint."""
+def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> FieldType[Any]:
+    """One of `names`; `aliases` maps other programs' words to ours for the hint."""
 
-    def parse(node: Node) -> str:
+    def parse(node: TreeNode) -> str:
         if isinstance(node.value, str) and node.value in names:
             return node.value
-        meant = (instead or {}).get(node.value) if isinstance(node.value, str) else None
+        meant = (aliases or {}).get(node.value) if isinstance(node.value, str) else None
         hint = f"did you mean {meant}?" if meant else did_you_mean(node.value, names)
-        return kind.refuse(node, "unknown value", got=show(node.value), hint=hint)
+        return kind.reject(node, "unknown value", hint=hint)
 
-    kind: Kind[str] = Kind(listed(names), parse)
+    kind: FieldType[str] = FieldType(join_words(names), parse)
     return kind
 
 
 # Lists and mappings
 
 
-def _parse_mapping(node: Node) -> dict[str, Any]:
-    return node.value if isinstance(node.value, dict) else MAPPING.refuse(node, "not a mapping", got=show(node.value))
+def _parse_mapping(node: TreeNode) -> dict[str, Any]:
+    return node.value if isinstance(node.value, dict) else MAPPING_FIELD.reject(node, "not a mapping")
 
 
-MAPPING: Kind[dict[str, Any]] = Kind("a mapping", _parse_mapping)
+MAPPING_FIELD = FieldType("a mapping", _parse_mapping)
 
 
-def sequence(item: Kind[T], expected: str, *, count: int | None = None) -> Kind[tuple[T, ...]]:
+def sequence_field(item: FieldType[T], expected: str, *, count: int | None = None) -> FieldType[tuple[T, ...]]:
     """A list of `count` items, or of one or more; items that are wrong are INVALID."""
 
-    def parse(node: Node) -> tuple[T, ...]:
+    def parse(node: TreeNode) -> tuple[T, ...]:
         if not isinstance(node.value, (list, tuple)):
-            return kind.refuse(node, "not a list", got=show(node.value))
+            return kind.reject(node, "not a list")
         if len(node.value) != count if count else not node.value:
-            return kind.refuse(node, "wrong number of items", got=show(node.value))
+            return kind.reject(node, "wrong number of items")
         return tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
 
-    kind: Kind[tuple[T, ...]] = Kind(expected, parse)
+    kind: FieldType[tuple[T, ...]] = FieldType(expected, parse)
     return kind
 
 
-def section(
-    table: Table,
-    build: Callable[[Node, dict[str, Any]], T],
+def section_field(
+    table: FieldTable,
+    build: Callable[[TreeNode, dict[str, Any]], T],
     *,
     required: Collection[str] = (),
-    elsewhere: Mapping[str, str] | None = None,
-) -> Kind[T]:
+    misplaced_hints: Mapping[str, str] | None = None,
+) -> FieldType[T]:
     """A mapping with the keys of `table`; `build` makes the value from those that are given, checking them together.
 
-    elsewhere: as `fields` takes it.
+    misplaced_hints: as `fields` takes it.
     """
 
-    def read(node: Node) -> T:
-        return build(node, fields(node, table, required=required, elsewhere=elsewhere))
+    def read(node: TreeNode) -> T:
+        return build(node, read_fields(node, table, required=required, misplaced_hints=misplaced_hints))
 
-    return Kind(_mapping_with(table, required), read)
-
-
-def _mapping_with(table: Table, required: Collection[str]) -> str:
-    return f"a mapping with {listed(required, 'and') if required else listed(table)}"
+    return FieldType(_mapping_with(table, required), read)
 
 
-def fields(
-    node: Node,
-    table: Table,
+def _mapping_with(table: FieldTable, required: Collection[str]) -> str:
+    return f"a mapping with {join_words(required, 'and') if required else join_words(table)}"
+
+
+def read_fields(
+    node: TreeNode,
+    table: FieldTable,
     *,
     required: Collection[str] = (),
-    elsewhere: Mapping[str, str] | None = None,
+    misplaced_hints: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """The values of a mapping's known keys, complaining about unknown and missing ones.
 
     Optional keys that are not there are not in the result, so that defaults stay with the dataclass that has them.
-    `elsewhere` gives hints for keys that would be right in another place.
+    `misplaced_hints` gives hints for keys that would be right in another place.
     """
     if not isinstance(node.value, Mapping):
-        node.complain("not a mapping", got=show(node.value), expected=_mapping_with(table, required))
+        node.add_problem("not a mapping", got=format_value(node.value), expected=_mapping_with(table, required))
         return dict.fromkeys(table, INVALID)
     given: dict[str, Any] = {}
     for key, value in node.value.items():
@@ -348,20 +361,20 @@ def fields(
             given[key] = table[key].read(node.child(key, value))
             continue
         close = closest_match(key, table) if isinstance(key, str) else None
-        other_place = (elsewhere or {}).get(key) if isinstance(key, str) else None
+        other_place = (misplaced_hints or {}).get(key) if isinstance(key, str) else None
         hint = other_place or (f"did you mean {close}?" if close else None)
         if value is None and type(key) is int:  # as of {opacity: 0,5}
             hint = "decimals come after a point; in {...} and [...] a comma begins what comes next"
-        node.key(key).complain("unknown key", expected=listed(table), hint=hint)
+        node.key(key).add_problem("unknown key", expected=join_words(table), hint=hint)
         if close and close not in node.value:  # a misspelt key is not missing, too
             given[close] = INVALID
     for key in required:
         if key not in given:
-            table[key].refuse(node.child(key), "missing")
+            table[key].reject(node.child(key), "missing")
             given[key] = INVALID
     return given
 
 
-def known(given: Mapping[str, Any], *keys: str) -> list[str]:
+def valid_keys(given: Mapping[str, Any], *keys: str) -> list[str]:
     """Those of `keys` that were given and read without a complaint."""
     return [key for key in keys if given.get(key, INVALID) is not INVALID]

@@ -230,7 +230,7 @@ class SplatSpec:
     order: Literal["depth", "unmixed", "boxes"] = "depth"
 
     @property
-    def noun(self) -> str:
+    def primitive_name(self) -> str:
         """What is drawn, in the singular, for messages: a frame's `num_splats` and a cut's `num_cells` count them."""
         return "brick" if self.footprint == "integrated" else "splat"
 

@@ -15,8 +15,8 @@ from typing import Any
 import yaml
 
 from renderer.errors import InputError, Problem
-from renderer.scene.input_file import decode
-from renderer.scene.schema import join, show, underflows
+from renderer.scene.input_file import decode_utf8
+from renderer.scene.schema import format_value, join_keys, underflows
 
 # A scene has a few hundred values in three or four levels; what is far beyond that is a mistake or an attack.
 MAX_NODES = 20_000
@@ -28,7 +28,7 @@ _TAG = "tag:yaml.org,2002:"
 
 
 @dataclass(frozen=True, order=True)
-class Mark:
+class TextPosition:
     """A place in the text; line and column count from 1."""
 
     line: int
@@ -42,44 +42,44 @@ class SourceLocation:
     The item of a list has no key: both are where it begins. A mapping or list on lines of its own is found at its key.
     """
 
-    key: Mark
-    value: Mark
+    key: TextPosition
+    value: TextPosition
 
 
 @dataclass
-class Tree:
+class YamlTree:
     """Plain data, the places of its dotted paths, and the mistakes that did not keep it from being read."""
 
     data: Any = None
-    places: dict[str, SourceLocation] = field(default_factory=dict)
-    problems: list[tuple[Mark, Problem]] = field(default_factory=list)
+    locations: dict[str, SourceLocation] = field(default_factory=dict)
+    problems: list[tuple[TextPosition, Problem]] = field(default_factory=list)
 
 
 class NotYamlError(Exception):
     """The text cannot be read at all: what is wrong, where if that is known, and what to do about it."""
 
-    def __init__(self, what: str, mark: Mark | None = None, hint: str | None = None) -> None:
+    def __init__(self, what: str, mark: TextPosition | None = None, hint: str | None = None) -> None:
         self.what, self.mark, self.hint = what, mark, hint
         super().__init__(what)
 
 
-def parse_yaml_file(content: bytes, path: Path) -> tuple[Tree, list[str]]:
+def parse_yaml_file(content: bytes, path: Path) -> tuple[YamlTree, list[str]]:
     """The data in the content of a file, and its lines, for `excerpt`. Raises InputError."""
-    text = decode(content, path)
+    text = decode_utf8(content, path)
     lines = LINE_BREAK.split(text)
     try:
         return parse_yaml(text), lines
     except NotYamlError as error:
-        what = error.what + excerpt(lines, error.mark)
+        what = error.what + source_excerpt(lines, error.mark)
         raise InputError(what, where=format_location(path, error.mark), hint=error.hint) from error
 
 
-def format_location(path: Path, mark: Mark | None) -> str:
+def format_location(path: Path, mark: TextPosition | None) -> str:
     """`scene.yaml:14:13`; the file alone where no more is known."""
     return str(path) if mark is None else f"{path}:{mark.line}:{mark.column}"
 
 
-def excerpt(lines: Sequence[str], mark: Mark | None) -> str:
+def source_excerpt(lines: Sequence[str], mark: TextPosition | None) -> str:
     """A line of the file with a caret below the column, to be appended to a message."""
     if mark is None:
         return ""
@@ -93,9 +93,9 @@ def excerpt(lines: Sequence[str], mark: Mark | None) -> str:
 _MAX_LINE = 120
 
 
-def parse_yaml(text: str) -> Tree:
+def parse_yaml(text: str) -> YamlTree:
     """The data in `text`; None where there is nothing but comments. Raises NotYamlError."""
-    tree = Tree()
+    tree = YamlTree()
     try:
         node = yaml.compose(text, Loader=_Loader)
         if node is not None:
@@ -103,7 +103,7 @@ def parse_yaml(text: str) -> Tree:
     except yaml.reader.ReaderError as error:
         lines = LINE_BREAK.split(text[: error.position])
         what = f"not valid YAML: the character {error.character!r} may not be in it"
-        raise NotYamlError(what, Mark(len(lines), len(lines[-1]) + 1)) from error
+        raise NotYamlError(what, TextPosition(len(lines), len(lines[-1]) + 1)) from error
     except yaml.MarkedYAMLError as error:
         raise _plain_error(error, text) from error
     except (ValueError, OverflowError) as error:  # PyYAML lets that of chr() through
@@ -148,7 +148,7 @@ for _name, _pattern, _first in (
 class _Builder:
     """Turns nodes into data, following anchors as often as they are used but not without end."""
 
-    def __init__(self, tree: Tree) -> None:
+    def __init__(self, tree: YamlTree) -> None:
         self.tree = tree
         self.num_nodes = 0
 
@@ -160,14 +160,15 @@ class _Builder:
             raise _too_much(f"more than {MAX_DEPTH} levels", node.start_mark)
         at_key = _mark((key or node).start_mark)
         is_block = isinstance(node, yaml.CollectionNode) and not node.flow_style
-        self.tree.places[path] = SourceLocation(at_key, at_key if is_block else _mark(node.start_mark))
+        self.tree.locations[path] = SourceLocation(at_key, at_key if is_block else _mark(node.start_mark))
         if isinstance(node, yaml.CollectionNode) and node.tag not in (f"{_TAG}map", f"{_TAG}seq"):
             self._refuse_tag(node, path)
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path, depth)
         if isinstance(node, yaml.SequenceNode):
             return [
-                self.build(item, join(path, index), key=None, depth=depth + 1) for index, item in enumerate(node.value)
+                self.build(item, join_keys(path, index), key=None, depth=depth + 1)
+                for index, item in enumerate(node.value)
             ]
         return self._scalar(node, path)
 
@@ -180,7 +181,7 @@ class _Builder:
                 self._note(mark, Problem(path, "a key that is a list or a mapping", expected="text or a number"))
                 continue
             key = self._scalar(key_node, path)
-            place = join(path, key)
+            place = join_keys(path, key)
             if key in lines:
                 hint = f"it is in line {lines[key]}, too" if lines[key] != mark.line else None
                 self._note(mark, Problem(place, "the same key twice", hint=hint))
@@ -206,10 +207,10 @@ class _Builder:
         return text
 
     def _refuse_tag(self, node: yaml.Node, path: str) -> None:
-        problem = Problem(path, "tags are not used here", got=show(node.tag), hint="remove what begins with !")
+        problem = Problem(path, "tags are not used here", got=format_value(node.tag), hint="remove what begins with !")
         self._note(_mark(node.start_mark), problem)
 
-    def _note(self, mark: Mark, problem: Problem) -> None:
+    def _note(self, mark: TextPosition, problem: Problem) -> None:
         self.tree.problems.append((mark, problem))
 
 
@@ -220,8 +221,8 @@ def _integer(text: str) -> int | float:
         return float(text)
 
 
-def _mark(mark: yaml.Mark) -> Mark:
-    return Mark(mark.line + 1, mark.column + 1)
+def _mark(mark: yaml.Mark) -> TextPosition:
+    return TextPosition(mark.line + 1, mark.column + 1)
 
 
 def _too_many() -> yaml.MarkedYAMLError:
@@ -274,7 +275,7 @@ def _plain_error(error: yaml.MarkedYAMLError, text: str) -> NotYamlError:
     return NotYamlError(f"not valid YAML: {problem}", mark, unquoted or (hint.format(begin=begin) if hint else None))
 
 
-def _missing_quotes_hint(text: str, mark: Mark | None) -> str | None:
+def _missing_quotes_hint(text: str, mark: TextPosition | None) -> str | None:
     """A hint for what lacks its quotes on the line of a mistake or, for it may show late, on the one before."""
     lines = [] if mark is None else [line for line in LINE_BREAK.split(text)[: mark.line] if line.strip()]
     found = (hint for line in lines[:-3:-1] for pattern, hint in _UNQUOTED if pattern.search(line))

@@ -18,7 +18,15 @@ from renderer.frame import (
     calibrate_costs,
     upload,
 )
-from renderer.scene import AccuracyGoal, Scene, SplatBudget, Want, value_at, with_tolerance, with_tolerances
+from renderer.scene import (
+    AccuracyGoal,
+    MetricTarget,
+    Scene,
+    SplatBudget,
+    scheduled_value,
+    with_tolerance,
+    with_tolerances,
+)
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
     from renderer.study.trials import ToleranceSearchResult
@@ -52,7 +60,7 @@ def make_plan(
     rasterizer: Rasterizer | None,
     *,
     clock: Clock,
-    search: Callable[[Stage, Want], ToleranceSearchResult],
+    search: Callable[[Stage, MetricTarget], ToleranceSearchResult],
     on_step: Callable[[], None] = lambda: None,
 ) -> FilmPlan:
     """Find what the goal of the scene takes, if it has one.
@@ -66,16 +74,16 @@ def make_plan(
     if goal is None:
         return FilmPlan(stage)
     if isinstance(goal, AccuracyGoal):
-        return _plan_accuracy(stage, goal, search(stage, Want(goal.metric, goal.value)))
+        return _plan_accuracy(stage, goal, search(stage, MetricTarget(goal.metric, goal.value)))
     if isinstance(goal, SplatBudget):
         tolerances = {
-            frame: estimator.primitive.tolerance_for_cells(value_at(goal.by_frame, frame)) for frame in frames
+            frame: estimator.primitive.tolerance_for_cells(scheduled_value(goal.by_frame, frame)) for frame in frames
         }
         return FilmPlan(replace(stage, scene=with_tolerances(stage.scene, tolerances)))
     assert rasterizer is not None
-    least = min(value_at(goal.by_frame, frame) for frame in frames)
+    least = min(scheduled_value(goal.by_frame, frame) for frame in frames)
     calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
-    pacer = BudgetController(estimator, lambda frame: value_at(goal.by_frame, frame))
+    pacer = BudgetController(estimator, lambda frame: scheduled_value(goal.by_frame, frame))
     draw_list, _ = pacer.choose(frames[0], Stopwatch(clock))
     upload(draw_list, rasterizer)
     return FilmPlan(stage, pacer, is_timing_dependent=True)
@@ -94,14 +102,14 @@ def _plan_accuracy(stage: Stage, goal: AccuracyGoal, found: ToleranceSearchResul
 def unreachable_accuracy_error(found: ToleranceSearchResult, scene: Scene, *, where: str, hint: str) -> RenderError:
     """Return the error where no tolerance is good enough. hint: what to do about it."""
     want, worst = found.want, found.worst
-    level, noun = scene.error.finest_level, scene.splat.noun
+    level, noun = scene.error.finest_level, scene.splat.primitive_name
     drawn = f"{worst.num_cells} {noun}{'s' * (worst.num_cells != 1)}"
     page = "docs/footprints.md"
     limit = f"error.finest_level: {level} lets no cell be smaller" if level else f"what limits it is told in {page}"
     return RenderError(
         "the accuracy that is wanted is beyond full resolution",
         where=where,
-        got=f"{want.of(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
+        got=f"{want.format(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
         expected=str(want),
         hint=f"{hint}; {limit}",
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from renderer.frame import Clock, Rasterizer, Stage, make_primitive, render_frames
-from renderer.scene import Want, with_tolerance
+from renderer.scene import MetricTarget, with_tolerance
 from renderer.study.metrics import compute_metric, over_background
 from renderer.study.search import find_coarsest_passing
 from renderer.study.tolerances import distinct_tolerances
@@ -41,7 +41,7 @@ class ToleranceSearchResult:
     shows_nothing: whether nothing of the volume is seen on any of them, so that any tolerance would do.
     """
 
-    want: Want
+    want: MetricTarget
     tolerance: float | None
     frames: tuple[int, ...]
     worst: Trial
@@ -51,7 +51,7 @@ class ToleranceSearchResult:
 def find_tolerance(
     stage: Stage,
     frames: Sequence[int],
-    want: Want,
+    want: MetricTarget,
     rasterizer: Rasterizer,
     *,
     truth_of: TruthOf,
@@ -99,7 +99,7 @@ class TrialRenderer:
         self,
         stage: Stage,
         rasterizer: Rasterizer,
-        want: Want,
+        want: MetricTarget,
         *,
         truth_of: TruthOf,
         clock: Clock,

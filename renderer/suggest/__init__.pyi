@@ -1,7 +1,7 @@
 from .histogram import (
     Statistics as Statistics,
     ValueRange as ValueRange,
-    measure as measure,
+    compute_statistics as compute_statistics,
     rebin as rebin,
     suggest_ranges as suggest_ranges,
 )

@@ -43,7 +43,7 @@ _OUTLIERS = (0.01, 99.99)
 
 
 @dataclass(frozen=True)
-class Sample:
+class VoxelSample:
     """Voxels on a coarser grid, as shares of the volume's range.
 
     shares: float64 [z, y, x] in [0, 1].
@@ -58,26 +58,26 @@ class Sample:
     diagonal: of the whole volume, world units.
     """
 
-    shares: Float64
-    known: Mask
-    steps: tuple[int, int, int]
+    normalized: Float64
+    is_valid: Mask
+    strides: tuple[int, int, int]
     neighbours_x: Float64
     neighbours_y: Float64
     minimum: float
     maximum: float
-    lengths: tuple[float, float, float]
+    spacing: tuple[float, float, float]
     diagonal: float
 
-    def value(self, share: float) -> float:
+    def denormalize(self, share: float) -> float:
         """The data value at a share of the range, which may be below 0 or above 1."""
         half = (self.maximum / 2 - self.minimum / 2) * share
         return float(np.clip(self.minimum / 2 + half, -HALF_OF_LARGEST, HALF_OF_LARGEST)) * 2
 
-    def share(self, value: float) -> float:
+    def normalize(self, value: float) -> float:
         """The share of the range at a data value."""
         return (value / 2 - self.minimum / 2) / (self.maximum / 2 - self.minimum / 2)
 
-    def rounded(self, value: float, gap: float = 1.0) -> float:
+    def round_value(self, value: float, gap: float = 1.0) -> float:
         """To about a thousandth of the range, so that it can be read, or a twentieth of the `gap` to the next share, so
         that points stay apart; where there are no such decimals, as it is."""
         extent = abs(self.maximum / 2 - self.minimum / 2) * 2 * min(1.0, 50 * gap)
@@ -90,22 +90,26 @@ class Sample:
         digits = 1 + decimals + math.floor(math.log10(abs(value))) if value else 1
         return float(f"{value:.{min(max(digits, 5), 17)}g}")
 
-    def border(self) -> Float64:
+    def border_values(self) -> Float64:
         """The shares on the six faces; [n]. Those that are known, but where hardly any is: then the others are around
         the object, and what they have been given is its background."""
-        on_faces = faces(self.shares)
-        is_known = faces(self.known)
+        on_faces = faces(self.normalized)
+        is_known = faces(self.is_valid)
         return on_faces[is_known] if np.mean(is_known) >= _MIN_VALID_FRACTION else on_faces
 
-    def inner(self) -> Float64:
+    def valid_values(self) -> Float64:
         """The shares that belong with those of the border; [n]."""
-        return self.shares[self.known] if np.mean(faces(self.known)) >= _MIN_VALID_FRACTION else self.shares.ravel()
+        return (
+            self.normalized[self.is_valid]
+            if np.mean(faces(self.is_valid)) >= _MIN_VALID_FRACTION
+            else self.normalized.ravel()
+        )
 
-    def with_inverted_range(self) -> Sample:
+    def with_inverted_range(self) -> VoxelSample:
         """The same with high for low."""
         return replace(
             self,
-            shares=1 - self.shares,
+            normalized=1 - self.normalized,
             neighbours_x=1 - self.neighbours_x,
             neighbours_y=1 - self.neighbours_y,
             minimum=self.maximum,
@@ -113,10 +117,10 @@ class Sample:
         )
 
 
-def sample_volume(volume: Volume, statistics: Statistics, hidden: float = 0.0) -> Sample:
+def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 0.0) -> VoxelSample:
     """The sample of a volume that is not constant. Raises InputError where its file was changed.
 
-    hidden: the share of those that are not in the range of the statistics, which are of the others.
+    outlier_fill: the share of those that are not in the range of the statistics, which are of the others.
     """
     volume.require_unchanged()
     values = volume.values
@@ -126,7 +130,7 @@ def sample_volume(volume: Volume, statistics: Statistics, hidden: float = 0.0) -
 
     def shares(part: Array) -> Float64:
         shown = np.clip((part.astype(np.float64) * scale - low * scale) / extent, 0.0, 1.0)
-        return np.where(are_within(part), shown, hidden)
+        return np.where(are_within(part), shown, outlier_fill)
 
     def are_within(part: Array) -> Mask:
         return np.asarray((part >= statistics.minimum) & (part <= statistics.maximum))
@@ -146,22 +150,23 @@ def sample_volume(volume: Volume, statistics: Statistics, hidden: float = 0.0) -
     dx, dy, dz = volume.spacing.tolist()
     sampled = values[np.ix_(z, y, x)]
     own = shares(sampled)
-    sample = Sample(
-        shares=own,
-        known=_known(volume, own, own != shares(np.array(volume.stand_in, values.dtype))) & are_within(sampled),
-        steps=(sz, sy, sx),
+    sample = VoxelSample(
+        normalized=own,
+        is_valid=_valid_mask(volume, own, own != shares(np.array(volume.nonfinite_fill_value, values.dtype)))
+        & are_within(sampled),
+        strides=(sz, sy, sx),
         neighbours_x=neighbours(2),
         neighbours_y=neighbours(1),
         minimum=low,
         maximum=high,
-        lengths=(dz * sz, dy * sy, dx * sx),
+        spacing=(dz * sz, dy * sy, dx * sx),
         diagonal=float(np.linalg.norm(volume.spacing * volume.shape_xyz)),
     )
     volume.require_unchanged()
     return sample
 
 
-def _known(volume: Volume, shares: Float64, differ: Mask) -> Mask:
+def _valid_mask(volume: Volume, shares: Float64, differ: Mask) -> Mask:
     """Those that `differ` from what NaN have become, unless many others are like that, too."""
     like_them = float(np.mean(~differ))
     if like_them == 1 or like_them > _MAX_NONFINITE_RATIO * volume.num_nonfinite / volume.values.size:
@@ -192,14 +197,14 @@ class Background:
     above: float
 
 
-def find_background(sample: Sample) -> Background:
+def find_background(sample: VoxelSample) -> Background:
     """The shortest interval with half of the values on the volume's six faces, widened to what its noise may reach.
 
     The interval, the "shorth", is a robust estimate of the mode: objects may reach through a third of the border
     (P. J. Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987).
     """
-    shares = sample.inner()
-    border = np.sort(sample.border())
+    shares = sample.valid_values()
+    border = np.sort(sample.border_values())
     half = len(border) // 2
     widths = border[half:] - border[: len(border) - half]
     first = int(widths.argmin())
@@ -226,37 +231,37 @@ def has_much_below(background: Background) -> bool:
     return background.below > ONE_SIDED_RATIO * background.above
 
 
-def is_about_zero(sample: Sample) -> bool:
+def is_about_zero(sample: VoxelSample) -> bool:
     """Whether the middle of what is known is near the data value 0, by how far it spreads."""
-    shares = sample.shares[sample.known]
-    return abs(float(np.median(shares)) - sample.share(0.0)) < float(np.std(shares)) / 2
+    shares = sample.normalized[sample.is_valid]
+    return abs(float(np.median(shares)) - sample.normalize(0.0)) < float(np.std(shares)) / 2
 
 
-def roughness(sample: Sample, above: float) -> float:
+def second_difference_ratio(sample: VoxelSample, above: float) -> float:
     """How rough the values above a share are: mean second difference by mean first difference along x.
 
     0.2 for a smooth field, 0.5 to 0.8 for the edges of a scan, 1.7 for noise.
     """
-    chosen = sample.shares > above
+    chosen = sample.normalized > above
     before, after = sample.neighbours_x[0][chosen], sample.neighbours_x[1][chosen]
     first = float(np.abs(after - before).sum())
-    second = float(np.abs(before + after - 2 * sample.shares[chosen]).sum())
+    second = float(np.abs(before + after - 2 * sample.normalized[chosen]).sum())
     return second / first if first > 0 else math.inf
 
 
-def coherence(sample: Sample, above: float) -> float:
+def coherence(sample: VoxelSample, above: float) -> float:
     """The probability that the neighbour of a voxel above a share is above it, too: low for noise, high for objects."""
-    here = sample.shares > above
+    here = sample.normalized > above
     both = sum(int(np.count_nonzero(here & (other > above))) for side in _sides(sample) for other in side)
     num = int(np.count_nonzero(here))
     return both / (4 * num) if num else 0.0
 
 
-def equal_neighbour_fraction(sample: Sample, background: float) -> float:
+def equal_neighbour_fraction(sample: VoxelSample, background: float) -> float:
     """The part of the neighbours of the voxels of other values than the background's that have just the same value."""
-    here = np.abs(sample.shares - background) > 1e-9
+    here = np.abs(sample.normalized - background) > 1e-9
     same = sum(
-        int(np.count_nonzero(here & (np.abs(other - sample.shares) <= 1e-9)))
+        int(np.count_nonzero(here & (np.abs(other - sample.normalized) <= 1e-9)))
         for side in _sides(sample)
         for other in side
     )
@@ -264,25 +269,27 @@ def equal_neighbour_fraction(sample: Sample, background: float) -> float:
     return same / (4 * num) if num else 1.0
 
 
-def small_step_fraction(sample: Sample, step: float) -> float:
+def small_step_fraction(sample: VoxelSample, step: float) -> float:
     """The part of all unequal neighbours that differ by no more than `step`, a share of the range."""
-    differences = np.concatenate([np.abs(other - sample.shares).ravel() for side in _sides(sample) for other in side])
+    differences = np.concatenate(
+        [np.abs(other - sample.normalized).ravel() for side in _sides(sample) for other in side]
+    )
     unequal = differences[differences > 1e-9]
     return float(np.mean(unequal <= step)) if unequal.size else 0.0
 
 
-def transition_value_fraction(sample: Sample) -> float:
+def transition_value_fraction(sample: VoxelSample) -> float:
     """The part of all values, each of them counted once, most of whose voxels lie strictly between their neighbours
     along x or y: what the edges of an image go through has its voxels there, and a label has them side by side."""
-    values, number = np.unique(sample.shares, return_inverse=True)
-    here, passed = sample.shares, np.zeros(sample.shares.shape, bool)
+    values, number = np.unique(sample.normalized, return_inverse=True)
+    here, passed = sample.normalized, np.zeros(sample.normalized.shape, bool)
     for before, after in _sides(sample):
         passed |= ((before < here) & (here < after)) | ((before > here) & (here > after))
     counts = np.bincount(number.ravel(), minlength=len(values))
     return float(np.mean(np.bincount(number.ravel(), passed.ravel()) > counts / 2))
 
 
-def _sides(sample: Sample) -> tuple[Float64, Float64]:
+def _sides(sample: VoxelSample) -> tuple[Float64, Float64]:
     return sample.neighbours_x, sample.neighbours_y
 
 
@@ -290,14 +297,14 @@ def _sides(sample: Sample) -> tuple[Float64, Float64]:
 class OtsuThreshold:
     """Two classes of values: the first share of the upper one, and how much of the variance is between the two."""
 
-    at: float
+    threshold: float
     separation: float
 
 
 _NUM_BINS = 256
 
 
-def split(shares: Float64, low: float, high: float) -> OtsuThreshold | None:
+def otsu_threshold(shares: Float64, low: float, high: float) -> OtsuThreshold | None:
     """The threshold with the largest variance between the two sides, among the values from `low` to `high`, moved to
     the least populated value between the medians of the sides (N. Otsu, IEEE Trans. SMC 9(1), 1979); None where there
     is nothing to divide.

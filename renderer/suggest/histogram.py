@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.suggest.nodata import Group, OutlierSplit, OutlierValue, end_cluster_ranks, find_outliers
+from renderer.suggest.nodata import OutlierSplit, OutlierValue, ValueCluster, end_cluster_ranks, find_outliers
 from renderer.suggest.percentiles import Chunks, Counts, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, MappedFile
 
@@ -57,8 +57,8 @@ class Statistics:
     bins: Float64
     bin_width: float
     percentiles: Mapping[float, int | float]
-    far: tuple[OutlierValue, ...] = ()
-    others: Statistics | None = None
+    outliers: tuple[OutlierValue, ...] = ()
+    without_outliers: Statistics | None = None
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ class ValueRange:
     name: str
     low: float
     high: float
-    typical: float
-    share: float
+    median: float
+    fraction: float
 
 
-def measure(values: Array, source: MappedFile | None = None) -> Statistics:
+def compute_statistics(values: Array, source: MappedFile | None = None) -> Statistics:
     """Statistics of finite integer or float values of any shape, C-contiguous, in memory bounded by a chunk.
 
     source: the file that they are mapped from, if any; raises InputError where it is not what it was.
@@ -84,7 +84,7 @@ def measure(values: Array, source: MappedFile | None = None) -> Statistics:
     others, _ = _measure(values.dtype, partial(_within, chunks, apart.low, apart.high))
     if np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
         return whole
-    return replace(whole, far=apart.far, others=others)
+    return replace(whole, outliers=apart.outliers, without_outliers=others)
 
 
 def _measure(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, OutlierSplit | None]:
@@ -128,7 +128,7 @@ def _by_rank(
     ends = end_cluster_ranks(counts)
     at_ends = [rank for end in ends for pair in end for rank in pair]
     found = values_at_ranks([*ranks.values(), *at_ends], counts, ordered_keys, chunks)
-    lowest, highest = ([Group(found[a], found[b], b - a + 1) for a, b in end] for end in ends)
+    lowest, highest = ([ValueCluster(found[a], found[b], b - a + 1) for a, b in end] for end in ends)
     apart = find_outliers(lowest, highest, int(np.count_nonzero(counts)), size)
     return {percent: found[rank] for percent, rank in ranks.items()}, apart
 

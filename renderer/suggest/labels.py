@@ -10,21 +10,27 @@ import numpy.typing as npt
 
 from renderer.scene import Color, ColormapSpec, ControlPoint
 from renderer.suggest.features import (
-    Sample,
+    VoxelSample,
     equal_neighbour_fraction,
     faces,
     small_step_fraction,
     transition_value_fraction,
 )
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.opacity import Layer, calibrate_layer_depth, opacity_from_depth, opacity_unit_length, whole
-from renderer.suggest.presets import CRISP_SURFACE_DEPTH, GLASS, OPAQUE_COVERAGE
-from renderer.volume import Volume, slabs
+from renderer.suggest.opacity import (
+    Layer,
+    calibrate_layer_depth,
+    format_number,
+    opacity_from_depth,
+    opacity_unit_length,
+)
+from renderer.suggest.presets import CRISP_SURFACE_DEPTH, OPAQUE_COVERAGE, TRANSLUCENT_COVERAGE
+from renderer.volume import Volume, iter_slabs
 
 _MAX_LABELS = 4096
 # Up to so many values are labels wherever they are; more are if that part of the neighbours of voxels, those of the
 # background aside, are like them.
-_FEW, _MIN_EQUAL_NEIGHBOURS = 3, 0.75
+_MAX_CERTAIN_LABELS, _MIN_EQUAL_NEIGHBOURS = 3, 0.75
 # More than so many values, of which that part of unequal neighbours are one or two apart, are a smooth field.
 _MAX_GRADED_LABELS, _MAX_SMALL_STEPS = 16, 0.6
 # Where more of the values than this are but passed through, an image has been clipped, or an edge smoothed.
@@ -44,23 +50,23 @@ _PALETTE: tuple[Color, ...] = (
 )
 _BLACK: Color = (0.0, 0.0, 0.0)
 # Where there are more labels: 256 colours as different as can be.
-_MANY = "glasbey"
+_MANY_LABELS_COLORMAP = "glasbey"
 
 # A label hides the smaller ones if it covers this part of what they cover, from all three sides.
-_AROUND = 0.85
+_ENCLOSING_COVERAGE = 0.85
 
 Shadow = npt.NDArray[np.bool_]
 Steps = tuple[tuple[float, float], ...]
 
 
-def label_values(volume: Volume, statistics: Statistics, sample: Sample) -> list[float] | None:
+def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) -> list[float] | None:
     """The values of a volume of labels, ascending; None for other volumes."""
-    if len(np.unique(sample.shares)) > _FEW and not _is_piecewise_constant(sample):
+    if len(np.unique(sample.normalized)) > _MAX_CERTAIN_LABELS and not _is_piecewise_constant(sample):
         return None
     found = _distinct_values(volume, statistics)
     if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
         return None
-    if len(found) > _FEW and (
+    if len(found) > _MAX_CERTAIN_LABELS and (
         not _is_piecewise_constant(sample) or transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION
     ):
         return None
@@ -72,13 +78,13 @@ def label_values(volume: Volume, statistics: Statistics, sample: Sample) -> list
     )
 
 
-def label_reason(sample: Sample, values: Sequence[float], outside: float) -> str:
+def label_reason(sample: VoxelSample, values: Sequence[float], outside: float) -> str:
     """By which signs they are labels, a clause."""
     pieces = ", in large pieces" if _is_piecewise_constant(sample) else ""
-    return f"there are {len(values)} values{pieces}, and {whole(outside)} is the background"
+    return f"there are {len(values)} values{pieces}, and {format_number(outside)} is the background"
 
 
-def _is_piecewise_constant(sample: Sample) -> bool:
+def _is_piecewise_constant(sample: VoxelSample) -> bool:
     return equal_neighbour_fraction(sample, _border_mode(sample)) >= _MIN_EQUAL_NEIGHBOURS
 
 
@@ -88,7 +94,7 @@ def _distinct_values(volume: Volume, statistics: Statistics) -> list[float] | No
         found = set(statistics.bins[statistics.counts > 0].tolist())
         return sorted(found) if len(found) <= _MAX_LABELS else None
     found = set()
-    for slab in slabs(volume.values, volume.source):
+    for slab in iter_slabs(volume.values, volume.source):
         for plane in slab:
             values = np.unique(plane)
             is_within = (values >= statistics.minimum) & (values <= statistics.maximum)
@@ -98,19 +104,19 @@ def _distinct_values(volume: Volume, statistics: Statistics) -> list[float] | No
     return sorted(found)
 
 
-def background_label(sample: Sample, values: Sequence[float]) -> float:
+def background_label(sample: VoxelSample, values: Sequence[float]) -> float:
     """The label of what is around the object: the most frequent one at the volume's border."""
-    at = sample.value(_border_mode(sample))
+    at = sample.denormalize(_border_mode(sample))
     return min(values, key=lambda value: abs(value / 2 - at / 2))
 
 
-def _border_mode(sample: Sample) -> float:
-    values, counts = np.unique(faces(sample.shares), return_counts=True)
+def _border_mode(sample: VoxelSample) -> float:
+    values, counts = np.unique(faces(sample.normalized), return_counts=True)
     return float(values[counts.argmax()])
 
 
 def label_mapping(
-    sample: Sample, values: Sequence[float], outside: float, colormap: str | None
+    sample: VoxelSample, values: Sequence[float], outside: float, colormap: str | None
 ) -> tuple[tuple[ControlPoint, ...] | ColormapSpec, tuple[str, ...], float]:
     """A colour and an opacity for each label but `outside`, with steps half-way between the labels; a word about each
     point; the unit of the opacities.
@@ -120,7 +126,7 @@ def label_mapping(
     between = dict(zip(values, pairwise(ends), strict=True))
     # In shares, where the outermost labels have no end on one side.
     regions = {
-        value: (sample.share(low) - (value == values[0]), sample.share(high) + (value == values[-1]))
+        value: (sample.normalize(low) - (value == values[0]), sample.normalize(high) + (value == values[-1]))
         for value, (low, high) in between.items()
     }
     shown = [value for value in values if value != outside]
@@ -132,20 +138,20 @@ def label_mapping(
         steps = [(at, common if value != outside else 0.0) for value in values for at in between[value]]
         is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # then every label has an entry of its own
         span = (0.0, 255.0) if is_table else (values[0], values[-1])
-        return ColormapSpec(colormap or _MANY, span, _thinned(steps)), (), unit
+        return ColormapSpec(colormap or _MANY_LABELS_COLORMAP, span, _drop_redundant_points(steps)), (), unit
     layers = _layers(sample, [regions[value] for value in shown])
     opacities = [opacity_from_depth(calibrate_layer_depth(sample, layer), unit, sample.diagonal) for layer in layers]
-    looks = dict(zip(shown, zip(_PALETTE, opacities, strict=False), strict=True)) | {outside: (_BLACK, 0.0)}
-    points = tuple(ControlPoint(at, *looks[value]) for value in values for at in between[value])
-    names = [f"label {whole(value)}" if value != outside else "the background" for value in values]
+    style_from_label = dict(zip(shown, zip(_PALETTE, opacities, strict=False), strict=True)) | {outside: (_BLACK, 0.0)}
+    points = tuple(ControlPoint(at, *style_from_label[value]) for value in values for at in between[value])
+    names = [f"label {format_number(value)}" if value != outside else "the background" for value in values]
     return points, tuple(word for name in names for word in (name, "")), unit
 
 
-def _layers(sample: Sample, regions: Sequence[tuple[float, float]]) -> list[Layer]:
+def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list[Layer]:
     """A layer for each label, from its (low, high) shares: solid, but glass where it lies around smaller ones."""
     shadows = []
     for low, high in regions:
-        part = (sample.shares > low) & (sample.shares < high)
+        part = (sample.normalized > low) & (sample.normalized < high)
         shadows.append([np.asarray(part.any(axis=axis)) for axis in range(3)])
     areas = [sum(int(shadow.sum()) for shadow in of_label) for of_label in shadows]
     layers = []
@@ -154,7 +160,9 @@ def _layers(sample: Sample, regions: Sequence[tuple[float, float]]) -> list[Laye
         is_around = bool(smaller) and all(_covers(own[axis], [other[axis] for other in smaller]) for axis in range(3))
         knots = ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0))
         layers.append(
-            Layer("", knots, GLASS, 0.0) if is_around else Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
+            Layer("", knots, TRANSLUCENT_COVERAGE, 0.0)
+            if is_around
+            else Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
         )
     return layers
 
@@ -162,10 +170,10 @@ def _layers(sample: Sample, regions: Sequence[tuple[float, float]]) -> list[Laye
 def _covers(shadow: Shadow, others: Sequence[Shadow]) -> bool:
     """Whether a shadow holds most of what any of the others do."""
     together = np.any(others, axis=0)
-    return int((shadow & together).sum()) > _AROUND * int(together.sum())
+    return int((shadow & together).sum()) > _ENCLOSING_COVERAGE * int(together.sum())
 
 
-def _thinned(steps: Sequence[tuple[float, float]]) -> Steps:
+def _drop_redundant_points(steps: Sequence[tuple[float, float]]) -> Steps:
     """Without those in the middle of three of one opacity."""
     inner = (
         step

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.suggest.features import Mask, Sample, coherence
+from renderer.suggest.features import Mask, VoxelSample, coherence
 from renderer.volume import Float64
 
 # The border of a level set has one sign, here and there excepted.
@@ -27,31 +27,31 @@ _LEAST_INSIDE, _MIN_INSIDE_RATIO = 0.03, 4.0
 _LEAST_DEPTH = 0.05
 
 
-def is_level_set_interior(sample: Sample, border: float) -> bool:
+def is_level_set_interior(sample: VoxelSample, border: float) -> bool:
     """Whether the voxels above the share `border` are the inside of a level set, which the others are around."""
-    within, around = (sample.shares > border) & sample.known, (sample.shares <= border) & sample.known
+    within, around = (sample.normalized > border) & sample.is_valid, (sample.normalized <= border) & sample.is_valid
     if not within.any() or not around.any():
         return False
-    at_border, share = float(np.mean(sample.border() > border)), float(np.mean(within))
+    at_border, share = float(np.mean(sample.border_values() > border)), float(np.mean(within))
     if at_border >= 1 - _MIN_ONE_SIGN_FRACTION or coherence(sample, border) < _COHERENT:
         return False
     if _is_distance(sample, within):
         return True
-    deep = float(np.median(sample.shares[within])) - border
-    high = border - float(np.median(sample.shares[around]))
+    deep = float(np.median(sample.normalized[within])) - border
+    high = border - float(np.median(sample.normalized[around]))
     return share >= max(_LEAST_INSIDE, _MIN_INSIDE_RATIO * at_border) and deep >= _LEAST_DEPTH * high
 
 
-def _is_distance(sample: Sample, within: Mask) -> bool:
+def _is_distance(sample: VoxelSample, within: Mask) -> bool:
     """Whether the values change alike everywhere, for lengths in world units or in voxels."""
-    axes = [axis for axis in range(3) if sample.shares.shape[axis] > 1]
-    changes = {axis: np.gradient(sample.shares, axis=axis) for axis in axes}
+    axes = [axis for axis in range(3) if sample.normalized.shape[axis] > 1]
+    changes = {axis: np.gradient(sample.normalized, axis=axis) for axis in axes}
     return any(
-        _is_even(np.sqrt(sum((changes[axis] / lengths[axis]) ** 2 for axis in axes)), within)
-        for lengths in (sample.lengths, sample.steps)
+        _has_even_gradients(np.sqrt(sum((changes[axis] / lengths[axis]) ** 2 for axis in axes)), within)
+        for lengths in (sample.spacing, sample.strides)
     )
 
 
-def _is_even(gradients: Float64, within: Mask) -> bool:
+def _has_even_gradients(gradients: Float64, within: Mask) -> bool:
     low, middle, high = np.percentile(gradients, (25, 50, 75)).tolist()
     return bool(0 < high < _MAX_GRADIENT_RATIO * low and np.median(gradients[within]) <= _MAX_INNER_STEEPNESS * middle)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.suggest.features import Sample, faces, find_background, has_much_below, is_about_zero, sample_volume
+from renderer.suggest.features import VoxelSample, faces, find_background, has_much_below, is_about_zero, sample_volume
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import label_values
 from renderer.suggest.level_sets import is_level_set_interior
@@ -14,7 +14,7 @@ from renderer.volume import Volume
 def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | None:
     """The value for NaN and infinities, found from the others; None where the lowest of these serves, which all have
     in a `volume` as it is read with `nonfinite: lowest`."""
-    statistics = statistics.others or statistics
+    statistics = statistics.without_outliers or statistics
     low, high = float(statistics.minimum), float(statistics.maximum)
     if low == high:  # a mask by NaN
         return 0.0 if low else None
@@ -23,19 +23,19 @@ def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | No
         return _nonfinite_label(sample, low)
     if low < 0 < high and is_about_zero(sample):
         return 0.0
-    if low < 0 < high and is_level_set_interior(sample.with_inverted_range(), 1 - sample.share(0.0)):
+    if low < 0 < high and is_level_set_interior(sample.with_inverted_range(), 1 - sample.normalize(0.0)):
         return high
     background = find_background(sample)
     if not (background.is_there and has_much_below(background)):
         return None
-    return sample.rounded(sample.value(background.middle))
+    return sample.round_value(sample.denormalize(background.middle))
 
 
-def _nonfinite_label(sample: Sample, low: float) -> float | None:
+def _nonfinite_label(sample: VoxelSample, low: float) -> float | None:
     """The label around the others where there is more of it at the border than of NaN; else one that is not there."""
-    is_known = faces(sample.known)
-    values, counts = np.unique(faces(sample.shares)[is_known], return_counts=True)
+    is_known = faces(sample.is_valid)
+    values, counts = np.unique(faces(sample.normalized)[is_known], return_counts=True)
     if counts.max(initial=0) > np.count_nonzero(~is_known):
         outside = float(values[counts.argmax()])
-        return sample.value(outside) if outside > 0 else None
+        return sample.denormalize(outside) if outside > 0 else None
     return 0.0 if low > 0 else None

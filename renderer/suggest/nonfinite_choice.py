@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from renderer.scene import VolumeSpec, extent_of, raise_problems, volume_problems
-from renderer.suggest.histogram import measure
+from renderer.scene import VolumeSpec, raise_problems, volume_extent, volume_problems
+from renderer.suggest.histogram import compute_statistics
 from renderer.suggest.nonfinite import suggest_nonfinite_fill
 from renderer.suggest.suggestion import Suggestion, suggest
 from renderer.transfer import make_transfer_function
@@ -63,17 +63,17 @@ class _Attempt:
 
 def _attempt(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: str | None) -> _Attempt:
     volume = read(spec)
-    raise_problems(volume_problems(extent_of(volume), volume.name))
-    statistics = measure(volume.values, volume.source)
+    raise_problems(volume_problems(volume_extent(volume), volume.name))
+    statistics = compute_statistics(volume.values, volume.source)
     result = VolumeSuggestion(spec, suggest(volume, statistics, colormap), volume.values.dtype.kind == "f")
     if not volume.num_nonfinite:
         return _Attempt(result)
     is_lowest = spec.nonfinite == "lowest"
     transfer = make_transfer_function(result.suggestion.transfer, volume.finest_spacing)
-    shows = bool(transfer.classify(np.array([volume.stand_in]))[1][0] > 0)
+    shows = bool(transfer.classify(np.array([volume.nonfinite_fill_value]))[1][0] > 0)
     told = (
         f"{volume.num_nonfinite} of {volume.values.size} voxels are NaN or infinite; they are drawn as "
-        f"{'the lowest value, ' if is_lowest else ''}{volume.stand_in:.7g}, which "
+        f"{'the lowest value, ' if is_lowest else ''}{volume.nonfinite_fill_value:.7g}, which "
         f"{'can be seen' if shows else 'is not seen'}"
     )
     unseen = suggest_nonfinite_fill(volume, statistics) if is_lowest else None

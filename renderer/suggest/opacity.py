@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.suggest.features import Sample
+from renderer.suggest.features import VoxelSample
 from renderer.volume import Float64
 
 # Rays with less than this part of the largest depth do not meet the layer.
 _MIN_RAY_DEPTH = 1e-3
 # The densest that a layer may be, as the opacity of a length of 1% of the diagonal.
-_MOST_DEPTH = 6.0
+_MAX_LAYER_DEPTH = 6.0
 
 
 @dataclass(frozen=True)
@@ -32,26 +32,26 @@ class Layer:
     name: str
     knots: tuple[tuple[float, float], ...]
     coverage: float
-    solid: float = 0.0
+    min_depth: float = 0.0
 
 
-def calibrate_layer_depth(sample: Sample, layer: Layer) -> float:
+def calibrate_layer_depth(sample: VoxelSample, layer: Layer) -> float:
     """The optical depth of 1% of the diagonal where the layer's weight is 1; 0 for a layer that is nowhere."""
     at, weights = np.array(layer.knots, np.float64).T
-    amounts = np.interp(sample.shares, at, weights)
+    amounts = np.interp(sample.normalized, at, weights)
     # In units of 1% of the diagonal.
-    depths = [amounts.sum(axis=axis) * (sample.lengths[axis] / sample.diagonal * 100) for axis in range(3)]
+    depths = [amounts.sum(axis=axis) * (sample.spacing[axis] / sample.diagonal * 100) for axis in range(3)]
     rays = np.concatenate([depth.ravel() for depth in depths])
     rays = rays[rays > _MIN_RAY_DEPTH * rays.max()]
     if rays.size == 0:
         return 0.0
-    return min(max(_depth_scale(rays, layer.coverage), layer.solid), _MOST_DEPTH)
+    return min(max(_depth_scale(rays, layer.coverage), layer.min_depth), _MAX_LAYER_DEPTH)
 
 
-def covers(sample: Sample, layer: Layer) -> float:
+def covered_ray_fraction(sample: VoxelSample, layer: Layer) -> float:
     """The part of the rays that meet the layer, in the mean of the three axes."""
     at, weights = np.array(layer.knots, np.float64).T
-    amounts = np.interp(sample.shares, at, weights)
+    amounts = np.interp(sample.normalized, at, weights)
     return float(np.mean([np.mean(amounts.max(axis=axis) > 0) for axis in range(3)]))
 
 
@@ -82,6 +82,6 @@ def opacity_from_depth(depth: float, unit: float, diagonal: float) -> float:
     return float(f"{opacity:.3g}") if opacity <= 0.9 else round(1 - float(f"{clear:.2g}"), 6)
 
 
-def whole(value: float) -> str:
+def format_number(value: float) -> str:
     """A number in words: whole ones without a point."""
     return str(int(value)) if value == int(value) and abs(value) < 2**53 else f"{value:g}"

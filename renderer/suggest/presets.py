@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from renderer.scene import Color, ShadingSpec, colormap_points
-from renderer.suggest.features import Background, OtsuThreshold, Sample, coherence, split
-from renderer.suggest.opacity import Layer, covers
+from renderer.suggest.features import Background, OtsuThreshold, VoxelSample, coherence, otsu_threshold
+from renderer.suggest.opacity import Layer, covered_ray_fraction
 from renderer.volume import Float64
 
 # Mean opacities of rays through a layer: one that is hardly there, one to look through, one to look at; and of those
 # through a field, which is dense here and thin there.
-FAINT_COVERAGE, GLASS, OPAQUE_COVERAGE, _FIELD_COVERAGE = 0.25, 0.5, 0.85, 0.65
+FAINT_COVERAGE, TRANSLUCENT_COVERAGE, OPAQUE_COVERAGE, _FIELD_COVERAGE = 0.25, 0.5, 0.85, 0.65
 # Optical depth of 1% of the diagonal at which a surface is crisp.
 CRISP_SURFACE_DEPTH = 0.8
 
@@ -40,7 +40,7 @@ _FAINT_SHADING = replace(SHADING, ambient=0.75, diffuse=0.35)
 
 
 @dataclass(frozen=True)
-class Look:
+class Preset:
     """layers: their sum is the extinction. colors: (share, colour), ascending; linear between. shading: or None where
     there are no surfaces."""
 
@@ -48,17 +48,17 @@ class Look:
     colors: tuple[tuple[float, Color], ...]
     shading: ShadingSpec | None = SHADING
 
-    def with_inverted_range(self) -> Look:
+    def with_inverted_range(self) -> Preset:
         """The same for values with high for low."""
         layers = tuple(
             replace(layer, knots=tuple((1 - at, weight) for at, weight in reversed(layer.knots)))
             for layer in self.layers
         )
         colors = tuple((1 - at, color) for at, color in reversed(self.colors))
-        return Look(layers, colors, None if self.shading is None else turned(self.shading))
+        return Preset(layers, colors, None if self.shading is None else flip_light(self.shading))
 
 
-def turned(shading: ShadingSpec) -> ShadingSpec:
+def flip_light(shading: ShadingSpec) -> ShadingSpec:
     """The same light for surfaces inside of which values are lower: gradients point the other way there."""
     x, y, z = shading.light
     return replace(shading, light=(-x, -y, -z))
@@ -81,17 +81,19 @@ _BONE_THRESHOLD = 250.0
 _LEAST_BONE = 3e-4
 
 
-def ct_preset(sample: Sample, zero: float) -> Look:
+def ct_preset(sample: VoxelSample, zero: float) -> Preset:
     """A CT scan; `zero` is the data value of 0 Hounsfield units."""
-    has_bone = float(np.mean(sample.shares > sample.share(_BONE_THRESHOLD + zero))) > _LEAST_BONE
+    has_bone = float(np.mean(sample.normalized > sample.normalize(_BONE_THRESHOLD + zero))) > _LEAST_BONE
 
     def at(hounsfield: float) -> float:
-        return sample.share(hounsfield + zero)
+        return sample.normalize(hounsfield + zero)
 
-    tissue = Layer("soft tissue", tuple((at(v), w) for v, w in _TISSUE), GLASS if has_bone else OPAQUE_COVERAGE)
+    tissue = Layer(
+        "soft tissue", tuple((at(v), w) for v, w in _TISSUE), TRANSLUCENT_COVERAGE if has_bone else OPAQUE_COVERAGE
+    )
     bone = Layer("bone", tuple((at(v), w) for v, w in _BONE), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
     layers = (tissue, bone) if has_bone else (tissue,)
-    return Look(layers, tuple((at(v), color) for v, color in _CT_COLORS))
+    return Preset(layers, tuple((at(v), color) for v, color in _CT_COLORS))
 
 
 # Scans: materials that stand out from a background.
@@ -105,57 +107,65 @@ _VEIL_COHERENCE, _VEIL_SHARE, _VEIL_SEPARATION = 0.8, 0.3, 0.72
 
 # A denser material that covers this part of the thinner one, with less than this part of its voxels, is a shell around
 # it, such as the fat around a head in an MRI: it is to be seen through.
-_AROUND, _THIN, _SHELL = 0.75, 0.8, 0.65
+_SHELL_COVERAGE, _THIN, _SHELL = 0.75, 0.8, 0.65
 
 
-def materials(sample: Sample, background: Background) -> Look:
+def materials_preset(sample: VoxelSample, background: Background) -> Preset:
     """Two materials above a background, or one, and around them a veil of thinner material where there is some."""
-    shares = sample.shares
+    shares = sample.normalized
     top = float(np.percentile(shares, _TOP))
-    found = split(shares, float(shares.min()), top)
-    first = max(found.at if found else 0.0, background.high)
+    found = otsu_threshold(shares, float(shares.min()), top)
+    first = max(found.threshold if found else 0.0, background.high)
     top = max(top, first + 1e-6)
-    upper = split(shares, first, top)
+    upper = otsu_threshold(shares, first, top)
     veil = _veil(sample, background, first)
     if upper is None:
         return _one_material(shares, first)
-    body, core = _median(shares, first, upper.at), _median(shares, upper.at, 1.0)
+    body, core = _median(shares, first, upper.threshold), _median(shares, upper.threshold, 1.0)
     layers = [
-        Layer("the thinner material", ((first, 0.0), (body, 1.0), (upper.at, 1.0), (core, 0.0)), GLASS),
-        Layer("the denser material", ((upper.at, 0.0), (core, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH),
+        Layer(
+            "the thinner material",
+            ((first, 0.0), (body, 1.0), (upper.threshold, 1.0), (core, 0.0)),
+            TRANSLUCENT_COVERAGE,
+        ),
+        Layer("the denser material", ((upper.threshold, 0.0), (core, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH),
     ]
     hull = _HULL_COLOR if veil is None else _GLASS_COLOR
-    if _is_shell(sample, first, upper.at, layers):
-        layers[1], hull = replace(layers[1], coverage=_SHELL, solid=0.0), _FLESH_COLOR
-    colors = [(first, hull), (upper.at, hull), (core, _CORE_COLOR)]
+    if _is_shell(sample, first, upper.threshold, layers):
+        layers[1], hull = replace(layers[1], coverage=_SHELL, min_depth=0.0), _FLESH_COLOR
+    colors = [(first, hull), (upper.threshold, hull), (core, _CORE_COLOR)]
     if veil is not None:
-        middle = _median(shares, veil.at, first)
-        layers.insert(0, Layer("a veil", ((veil.at, 0.0), (middle, 1.0), (first, 1.0), (body, 0.0)), FAINT_COVERAGE))
-        colors = [(veil.at, _VEIL_COLOR), (first, _VEIL_COLOR), (body, hull), *colors[1:]]
-    return Look(tuple(layers), tuple(colors))
+        middle = _median(shares, veil.threshold, first)
+        layers.insert(
+            0, Layer("a veil", ((veil.threshold, 0.0), (middle, 1.0), (first, 1.0), (body, 0.0)), FAINT_COVERAGE)
+        )
+        colors = [(veil.threshold, _VEIL_COLOR), (first, _VEIL_COLOR), (body, hull), *colors[1:]]
+    return Preset(tuple(layers), tuple(colors))
 
 
-def _is_shell(sample: Sample, first: float, second: float, layers: Sequence[Layer]) -> bool:
-    inner = int(np.count_nonzero((sample.shares >= first) & (sample.shares < second)))
-    outer = int(np.count_nonzero(sample.shares >= second))
-    return outer < _THIN * inner and covers(sample, layers[1]) > _AROUND * covers(sample, layers[0])
+def _is_shell(sample: VoxelSample, first: float, second: float, layers: Sequence[Layer]) -> bool:
+    inner = int(np.count_nonzero((sample.normalized >= first) & (sample.normalized < second)))
+    outer = int(np.count_nonzero(sample.normalized >= second))
+    return outer < _THIN * inner and covered_ray_fraction(sample, layers[1]) > _SHELL_COVERAGE * covered_ray_fraction(
+        sample, layers[0]
+    )
 
 
-def _one_material(shares: Float64, first: float) -> Look:
+def _one_material(shares: Float64, first: float) -> Preset:
     middle = max(_median(shares, first, 1.0), first + 1e-6)
-    return Look(
+    return Preset(
         (Layer("the object", ((first, 0.0), (middle, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH),),
         ((first, _CORE_COLOR),),
     )
 
 
-def _veil(sample: Sample, background: Background, first: float) -> OtsuThreshold | None:
-    found = split(sample.shares, float(sample.shares.min()), first)
-    if found is None or found.at <= background.high or found.separation < _VEIL_SEPARATION:
+def _veil(sample: VoxelSample, background: Background, first: float) -> OtsuThreshold | None:
+    found = otsu_threshold(sample.normalized, float(sample.normalized.min()), first)
+    if found is None or found.threshold <= background.high or found.separation < _VEIL_SEPARATION:
         return None
-    inside = int(np.count_nonzero(sample.shares >= first))
-    around = int(np.count_nonzero(sample.shares >= found.at)) - inside
-    return found if around >= _VEIL_SHARE * inside and coherence(sample, found.at) >= _VEIL_COHERENCE else None
+    inside = int(np.count_nonzero(sample.normalized >= first))
+    around = int(np.count_nonzero(sample.normalized >= found.threshold)) - inside
+    return found if around >= _VEIL_SHARE * inside and coherence(sample, found.threshold) >= _VEIL_COHERENCE else None
 
 
 def _median(shares: Float64, low: float, high: float) -> float:
@@ -172,15 +182,15 @@ def _median(shares: Float64, low: float, high: float) -> float:
 _LONG_TAIL = 12.0
 
 
-def ramp(sample: Sample, first: float, *, origin: float) -> Look:
+def ramp_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
     """Ever denser and brighter from the share `first` on. `origin` is the value from which ratios are counted."""
-    shares = sample.shares
+    shares = sample.normalized
     visible = shares[shares > first]
     top = float(np.percentile(visible, 99.8)) if visible.size else 1.0
     top = max(top, first + 1e-6)
     steps = np.linspace(0.0, 1.0, _NUM_STEPS)
     weights = steps**2
-    if tail(sample, first, origin=origin) > _LONG_TAIL:
+    if tail_ratio(sample, first, origin=origin) > _LONG_TAIL:
         begin = max(first - origin, (top - origin) * 1e-6)
         knots = origin + begin * ((top - origin) / begin) ** steps
         name, weights = "even steps in ratio", steps**3
@@ -190,12 +200,12 @@ def ramp(sample: Sample, first: float, *, origin: float) -> Look:
     layer = Layer(name, tuple(zip(knots.tolist(), weights.tolist(), strict=True)), _FIELD_COVERAGE)
     palette = colormap_points(_FIELD_COLORMAP, 256)
     picked = (_DARKEST + (1 - _DARKEST) * steps) * 255
-    return Look((layer,), tuple(zip(knots.tolist(), [palette[int(at)] for at in picked], strict=True)))
+    return Preset((layer,), tuple(zip(knots.tolist(), [palette[int(at)] for at in picked], strict=True)))
 
 
-def tail(sample: Sample, first: float, *, origin: float) -> float:
+def tail_ratio(sample: VoxelSample, first: float, *, origin: float) -> float:
     """How far the values above the share `first` reach from `origin`, by how far their median does."""
-    visible = sample.shares[sample.shares > first] - origin
+    visible = sample.normalized[sample.normalized > first] - origin
     if visible.size == 0 or float(np.median(visible)) <= 0:
         return 1.0
     return float(np.percentile(visible, 99.8)) / float(np.median(visible))
@@ -205,9 +215,9 @@ def tail(sample: Sample, first: float, *, origin: float) -> float:
 _MIN_DEAD_ZONE = 0.15
 
 
-def diverging(sample: Sample, middle: float, quiet: float) -> Look:
+def diverging_preset(sample: VoxelSample, middle: float, quiet: float) -> Preset:
     """Both sides of the share `middle`, blue and red; up to `quiet` away from it nothing is visible."""
-    distance = np.abs(sample.shares - middle)
+    distance = np.abs(sample.normalized - middle)
     loud = distance[distance > quiet]
     top = max(float(np.percentile(loud, 99.5)) if loud.size else 1.0, quiet * 1.01 + 1e-6)
     quiet = max(quiet, _MIN_DEAD_ZONE * top)
@@ -218,17 +228,17 @@ def diverging(sample: Sample, middle: float, quiet: float) -> Look:
     layer = Layer("strong values on either side", (*reversed(below), *above), _FIELD_COVERAGE)
     colors = [(middle - top, _NEGATIVE[1]), (middle - quiet, _NEGATIVE[0])]
     colors += [(middle + quiet, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
-    return Look((layer,), tuple(colors), _FAINT_SHADING)
+    return Preset((layer,), tuple(colors), _FAINT_SHADING)
 
 
-def inside(border: float) -> Look:
+def level_set_preset(border: float) -> Preset:
     """All that is above a share, solid."""
     layer = Layer("inside", ((border, 0.0), (min(border + 0.02, 1.0), 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
-    return Look((layer,), ((border, _CORE_COLOR),))
+    return Preset((layer,), ((border, _CORE_COLOR),))
 
 
-def phases(sample: Sample, found: OtsuThreshold) -> Look:
+def two_phase_preset(sample: VoxelSample, found: OtsuThreshold) -> Preset:
     """The upper of two phases that fill the volume."""
-    upper = _median(sample.shares, found.at, 1.0)
-    layer = Layer("the upper phase", ((found.at, 0.0), (upper, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
-    return Look((layer,), ((found.at, _GLASS_COLOR), (upper, _CORE_COLOR)))
+    upper = _median(sample.normalized, found.threshold, 1.0)
+    layer = Layer("the upper phase", ((found.threshold, 0.0), (upper, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
+    return Preset((layer,), ((found.threshold, _GLASS_COLOR), (upper, _CORE_COLOR)))

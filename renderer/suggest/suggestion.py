@@ -2,7 +2,7 @@
 
 First the kind of data is recognised, by the values alone: labels, computed tomography in Hounsfield units, values on
 both sides of a background, an object brighter or darker than its background, a volume that is filled. Each has its
-look (`renderer.suggest.presets`), whose amounts are exposed like a photograph (`renderer.suggest.opacity`).
+preset (`renderer.suggest.presets`), whose amounts are exposed like a photograph (`renderer.suggest.opacity`).
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
-from renderer.suggest import presets as looks
+from renderer.suggest import presets
 from renderer.suggest.features import (
     ONE_SIDED_RATIO,
     Background,
-    Sample,
+    VoxelSample,
     find_background,
     has_much_below,
     is_about_zero,
-    roughness,
+    otsu_threshold,
     sample_volume,
-    split,
+    second_difference_ratio,
 )
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import background_label, label_mapping, label_reason, label_values
 from renderer.suggest.level_sets import is_level_set_interior
 from renderer.suggest.nonfinite import suggest_nonfinite_fill
-from renderer.suggest.opacity import calibrate_layer_depth, opacity_from_depth, opacity_unit_length, whole
-from renderer.suggest.presets import Look
+from renderer.suggest.opacity import calibrate_layer_depth, format_number, opacity_from_depth, opacity_unit_length
+from renderer.suggest.presets import Preset
 from renderer.volume import Float64, Volume
 
 
@@ -50,37 +50,37 @@ class Suggestion:
     shading: ShadingSpec | None
     is_categorical: bool = False
     splat: SplatSpec | None = None
-    far: tuple[str, ...] = ()
+    outlier_notes: tuple[str, ...] = ()
 
 
 def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
-    """A transfer function for a volume whose statistics (`renderer.suggest.histogram.measure`) are known.
+    """A transfer function for a volume whose statistics (`renderer.suggest.histogram.compute_statistics`) are known.
 
     colormap: a name to take the colours from, in place of those that suit the kind of data.
     """
     if statistics.minimum == statistics.maximum:
         return _constant(volume, float(statistics.minimum), colormap)
-    if all(0 <= far.value < _MAX_OUTLYING_LABEL for far in statistics.far):
+    if all(0 <= far.value < _MAX_OUTLYING_LABEL for far in statistics.outliers):
         sample = sample_volume(volume, statistics)
-        if statistics.others is None or label_values(volume, statistics, sample) is not None:
+        if statistics.without_outliers is None or label_values(volume, statistics, sample) is not None:
             return _suggest_from(volume, statistics, sample, colormap)
-    others = statistics.others
-    assert others is not None, statistics.far
+    others = statistics.without_outliers
+    assert others is not None, statistics.outliers
     sample = sample_volume(volume, others)
-    unseen = suggest_nonfinite_fill(volume, others)
-    if unseen is not None:
-        sample = sample_volume(volume, others, sample.share(unseen))
+    nonfinite_fill = suggest_nonfinite_fill(volume, others)
+    if nonfinite_fill is not None:
+        sample = sample_volume(volume, others, sample.normalize(nonfinite_fill))
     return hide_outliers(_suggest_from(volume, others, sample, colormap), statistics, sample)
 
 
-def _suggest_from(volume: Volume, statistics: Statistics, sample: Sample, colormap: str | None) -> Suggestion:
+def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, colormap: str | None) -> Suggestion:
     """statistics: of what is to be seen. sample: with that in its range."""
     values = label_values(volume, statistics, sample)
     if values is not None:
         outside = background_label(sample, values)
         mapping, notes, unit = label_mapping(sample, values, outside, colormap)
         reason = label_reason(sample, values, outside)
-        shading = looks.turned(looks.SHADING) if outside == values[-1] else looks.SHADING
+        shading = presets.flip_light(presets.SHADING) if outside == values[-1] else presets.SHADING
         transfer = TransferSpec(mapping, unit)
         if len(values) == 2:
             return Suggestion("mask", reason, transfer, notes, shading)
@@ -93,10 +93,10 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: Sample, colorm
     if zero is not None:
         where = "" if zero == 0 else f", stored with {zero:g} added"
         reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{where}"
-        look = looks.ct_preset(sample, zero)
-        return _suggestion_from_preset("CT in Hounsfield units", reason, sample, look, colormap)
-    kind, reason, look = _recognise(volume, statistics, sample, find_background(sample))
-    return _suggestion_from_preset(kind, reason, sample, look, colormap)
+        preset = presets.ct_preset(sample, zero)
+        return _suggestion_from_preset("CT in Hounsfield units", reason, sample, preset, colormap)
+    kind, reason, preset = _recognise(volume, statistics, sample, find_background(sample))
+    return _suggestion_from_preset(kind, reason, sample, preset, colormap)
 
 
 # Signs of the other kinds
@@ -117,62 +117,70 @@ _TWO_PHASE_SEPARATION = 0.85
 _FILLED_PERCENTILE = 60.0
 
 
-def _recognise(volume: Volume, statistics: Statistics, sample: Sample, background: Background) -> tuple[str, str, Look]:
+def _recognise(
+    volume: Volume, statistics: Statistics, sample: VoxelSample, background: Background
+) -> tuple[str, str, Preset]:
     if not background.is_there or background.above + background.below == 0:
         return _filled_volume_preset(statistics, sample)
     if has_much_below(background) and background.above > ONE_SIDED_RATIO * background.below:
-        middle = sample.rounded(sample.value(background.middle))
+        middle = sample.round_value(sample.denormalize(background.middle))
         away = max(background.high - background.middle, 0.04)
         reason = f"values lie on both sides of a background near {middle:.12g}"
-        return "field with two signs", reason, looks.diverging(sample, background.middle, away)
+        return "field with two signs", reason, presets.diverging_preset(sample, background.middle, away)
     if background.below > background.above:
         turned = sample.with_inverted_range()
-        kind, reason, look = _object_preset(volume, turned, find_background(turned))
-        return f"{kind}, dark in a bright background", reason, look.with_inverted_range()
+        kind, reason, preset = _object_preset(volume, turned, find_background(turned))
+        return f"{kind}, dark in a bright background", reason, preset.with_inverted_range()
     return _object_preset(volume, sample, background)
 
 
-def _object_preset(volume: Volume, sample: Sample, background: Background) -> tuple[str, str, Look]:
+def _object_preset(volume: Volume, sample: VoxelSample, background: Background) -> tuple[str, str, Preset]:
     """What stands out above the background."""
-    rough = roughness(sample, background.high)
-    near = f"the background is near {sample.rounded(sample.value(background.middle)):.12g}"
+    rough = second_difference_ratio(sample, background.high)
+    near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
     is_float = volume.values.dtype.kind == "f"
-    if is_float and looks.tail(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
-        look = looks.ramp(sample, background.high, origin=background.middle)
-        return "field with a long tail", f"{near} and the largest values are many times those in the middle", look
+    if is_float and presets.tail_ratio(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
+        preset = presets.ramp_preset(sample, background.high, origin=background.middle)
+        return "field with a long tail", f"{near} and the largest values are many times those in the middle", preset
     if rough < (_SMOOTH_FLOAT if is_float else _SMOOTH):
-        look = looks.ramp(sample, background.high, origin=background.middle)
-        return "smooth data", f"{near} and values change smoothly", look
+        preset = presets.ramp_preset(sample, background.high, origin=background.middle)
+        return "smooth data", f"{near} and values change smoothly", preset
     return (
         "scan without an absolute scale",
         f"{near} and what stands out from it has edges",
-        looks.materials(sample, background),
+        presets.materials_preset(sample, background),
     )
 
 
-def _filled_volume_preset(statistics: Statistics, sample: Sample) -> tuple[str, str, Look]:
+def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> tuple[str, str, Preset]:
     """No background: the volume is full to its border."""
     low, high = float(statistics.minimum), float(statistics.maximum)
     if low < 0 < high and is_about_zero(sample):
-        look = looks.diverging(sample, sample.share(0.0), 1.2 * float(np.std(sample.shares[sample.known])))
-        return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", look
+        preset = presets.diverging_preset(
+            sample, sample.normalize(0.0), 1.2 * float(np.std(sample.normalized[sample.is_valid]))
+        )
+        return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", preset
     if low < 0 < high:
-        zero = sample.share(0.0)
+        zero = sample.normalize(0.0)
         if is_level_set_interior(sample.with_inverted_range(), 1 - zero):
             return (
                 "level set",
                 "negative values lie inside of positive ones",
-                looks.inside(1 - zero).with_inverted_range(),
+                presets.level_set_preset(1 - zero).with_inverted_range(),
             )
         if is_level_set_interior(sample, zero):
-            return "level set", "positive values lie inside of negative ones", looks.inside(zero)
-    shares = sample.shares[sample.known]
-    found = split(shares, *np.percentile(shares, (0.01, 99.99)).tolist())
+            return "level set", "positive values lie inside of negative ones", presets.level_set_preset(zero)
+    shares = sample.normalized[sample.is_valid]
+    found = otsu_threshold(shares, *np.percentile(shares, (0.01, 99.99)).tolist())
     if found is not None and found.separation > _TWO_PHASE_SEPARATION:
-        return "two phases", "there is no background, and values gather in two groups", looks.phases(sample, found)
+        return (
+            "two phases",
+            "there is no background, and values gather in two groups",
+            presets.two_phase_preset(sample, found),
+        )
     first = float(np.percentile(shares, _FILLED_PERCENTILE))
-    look = looks.ramp(sample, first, origin=float(sample.shares.min()))
-    return "filled volume", "there is no background; the upper 40% of the values are shown", look
+    preset = presets.ramp_preset(sample, first, origin=float(sample.normalized.min()))
+    return "filled volume", "there is no background; the upper 40% of the values are shown", preset
 
 
 # Computed tomography
@@ -219,27 +227,29 @@ def _is_narrow(statistics: Statistics, values: Float64) -> bool:
 _OUTLIER_MARGIN = 0.02
 
 
-def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: Sample) -> Suggestion:
+def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelSample) -> Suggestion:
     """The suggestion for the others, of which `sample` is, with nothing shown where the far values are."""
-    ends = [sample.rounded(sample.value(share)) for share in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN)]
-    values = [far.value for far in statistics.far]
+    ends = [sample.round_value(sample.denormalize(share)) for share in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN)]
+    values = [far.value for far in statistics.outliers]
     below = ends[0] if min(values) < ends[0] else None
     above = ends[1] if max(values) > ends[1] else None
     num = int(statistics.counts.sum())
     told = tuple(
-        f"{far.num} of {num} voxels {'is' if far.num == 1 else 'are'} {whole(far.value)}, far from all others: taken "
-        f"for {'a fill value' if far.is_fill else 'an outlier'}, and transparent"
-        for far in statistics.far
+        f"{far.num} of {num} voxels {'is' if far.num == 1 else 'are'} {format_number(far.value)}, far from all others: "
+        f"taken for {'a fill value' if far.is_nodata else 'an outlier'}, and transparent"
+        for far in statistics.outliers
     )
     mapping = suggestion.transfer.mapping
     if isinstance(mapping, ColormapSpec):
         steps = _cut([ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity], below, above)
         cut = replace(mapping, opacity=tuple((point.value, point.opacity) for point in steps))
-        return replace(suggestion, transfer=replace(suggestion.transfer, mapping=cut), far=told)
+        return replace(suggestion, transfer=replace(suggestion.transfer, mapping=cut), outlier_notes=told)
     points = _cut(mapping, below, above)
     named = dict(zip(mapping, suggestion.notes, strict=False))
     notes = tuple(named.get(point, "") for point in points)
-    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points)), notes=notes, far=told)
+    return replace(
+        suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points)), notes=notes, outlier_notes=told
+    )
 
 
 def _cut(points: Sequence[ControlPoint], below: float | None, above: float | None) -> list[ControlPoint]:
@@ -266,7 +276,7 @@ def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[Contr
     return [*kept, ControlPoint(end, (r, g, b), opacity), ControlPoint(end, (r, g, b), 0.0)]
 
 
-# From a look to a transfer function
+# From a preset to a transfer function
 
 # About two thirds of a diagonal's light are held back.
 _CONSTANT_OPACITY = 0.02
@@ -274,36 +284,38 @@ _CONSTANT_OPACITY = 0.02
 
 def _constant(volume: Volume, value: float, colormap: str | None) -> Suggestion:
     unit = opacity_unit_length(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
-    reason = f"every voxel is {whole(value)}, so that there is nothing to tell apart"
+    reason = f"every voxel is {format_number(value)}, so that there is nothing to tell apart"
     points = [ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)]
-    return _from_points("constant volume", reason, Look((), (), None), points, ("",), unit, colormap)
+    return _from_points("constant volume", reason, Preset((), (), None), points, ("",), unit, colormap)
 
 
-def _suggestion_from_preset(kind: str, reason: str, sample: Sample, look: Look, colormap: str | None) -> Suggestion:
+def _suggestion_from_preset(
+    kind: str, reason: str, sample: VoxelSample, preset: Preset, colormap: str | None
+) -> Suggestion:
     unit = opacity_unit_length(sample.diagonal)
-    knots = sorted({at for layer in look.layers for at, _ in layer.knots})
+    knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
     depths = np.zeros(len(knots))
-    for layer in look.layers:
+    for layer in preset.layers:
         at, weights = np.array(layer.knots, np.float64).T
         depths += calibrate_layer_depth(sample, layer) * np.interp(knots, at, weights)
     if not depths.max() > 0:  # nothing that was looked for is in the sample
         low, high = sorted((sample.minimum, sample.maximum))
-        plain = Look((), (), None)
+        plain = Preset((), (), None)
         return _from_points(kind, reason, plain, _ramp_over(low, high), ("", ""), unit, colormap)
-    where, colors = [at for at, _ in look.colors], np.array([color for _, color in look.colors])
+    where, colors = [at for at, _ in preset.colors], np.array([color for _, color in preset.colors])
     points: dict[float, ControlPoint] = {}
     notes: dict[float, str] = {}
     gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
     nearest = np.minimum(gaps[:-1], gaps[1:])
     for at, depth, gap in zip(knots, depths.tolist(), nearest.tolist(), strict=True):
-        value = sample.rounded(sample.value(at), gap)
+        value = sample.round_value(sample.denormalize(at), gap)
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
         points[value] = ControlPoint(value, (r, g, b), opacity_from_depth(depth, unit, sample.diagonal))
-        starting = [layer.name for layer in look.layers if layer.name and _peak_position(layer.knots) == at]
+        starting = [layer.name for layer in preset.layers if layer.name and _peak_position(layer.knots) == at]
         notes[value] = ", ".join(starting)
     ordered = sorted(points)
     told = tuple(notes[value] for value in ordered)
-    return _from_points(kind, reason, look, [points[value] for value in ordered], told, unit, colormap)
+    return _from_points(kind, reason, preset, [points[value] for value in ordered], told, unit, colormap)
 
 
 def _ramp_over(low: float, high: float) -> list[ControlPoint]:
@@ -314,18 +326,18 @@ def _ramp_over(low: float, high: float) -> list[ControlPoint]:
 def _from_points(
     kind: str,
     reason: str,
-    look: Look,
+    preset: Preset,
     points: Sequence[ControlPoint],
     notes: tuple[str, ...],
     unit: float,
     colormap: str | None,
 ) -> Suggestion:
     if colormap is None:
-        return Suggestion(kind, reason, TransferSpec(tuple(points), unit), notes, look.shading)
+        return Suggestion(kind, reason, TransferSpec(tuple(points), unit), notes, preset.shading)
     low, high = points[0].value, points[-1].value
     span = (low, high) if low < high else (low - max(1.0, abs(low)), low + max(1.0, abs(low)))
     mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in points))
-    return Suggestion(kind, reason, TransferSpec(mapping, unit), (), look.shading)
+    return Suggestion(kind, reason, TransferSpec(mapping, unit), (), preset.shading)
 
 
 def _peak_position(knots: tuple[tuple[float, float], ...]) -> float:

@@ -2,6 +2,6 @@ from .mapped_file import (
     MappedCallback as MappedCallback,
     MappedFile as MappedFile,
     backing_file as backing_file,
-    slabs as slabs,
+    iter_slabs as iter_slabs,
 )
 from .volume import Array as Array, Float64 as Float64, Volume as Volume, make_volume as make_volume

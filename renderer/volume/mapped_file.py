@@ -45,7 +45,7 @@ class MappedFile:
     device: int
     inode: int
 
-    def mapped(self) -> Array:
+    def open_array(self) -> Array:
         """The voxels, read-only. Raises InputError where the file is not what it was."""
         self.require_unchanged()
         return np.asarray(np.memmap(self.path, np.dtype(self.dtype), "r", self.offset, self.shape))
@@ -110,7 +110,7 @@ def backing_file(values: Array) -> MappedFile | None:
     )
 
 
-def slabs(values: Array, source: MappedFile | None) -> Iterator[Array]:
+def iter_slabs(values: Array, source: MappedFile | None) -> Iterator[Array]:
     """The values [z, y, x], some planes at a time; the file that they are mapped from is looked at before each, and at
     the end."""
     num = max(1, _SLAB_BYTES // values[0].nbytes)

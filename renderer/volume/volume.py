@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.volume.mapped_file import MappedFile, slabs
+from renderer.volume.mapped_file import MappedFile, iter_slabs
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
@@ -26,8 +26,8 @@ class Volume:
     fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes, whatever file they came from.
     source: the file that the values are mapped from; None where they are in memory. Whoever is about to read some of
         them calls `require_unchanged` first, and again before anything comes of what was read.
-    num_nonfinite: voxels that the file has as NaN or infinite, which have the value `stand_in` here.
-    replaced_spacing: that of the file, where the scene gives another; else None.
+    num_nonfinite: voxels that the file has as NaN or infinite, which have the value `nonfinite_fill_value` here.
+    file_spacing: that of the file, where the scene gives another; else None.
     note: what to say of how they were read, in words.
     """
 
@@ -37,8 +37,8 @@ class Volume:
     fingerprint: str
     source: MappedFile | None = None
     num_nonfinite: int = 0
-    stand_in: float = 0.0
-    replaced_spacing: tuple[float, float, float] | None = None
+    nonfinite_fill_value: float = 0.0
+    file_spacing: tuple[float, float, float] | None = None
     note: str | None = None
 
     def require_unchanged(self) -> None:
@@ -49,7 +49,7 @@ class Volume:
     def value_range(self) -> tuple[float, float]:
         """The smallest and the largest value, from one pass over all of them."""
         lows, highs = zip(
-            *((float(slab.min()), float(slab.max())) for slab in slabs(self.values, self.source)), strict=True
+            *((float(slab.min()), float(slab.max())) for slab in iter_slabs(self.values, self.source)), strict=True
         )
         return min(lows), max(highs)
 
@@ -91,14 +91,14 @@ def make_volume(
     name: str,
     source: MappedFile | None = None,
     num_nonfinite: int = 0,
-    stand_in: float = 0.0,
+    nonfinite_fill_value: float = 0.0,
 ) -> Volume:
     """A Volume around `values`, which become read-only, with its fingerprint; nothing is copied.
 
     values: [z, y, x], finite, native byte order, C-contiguous, an integer or float dtype.
     world_from_index: float64 [4, 4].
     source: the file that they are mapped from, if any; raises InputError where it is not what it was.
-    num_nonfinite, stand_in: how many have been replaced, and by what.
+    num_nonfinite, nonfinite_fill_value: how many have been replaced, and by what.
     """
     assert values.ndim == 3, values.shape
     assert values.flags.c_contiguous, values.strides
@@ -108,6 +108,6 @@ def make_volume(
     placed.flags.writeable = False
     digest = hashlib.blake2b(f"{values.dtype.name} {values.shape}".encode(), digest_size=16)
     digest.update(placed.data.cast("B"))
-    for slab in slabs(values, source):
+    for slab in iter_slabs(values, source):
         digest.update(slab.data.cast("B"))
-    return Volume(values, placed, name, digest.hexdigest(), source, num_nonfinite, stand_in)
+    return Volume(values, placed, name, digest.hexdigest(), source, num_nonfinite, nonfinite_fill_value)

@@ -233,7 +233,7 @@ def suggested(volume: VolumeSpec) -> Scene:
     """As `hsplat init` has it."""
     scene = Path("suggested.yaml")
     text = suggest_scene(volume, FilmOptions(), Reporter(), colormap=None, scene=scene, output=Path("film.mp4")).text
-    return parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, still=False)
+    return parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, is_single_frame=False)
 
 
 def figures(subject: Subject, size: int = 256) -> dict[str, Any]:

@@ -39,7 +39,7 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import SplatBatch, make_splats
-from renderer.suggest import measure as measure_statistics
+from renderer.suggest import compute_statistics as measure_statistics
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.truth import integrate
 from renderer.view import View

@@ -38,7 +38,7 @@ from renderer.frame import (
     view_of,
 )
 from renderer.pyramid import cut_pyramid
-from renderer.scene import Scene, SplatBudget, load_scene, value_at
+from renderer.scene import Scene, SplatBudget, load_scene, scheduled_value
 
 # Of a scene of this size, in any state.
 PATIENCE_S = 60
@@ -162,7 +162,7 @@ def _judge_spoilt(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Ver
         raise WrongError(f"exit code {code} and {found[0]!r} in: {message}")
     if code == 0:
         overrides = [value for name, value in zip(case.arguments, case.arguments[1:], strict=False) if name == "--set"]
-        scene = load_scene(path, overrides=overrides, still=True)
+        scene = load_scene(path, overrides=overrides, is_single_frame=True)
         _judge_picture(scene, replace(case, volume=None), rasterizer, verdict)
         return
     if code not in (1, 2) or not PLACED.match(message):
@@ -188,7 +188,7 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     if not np.isfinite(frame.radiance).all():
         raise WrongError("the picture has pixels that are not numbers")
     if isinstance(scene.error.goal, SplatBudget):
-        _require_finest(stage, frame, value_at(scene.error.goal.by_frame, number))
+        _require_finest(stage, frame, scheduled_value(scene.error.goal.by_frame, number))
     view = view_of(stage, number)
     if scene.splat.footprint == "integrated":
         verdict.worst = compare_bricks(stage, frame, view, rasterizer)

@@ -48,7 +48,7 @@ class Subject:
     @property
     def scene(self) -> Scene:
         """As the command would have it."""
-        return load_scene(self.file, overrides=self.changes, still=True)
+        return load_scene(self.file, overrides=self.changes, is_single_frame=True)
 
 
 _TRANSPARENT = "output.background=transparent"

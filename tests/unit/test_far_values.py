@@ -10,7 +10,7 @@ import pytest
 from kinds_of_data import KINDS, axes, head_in_hounsfield_units, two_materials
 
 from renderer.scene import ColormapSpec
-from renderer.suggest import Suggestion, measure, suggest
+from renderer.suggest import Suggestion, compute_statistics, suggest
 from renderer.suggest.nodata import OutlierValue
 from renderer.transfer import make_transfer_function
 from renderer.volume import make_volume
@@ -27,7 +27,7 @@ NAMES = ("head as float32", "microscopy", "signed", "filled, signed", "density",
 
 def suggested(values: Array, colormap: str | None = None) -> Suggestion:
     volume = make_volume(np.ascontiguousarray(values), np.eye(4), "made up")
-    return suggest(volume, measure(volume.values), colormap)
+    return suggest(volume, compute_statistics(volume.values), colormap)
 
 
 def extinction(suggestion: Suggestion, *values: float) -> list[float]:
@@ -42,7 +42,7 @@ def test_the_kind_is_that_of_the_others(name: str, where: Array, fill: float) ->
     values[where] = fill
     found = suggested(values)
     assert found.kind == KINDS[name][1]
-    assert len(found.far) == 1 and "taken for a fill value" in found.far[0]
+    assert len(found.outlier_notes) == 1 and "taken for a fill value" in found.outlier_notes[0]
     np.testing.assert_array_equal(extinction(found, float(np.float32(fill))), 0)
     assert max(extinction(found, *np.unique(values[~where]).tolist())) > 0
 
@@ -65,7 +65,7 @@ def test_single_voxels_do_not_hide_what_a_scan_is(outliers: tuple[float, ...]) -
     values[3, 4, 5 : 5 + len(outliers)] = outliers
     found = suggested(values)
     assert found.kind == "CT in Hounsfield units"
-    assert len(found.far) == len(outliers)
+    assert len(found.outlier_notes) == len(outliers)
 
 
 def test_a_fill_value_and_outliers_on_its_side_and_on_the_other() -> None:
@@ -73,7 +73,7 @@ def test_a_fill_value_and_outliers_on_its_side_and_on_the_other() -> None:
     values[SLAB] = -9999
     values[30, 30, 30:32] = -1e12, 1e30
     num = np.count_nonzero(values == -9999)
-    assert measure(values).far == (
+    assert compute_statistics(values).outliers == (
         OutlierValue(-1e12, 1, False),
         OutlierValue(-9999.0, num, True),
         OutlierValue(1e30, 1, False),
@@ -101,13 +101,13 @@ def mixed(num: int, far: float) -> Array:
     ids=["near", "some", "uint8", "labels", "mask", "steps", "powers"],
 )
 def test_what_is_not_far_from_all_others(values: Array) -> None:
-    assert measure(values).far == ()
-    assert suggested(values).far == ()
+    assert compute_statistics(values).outliers == ()
+    assert suggested(values).outlier_notes == ()
 
 
 def test_values_near_the_limits_of_their_type_do_not_overflow() -> None:
     values = (np.linspace(-1, 1, 1000) * 1.7e308).reshape(10, 10, 10)
-    assert measure(values).far == ()
+    assert compute_statistics(values).outliers == ()
     whole = np.arange(1000, dtype=np.int64).reshape(10, 10, 10)
     whole[0, 0] = np.iinfo(np.int64).min
-    assert measure(whole).far == (OutlierValue(-(2**63), 10, True),)
+    assert compute_statistics(whole).outliers == (OutlierValue(-(2**63), 10, True),)

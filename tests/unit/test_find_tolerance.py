@@ -19,6 +19,7 @@ from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
+    MetricTarget,
     OutputSpec,
     ProceduralSource,
     RockerPath,
@@ -27,7 +28,6 @@ from renderer.scene import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
-    Want,
 )
 from renderer.splats import SplatBatch
 from renderer.study import ToleranceSearchResult, Trial, Truth, TruthCache, find_tolerance
@@ -87,7 +87,7 @@ class Truths:
 
 def search(
     stage: Stage,
-    want: Want,
+    want: MetricTarget,
     frames: Sequence[int] = range(NUM_FRAMES),
     truth_of: Callable[[int], Truth] | None = None,
     told: list[Trial] | None = None,
@@ -100,7 +100,7 @@ def search(
 
 def test_the_coarsest_that_is_good_on_all_frames_that_are_tried(stage: Stage) -> None:
     """Where more splats are always better, that is the coarsest of all that is good on the worst side."""
-    want = Want("rmse", 0.03)
+    want = MetricTarget("rmse", 0.03)
     told: list[Trial] = []
     found = search(stage, want, told=told)
     enough = (0.6 / want.value) ** 2
@@ -116,7 +116,7 @@ def test_the_coarsest_that_is_good_on_all_frames_that_are_tried(stage: Stage) ->
 
 @pytest.mark.parametrize(("metric", "value"), [("psnr", 150.0), ("rmse", 1e-6)])
 def test_beyond_full_resolution(stage: Stage, metric: str, value: float) -> None:
-    found = search(stage, Want(metric, value))  # type: ignore[arg-type]
+    found = search(stage, MetricTarget(metric, value))  # type: ignore[arg-type]
     assert found.tolerance is None
     assert found.worst.tolerance == 0
     assert found.worst.num_cells == make_primitive(stage).num_cells(0.0)
@@ -125,7 +125,7 @@ def test_beyond_full_resolution(stage: Stage, metric: str, value: float) -> None
 @pytest.mark.parametrize("frames", [range(6, 12), [1, 5, 20], range(0, NUM_FRAMES, 5), [7]])
 def test_only_frames_of_the_film_are_tried(stage: Stage, frames: Sequence[int]) -> None:
     truths = Truths()
-    found = search(stage, Want("psnr", 20.0), frames, truths)
+    found = search(stage, MetricTarget("psnr", 20.0), frames, truths)
     assert set(found.frames) == truths.asked <= set(frames)
     assert list(found.frames) == sorted(set(found.frames))
     assert len(found.frames) == min(len(frames), len(found.frames)) >= min(len(frames), 5)
@@ -134,7 +134,7 @@ def test_only_frames_of_the_film_are_tried(stage: Stage, frames: Sequence[int]) 
 def test_both_ends_of_a_path_that_is_no_whole_loop_are_tried(stage: Stage) -> None:
     rocker = replace(stage, scene=replace(stage.scene, camera=CameraSpec(RockerPath(NUM_FRAMES))))
     for of, frames in ((stage, range(NUM_FRAMES // 2)), (rocker, range(5, 20))):
-        found = search(of, Want("psnr", 20.0), frames)
+        found = search(of, MetricTarget("psnr", 20.0), frames)
         assert {frames[0], frames[-1]} <= set(found.frames)
 
 
@@ -171,12 +171,12 @@ def test_what_is_kept_of_truths_is_enough(stage: Stage, metric: str, value: floa
         truth = Truths()(frame)
         return replace(truth, picture=truth.picture + np.random.default_rng(frame).random(truth.picture.shape) / 100)
 
-    want = Want(metric, value)  # type: ignore[arg-type]
+    want = MetricTarget(metric, value)  # type: ignore[arg-type]
     told: tuple[list[Trial], list[Trial]] = ([], [])
     exact = search(stage, want, truth_of=truth_of, told=told[0])
     kept = search(stage, want, truth_of=TruthCache(truth_of), told=told[1])
     assert (exact.tolerance, exact.frames, exact.worst.frame) == (kept.tolerance, kept.frames, kept.worst.frame)
-    assert [want.of(trial.value) for trial in told[0]] == [want.of(trial.value) for trial in told[1]]
+    assert [want.format(trial.value) for trial in told[0]] == [want.format(trial.value) for trial in told[1]]
     assert len(told[0]) > 5
 
 
@@ -191,31 +191,31 @@ def test_equal_pictures_are_equal_as_they_are_kept(stage: Stage) -> None:
     empty = replace(stage, scene=replace(stage.scene, output=behind))
     truths = TruthCache(lambda frame: replace(Truths()(frame), picture=np.full((*SHAPE, 3), 0.1)))
     found = find_tolerance(
-        empty, range(3), Want("psnr", 90.0), Nothing(), truth_of=truths, clock=lambda: 0.0, on_trial=[].append
+        empty, range(3), MetricTarget("psnr", 90.0), Nothing(), truth_of=truths, clock=lambda: 0.0, on_trial=[].append
     )
     assert found.worst.value == math.inf
 
 
 def test_a_film_of_nothing_is_said_to_be_one(stage: Stage) -> None:
-    assert search(stage, Want("psnr", 20.0), truth_of=Truths(covered=False)).shows_nothing
+    assert search(stage, MetricTarget("psnr", 20.0), truth_of=Truths(covered=False)).shows_nothing
 
 
 @pytest.mark.parametrize(
     ("want", "better", "worse"),
     [
-        (Want("psnr", 38.0), 38.5, 37.9),
-        (Want("ssim", 0.9), 0.95, 0.8),
-        (Want("rmse", 0.01), 0.009, 0.02),
-        (Want("flip", 0.1), 0.0, 0.2),
+        (MetricTarget("psnr", 38.0), 38.5, 37.9),
+        (MetricTarget("ssim", 0.9), 0.95, 0.8),
+        (MetricTarget("rmse", 0.01), 0.009, 0.02),
+        (MetricTarget("flip", 0.1), 0.0, 0.2),
     ],
 )
-def test_better_is_larger_or_smaller(want: Want, better: float, worse: float) -> None:
+def test_better_is_larger_or_smaller(want: MetricTarget, better: float, worse: float) -> None:
     assert want.margin(better) > 0 > want.margin(worse)
     assert want.margin(want.value) == 0
     assert want.margin(math.nan) == -math.inf
 
 
 def test_values_with_their_names_and_units() -> None:
-    assert str(Want("psnr", 38.0)) == "psnr 38.00 dB"
-    assert Want("psnr", 38.0).of(math.inf) == "psnr inf dB"
-    assert Want("rmse", 0.01).of(0.0087654) == "rmse 0.008765"
+    assert str(MetricTarget("psnr", 38.0)) == "psnr 38.00 dB"
+    assert MetricTarget("psnr", 38.0).format(math.inf) == "psnr inf dB"
+    assert MetricTarget("rmse", 0.01).format(0.0087654) == "rmse 0.008765"

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import axes, blurred, noise
 
-from renderer.suggest import measure, suggest
+from renderer.suggest import compute_statistics, suggest
 from renderer.volume import make_volume
 
 Array = npt.NDArray[Any]
@@ -17,7 +17,7 @@ Array = npt.NDArray[Any]
 
 def kind(values: Array) -> str:
     volume = make_volume(np.ascontiguousarray(values), np.eye(4), "made up")
-    return suggest(volume, measure(volume.values)).kind
+    return suggest(volume, compute_statistics(volume.values)).kind
 
 
 def radius(z0: float = 0.0, y0: float = 0.0, x0: float = 0.0) -> Array:
@@ -85,7 +85,7 @@ def test_distances_are_recognised_where_voxels_are_no_cubes() -> None:
     z, y, x = axes()
     for values in (np.sqrt((4 * z) ** 2 + y**2 + x**2) - 0.15, radius() - 0.15):
         volume = make_volume(values, np.diag([1.0, 1.0, 4.0, 1.0]), "made up")
-        assert suggest(volume, measure(values)).kind == "level set"
+        assert suggest(volume, compute_statistics(values)).kind == "level set"
 
 
 @pytest.mark.parametrize("name", NO_LEVEL_SETS)

@@ -22,7 +22,7 @@ from renderer.frame import Stage, deserialize_stage, prepare_stage, render_frame
 from renderer.pyramid import build_pyramid
 from renderer.readers import common, read_volume
 from renderer.scene import ErrorSpec, FileSource, PyramidSpec, RawSource, Scene, VolumeSpec
-from renderer.suggest import measure
+from renderer.suggest import compute_statistics
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
@@ -70,11 +70,11 @@ def test_the_same_voxels_as_in_memory(name: str, dtype: str, tmp_path: Path, mon
         assert volume.fingerprint == copied.fingerprint
         assert np.array_equal(volume.world_from_index, copied.world_from_index)
         assert volume.value_range() == copied.value_range()
-        assert measure(volume.values, volume.source).mean == measure(copied.values).mean
+        assert compute_statistics(volume.values, volume.source).mean == compute_statistics(copied.values).mean
         is_native = order == "<" or dtype == "uint8"
         assert (volume.source is not None) == is_native
         if volume.source is not None:
-            again = volume.source.mapped()
+            again = volume.source.open_array()
             assert not again.flags.writeable
             np.testing.assert_array_equal(again, volume.values)
 
@@ -130,7 +130,7 @@ def test_parts_that_lie_together_are_mapped(tmp_path: Path) -> None:
         np.testing.assert_array_equal(volume.values, part)
         assert (volume.source is not None) == is_mapped
         if volume.source is not None:
-            np.testing.assert_array_equal(volume.source.mapped(), part)
+            np.testing.assert_array_equal(volume.source.open_array(), part)
 
 
 @pytest.mark.usefixtures("everything_mapped")

@@ -13,7 +13,7 @@ from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
 from renderer.scene import PROCEDURAL_NAMES, ProceduralSource, VolumeSpec
-from renderer.suggest import measure, suggest_ranges
+from renderer.suggest import compute_statistics, suggest_ranges
 
 
 @pytest.mark.parametrize("name", PROCEDURAL_NAMES)
@@ -103,13 +103,13 @@ def test_working_memory_does_not_grow_with_a_plane(name, monkeypatch):
 
 def test_engine_block_has_two_materials():
     """A transfer function of two materials needs three well-separated peaks: air, light metal, steel."""
-    statistics = measure(procedural_values(ProceduralSource("engine_block", (128, 128, 64))))
+    statistics = compute_statistics(procedural_values(ProceduralSource("engine_block", (128, 128, 64))))
     background, casing, steel = suggest_ranges(statistics)
-    assert background.typical == pytest.approx(12, abs=3)
+    assert background.median == pytest.approx(12, abs=3)
     assert casing.low < 96 < casing.high
     assert steel.low < 226 < steel.high
-    assert 0.1 < casing.share < 0.4
-    assert 0.02 < steel.share < 0.1
+    assert 0.1 < casing.fraction < 0.4
+    assert 0.02 < steel.fraction < 0.1
 
 
 def test_engine_block_is_round_in_the_world():

@@ -243,8 +243,8 @@ def test_another_spacing_leaves_directions_and_the_first_voxel(tmp_path, name):
     )
     np.testing.assert_array_equal(other.world_from_index[:3, 3], own.world_from_index[:3, 3])
     np.testing.assert_array_equal(other.values, own.values)
-    assert own.replaced_spacing is None
-    np.testing.assert_allclose(other.replaced_spacing, [0.8, 1.5, 2.5], rtol=1e-6)
+    assert own.file_spacing is None
+    np.testing.assert_allclose(other.file_spacing, [0.8, 1.5, 2.5], rtol=1e-6)
     assert other.fingerprint != own.fingerprint
 
 
@@ -276,7 +276,7 @@ def test_another_spacing_in_place_of_lengths_that_cannot_be(tmp_path, length):
         read(tmp_path / "a.nrrd")
     volume = read_volume(VolumeSpec(FileSource(tmp_path / "a.nrrd", (1.0, 2.0, 3.0))))
     np.testing.assert_array_equal(volume.spacing, [1, 2, 3])
-    np.testing.assert_allclose(volume.replaced_spacing, [length, length, 2 * length])
+    np.testing.assert_allclose(volume.file_spacing, [length, length, 2 * length])
 
 
 @pytest.mark.parametrize("crop", [((0, 5), (0, 4), (1, 2)), ((1, 3), (0, 4), (0, 3)), ((0, 5), (0, 4), (0, 3))])
@@ -327,9 +327,9 @@ def test_nonfinite_voxels_become_a_number(tmp_path, dtype):
     np.save(tmp_path / "a.npy", values)
     volume = read(tmp_path / "a.npy", nonfinite=2.5)
     np.testing.assert_array_equal(volume.values, np.where(np.isfinite(values), values, values.dtype.type(2.5)))
-    assert (volume.num_nonfinite, volume.stand_in) == (2, 2.5)
+    assert (volume.num_nonfinite, volume.nonfinite_fill_value) == (2, 2.5)
     lowest = read(tmp_path / "a.npy", nonfinite="lowest")
-    assert (lowest.num_nonfinite, lowest.stand_in) == (2, -7)
+    assert (lowest.num_nonfinite, lowest.nonfinite_fill_value) == (2, -7)
     assert lowest.fingerprint != volume.fingerprint
     np.save(tmp_path / "b.npy", ramp(dtype))
     assert read(tmp_path / "b.npy", nonfinite=2.5).num_nonfinite == 0

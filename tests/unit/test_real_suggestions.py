@@ -8,7 +8,7 @@ import pytest
 
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
-from renderer.suggest import measure, suggest
+from renderer.suggest import compute_statistics, suggest
 
 
 @pytest.mark.real_data
@@ -27,4 +27,4 @@ from renderer.suggest import measure, suggest
 )
 def test_kind(data_dir: Path, file: str, kind: str) -> None:
     volume = read_volume(VolumeSpec(FileSource(data_dir / file)))
-    assert suggest(volume, measure(volume.values)).kind == kind
+    assert suggest(volume, compute_statistics(volume.values)).kind == kind

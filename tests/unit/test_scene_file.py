@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given, settings, strategies as st
 
 from renderer.errors import InputError
-from renderer.scene import FileSource, Mark, NotYamlError, Scene, load_scene, parse_yaml, scene_to_dict
+from renderer.scene import FileSource, NotYamlError, Scene, TextPosition, load_scene, parse_yaml, scene_to_dict
 from renderer.scene.yaml_tree import MAX_NODES, SourceLocation
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -62,17 +62,17 @@ def test_scalars_are_those_of_yaml_1_2(text: str, value: object) -> None:
 def test_places() -> None:
     tree = parse_yaml("a: 1\nb:\n  c: [2,\n      3]\n  d:\n  - x\n  - {e: y}\n")
     assert tree.data == {"a": 1, "b": {"c": [2, 3], "d": ["x", {"e": "y"}]}}
-    assert tree.places == {
-        "": SourceLocation(Mark(1, 1), Mark(1, 1)),
-        "a": SourceLocation(Mark(1, 1), Mark(1, 4)),
-        "b": SourceLocation(Mark(2, 1), Mark(2, 1)),
-        "b.c": SourceLocation(Mark(3, 3), Mark(3, 6)),
-        "b.c.0": SourceLocation(Mark(3, 7), Mark(3, 7)),
-        "b.c.1": SourceLocation(Mark(4, 7), Mark(4, 7)),
-        "b.d": SourceLocation(Mark(5, 3), Mark(5, 3)),
-        "b.d.0": SourceLocation(Mark(6, 5), Mark(6, 5)),
-        "b.d.1": SourceLocation(Mark(7, 5), Mark(7, 5)),
-        "b.d.1.e": SourceLocation(Mark(7, 6), Mark(7, 9)),
+    assert tree.locations == {
+        "": SourceLocation(TextPosition(1, 1), TextPosition(1, 1)),
+        "a": SourceLocation(TextPosition(1, 1), TextPosition(1, 4)),
+        "b": SourceLocation(TextPosition(2, 1), TextPosition(2, 1)),
+        "b.c": SourceLocation(TextPosition(3, 3), TextPosition(3, 6)),
+        "b.c.0": SourceLocation(TextPosition(3, 7), TextPosition(3, 7)),
+        "b.c.1": SourceLocation(TextPosition(4, 7), TextPosition(4, 7)),
+        "b.d": SourceLocation(TextPosition(5, 3), TextPosition(5, 3)),
+        "b.d.0": SourceLocation(TextPosition(6, 5), TextPosition(6, 5)),
+        "b.d.1": SourceLocation(TextPosition(7, 5), TextPosition(7, 5)),
+        "b.d.1.e": SourceLocation(TextPosition(7, 6), TextPosition(7, 9)),
     }
 
 

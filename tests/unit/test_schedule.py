@@ -26,8 +26,8 @@ from renderer.scene import (
     VolumeSpec,
     min_tolerance,
     scene_to_dict,
+    scheduled_value,
     tolerance_at,
-    value_at,
     with_tolerance,
     with_tolerances,
 )
@@ -69,19 +69,19 @@ def test_between_frames_equal_steps_are_equal_ratios() -> None:
 
 def test_0_is_held_and_left_at_once() -> None:
     entries = ((2, 0.0), (5, 0.0), (6, 0.5), (8, 0.5), (9, 0.0))
-    assert [value_at(entries, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
+    assert [scheduled_value(entries, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
 
 
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(ends=st.tuples(TOLERANCE, TOLERANCE), length=st.integers(1, 60))
 def test_over_all_of_float64_values_go_from_one_end_to_the_other(ends: tuple[float, float], length: int) -> None:
-    values = [value_at(((7, ends[0]), (7 + length, ends[1])), frame) for frame in range(7, 8 + length)]
+    values = [scheduled_value(((7, ends[0]), (7 + length, ends[1])), frame) for frame in range(7, 8 + length)]
     assert (values[0], values[-1]) == ends
     assert values == sorted(values, reverse=ends[0] > ends[1])
 
 
 def test_budgets_are_interpolated_like_tolerances() -> None:
-    assert [value_at(((0, 1000), (2, 100_000)), frame) for frame in range(4)] == pytest.approx(
+    assert [scheduled_value(((0, 1000), (2, 100_000)), frame) for frame in range(4)] == pytest.approx(
         [1000, 10_000, 100_000, 100_000], rel=1e-14
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from renderer.suggest import measure, rebin, suggest_ranges
+from renderer.suggest import compute_statistics, rebin, suggest_ranges
 
 DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
 
@@ -27,7 +27,7 @@ def test_against_numpy(dtype):
         values = rng.integers(np.iinfo(kind).min, np.iinfo(kind).max, (20, 30, 40), kind, endpoint=True)
     else:
         values = rng.normal(5, 100, (20, 30, 40)).astype(kind)
-    statistics = measure(values)
+    statistics = compute_statistics(values)
     assert statistics.minimum == values.min()
     assert statistics.maximum == values.max()
     assert statistics.mean == pytest.approx(
@@ -41,24 +41,24 @@ def test_against_numpy(dtype):
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("value", [0, 7])
 def test_constant(dtype, value):
-    statistics = measure(np.full((3, 4, 5), value, dtype))
+    statistics = compute_statistics(np.full((3, 4, 5), value, dtype))
     assert statistics.minimum == statistics.maximum == statistics.mean == statistics.percentiles[50] == value
     (only,) = suggest_ranges(statistics)
-    assert (only.name, only.low, only.high, only.typical, only.share) == ("material 1", value, value, value, 1.0)
+    assert (only.name, only.low, only.high, only.median, only.fraction) == ("material 1", value, value, value, 1.0)
 
 
 @pytest.mark.parametrize("offset", [-(2**63), 2**63 - 1000])
 def test_extreme_integers_do_not_wrap(offset):
     dtype = np.int64 if offset < 0 else np.uint64
     values = (np.arange(600, dtype=dtype) + dtype(offset)).reshape(5, 10, 12)
-    statistics = measure(values)
+    statistics = compute_statistics(values)
     np.testing.assert_array_equal(statistics.counts, np.ones(600))
 
 
 def test_floats_far_from_zero_and_of_tiny_range():
     values = np.array([1e9, 1e9 + 1, 1e9 + 2]).reshape(1, 1, 3)
-    assert measure(values).percentiles[50] == 1e9 + 1
-    assert measure(np.array([0.0, 5e-324]).reshape(1, 1, 2)).counts.sum() == 2
+    assert compute_statistics(values).percentiles[50] == 1e9 + 1
+    assert compute_statistics(np.array([0.0, 5e-324]).reshape(1, 1, 2)).counts.sum() == 2
 
 
 @pytest.mark.parametrize("dtype", ["int32", "int64", "float16", "float32", "float64"])
@@ -72,14 +72,14 @@ def test_percentiles_beside_outliers_are_values_of_the_volume(dtype, monkeypatch
         values[values == 0] *= -1
         values *= 1 + ends.eps
     values[0, 0, :2] = ends.min, ends.max
-    for percent, value in measure(values).percentiles.items():
+    for percent, value in compute_statistics(values).percentiles.items():
         assert value == np.percentile(values, percent, method="inverted_cdf").item()
 
 
 @given(st.lists(st.integers(-300, 300), min_size=1, max_size=60), st.integers(1, 70))
 def test_rebin_keeps_every_voxel_in_its_place(numbers, num_bins):
     values = np.array(numbers, np.int16)
-    counts, edges = rebin(measure(values), num_bins)
+    counts, edges = rebin(compute_statistics(values), num_bins)
     assert len(counts) <= num_bins
     assert len(edges) == len(counts) + 1
     np.testing.assert_array_equal(counts, np.histogram(values, edges)[0])
@@ -87,26 +87,26 @@ def test_rebin_keeps_every_voxel_in_its_place(numbers, num_bins):
 
 def test_three_materials_are_found():
     values = mixture((10, 3, 80_000), (95, 6, 15_000), (220, 5, 1_500)).clip(0, 255).astype(np.uint8)
-    background, first, second = suggest_ranges(measure(values))
+    background, first, second = suggest_ranges(compute_statistics(values))
     assert [part.name for part in (background, first, second)] == ["background", "material 1", "material 2"]
     assert background.high < 30
     assert first.low > 65
     assert first.high < 125
     assert second.low > 190
     # Truncation to integers lowers the medians by half a unit.
-    assert (background.typical, first.typical, second.typical) == (
+    assert (background.median, first.median, second.median) == (
         9,
         pytest.approx(95, abs=2),
         pytest.approx(220, abs=2),
     )
-    assert first.share == pytest.approx(15_000 / 96_500, rel=1e-3)
+    assert first.fraction == pytest.approx(15_000 / 96_500, rel=1e-3)
 
 
 @pytest.mark.parametrize(("dtype", "scale", "offset"), [("int16", 8, -1000), ("uint16", 200, 0), ("float32", 0.01, -1)])
 def test_ranges_move_with_the_data(dtype, scale, offset):
     """Hounsfield-like, 16-bit and float data: the thresholds are those of the 8-bit data, scaled."""
     values = mixture((10, 3, 80_000), (95, 6, 15_000), (220, 5, 1_500))
-    ranges = suggest_ranges(measure((scale * values + offset).astype(dtype)))
+    ranges = suggest_ranges(compute_statistics((scale * values + offset).astype(dtype)))
     assert [part.name for part in ranges] == ["background", "material 1", "material 2"]
     assert (ranges[0].high - offset) / scale < 30
     assert (ranges[1].low - offset) / scale > 65
@@ -116,7 +116,7 @@ def test_ranges_move_with_the_data(dtype, scale, offset):
 
 def test_signed_field_keeps_both_sides():
     values = mixture((0, 0.005, 96_000), (-0.15, 0.01, 1_000), (0.15, 0.01, 1_000)).astype(np.float32)
-    negative, background, positive = suggest_ranges(measure(values))
+    negative, background, positive = suggest_ranges(compute_statistics(values))
     assert (negative.name, background.name, positive.name) == ("material 1", "background", "material 2")
     assert negative.high < -0.02
     assert positive.low > 0.02
@@ -124,12 +124,12 @@ def test_signed_field_keeps_both_sides():
 
 @given(st.lists(st.integers(0, 1000), min_size=1, max_size=300))
 def test_ranges_cover_all_values_in_order(numbers):
-    statistics = measure(np.array(numbers, np.int32))
+    statistics = compute_statistics(np.array(numbers, np.int32))
     ranges = suggest_ranges(statistics)
     assert 1 <= len(ranges) <= 3
     assert ranges[0].low == statistics.minimum
     assert ranges[-1].high == statistics.maximum
-    assert sum(part.share for part in ranges) == pytest.approx(1.0)
-    assert all(part.low <= part.typical <= part.high for part in ranges)
+    assert sum(part.fraction for part in ranges) == pytest.approx(1.0)
+    assert all(part.low <= part.median <= part.high for part in ranges)
     assert all(one.high < other.low for one, other in pairwise(ranges))
     assert all(any(part.low <= number <= part.high for part in ranges) for number in numbers)

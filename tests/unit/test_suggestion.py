@@ -27,7 +27,7 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.suggest import Suggestion, measure, suggest, suggestion
+from renderer.suggest import Suggestion, compute_statistics, suggest, suggestion
 from renderer.suggest.suggestion import hounsfield_zero
 from renderer.transfer import make_transfer_function
 from renderer.volume import Volume, make_volume
@@ -41,7 +41,7 @@ def volume_of(values: Array, spacing: float = 1.0) -> Volume:
 
 def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) -> Suggestion:
     volume = volume_of(values, spacing)
-    return suggest(volume, measure(volume.values), colormap)
+    return suggest(volume, compute_statistics(volume.values), colormap)
 
 
 def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:
@@ -51,7 +51,7 @@ def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> 
 def picture(values: Array, rasterizer: GLRasterizer, size: int = 64) -> Array:
     """uint8 [size, size, 3]: the second of four frames."""
     volume = volume_of(values)
-    suggestion = suggest(volume, measure(volume.values))
+    suggestion = suggest(volume, compute_statistics(volume.values))
     scene = Scene(
         VolumeSpec(FileSource(Path("made-up.npy"))),
         suggestion.transfer,
@@ -163,14 +163,14 @@ def test_points_ascend_and_the_background_is_clear(name: str, colormap: str | No
 
 def test_hounsfield_units_are_recognised_by_their_peaks() -> None:
     head = head_in_hounsfield_units()
-    assert hounsfield_zero(measure(head)) == 0
-    assert hounsfield_zero(measure(np.ascontiguousarray(head[:, :, 10:-10]))) == 0  # no padding
-    assert hounsfield_zero(measure((np.maximum(head, -1000) + 1000).astype(np.uint16))) in (1000, 1024)
+    assert hounsfield_zero(compute_statistics(head)) == 0
+    assert hounsfield_zero(compute_statistics(np.ascontiguousarray(head[:, :, 10:-10]))) == 0  # no padding
+    assert hounsfield_zero(compute_statistics((np.maximum(head, -1000) + 1000).astype(np.uint16))) in (1000, 1024)
     # Other values of the same range: twice as far apart, even ones, those of a seismic survey.
-    assert hounsfield_zero(measure((head // 2).astype(np.int16))) is None
-    assert hounsfield_zero(measure(np.linspace(-1024, 3071, 10_000))) is None
+    assert hounsfield_zero(compute_statistics((head // 2).astype(np.int16))) is None
+    assert hounsfield_zero(compute_statistics(np.linspace(-1024, 3071, 10_000))) is None
     normal = np.random.Generator(np.random.PCG64(1)).normal(0, 700, 100_000)
-    assert hounsfield_zero(measure(normal.astype(np.int16))) is None
+    assert hounsfield_zero(compute_statistics(normal.astype(np.int16))) is None
 
 
 def test_padding_is_not_seen() -> None:
@@ -213,7 +213,7 @@ def test_a_label_has_its_own_colour_to_its_skin(rasterizer: GLRasterizer) -> Non
 
 def test_splats_are_suggested_for_labels_that_fit_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     volume = volume_of(labels())
-    statistics = measure(volume.values)
+    statistics = compute_statistics(volume.values)
     in_memory = suggest(volume, statistics)
     assert in_memory.is_categorical and in_memory.splat == SplatSpec(footprint="gaussian")
     mask = suggested((labels() > 1).astype(np.uint8))

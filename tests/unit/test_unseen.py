@@ -14,7 +14,7 @@ from hsplat_cli.scenes import FilmOptions, suggest_scene
 from hsplat_cli.terminal import Reporter
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
-from renderer.suggest import measure, suggest, suggest_nonfinite_fill
+from renderer.suggest import compute_statistics, suggest, suggest_nonfinite_fill
 
 Array = npt.NDArray[Any]
 
@@ -35,10 +35,10 @@ def found(folder: Path, values: Array) -> tuple[float | None, str]:
     np.save(folder / "scan.npy", values)
     source = FileSource(folder / "scan.npy")
     volume = read_volume(VolumeSpec(source, nonfinite="lowest"))
-    value = suggest_nonfinite_fill(volume, measure(volume.values))
+    value = suggest_nonfinite_fill(volume, compute_statistics(volume.values))
     if value is not None:
         volume = read_volume(VolumeSpec(source, nonfinite=value))
-    return value, suggest(volume, measure(volume.values)).kind
+    return value, suggest(volume, compute_statistics(volume.values)).kind
 
 
 def is_seen(folder: Path, values: Array) -> bool:

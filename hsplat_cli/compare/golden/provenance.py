@@ -17,20 +17,20 @@ from hsplat_cli.films import differences
 from hsplat_cli.scenes import load_json_object
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
-    FRAME_NUMBER,
+    FRAME_NUMBER_FIELD,
     INVALID,
-    MAPPING,
-    Kind,
-    Node,
-    Table,
-    decode,
-    fields,
-    integer,
-    known,
+    MAPPING_FIELD,
+    FieldTable,
+    FieldType,
+    TreeNode,
+    decode_utf8,
+    format_value,
+    integer_field,
     may_be_json,
-    section,
-    sequence,
-    show,
+    read_fields,
+    section_field,
+    sequence_field,
+    valid_keys,
 )
 
 NAME = "golden.json"
@@ -108,7 +108,7 @@ def origin_from_sidecar(told: Mapping[str, Any]) -> dict[str, Any]:
 
 def to_single_line(text: str) -> str:
     """Text that may come from anywhere, such as the name of a file, as a line for terminals and reports."""
-    return text if _is_single_line(text) else show(text)
+    return text if _is_single_line(text) else format_value(text)
 
 
 def _is_single_line(text: str) -> bool:
@@ -146,7 +146,7 @@ def parse_date(text: str | None) -> str | None:
     """What `--date` gives: any text of one line. Raises InputError."""
     if text is not None and not _is_single_line(text):
         expected = f"one line of at most {_MAX_LINE_LENGTH} characters, such as 2026-11-21"
-        raise InputError("not a date that can be recorded", where="--date", got=show(text), expected=expected)
+        raise InputError("not a date that can be recorded", where="--date", got=format_value(text), expected=expected)
     return text
 
 
@@ -156,17 +156,17 @@ def read_provenance(folder: Path) -> Provenance:
     content = _read(path)
     if len(content) > MOST_BYTES:
         raise InputError(f"too large for a {NAME}", where=str(path), expected=f"at most {MOST_BYTES} bytes")
-    data = load_json_object(decode(content, path), path, kind=NAME) if may_be_json(content) else {}
+    data = load_json_object(decode_utf8(content, path), path, kind=NAME) if may_be_json(content) else {}
     if data.get("format") != FORMAT:
         raise InputError(
             "not a record of goldens that this version of hsplat can read",
             where=str(path),
-            got=f"format {show(data['format'])}" if "format" in data else None,
+            got=f"format {format_value(data['format'])}" if "format" in data else None,
             expected=f"format {FORMAT!r}",
             hint="`hsplat golden SCENE FOLDER` writes it; give it a folder without one",
         )
     problems: list[Problem] = []
-    given = fields(Node(data, "", problems), _TABLE, required=["format", *_PARTS, "frames"])
+    given = read_fields(TreeNode(data, "", problems), _TABLE, required=["format", *_PARTS, "frames"])
     if problems:
         raise SceneError([replace(problem, location=str(path)) for problem in problems])
     volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
@@ -188,27 +188,27 @@ def _read(path: Path) -> bytes:
 # What it may say
 
 
-def _parse_line(node: Node) -> str:
+def _parse_line(node: TreeNode) -> str:
     if isinstance(node.value, str) and _is_single_line(node.value):
         return node.value
-    return _LINE.refuse(node, "not a line of text", got=show(node.value))
+    return _LINE.reject(node, "not a line of text")
 
 
-def _parse_digest(node: Node) -> str:
+def _parse_digest(node: TreeNode) -> str:
     if isinstance(node.value, str) and _DIGEST.fullmatch(node.value):
         return node.value
-    return _HEX.refuse(node, "not a digest", got=show(node.value))
+    return _HEX.reject(node, "not a digest")
 
 
-def _parse_versions(node: Node) -> dict[str, str]:
-    given = MAPPING.parse(node)
+def _parse_versions(node: TreeNode) -> dict[str, str]:
+    given = MAPPING_FIELD.parse(node)
     return given if given is INVALID else {key: _LINE.read(node.child(key, item)) for key, item in given.items()}
 
 
-def _parse_goldens(node: Node) -> tuple[Golden, ...]:
+def _parse_goldens(node: TreeNode) -> tuple[Golden, ...]:
     """Of those that are wrong the first is told: the others may be wrong for the same reason."""
     if not isinstance(node.value, list) or not node.value:
-        return _GOLDENS.refuse(node, "no golden frames", got=show(node.value))
+        return _GOLDENS.reject(node, "no golden frames")
     found: list[Golden] = []
     wrong: tuple[Golden, ...] = INVALID
     for index, item in enumerate(node.value):
@@ -218,37 +218,39 @@ def _parse_goldens(node: Node) -> tuple[Golden, ...]:
             return wrong
         if found and golden.frame <= found[-1].frame:
             got, expected = f"{golden.frame} after {found[-1].frame}", "frames in ascending order, each once"
-            return _GOLDENS.refuse(node.child(index).child("frame"), "frames out of order", got=got, expected=expected)
+            return _GOLDENS.reject(node.child(index).child("frame"), "frames out of order", got=got, expected=expected)
         found.append(golden)
     return tuple(found)
 
 
-def _build_golden(node: Node, given: dict[str, Any]) -> Golden:
+def _build_golden(node: TreeNode, given: dict[str, Any]) -> Golden:
     frame, file = given["frame"], given["file"]
-    if known(given, "frame", "file") == ["frame", "file"]:
+    if valid_keys(given, "frame", "file") == ["frame", "file"]:
         name = _GOLDEN_FILE.fullmatch(file)
         if name is None or int(name[1]) != frame:
-            node.child("file").complain("not the file of this frame", got=show(file), expected=f"frame-{frame:04}.png")
+            node.child("file").add_problem(
+                "not the file of this frame", got=format_value(file), expected=f"frame-{frame:04}.png"
+            )
     return Golden(**given)
 
 
-_LINE: Kind[str] = Kind(f"one line of at most {_MAX_LINE_LENGTH} characters", _parse_line)
-_HEX: Kind[str] = Kind("32 hexadecimal digits", _parse_digest)
-_VOLUME_TABLE: Table = {
+_LINE = FieldType(f"one line of at most {_MAX_LINE_LENGTH} characters", _parse_line)
+_HEX = FieldType("32 hexadecimal digits", _parse_digest)
+_VOLUME_TABLE: FieldTable = {
     "name": _LINE,
     "fingerprint": _HEX,
-    "shape": sequence(integer(least=1, most=_MAX_VOXELS), "three numbers of voxels", count=3),
+    "shape": sequence_field(integer_field(minimum=1, maximum=_MAX_VOXELS), "three numbers of voxels", count=3),
     "dtype": _LINE,
 }
-_GOLDEN_TABLE: Table = {"frame": FRAME_NUMBER, "file": _LINE, "digest": _HEX, "date": _LINE}
-_GOLDEN: Kind[Golden] = section(_GOLDEN_TABLE, _build_golden, required=["frame", "file", "digest"])
-_GOLDENS: Kind[tuple[Golden, ...]] = Kind("a list of frames, each with frame, file and digest", _parse_goldens)
+_GOLDEN_TABLE: FieldTable = {"frame": FRAME_NUMBER_FIELD, "file": _LINE, "digest": _HEX, "date": _LINE}
+_GOLDEN: FieldType[Golden] = section_field(_GOLDEN_TABLE, _build_golden, required=["frame", "file", "digest"])
+_GOLDENS = FieldType("a list of frames, each with frame, file and digest", _parse_goldens)
 
-_TABLE: Table = {
+_TABLE: FieldTable = {
     "format": _LINE,
-    "volume": section(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
+    "volume": section_field(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
     "gl": _LINE,
-    "scene": MAPPING,
-    "versions": Kind("a mapping", _parse_versions),
+    "scene": MAPPING_FIELD,
+    "versions": FieldType("a mapping", _parse_versions),
     "frames": _GOLDENS,
 }

@@ -14,7 +14,7 @@ from hsplat_cli.films.assemble.parts import Part
 from renderer.errors import Problem
 from renderer.film import Record, bytes_digest, png_shape
 from renderer.runs import consecutive_ranges
-from renderer.scene import FRAME_FIELD, join, schedule_to_dict, show
+from renderer.scene import FRAME_FIELD, format_value, join_keys, schedule_to_dict
 
 _MOST_SHOWN = 4
 
@@ -88,16 +88,16 @@ def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """The values in nested mappings and lists of mappings by their dotted paths."""
     if isinstance(value, dict):
         for key, item in value.items():
-            yield from _leaves(item, join(path, key))
+            yield from _leaves(item, join_keys(path, key))
     elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
         for index, item in enumerate(value):
-            yield from _leaves(item, join(path, index))
+            yield from _leaves(item, join_keys(path, index))
     else:
         yield path, value
 
 
 def _shown(keys: Sequence[str], values: Mapping[str, Any]) -> str:
-    named = [f"{key} {show(values[key])}" if key in values else f"no {key}" for key in keys[:_MOST_SHOWN]]
+    named = [f"{key} {format_value(values[key])}" if key in values else f"no {key}" for key in keys[:_MOST_SHOWN]]
     more = [f"{len(keys) - _MOST_SHOWN} more"] * (len(keys) > _MOST_SHOWN)
     return ", ".join([*named, *more])
 

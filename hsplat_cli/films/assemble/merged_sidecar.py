@@ -13,7 +13,7 @@ from hsplat_cli.films.fingerprint import JobFingerprint, recorded_fingerprint
 from hsplat_cli.films.sidecar_record import limits
 from renderer.film import Record, bytes_digest, has_frame_files
 from renderer.frame import visibility_notes
-from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_to_dict, through
+from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_from_tolerances, schedule_to_dict
 from renderer.versions import package_versions, sources_digest
 
 
@@ -101,7 +101,7 @@ def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
     recorded = {**part.scene["output"], "file": str(output.file), **coding}
     error = part.scene["error"]
     if has_goal(part):
-        found = ErrorSpec(through({frame.number: frame.record["tolerance"] for frame in picked}))
+        found = ErrorSpec(schedule_from_tolerances({frame.number: frame.record["tolerance"] for frame in picked}))
         error = {**schedule_to_dict(found), **error_without_schedule(part)}
     return {**part.scene, "output": recorded, "error": error}
 

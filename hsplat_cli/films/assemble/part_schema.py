@@ -7,7 +7,7 @@ from typing import Any
 
 from hsplat_cli.scenes import is_shallow
 from renderer.errors import Problem
-from renderer.scene import BOOLEAN, TEXT, Kind, Node, Table, show
+from renderer.scene import BOOLEAN_FIELD, TEXT_FIELD, FieldTable, FieldType, TreeNode
 
 # Nothing that is measured comes near it, and sums over all parts stay finite.
 _MOST = 1e100
@@ -23,73 +23,75 @@ def part_problems(data: Mapping[str, Any]) -> list[Problem]:
     if not is_shallow(data, _MOST_LEVELS):
         return [Problem("", "too many levels", expected=f"at most {_MOST_LEVELS}")]
     problems: list[Problem] = []
-    _PART_SCHEMA.parse(Node(data, "", problems))
+    _PART_SCHEMA.parse(TreeNode(data, "", problems))
     return problems
 
 
-def _parse_amount(node: Node) -> Any:
+def _parse_amount(node: TreeNode) -> Any:
     """Taken over as it stands, so that text that spells a number is none."""
     value: Any = node.value
     if type(value) not in (int, float):
-        return _AMOUNT.refuse(node, "not a number", got=show(value))
-    return value if 0 <= value <= _MOST else _AMOUNT.refuse(node, "out of range", got=show(value))
+        return _AMOUNT.reject(node, "not a number")
+    return value if 0 <= value <= _MOST else _AMOUNT.reject(node, "out of range")
 
 
-_AMOUNT: Kind[Any] = Kind(f"a number from 0 to {_MOST:g}", _parse_amount)
+_AMOUNT = FieldType(f"a number from 0 to {_MOST:g}", _parse_amount)
 # The PSNR of equal pictures is told as null.
-_WORST: Kind[Any] = Kind(_AMOUNT.expected, lambda node: None if node.value is None else _AMOUNT.parse(node))
+_WORST = FieldType(_AMOUNT.expected, lambda node: None if node.value is None else _AMOUNT.parse(node))
 
 
-def _mapping(table: Table, required: Collection[str] = ()) -> Kind[Any]:
+def _mapping(table: FieldTable, required: Collection[str] = ()) -> FieldType[Any]:
     """A mapping in which these keys, where they are, have values of these kinds; there may be others."""
 
-    def parse(node: Node) -> Any:
+    def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, dict):
-            return kind.refuse(node, "not a mapping", got=show(node.value))
+            return kind.reject(node, "not a mapping")
         for key, each in table.items():
             if key in node.value:
                 each.parse(node.child(key, node.value[key]))
             elif key in required:
-                each.refuse(node.child(key), "missing")
+                each.reject(node.child(key), "missing")
         return node.value
 
-    kind: Kind[Any] = Kind("a mapping", parse)
+    kind: FieldType[Any] = FieldType("a mapping", parse)
     return kind
 
 
-def _mapping_of(item: Kind[Any]) -> Kind[Any]:
+def _mapping_of(item: FieldType[Any]) -> FieldType[Any]:
     """A mapping whose values are all of a kind."""
 
-    def parse(node: Node) -> Any:
+    def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, dict):
-            return kind.refuse(node, "not a mapping", got=show(node.value))
+            return kind.reject(node, "not a mapping")
         return {key: item.parse(node.child(key, value)) for key, value in node.value.items()}
 
-    kind: Kind[Any] = Kind("a mapping", parse)
+    kind: FieldType[Any] = FieldType("a mapping", parse)
     return kind
 
 
-def _list_of(item: Kind[Any]) -> Kind[Any]:
+def _list_of(item: FieldType[Any]) -> FieldType[Any]:
     """A list of any length."""
 
-    def parse(node: Node) -> Any:
+    def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, list):
-            return kind.refuse(node, "not a list", got=show(node.value))
+            return kind.reject(node, "not a list")
         return [item.parse(node.child(index, value)) for index, value in enumerate(node.value)]
 
-    kind: Kind[Any] = Kind("a list", parse)
+    kind: FieldType[Any] = FieldType("a list", parse)
     return kind
 
 
-_MEASURED = _mapping({"metric": TEXT, "worst": _WORST, "probes": _list_of(_AMOUNT)})
+_MEASURED = _mapping({"metric": TEXT_FIELD, "worst": _WORST, "probes": _list_of(_AMOUNT)})
 
 _PART_SCHEMA = _mapping(
     {
         "scene": _mapping({"error": _mapping({})}, required=["error"]),
         "pyramid": _mapping({"finest_level_drawn": _AMOUNT}),
-        "versions": _mapping_of(TEXT),
-        "schedule": _mapping({"met": BOOLEAN, "reproducible": BOOLEAN, "measured": _MEASURED, "shortfall": TEXT}),
-        "notes": _list_of(TEXT),
+        "versions": _mapping_of(TEXT_FIELD),
+        "schedule": _mapping(
+            {"met": BOOLEAN_FIELD, "reproducible": BOOLEAN_FIELD, "measured": _MEASURED, "shortfall": TEXT_FIELD}
+        ),
+        "notes": _list_of(TEXT_FIELD),
         "seconds": _mapping_of(_AMOUNT),
     }
 )

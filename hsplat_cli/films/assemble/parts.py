@@ -12,7 +12,7 @@ from hsplat_cli.films.assemble.part_schema import part_problems
 from hsplat_cli.scenes import Sidecar, expand_pattern, parse_sidecar
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import Record, film_path_of_sidecar, frame_path, is_frame_record
-from renderer.scene import MAX_FRAMES, OUTPUT_FILE, ErrorSpec, Node, read_content
+from renderer.scene import MAX_FRAMES, OUTPUT_FILE_FIELD, ErrorSpec, TreeNode, read_content
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
@@ -135,7 +135,7 @@ def _output_file(sidecar: Sidecar | None) -> Path | None:
 def _file_problems(sidecar: Sidecar) -> list[Problem]:
     """Of the names of its pictures, as in a scene: they may have been changed by hand."""
     problems: list[Problem] = []
-    OUTPUT_FILE.read(Node(sidecar.scene["output"]["file"], "scene.output.file", problems))
+    OUTPUT_FILE_FIELD.read(TreeNode(sidecar.scene["output"]["file"], "scene.output.file", problems))
     return problems
 
 

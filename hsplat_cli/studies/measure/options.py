@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from renderer.errors import InputError
-from renderer.scene import ErrorSpec, Scene, SplatSpec, Want, did_you_mean, listed, show
+from renderer.scene import ErrorSpec, MetricTarget, Scene, SplatSpec, did_you_mean, format_value, join_words
 
 T = TypeVar("T")
 
@@ -51,19 +51,24 @@ def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measur
     )
 
 
-def parse_want(text: str) -> Want:
+def parse_want(text: str) -> MetricTarget:
     """`psnr=38`, `rmse=0.01`, `ssim=0.95` or `flip=0.02`."""
     expected = "psnr=38, rmse=0.01, ssim=0.95, flip=0.02 or other values of these"
     name, _, number = (part.strip() for part in text.partition("="))
     value = _number(number)
     if name not in ("psnr", "rmse", "ssim", "flip") or value is None:
-        raise InputError("not an accuracy that can be wanted", where="--want", got=show(text), expected=expected)
+        raise InputError(
+            "not an accuracy that can be wanted", where="--want", got=format_value(text), expected=expected
+        )
     most = 200.0 if name == "psnr" else 1.0
     if not 0 < value <= most:
         raise InputError(
-            f"out of the range of {name}", where="--want", got=show(text), expected=f"more than 0 and at most {most:g}"
+            f"out of the range of {name}",
+            where="--want",
+            got=format_value(text),
+            expected=f"more than 0 and at most {most:g}",
         )
-    return Want(name, value)  # type: ignore[arg-type]
+    return MetricTarget(name, value)  # type: ignore[arg-type]
 
 
 def _items(option: str, text: str, parse: Callable[[str], T | None], examples: list[str]) -> tuple[T, ...]:
@@ -75,8 +80,8 @@ def _items(option: str, text: str, parse: Callable[[str], T | None], examples: l
             raise InputError(
                 "cannot be swept",
                 where=option,
-                got=show(word),
-                expected=f"{listed(examples)}, several with commas between them",
+                got=format_value(word),
+                expected=f"{join_words(examples)}, several with commas between them",
                 hint=did_you_mean(word, examples),
             )
         found[item] = None

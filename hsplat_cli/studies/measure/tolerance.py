@@ -12,11 +12,13 @@ from hsplat_cli.scenes import read_volume_guarded
 from hsplat_cli.studies.measure.prepare import prepared
 from hsplat_cli.terminal import counted, report_first_run
 from renderer.errors import InputError
-from renderer.scene import Scene, Want
+from renderer.scene import MetricTarget, Scene
 from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages, unreachable_accuracy_error
 
 
-def print_tolerance(scene: Scene, want: Want, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool) -> None:
+def print_tolerance(
+    scene: Scene, want: MetricTarget, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool
+) -> None:
     """Search, and print the line. Raises RenderError where full resolution does not reach what is wanted."""
     _require_measurable(scene, want)
     report_first_run(quiet=quiet)
@@ -29,19 +31,19 @@ def print_tolerance(scene: Scene, want: Want, numbers: Sequence[int], truth_tole
         where = f"--want {want.metric}={want.value:g}"
         raise unreachable_accuracy_error(found, scene, where=where, hint="want less")
     click.echo(_line(scene, found.tolerance))
-    click.echo(f"# {_comment(found, scene.splat.noun)}")
+    click.echo(f"# {_comment(found, scene.splat.primitive_name)}")
 
 
 def _comment(found: ToleranceSearchResult, noun: str) -> str:
     """What the tolerance comes to, and with how many bricks or splats."""
     worst, frames = found.worst, ", ".join(map(str, found.frames))
-    drawn, value = counted(worst.num_cells, noun), found.want.of(worst.value)
+    drawn, value = counted(worst.num_cells, noun), found.want.format(worst.value)
     if len(found.frames) == 1:
         return f"{value} on frame {frames}; {drawn}"
     return f"{value} or better on the frames {frames}; {drawn}; frame {worst.frame} is the worst"
 
 
-def _require_measurable(scene: Scene, want: Want) -> None:
+def _require_measurable(scene: Scene, want: MetricTarget) -> None:
     if want.metric in ("ssim", "flip"):
         require_measuring_packages()
     if want.metric == "ssim" and min(scene.output.size) < SSIM_WINDOW_PX:

@@ -16,7 +16,7 @@ from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Stage, finest_level_at
 from renderer.pyramid import Cut, cut_pyramid
-from renderer.scene import Scene, schedule_to_dict, show
+from renderer.scene import Scene, format_value, schedule_to_dict
 from renderer.study import compute_metric, over_background
 
 Float64 = npt.NDArray[np.float64]
@@ -94,7 +94,7 @@ def measure(scene: Scene, studio: Studio) -> Octrees:
         ((schedule, value),) = schedule_to_dict(scene.error).items()
         raise InputError(
             "figure 5 is of multiples of the scene's tolerance",
-            got=f"error.{schedule}: {show(value)}",
+            got=f"error.{schedule}: {format_value(value)}",
             expected="error.tolerance: a number above 0",
             hint="give the tolerance of the third of its four octrees, such as 1",
         )
