@@ -9,7 +9,7 @@ import click
 
 from hsplat_cli.scenes import load_job
 from hsplat_cli.studies import parse_sweep, parse_want
-from hsplat_cli.terminal import OutputPath, sigterm_as_interrupt
+from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
 from renderer.errors import InputError
 from renderer.film import require_no_input, volume_files
 
@@ -78,15 +78,16 @@ def measure(
             from hsplat_cli.studies import print_tolerance
 
             _reject_sweep_options(context)
-            print_tolerance(job, parse_want(want), numbers, truth_tolerance, quiet=quiet)
+            print_tolerance(job, parse_want(want), numbers, truth_tolerance, Reporter(quiet))
             return
-        from hsplat_cli.reports import FILES
-        from hsplat_cli.studies import Request, run_study
+        from hsplat_cli.reports import REPORT_FILES
+        from hsplat_cli.studies import StudyRequest, run_study
 
         folder = output or Path(f"{scene.stem}.measured")
-        require_no_input([folder / name for name in FILES], [scene, *volume_files(job.volume)])
+        require_no_input([folder / name for name in REPORT_FILES], [scene, *volume_files(job.volume)])
         picked = list(numbers) if frames else None
-        run_study(Request(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder, quiet))
+        request = StudyRequest(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder)
+        run_study(request, Reporter(quiet))
 
 
 def _reject_sweep_options(context: click.Context) -> None:

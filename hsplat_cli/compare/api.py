@@ -8,12 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hsplat_cli.compare.file_pairs import open_pairs
-from hsplat_cli.compare.golden.provenance import NAME
+from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE
 from hsplat_cli.compare.judge import require_packages
 from hsplat_cli.compare.outcome import Comparison
 from hsplat_cli.compare.rules import load_rules
 from hsplat_cli.compare.run import PairSource, ReportFiles, run_comparison
-from hsplat_cli.compare.scene_pairs import SceneOptions, compare_scene
+from hsplat_cli.compare.scene_pairs import SceneOptions, open_scene_pairs
 from hsplat_cli.compare.text_reports import comparison_table
 from renderer.errors import HsplatError, InputError
 
@@ -40,7 +40,7 @@ def compare_frames(
 
     Raises HsplatError where they cannot be compared.
     """
-    reports.require_names((golden, actual, golden / NAME, actual / NAME))
+    reports.require_names((golden, actual, golden / PROVENANCE_FILE, actual / PROVENANCE_FILE))
     with _failure_reported(reports, golden, actual):
         reports.prepare()
         folder = _goldens_folder(golden, actual)
@@ -52,7 +52,7 @@ def compare_frames(
         if folder is None:
             opened, names = open_pairs(golden, actual), (str(golden), str(actual))
         else:
-            opened = compare_scene(golden, folder, drawing, rules, quiet=quiet)
+            opened = open_scene_pairs(golden, folder, drawing, rules, quiet=quiet)
             names = (str(folder), f"{golden}, drawn now")
         with opened as pairs:
             return run_comparison(pairs, rules, golden=names[0], actual=names[1], reports=reports, quiet=quiet)

@@ -16,7 +16,7 @@ from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, severity
 
 # What the pictures of a page may come to, as they are written into it. Where nothing can be compressed those of a frame
 # take 4 MB: seven frames always fit.
-MOST_BYTES = 30_000_000
+MAX_PICTURE_BYTES = 30_000_000
 GAINS = (1, 10, 50)
 # Small pictures are shown larger, by whole pixels, as long as they stay smaller than this.
 _MIN_SHOWN_PX = 384
@@ -31,7 +31,7 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
     frames, num_bytes = _frames(gallery.gallery_frames)
     outcomes = comparison.outcomes
     order = {outcome.name: number for number, outcome in enumerate(outcomes)}
-    places = {frame["name"]: frame["place"] for frame in frames}
+    anchors = {frame["name"]: frame["anchor"] for frame in frames}
     names = [name for name in COMPARISON_METRICS if any(name in outcome.figures for outcome in outcomes)]
     text = render_page(
         "compare.html",
@@ -50,14 +50,14 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         gains=GAINS,
         default_gain=_default_gain(gallery.gallery_frames),
         figures=[COMPARISON_METRICS[name] for name in names],
-        allows_nothing=any(_allows_nothing(outcome) for outcome in outcomes),
-        rows=[_row(o, names, order[o.name], places.get(o.name)) for o in comparison.worst_first],
+        allows_nothing=any(_has_zero_limit(outcome) for outcome in outcomes),
+        rows=[_row(o, names, order[o.name], anchors.get(o.name)) for o in comparison.worst_first],
     )
     # Names of files may have anything in them, also what has no form in UTF-8.
     return "\n".join(line if line.isprintable() else printable(line) for line in text.split("\n"))
 
 
-def _allows_nothing(outcome: Outcome) -> bool:
+def _has_zero_limit(outcome: Outcome) -> bool:
     """Whether a figure that the frame has may not be off at all."""
     return any(outcome.limits[name] == float(COMPARISON_METRICS[name].higher_is_better) for name in outcome.figures)
 
@@ -96,19 +96,19 @@ def _frames(gallery_frames: Sequence[GalleryFrame]) -> tuple[list[dict[str, Any]
     for gallery_frame in gallery_frames:
         pictures = _pictures(gallery_frame)
         size = sum(len(picture["uri"]) for picture in pictures)
-        if num_bytes + size > MOST_BYTES:
+        if num_bytes + size > MAX_PICTURE_BYTES:
             break
         num_bytes += size
         outcome = gallery_frame.outcome
         frames.append(
             {
-                "place": f"worst-{len(frames) + 1}",
+                "anchor": f"worst-{len(frames) + 1}",
                 "name": outcome.name,
                 "status": outcome.status,
                 "why": outcome.why,
                 "worst": gallery_frame.worst,
                 "pictures": pictures,
-                "flips": gallery_frame.whole.golden is not None and gallery_frame.whole.actual is not None,
+                "flips": gallery_frame.overview.golden is not None and gallery_frame.overview.actual is not None,
                 "pixels_per_side": gallery_frame.pixels_per_side,
                 "figures": [_figure(outcome, name) for name in COMPARISON_METRICS if name in outcome.figures],
                 "bias": list(zip(_CHANNELS, map(signed_text, outcome.bias), strict=False)),
@@ -120,7 +120,9 @@ def _frames(gallery_frames: Sequence[GalleryFrame]) -> tuple[list[dict[str, Any]
 def _default_gain(gallery_frames: Sequence[GalleryFrame]) -> int:
     """The largest, if it tells the errors of all frames apart, else the one before it."""
     differences = [
-        gallery_frame.whole.difference for gallery_frame in gallery_frames if gallery_frame.whole.difference is not None
+        gallery_frame.overview.difference
+        for gallery_frame in gallery_frames
+        if gallery_frame.overview.difference is not None
     ]
     largest = max((int(difference.max()) for difference in differences), default=0)
     return GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2]
@@ -136,18 +138,18 @@ def _pictures(gallery_frame: GalleryFrame) -> list[dict[str, Any]]:
         "difference": "nothing to compare" if alone else f"none: {outcome.status}",
     }
     pictures = [
-        _picture(kind, pixels, outcome.name, absent[kind]) for kind, pixels in vars(gallery_frame.whole).items()
+        _picture(kind, pixels, outcome.name, absent[kind]) for kind, pixels in vars(gallery_frame.overview).items()
     ]
-    if gallery_frame.detail is None or gallery_frame.detail.golden is None:
+    if gallery_frame.crop is None or gallery_frame.crop.golden is None:
         return pictures
-    (x, y), (height, width, _) = gallery_frame.corner, gallery_frame.detail.golden.shape
-    place = f", enlarged: x {x} to {x + width - 1}, y {y} to {y + height - 1}"
+    (x, y), (height, width, _) = gallery_frame.corner, gallery_frame.crop.golden.shape
+    extent = f", enlarged: x {x} to {x + width - 1}, y {y} to {y + height - 1}"
     return pictures + [
-        _picture(kind, pixels, outcome.name, "", place) for kind, pixels in vars(gallery_frame.detail).items()
+        _picture(kind, pixels, outcome.name, "", extent) for kind, pixels in vars(gallery_frame.crop).items()
     ]
 
 
-def _picture(kind: str, pixels: Pixels | None, name: str, absent: str, place: str = "") -> dict[str, Any]:
+def _picture(kind: str, pixels: Pixels | None, name: str, absent: str, extent: str = "") -> dict[str, Any]:
     if pixels is None:
         return {"kind": kind, "uri": "", "caption": kind, "absent": absent}
     height, width, channels = pixels.shape
@@ -155,8 +157,8 @@ def _picture(kind: str, pixels: Pixels | None, name: str, absent: str, place: st
     return {
         "kind": kind,
         "uri": png_data_uri(pixels),
-        "caption": f"{kind}{place}",
-        "alt": f"{kind} of {name}{place}",
+        "caption": f"{kind}{extent}",
+        "alt": f"{kind} of {name}{extent}",
         "width": times * width,
         "height": times * height,
         "classes": " ".join([*["enlarged"] * (times > 1), *["transparent"] * (channels == 4)]),
@@ -178,11 +180,11 @@ def _figure(outcome: Outcome, name: str) -> dict[str, Any]:
 # --------------------------------------------------------------------------------------------------------- all frames
 
 
-def _row(outcome: Outcome, names: Sequence[str], number: int, place: str | None) -> dict[str, Any]:
+def _row(outcome: Outcome, names: Sequence[str], number: int, anchor: str | None) -> dict[str, Any]:
     return {
         "name": outcome.name,
         "number": number,
-        "place": place,
+        "anchor": anchor,
         "status": outcome.status,
         "passes": outcome.passes,
         "why": outcome.why,

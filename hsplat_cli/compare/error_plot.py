@@ -27,12 +27,12 @@ _MAX_PLOT_DECADES = 4  # what is further over its limit is drawn there
 
 
 @dataclass(frozen=True)
-class Legend:
+class LegendEntry:
     """A line of it. color: a variable of the page's style. dash: of the stroke."""
 
     color: str
     dash: str
-    words: str
+    label: str
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ErrorPlot:
     """
 
     svg: Markup
-    legend: Sequence[Legend]
+    legend: Sequence[LegendEntry]
     has_frame_numbers: bool
 
 
@@ -59,7 +59,7 @@ def plot_errors(comparison: Comparison) -> ErrorPlot | None:
         COMPARISON_METRICS[name].label for name in names
     )
     legend = [
-        Legend(color, dash, limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]))
+        LegendEntry(color, dash, limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]))
         for name, color, dash in zip(names, _COLORS, _DASHES, strict=False)
     ]
     lines = [_line(axes, outcomes, name, style) for name, style in zip(names, legend, strict=True)]
@@ -147,14 +147,14 @@ def _failures(axes: _Axes, outcomes: Sequence[Outcome]) -> list[Markup]:
     for position, outcome in zip(axes.positions, outcomes, strict=True):
         if not outcome.passes:
             x = axes.x(position)
-            words = _element("title", f"{outcome.name}: {outcome.why}")
+            label = _element("title", f"{outcome.name}: {outcome.why}")
             line = _element("path", d=f"M{x:.1f} {_TOP}V{_BOTTOM}", class_="failure")
             cross = _element("path", d=f"M{x - 4:.1f} {_BOTTOM + 8}l8 8m0 -8l-8 8", class_="cross")
-            parts.append(_element("g", _joined([words, line, cross])))
+            parts.append(_element("g", _joined([label, line, cross])))
     return parts
 
 
-def _line(axes: _Axes, outcomes: Sequence[Outcome], name: str, legend: Legend) -> Markup:
+def _line(axes: _Axes, outcomes: Sequence[Outcome], name: str, legend: LegendEntry) -> Markup:
     """Through a point for each frame that has the figure and a limit to it, broken where one has not."""
     line, points, is_drawing = [], [], False
     for position, outcome in zip(axes.positions, outcomes, strict=True):
@@ -180,8 +180,8 @@ def _svg(alt: str, parts: Iterable[Markup]) -> Markup:
     return _element("svg", _joined(parts), viewBox=box, role="img", aria_label=alt)
 
 
-def _text(words: str, x: float, y: float, *, anchor: str, **attributes: str) -> Markup:
-    return _element("text", words, x=f"{x:.1f}", y=f"{y:.1f}", text_anchor=anchor, **attributes)
+def _text(label: str, x: float, y: float, *, anchor: str, **attributes: str) -> Markup:
+    return _element("text", label, x=f"{x:.1f}", y=f"{y:.1f}", text_anchor=anchor, **attributes)
 
 
 def _element(tag: str, content: str = "", **attributes: str) -> Markup:

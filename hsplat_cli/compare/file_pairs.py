@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hsplat_cli.compare.film_decoder import decode_film, num_frames
+from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
 from hsplat_cli.compare.ignored_files import ignored_by_template_notes, ignored_in_folder_notes
 from hsplat_cli.compare.pair import Pair, Pixels
 from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
@@ -27,7 +27,7 @@ _MAX_ERRORS_SHOWN = 10
 
 
 @dataclass(frozen=True)
-class Pairs:
+class FilePairs:
     """Pairs of frames, one of which is in memory at a time. To be gone through once.
 
     names: of all of them, in their order. notes: what the user should know about them.
@@ -48,7 +48,7 @@ class Pairs:
 
 
 @contextlib.contextmanager
-def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
+def open_pairs(golden: Path, actual: Path) -> Iterator[FilePairs]:
     """The pairs of what two names stand for, at least one.
 
     That is, on both sides: a PNG picture; a folder, whose PNG files are taken by their names; a template such as
@@ -165,15 +165,15 @@ def _entries(folder: Path) -> list[Path]:
         raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
 
 
-def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden: Path, actual: Path) -> Pairs:
+def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden: Path, actual: Path) -> FilePairs:
     names = sorted({**goldens, **actuals}, key=natural_sort_key)
     both = [name for name in names if name in goldens and name in actuals]
     if not both:
         raise InputError(
             "no frame of ACTUAL has the name of a golden",
             where=str(actual),
-            got=_some(sorted(actuals, key=natural_sort_key)),
-            expected=f"{_some(sorted(goldens, key=natural_sort_key))}, as in {golden}",
+            got=_first_names(sorted(actuals, key=natural_sort_key)),
+            expected=f"{_first_names(sorted(goldens, key=natural_sort_key))}, as in {golden}",
             hint="they look alike, but the accents are other code points"
             if _differ_in_normalization(goldens, actuals)
             else None,
@@ -196,7 +196,7 @@ def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden
         if unreadable:
             raise _combined_error(unreadable)
 
-    return Pairs(names, _link_notes(one), read)
+    return FilePairs(names, _link_notes(one), read)
 
 
 def _combined_error(errors: Sequence[InputError]) -> InputError:
@@ -207,7 +207,7 @@ def _combined_error(errors: Sequence[InputError]) -> InputError:
     return InputError("\n".join([*map(str, errors[:_MAX_ERRORS_SHOWN]), *more]))
 
 
-def _some(names: Sequence[str]) -> str:
+def _first_names(names: Sequence[str]) -> str:
     most = [repr(name) for name in names[:_MAX_NAMED]]
     return (
         join_words(most, "and") if len(most) == len(names) else f"{', '.join(most)} and {len(names) - len(most)} more"
@@ -230,7 +230,7 @@ def _link_notes(names: Sequence[str]) -> list[str]:
     if not names:
         return []
     words = "1 frame of ACTUAL is a link" if len(names) == 1 else f"{len(names)} frames of ACTUAL are links"
-    return [f"{words} to the golden, which is compared with itself: {_some(names)}"]
+    return [f"{words} to the golden, which is compared with itself: {_first_names(names)}"]
 
 
 def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, Pixels | None]:
@@ -263,10 +263,10 @@ def frame_numbers(names: Sequence[str]) -> Mapping[str, int]:
 
 
 @contextlib.contextmanager
-def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
+def _open_films(golden: Path, actual: Path) -> Iterator[FilePairs]:
     if is_same_file(golden, actual):
         raise _same_files_error(actual)
-    num_goldens, num_actuals = num_frames(golden), num_frames(actual)
+    num_goldens, num_actuals = count_film_frames(golden), count_film_frames(actual)
     if num_goldens != num_actuals:
         raise InputError(
             "films of different numbers of frames",
@@ -288,4 +288,4 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
             for number, (name, picture, other) in enumerate(zip(names, goldens, actuals, strict=True)):
                 yield Pair(name, picture, other, number)
 
-        yield Pairs(names, notes, read)
+        yield FilePairs(names, notes, read)

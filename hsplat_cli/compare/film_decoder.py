@@ -34,7 +34,7 @@ _MAX_STDERR_BYTES = 2000
 _Bytes = mmap.mmap
 
 
-def num_frames(path: Path) -> int:
+def count_film_frames(path: Path) -> int:
     """How many frames a film has; all of them are decoded. Raises InputError as `decode_film`."""
     with decode_film(path) as frames:
         return sum(1 for _ in frames)
@@ -50,16 +50,20 @@ def decode_film(path: Path) -> Iterator[Iterator[Pixels]]:
     _require_complete(path)
     with contextlib.ExitStack() as stack:
         try:
-            words = stack.enter_context(tempfile.TemporaryFile())
+            stderr_file = stack.enter_context(tempfile.TemporaryFile())
             # Out of reach of the terminal: Ctrl-C there is for us, and we end ffmpeg when we are done with it.
             process = subprocess.Popen(
-                _command(path), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, start_new_session=True
+                _command(path),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=stderr_file,
+                start_new_session=True,
             )
         except (OSError, subprocess.SubprocessError) as error:
             raise InputError("ffmpeg cannot be started", where=str(path), got=str(error)) from error
         assert process.stdout is not None
         try:
-            yield _frames(process, process.stdout, words, path)
+            yield _frames(process, process.stdout, stderr_file, path)
         finally:
             process.kill()
             process.wait()
@@ -96,7 +100,9 @@ def passthrough_option(version: str) -> list[str]:
     return ["-vsync", "0"] if is_old else ["-fps_mode", "passthrough"]
 
 
-def _frames(process: subprocess.Popen[bytes], stream: IO[bytes], words: IO[bytes], path: Path) -> Iterator[Pixels]:
+def _frames(
+    process: subprocess.Popen[bytes], stream: IO[bytes], stderr_file: IO[bytes], path: Path
+) -> Iterator[Pixels]:
     is_whole = True
     while is_whole and (shape := _read_pam_header(stream)) is not None:
         content = stream.read(math.prod(shape))
@@ -104,10 +110,10 @@ def _frames(process: subprocess.Popen[bytes], stream: IO[bytes], words: IO[bytes
         if is_whole:
             yield np.frombuffer(content, np.uint8).reshape(shape)
     status = process.wait()
-    words.seek(0)
-    said = words.read(_MAX_STDERR_BYTES).decode("utf-8", "replace").strip()
-    if status != 0 or said or not is_whole:  # not every error lets ffmpeg fail
-        got = "\n    ".join(said.splitlines()) or f"exit status {status} of ffmpeg and no message"
+    stderr_file.seek(0)
+    messages = stderr_file.read(_MAX_STDERR_BYTES).decode("utf-8", "replace").strip()
+    if status != 0 or messages or not is_whole:  # not every error lets ffmpeg fail
+        got = "\n    ".join(messages.splitlines()) or f"exit status {status} of ffmpeg and no message"
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 
 

@@ -48,36 +48,36 @@ class GalleryFrame:
     """
 
     outcome: Outcome
-    whole: ImageTriple
+    overview: ImageTriple
     pixels_per_side: int
     worst: tuple[int, int] | None = None
-    detail: ImageTriple | None = None
+    crop: ImageTriple | None = None
     corner: tuple[int, int] = (0, 0)
 
 
 class Gallery:
     """Looks at every frame and keeps the pictures of the worst `most` ones, of those that are not the same."""
 
-    def __init__(self, most: int = 24) -> None:
-        self._most = most
-        self._kept: list[tuple[tuple[bool, float, int], GalleryFrame]] = []  # sorted, worst first
+    def __init__(self, max_frames: int = 24) -> None:
+        self._max_frames = max_frames
+        self._frames: list[tuple[tuple[bool, float, int], GalleryFrame]] = []  # sorted, worst first
         self._num_added = 0
 
-    def see(self, outcome: Outcome, pair: Pair) -> None:
+    def add(self, outcome: Outcome, pair: Pair) -> None:
         """Frames of one rank go by the order in which they are seen."""
         place = (*outcome.rank, self._num_added)
         self._num_added += 1
-        if outcome.status == "same" or (len(self._kept) == self._most and place > self._kept[-1][0]):
+        if outcome.status == "same" or (len(self._frames) == self._max_frames and place > self._frames[-1][0]):
             return
         bisect.insort(
-            self._kept, (place, _make_gallery_frame(outcome, pair))
+            self._frames, (place, _make_gallery_frame(outcome, pair))
         )  # places are unique: exhibits are never compared
-        del self._kept[self._most :]
+        del self._frames[self._max_frames :]
 
     @property
     def gallery_frames(self) -> list[GalleryFrame]:
         """Those that fail, worst first; where none does, the NUM_PASSING_SHOWN that came nearest to it."""
-        gallery_frames = [gallery_frame for _, gallery_frame in self._kept]
+        gallery_frames = [gallery_frame for _, gallery_frame in self._frames]
         return [
             gallery_frame for gallery_frame in gallery_frames if not gallery_frame.outcome.passes
         ] or gallery_frames[:NUM_PASSING_SHOWN]
@@ -91,15 +91,15 @@ def _make_gallery_frame(outcome: Outcome, pair: Pair) -> GalleryFrame:
     if golden is None or actual is None or golden.shape != actual.shape:
         return GalleryFrame(outcome, ImageTriple(small, other, None), side)
     levels = FrameDifference(golden, actual).signed_levels
-    whole = ImageTriple(small, other, _difference_picture(_largest(levels, side)))
+    overview = ImageTriple(small, other, _difference_picture(_largest(levels, side)))
     y, x = (int(place) for place in np.unravel_index(np.abs(levels).argmax(), levels.shape))
     if max(levels.shape) <= 2 * CROP_PX:
-        return GalleryFrame(outcome, whole, side, (x, y))
+        return GalleryFrame(outcome, overview, side, (x, y))
     rows, columns = (_crop_range(place, length) for place, length in zip((y, x), levels.shape, strict=True))
     # Copies: a view would keep all of a large frame in memory.
     around = golden[rows, columns].copy(), actual[rows, columns].copy()
-    detail = ImageTriple(*around, _difference_picture(levels[rows, columns]))
-    return GalleryFrame(outcome, whole, side, (x, y), detail, (columns.start, rows.start))
+    crop = ImageTriple(*around, _difference_picture(levels[rows, columns]))
+    return GalleryFrame(outcome, overview, side, (x, y), crop, (columns.start, rows.start))
 
 
 def _crop_range(place: int, length: int) -> slice:

@@ -44,11 +44,11 @@ from renderer.scene import (
 )
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, Limits, Metric
 
-FILE = "compare.yaml"
+LIMITS_FILE = "compare.yaml"
 _MISSPELLED_FILE = "compare.yml"
 DEFAULT_LEVEL = "same-machine"
 
-Changes = Mapping[str, float | None]  # of limits, by the figure's name; None takes one away
+LimitChanges = Mapping[str, float | None]  # of limits, by the figure's name; None takes one away
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class Rules:
     """
 
     level: str = DEFAULT_LEVEL
-    limits: Changes = field(default_factory=dict)
-    frames: Mapping[str, Changes] = field(default_factory=dict)
-    overrides: Changes = field(default_factory=dict)
+    limits: LimitChanges = field(default_factory=dict)
+    frames: Mapping[str, LimitChanges] = field(default_factory=dict)
+    overrides: LimitChanges = field(default_factory=dict)
     file: Path | None = None
     places: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
@@ -196,10 +196,12 @@ def _override(text: str, option_names: str, problems: list[Problem]) -> dict[str
 
 
 def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
-    path = folder / FILE
-    mistaken = [name for name in _names_in(folder) if name.lower() in (FILE, _MISSPELLED_FILE) and name != FILE]
+    path = folder / LIMITS_FILE
+    mistaken = [
+        name for name in _names_in(folder) if name.lower() in (LIMITS_FILE, _MISSPELLED_FILE) and name != LIMITS_FILE
+    ]
     if mistaken:
-        raise InputError("not read under this name", where=str(folder / min(mistaken)), hint=f"call it {FILE}")
+        raise InputError("not read under this name", where=str(folder / min(mistaken)), hint=f"call it {LIMITS_FILE}")
     if not os.path.lexists(path):
         return Rules()
     require_file(path, "a file of limits")
@@ -210,7 +212,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
     given = read_fields(TreeNode({} if tree.data is None else tree.data, "", found), table)
-    problems += _located(tree, found, path, lines)
+    problems += _with_places(tree, found, path, lines)
     frames = given["frames"] if valid_keys(given, "frames") else {}
     return Rules(
         given.get("level", DEFAULT_LEVEL),
@@ -228,7 +230,7 @@ def _names_in(folder: Path) -> list[str]:
         return []
 
 
-def _located(tree: YamlTree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:
+def _with_places(tree: YamlTree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:
     """What is wrong in a file, in its order, with places and the lines themselves."""
     marked = list(tree.problems)
     for problem in found:

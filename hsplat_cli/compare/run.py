@@ -123,7 +123,7 @@ def run_comparison(
 
         def see(outcome: Outcome, pair: Pair) -> None:
             if reports.html is not None:
-                gallery.see(outcome, pair)
+                gallery.add(outcome, pair)
             done.advance()
 
         outcomes = judge(pairs, rules, see)

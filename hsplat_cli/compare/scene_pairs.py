@@ -9,8 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.compare.figure_format import printable
-from hsplat_cli.compare.golden.provenance import NAME, Golden, Provenance, changes, is_golden_file_name, read_provenance
-from hsplat_cli.compare.golden.render import Drawing, drawn, load_reproducible_job
+from hsplat_cli.compare.golden.provenance import (
+    PROVENANCE_FILE,
+    Golden,
+    Provenance,
+    describe_changes,
+    is_golden_file_name,
+    read_provenance,
+)
+from hsplat_cli.compare.golden.render import RenderedFrames, load_reproducible_job, rendered_frames
 from hsplat_cli.compare.pair import Pair
 from hsplat_cli.compare.picture_file import is_picture, read_picture
 from hsplat_cli.compare.rules import Rules
@@ -33,7 +40,7 @@ class ScenePairs:
 
     folder: Path
     goldens: Sequence[Golden]
-    drawing: Drawing
+    drawing: RenderedFrames
     facts: Mapping[str, tuple[str, str]]
     notes: Sequence[str]
 
@@ -73,7 +80,7 @@ class SceneOptions:
 
 
 @contextlib.contextmanager
-def compare_scene(
+def open_scene_pairs(
     scene: Path, folder: Path, options: SceneOptions, rules: Rules, *, quiet: bool
 ) -> Iterator[ScenePairs]:
     """Draw the frames of a scene, or of a film's sidecar, of which a folder has goldens, or some of them.
@@ -82,10 +89,10 @@ def compare_scene(
     goldens that its golden.json does not tell of, SceneError where `rules` are of frames that are not there, and what
     reading the scene and drawing raise.
     """
-    before = _require_provenance(folder)
-    unlisted = _unlisted_pictures(folder, before.goldens)
+    provenance = _require_provenance(folder)
+    unlisted = _unlisted_pictures(folder, provenance.goldens)
     job = load_reproducible_job(scene, overrides=options.overrides, volume=options.volume)
-    goldens = _select_goldens(before.goldens, options.frames, job, folder)
+    goldens = _select_goldens(provenance.goldens, options.frames, job, folder)
     drawable = frozenset(job.frames)
     numbers = [golden.frame for golden in goldens if golden.frame in drawable]
     if not numbers:
@@ -93,18 +100,18 @@ def compare_scene(
             "the scene has none of the frames of which there are goldens",
             where=str(scene),
             got=f"{counted(len(job.frames), 'frame')} up to frame {job.frames[-1]}",
-            expected=f"such as frame {goldens[0].frame}, which is in {folder / NAME}",
+            expected=f"such as frame {goldens[0].frame}, which is in {folder / PROVENANCE_FILE}",
         )
     rules.require_frames([golden.file for golden in goldens])  # before it takes time
     report_first_run(quiet=quiet)
-    with drawn(job, numbers, ExecutorSpec(options.workers), quiet=quiet) as drawing:
-        notes = [*_notes(before.origin, drawing.origin), *_file_notes(folder, goldens, unlisted), *drawing.notes]
-        yield ScenePairs(folder, goldens, drawing, _facts(before, drawing.origin), notes)
+    with rendered_frames(job, numbers, ExecutorSpec(options.workers), quiet=quiet) as drawing:
+        notes = [*_notes(provenance.origin, drawing.origin), *_file_notes(folder, goldens, unlisted), *drawing.notes]
+        yield ScenePairs(folder, goldens, drawing, _facts(provenance, drawing.origin), notes)
 
 
 def _require_provenance(folder: Path) -> Provenance:
     try:
-        if (folder / NAME).exists():
+        if (folder / PROVENANCE_FILE).exists():
             return read_provenance(folder)
         num = sum(is_picture(path.name) for path in folder.iterdir())
     except (FileNotFoundError, NotADirectoryError) as error:
@@ -113,7 +120,7 @@ def _require_provenance(folder: Path) -> Provenance:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
     raise InputError(
-        f"no {NAME} in this folder says which frames of a scene are golden",
+        f"no {PROVENANCE_FILE} in this folder says which frames of a scene are golden",
         where=str(folder),
         got=f"{num} PNG file{'s' * (num != 1)}",
         hint=f"{_MAKE.format(folder)}; a folder of frames is compared with another folder",
@@ -137,10 +144,10 @@ def _unlisted_pictures(folder: Path, goldens: Sequence[Golden]) -> Sequence[str]
     lost = [name for name in others if is_golden_file_name(name)]
     if lost:
         raise InputError(
-            f"{NAME} does not tell of all goldens in this folder",
+            f"{PROVENANCE_FILE} does not tell of all goldens in this folder",
             where=str(folder),
             got=_some(lost),
-            hint=f"restore {NAME}; or move what is not golden away",
+            hint=f"restore {PROVENANCE_FILE}; or move what is not golden away",
         )
     return others
 
@@ -157,7 +164,7 @@ def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: Job, fol
             "there are no goldens of these frames",
             where="--frames",
             got=frames,
-            expected=f"frames of which {folder / NAME} tells: {numbers}",
+            expected=f"frames of which {folder / PROVENANCE_FILE} tells: {numbers}",
         )
     return picked
 
@@ -165,10 +172,10 @@ def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: Job, fol
 # What has changed
 
 
-def _notes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    if before["volume"]["fingerprint"] != now["volume"]["fingerprint"]:
-        yield f"another volume: {_volume(now)}; the goldens are of {_volume(before)}"
-    scene = changes(before, now, "scene")
+def _notes(provenance: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    if provenance["volume"]["fingerprint"] != now["volume"]["fingerprint"]:
+        yield f"another volume: {_volume(now)}; the goldens are of {_volume(provenance)}"
+    scene = describe_changes(provenance, now, "scene")
     if scene:
         yield f"the scene has changed since the goldens were drawn: {scene}"
 
@@ -182,20 +189,21 @@ def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]
         if (folder / golden.file).exists() and not file_matches_digest(folder / golden.file, golden.digest)
     ]
     if gone:
-        yield f"{NAME} tells of goldens that are not there: {_some(gone)}"
+        yield f"missing goldens that {PROVENANCE_FILE} lists: {_some(gone)}"
     if others:
-        yield f"not what {NAME} tells of, but changed by hand, or by an update that was cut short: {_some(others)}"
+        yield f"changed by hand or by an interrupted update since {PROVENANCE_FILE} was written: {_some(others)}"
     if unlisted:
-        yield f"not compared, for {NAME} does not tell of it: {_some([printable(name) for name in unlisted])}"
+        names = [printable(name) for name in unlisted]
+        yield f"not compared, because {PROVENANCE_FILE} does not list them: {_some(names)}"
 
 
 def _some(items: Sequence[object]) -> str:
     return first_few(items, _MAX_NAMES)
 
 
-def _facts(before: Provenance, now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+def _facts(provenance: Provenance, now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """About the goldens and about now: the driver, the volume, versions of what is there on both sides."""
-    origin = before.origin
+    origin = provenance.origin
     versions = {
         name: (origin["versions"][name], version)
         for name, version in now["versions"].items()

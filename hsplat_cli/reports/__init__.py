@@ -1,6 +1,7 @@
-"""Pages, tables and plots.
+"""Render studies and comparisons as HTML pages without external resources, CSV, JSON and tables of text.
 
-In: a study or a comparison. Out: one HTML file without external resources, CSV, JSON, and tables for the terminal.
+`write_study` and `terminal_table` report a study. Other rooms render their own templates with `render_page`, and format
+numbers as here.
 """
 
 import lazy_loader

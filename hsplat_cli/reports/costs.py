@@ -1,4 +1,4 @@
-"""What an accuracy costs: the settings that no other one beats, and the price of a PSNR on their front."""
+"""Find the Pareto fronts of a study, and what a PSNR costs on them."""
 
 from __future__ import annotations
 
@@ -11,35 +11,35 @@ from renderer.study import Measurement, Setting, cost_at_psnr, pareto_front
 OWN = "hsplat"
 PEER = "vtk"
 
-# Rows of the table of prices: every so many dB, from the first on or, where nothing is so exact, from below it.
+# The rows of the table of costs, in dB; it begins lower if no measurement reaches the first.
 _FIRST_DB = 25
 _STEP_DB = 5
 
 
 def program_of(measurement: Measurement) -> str:
-    """The program that drew the pictures: OWN or PEER."""
+    """Return the program that drew the pictures, OWN or PEER."""
     return str(measurement.setting.options.get("tool", OWN))
 
 
 def has_bricks(measurements: Sequence[Measurement]) -> bool:
-    """Whether any of them draws bricks, which `num_cells` counts then."""
+    """Return whether any setting draws bricks; its `num_cells` counts them."""
     return any(m.setting.options.get("footprint") == "integrated" for m in measurements)
 
 
 def has_splats(measurements: Sequence[Measurement]) -> bool:
-    """Whether any of them draws splats, a cell each."""
+    """Return whether any setting draws splats."""
     return any(m.num_splats is not None for m in measurements)
 
 
 def cells_title(measurements: Sequence[Measurement]) -> str:
-    """What a column of `num_cells` counts: `cells`, `bricks`, or `bricks or cells` by the footprint of the row."""
+    """Return what a column of `num_cells` counts: `cells`, `bricks` or `bricks or cells`, by the footprints."""
     if not has_bricks(measurements):
         return "cells"
     return "bricks or cells" if has_splats(measurements) else "bricks"
 
 
 def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]:
-    """Numbers of the measurements of each series, series and members in the order in which they come."""
+    """Return the indices of the measurements of each series, in the order of the measurements."""
     members: dict[str, list[int]] = {}
     for number, measurement in enumerate(measurements):
         members.setdefault(measurement.setting.series, []).append(number)
@@ -47,17 +47,17 @@ def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]
 
 
 def time_front(measurements: Sequence[Measurement], tool: str) -> list[int]:
-    """Those of a tool than which no other one of the same tool is as fast and has as high a PSNR, by rising time."""
+    """Return the Pareto front of time and PSNR among a tool's measurements, by rising time, as indices."""
     return _front(measurements, [m.frame_seconds if program_of(m) == tool else math.nan for m in measurements])
 
 
 def splats_front(measurements: Sequence[Measurement]) -> list[int]:
-    """Those than which no other one has as few splats and as high a PSNR, by rising number of splats."""
+    """Return the Pareto front of the number of splats and PSNR, by rising number, as indices."""
     return _front(measurements, [math.nan if m.num_splats is None else m.num_splats for m in measurements])
 
 
 def pareto_fronts(measurements: Sequence[Measurement]) -> tuple[frozenset[int], frozenset[int]]:
-    """Numbers of the measurements on the Pareto front of time, each tool having its own, and on that of splats."""
+    """Return the indices on the Pareto fronts of time, one for each tool, and those on the front of splats."""
     time = frozenset(time_front(measurements, OWN)) | frozenset(time_front(measurements, PEER))
     return time, frozenset(splats_front(measurements))
 
@@ -68,8 +68,10 @@ def _front(measurements: Sequence[Measurement], costs: Sequence[float]) -> list[
 
 @dataclass(frozen=True)
 class Cost:
-    """Of reaching a PSNR: infinite where it is not reached; `is_bound` where the cheapest setting that was measured is
-    more exact already, so that it may cost less."""
+    """The cost of a PSNR, infinite if it is not reached.
+
+    is_bound: the cheapest setting measured is already more exact, and the true cost may be lower.
+    """
 
     value: float
     is_bound: bool
@@ -77,8 +79,11 @@ class Cost:
 
 @dataclass(frozen=True)
 class CostAtPsnr:
-    """What a PSNR (dB) costs: time of a frame (s) and splats, interpolated on the front; `setting` is the fastest of
-    those measured that reach it; `peer` the peer's time. splats, peer: None where nothing with them was measured."""
+    """The cost of a PSNR (dB), interpolated on the Pareto fronts: seconds and splats of a frame.
+
+    splats: None without measurements of splats. setting: the fastest one measured that reaches the PSNR. peer: the
+    peer's seconds, None without a peer.
+    """
 
     psnr: float
     time: Cost
@@ -88,14 +93,14 @@ class CostAtPsnr:
 
     @property
     def ratio(self) -> float:
-        """How many times as long as hsplat the peer takes; NaN where one does not reach it, or both only bound it."""
+        """Time of the peer over time of hsplat; NaN if one does not reach the PSNR, or both are bounds."""
         if self.peer is None or not (math.isfinite(self.peer.value) and math.isfinite(self.time.value)):
             return math.nan
         return math.nan if self.peer.is_bound and self.time.is_bound else self.peer.value / self.time.value
 
 
-def prices(measurements: Sequence[Measurement]) -> list[CostAtPsnr]:
-    """One for every 5 dB as far as anything that was measured reaches."""
+def costs_by_psnr(measurements: Sequence[Measurement]) -> list[CostAtPsnr]:
+    """Return the cost of every fifth dB, up to the highest PSNR measured."""
     own = [m for m in measurements if program_of(m) == OWN]
     peers = [m for m in measurements if program_of(m) == PEER]
     return [_cost_at_psnr(float(psnr), own, peers) for psnr in _levels(measurements)]

@@ -1,7 +1,7 @@
-"""What every page of the program shares: its frame, its colours, and pictures that are part of the file.
+"""Render HTML pages: template, colours, plots as SVG and pictures as data URIs.
 
-A page is one file that loads nothing. Its colours follow the reader's choice of light or dark, those of its plots too:
-matplotlib draws with the light ones, and `figure_to_svg` replaces each by the CSS variable of the same name.
+A page is one file without external resources. Pages and plots follow the reader's choice of light or dark: matplotlib
+draws with the light colours, and `figure_to_svg` replaces each by the CSS variable of the same name.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
     from matplotlib.figure import Figure
 
-# CSS variable -> colour on light and on dark ground. The eight of the series are those of M. Okabe and K. Ito, "Color
+# CSS variable: colour on light and on dark ground. The series have the eight colours of M. Okabe and K. Ito, "Color
 # Universal Design" (2008), darker on white where they would be faint, lighter on black.
 PALETTE = {
     "ink": ("#1c1e21", "#e6e6e3"),
@@ -42,10 +42,11 @@ PALETTE = {
     "series-8": ("#6b6f76", "#b4b7bb"),
 }
 LIGHT_PALETTE = {name: light for name, (light, _) in PALETTE.items()}
+SERIES_COLORS = tuple(color for name, color in LIGHT_PALETTE.items() if name.startswith("series-"))
 
 _STYLE: dict[str, Any] = {
     "svg.fonttype": "none",  # text stays text: it can be searched, read aloud, and is small
-    "svg.hashsalt": "hsplat",  # ids without it differ from run to run
+    "svg.hashsalt": "hsplat",  # makes ids the same in every run
     "text.parse_math": False,  # a $ in a name is a $
     "font.size": 10.0,
     "figure.facecolor": "none",
@@ -69,15 +70,16 @@ _STYLE: dict[str, Any] = {
 
 
 def require_page_packages() -> None:
-    """Raise InputError if a package is missing without which no page can be made."""
+    """Raise InputError if a package that pages need is missing."""
     for package in ("jinja2", "matplotlib"):
         require_package(package, extra="measure")
 
 
 def render_page(template: str, *, title: str, **values: object) -> str:
-    """The whole page of a template of this package, which extends `base.html`; every value is escaped but Markup.
+    """Return the page of a template of this package; every value but Markup is escaped.
 
-    values: what the template asks for; asking for more is a jinja2.UndefinedError.
+    values: the template's variables; a missing one raises jinja2.UndefinedError. Templates have two filters:
+    `data_uri`, of uint8 pixels, and `svg(name, alt)`, of a matplotlib figure inside `plot_style`.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -89,32 +91,32 @@ def render_page(template: str, *, title: str, **values: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters |= {"data_uri": png_data_uri, "svg": figure_to_svg}
     return environment.get_template(template).render(title=title, palette=PALETTE, **values)
 
 
 @contextmanager
 def plot_style() -> Iterator[None]:
-    """Figures made and turned into SVG inside look like the page."""
+    """Give figures that are made and turned into SVG inside the block the style of the page."""
     from matplotlib import rc_context, rcParamsDefault
 
-    # From matplotlib's defaults, not from what a user's matplotlibrc says. The backend is nobody's business here.
+    # matplotlib's defaults in place of the user's matplotlibrc; the backend stays as it is set.
     defaults: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if not key.startswith("backend")}
     with rc_context(defaults | _STYLE):
         yield
 
 
-def figure_to_svg(figure: Figure, *, name: str, alt: str) -> Markup:
-    """A figure as an `<svg>` element: the same bytes for the same figure, in the page's colours, as wide as its place.
+def figure_to_svg(figure: Figure, name: str, alt: str) -> Markup:
+    """Return a figure as an `<svg>` element in the page's colours; equal figures give equal bytes. Inside `plot_style`.
 
-    name: a word that is used once on the page; all ids begin with it. alt: what the figure shows, for those who cannot
-    see it. Inside `plot_style`.
+    name: unique on the page; all ids begin with it. alt: describes the figure to readers who cannot see it.
     """
     from markupsafe import Markup, escape
 
     stream = io.StringIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     svg = stream.getvalue()
-    svg = svg[svg.index("<svg") :]  # HTML knows neither the XML declaration nor the document type
+    svg = svg[svg.index("<svg") :]  # HTML has no XML declaration and another document type
     opening, _, body = svg.partition(">")
     (view_box,) = re.findall(r'viewBox="[^"]*"', opening)
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL).replace("xlink:href", "href")
@@ -126,12 +128,12 @@ def figure_to_svg(figure: Figure, *, name: str, alt: str) -> Markup:
 
 
 def png_data_uri(pixels: npt.NDArray[np.uint8]) -> str:
-    """`data:image/png;base64,...` of uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
+    """Return `data:image/png;base64,...` of uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
     return f"data:image/png;base64,{base64.b64encode(encode_png(pixels)).decode('ascii')}"
 
 
 def format_facts(mapping: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Name and text of each entry, for the list at the head of a page."""
+    """Return name and text of each entry, for the list at the head of a page."""
     return [(name.replace("_", " "), _format_fact(value)) for name, value in mapping.items()]
 
 

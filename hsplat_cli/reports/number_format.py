@@ -1,4 +1,4 @@
-"""Numbers as they stand in a table: as many digits as mean something, `-` for what there is not."""
+"""Format numbers for tables, with significant digits only; `-` for an absent one."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ ABSENT = "-"
 
 
 def count_text(count: float | None) -> str:
-    """`1 194 745`, rounded to a whole number."""
+    """Format a count, rounded to an integer: `1 194 745`."""
     return ABSENT if count is None or not math.isfinite(count) else f"{count:,.0f}".replace(",", " ")
 
 
 def short_count_text(count: float | None) -> str:
-    """`812`, `12.9 k`, `1.19 M`: never more than six characters below a thousand million."""
+    """Format a count in at most six characters, up to 999 million: `812`, `12.9 k`, `1.19 M`."""
     if count is None or not math.isfinite(count):
         return ABSENT
     return _scaled(count, ("", " k", " M", " G", " T")) if round(count) >= 1000 else f"{count:.0f}"
 
 
 def bytes_text(num_bytes: int | None) -> str:
-    """`812 MB`, `1.27 GB`: powers of a thousand."""
+    """Format a size in powers of 1000: `812 MB`, `1.27 GB`."""
     return ABSENT if num_bytes is None else _scaled(num_bytes, (" B", " kB", " MB", " GB", " TB"))
 
 
 def ms_text(seconds: float) -> str:
-    """Milliseconds, the unit left to the heading, to three digits or to the whole one: `0.0412`, `8.12`, `1348`."""
+    """Format seconds as milliseconds without the unit, to three digits or an integer: `0.0412`, `8.12`, `1348`."""
     return _digits(1000 * seconds, 3) if math.isfinite(seconds) else ABSENT
 
 
 def metric_text(metric: Metric, value: float) -> str:
-    """`36.24` for dB, `12.3 %` for a share, `0.0153` else; the unit dB is left to the heading."""
+    """Format a metric: `36.24` in dB, without the unit, `12.3 %` for a share, else `0.0153`."""
     if math.isnan(value):
         return ABSENT
     if math.isinf(value):
@@ -45,12 +45,12 @@ def metric_text(metric: Metric, value: float) -> str:
 
 
 def ratio_text(ratio: float) -> str:
-    """`3.24`, `12.0`, `130`."""
+    """Format a ratio: `3.24`, `12.0`, `130`."""
     return _digits(ratio, 3)
 
 
 def _scaled(number: float, units: tuple[str, ...]) -> str:
-    """Three digits and the unit of the largest power of a thousand that leaves at least 1."""
+    """Format with three digits and the unit of the largest power of 1000 that leaves at least 1."""
     power = 0
     while power < len(units) - 1 and float(f"{number:.3g}") >= 1000:
         number, power = number / 1000, power + 1
@@ -58,7 +58,7 @@ def _scaled(number: float, units: tuple[str, ...]) -> str:
 
 
 def _digits(number: float, num_digits: int) -> str:
-    """That many significant digits, and every digit before the point."""
+    """Format with this many significant digits, and all digits before the point."""
     if number == 0:
         return "0"
     magnitude = math.floor(math.log10(abs(float(f"{number:.{num_digits - 1}e}"))))

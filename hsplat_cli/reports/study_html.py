@@ -1,4 +1,4 @@
-"""A study as one page: plots, prices, the truth, and every setting with its pictures."""
+"""Render a study as an HTML page: plots, the cost of an accuracy, the truth, and every setting with its pictures."""
 
 from __future__ import annotations
 
@@ -16,31 +16,39 @@ from hsplat_cli.reports.costs import (
     Cost,
     CostAtPsnr,
     cells_title,
+    costs_by_psnr,
     group_by_series,
     has_bricks,
     has_splats,
     pareto_fronts,
-    prices,
     program_of,
 )
 from hsplat_cli.reports.html import figure_to_svg, format_facts, plot_style, png_data_uri, render_page
 from hsplat_cli.reports.number_format import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
-from hsplat_cli.reports.plots import SPLATS, TIME, Axis, metrics_figure, plottable, short_labels, tradeoff_figure
-from hsplat_cli.reports.tables import plain
+from hsplat_cli.reports.plots import (
+    SPLATS_AXIS,
+    TIME_AXIS,
+    CostAxis,
+    metrics_figure,
+    plottable,
+    short_labels,
+    tradeoff_figure,
+)
+from hsplat_cli.reports.tables import to_plain
 from renderer.bricks import BRICK_SIZE
 from renderer.study import DIFFERENCE_GAIN, METRICS, Measurement, Metric, Study, TruthRecord
 
 if TYPE_CHECKING:
     from markupsafe import Markup
 
-# As they are read: the one of the plots first.
+# The metric of the plots comes first.
 _ORDER = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
 _METRICS = sorted(METRICS, key=lambda metric: _ORDER.index(metric.name))
 
 
 @dataclass(frozen=True)
-class Plot:
-    """A figure of the page."""
+class CaptionedSvg:
+    """A plot of the page."""
 
     svg: Markup
     caption: str
@@ -48,17 +56,17 @@ class Plot:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table; `is_text` aligns it to the left, `sorts` makes its heading a button."""
+    """A column of a table. is_text: aligned to the left. is_sortable: the heading is a button."""
 
     title: str
     unit: str = ""
     is_text: bool = False
-    sorts: bool = True
+    is_sortable: bool = True
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A number, words, the heading of a row under its series, or a picture; sorts by `value`, words by `text`."""
+    """A number, text, a picture, or the heading of a row, with its series. value: sort key; text sorts by itself."""
 
     text: str
     value: str = ""
@@ -68,33 +76,30 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
-    """A line of a table; `on_front` shades it."""
+class StudyRow:
+    """A row of a table; `on_front` shades it."""
 
     cells: Sequence[Cell]
     on_front: bool
 
 
 @dataclass(frozen=True)
-class Table:
-    """groups: text and width in columns of what stands above the headings; none, or for all columns."""
+class StudyTable:
+    """A sortable table. groups: text and number of columns of the headings above; for all columns, or empty."""
 
     caption: str
     groups: Sequence[tuple[str, int]]
     columns: Sequence[Column]
-    rows: Sequence[Row]
+    rows: Sequence[StudyRow]
 
     @property
     def has_pictures(self) -> bool:
-        """Whether any cell is one."""
+        """Whether any cell is a picture."""
         return any(cell.image for row in self.rows for cell in row.cells)
 
 
 def study_page(study: Study, *, date: str) -> str:
-    """The page, whole, in one file that loads nothing; the same study and date give the same text.
-
-    Needs the packages that `require_page_packages` asks for.
-    """
+    """Return the page as text; equal studies and dates give equal text."""
     measurements = study.measurements
     return render_page(
         "study.html",
@@ -102,17 +107,19 @@ def study_page(study: Study, *, date: str) -> str:
         notes=study.notes,
         facts=_facts(study, date),
         plots=_plots(measurements),
-        prices=[_cost_at_psnr_texts(price) for price in prices(measurements)],
-        has_peer=any(program_of(m) == PEER for m in measurements),
+        cost_columns=_cost_columns(measurements),
+        costs_by_psnr=_cost_lines(measurements),
+        has_peer=_has_peer(measurements),
         has_bricks=has_bricks(measurements),
         has_splats=has_splats(measurements),
         is_shaded=study.scene.get("shading") is not None,
         truth_tolerance=f"{study.truth_tolerance:g}",
-        truths=[_truth_texts(truth) for truth in study.truths],
+        truths=study.truths,
+        convergence=[_convergence_line(truth) for truth in study.truths],
         gain=f"{DIFFERENCE_GAIN:g}",
         measured=_measured_table(measurements),
         stages=_stage_times_table(measurements),
-        scene=yaml.safe_dump(plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
+        scene=yaml.safe_dump(to_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
     )
 
 
@@ -125,89 +132,92 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
     return [*volume, *picture, *format_facts(study.machine), ("date", date)]
 
 
-# -------------------------------------------------------------------------------------------------------------- plots
-
-
-def _plots(measurements: Sequence[Measurement]) -> list[Plot]:
+def _plots(measurements: Sequence[Measurement]) -> list[CaptionedSvg]:
     plots = []
     with plot_style():
-        for name, axis in (("time", TIME), ("splats", SPLATS)):
+        for name, axis in (("time", TIME_AXIS), ("splats", SPLATS_AXIS)):
             if shown := plottable(measurements, axis):
                 series = ", ".join(group_by_series([measurements[i] for i in shown]))
                 alt = f"PSNR in dB over the {axis.title}, logarithmic, of {series}"
                 svg = figure_to_svg(tradeoff_figure(measurements, axis), name=name, alt=alt)
-                plots.append(Plot(svg, _tradeoff_caption(measurements, axis)))
-        if plottable(measurements, TIME):
+                plots.append(CaptionedSvg(svg, _tradeoff_caption(measurements, axis)))
+        if plottable(measurements, TIME_AXIS):
             series = ", ".join(group_by_series(measurements))
-            alt = f"PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3 over the {TIME.title}, of {series}"
+            alt = f"PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3 over the {TIME_AXIS.title}, of {series}"
             svg = figure_to_svg(metrics_figure(measurements), name="metrics", alt=alt)
-            plots.append(Plot(svg, "The same settings by other metrics."))
+            plots.append(CaptionedSvg(svg, "The same settings by other metrics."))
     return plots
 
 
-def _tradeoff_caption(measurements: Sequence[Measurement], axis: Axis) -> str:
-    """What the points' labels are, what the bars are, and what is missing."""
+def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> str:
+    """Explain labels, bars and omissions."""
     shown = plottable(measurements, axis)
     words = []
     for tool, front in axis.fronts(measurements).items():
         common, _ = short_labels([measurements[i].setting.label for i in front if i in shown])
         words += [f"{common} ({'hsplat' if tool == OWN else 'VTK'})"] if common else []
     parts = ["Higher and further to the left is better."]
-    parts += [f"Beside the points of a front: {', '.join(words)}."] if words else []
-    parts += ["Bricks are no splats, and not in this plot."] if axis is SPLATS and has_bricks(measurements) else []
-    parts += ["Bars reach from the first to the third quartile of the time."] if axis.spread else []
-    exact = sum(m.overall.everywhere.psnr == math.inf for m in measurements if axis.of(m) > 0)
-    parts += [f"Not shown, as equal to the truth: {exact}."] if exact else []
+    parts += [f"Labels at the points of a front: {', '.join(words)}."] if words else []
+    parts += ["Settings with bricks are not in this plot."] if axis is SPLATS_AXIS and has_bricks(measurements) else []
+    parts += ["Bars reach from the first to the third quartile of the time."] if axis.quartiles else []
+    exact = sum(m.overall.everywhere.psnr == math.inf for m in measurements if axis.cost(m) > 0)
+    parts += [f"Not shown, because equal to the truth: {exact}."] if exact else []
     return " ".join(parts)
 
 
-# ------------------------------------------------------------------------------------------------- prices, truth
+def _has_peer(measurements: Sequence[Measurement]) -> bool:
+    return any(program_of(m) == PEER for m in measurements)
 
 
-def _cost_at_psnr_texts(price: CostAtPsnr) -> dict[str, str]:
-    setting = price.setting
-    ratio = ABSENT
-    if price.peer is not None and math.isfinite(price.ratio):
-        bound = "≤ " if price.peer.is_bound else "≥ " if price.time.is_bound else ""
-        ratio = bound + ratio_text(price.ratio)
-    return {
-        "psnr": f"{price.psnr:g}",
-        "time": _cost_text(price.time, ms_text),
-        "splats": _cost_text(price.splats, count_text) if price.splats else ABSENT,
-        "peer": _cost_text(price.peer, ms_text) if price.peer else ABSENT,
-        "ratio": ratio,
-        "setting": f"{setting.series}, {setting.label}" if setting else ABSENT,
-    }
+def _cost_columns(measurements: Sequence[Measurement]) -> list[tuple[str, str, bool]]:
+    """Title, unit and whether it is text, of each column of `_cost_lines`."""
+    peer = [("VTK", "ms a frame", False), ("VTK takes", "times as long", False)] * _has_peer(measurements)
+    splats = [("splats", "a frame", False)] * has_splats(measurements)
+    last = ("fastest setting of hsplat that reaches it", "", True)
+    return [("PSNR", "dB", False), ("hsplat", "ms a frame", False), *splats, *peer, last]
 
 
-def _cost_text(cost: Cost, text: Callable[[float], str]) -> str:
-    if math.isinf(cost.value):
-        return "not reached"
-    return f"{'≤ ' if cost.is_bound else ''}{text(cost.value)}"
+def _cost_lines(measurements: Sequence[Measurement]) -> list[list[str]]:
+    with_splats, with_peer = has_splats(measurements), _has_peer(measurements)
+    lines = []
+    for cost in costs_by_psnr(measurements):
+        line = [f"{cost.psnr:g}", _cost_text(cost.time, ms_text)]
+        line += [_cost_text(cost.splats, count_text)] if with_splats else []
+        line += [_cost_text(cost.peer, ms_text), _ratio_text(cost)] if with_peer else []
+        lines.append([*line, f"{cost.setting.series}, {cost.setting.label}" if cost.setting else ABSENT])
+    return lines
 
 
-def _truth_texts(truth: TruthRecord) -> dict[str, str]:
+def _ratio_text(cost: CostAtPsnr) -> str:
+    if cost.peer is None or not math.isfinite(cost.ratio):
+        return ABSENT
+    return f"{'≤ ' if cost.peer.is_bound else '≥ ' if cost.time.is_bound else ''}{ratio_text(cost.ratio)}"
+
+
+def _cost_text(cost: Cost | None, text: Callable[[float], str]) -> str:
+    if cost is None:
+        return ABSENT
+    return "not reached" if math.isinf(cost.value) else f"{'≤ ' if cost.is_bound else ''}{text(cost.value)}"
+
+
+def _convergence_line(truth: TruthRecord) -> list[str]:
     record = truth.convergence
-    return {
-        "frame": str(truth.frame),
-        "image": png_data_uri(truth.picture),
-        "seconds": f"{truth.seconds:.1f}",
-        "share": f"{100 * truth.share_on_volume:.1f} %",
-        "steps": ", ".join(f"{step:g}" for step in record.step_voxels),
-        "changes": ", ".join(f"{change:.1e}" for change in record.change),
-        "pixels": ", ".join(map(count_text, record.num_pixels)),
-    }
+    return [
+        str(truth.frame),
+        f"{truth.seconds:.1f}",
+        f"{100 * truth.share_on_volume:.1f} %",
+        ", ".join(f"{step:g}" for step in record.step_voxels),
+        ", ".join(f"{change:.1e}" for change in record.change),
+        ", ".join(map(count_text, record.num_pixels)),
+    ]
 
 
-# ------------------------------------------------------------------------------------------------------------- tables
-
-
-def _measured_table(measurements: Sequence[Measurement]) -> Table:
-    metrics = [Column(_short(metric), metric.unit) for metric in _METRICS]
+def _measured_table(measurements: Sequence[Measurement]) -> StudyTable:
+    metrics = [Column(_metric_title(metric), metric.unit) for metric in _METRICS]
     identity = [
         Column("setting", is_text=True),
-        Column("picture", sorts=False),
-        Column("difference", sorts=False),
+        Column("picture", is_sortable=False),
+        Column("difference", is_sortable=False),
     ]
     shows_splats = has_splats(measurements) or not has_bricks(measurements)
     costs = [
@@ -228,7 +238,7 @@ def _measured_table(measurements: Sequence[Measurement]) -> Table:
     ]
     time, splats = pareto_fronts(measurements)
     rows = [
-        Row(
+        StudyRow(
             [
                 *_identity_cells(m, i),
                 *_cost_cells(m, shows_splats=shows_splats),
@@ -239,28 +249,28 @@ def _measured_table(measurements: Sequence[Measurement]) -> Table:
         )
         for i, m in enumerate(measurements)
     ]
-    return Table(_measured_caption(measurements), groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
+    return StudyTable(_measured_caption(measurements), groups, [*identity, *costs, *metrics, *metrics, *fronts], rows)
 
 
 def _measured_caption(measurements: Sequence[Measurement]) -> str:
-    """What the columns count."""
+    """Explain the columns."""
     caption = (
-        f"“Once”: the cut and its {_drawn(measurements)}, done for all frames together, without the pyramid, which is "
-        "under “Time by stage”. Memory: the most that the process held."
+        f"“Once”: the cut and its {_primitive_nouns(measurements)}, made for all frames together, without the pyramid, "
+        "which is under “Time by stage”. Memory: the peak of the process."
     )
     if has_bricks(measurements):
         caption += f" The integrated footprint draws bricks of {BRICK_SIZE} x {BRICK_SIZE} x {BRICK_SIZE} cells"
-        caption += ", which are no splats; the others a splat for each cell." if has_splats(measurements) else "."
+        caption += "; the others draw a splat for each cell." if has_splats(measurements) else "."
     return caption
 
 
-def _drawn(measurements: Sequence[Measurement]) -> str:
-    """`bricks`, `splats`, or `bricks or splats` by the footprint."""
+def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
+    """Return `bricks`, `splats` or `bricks or splats`, by the footprints."""
     bricks = has_bricks(measurements)
     return " or ".join([*["bricks"] * bricks, *["splats"] * (has_splats(measurements) or not bricks)])
 
 
-def _short(metric: Metric) -> str:
+def _metric_title(metric: Metric) -> str:
     return {"max_error": "largest", "flip_p99": "FLIP 99 %", "delta_e_share": "ΔE > 2.3"}.get(metric.name, metric.label)
 
 
@@ -300,18 +310,18 @@ def _front_cell(on_time: bool, on_splats: bool) -> Cell:
 
 
 def _number(value: float | None, text: str) -> Cell:
-    """As JavaScript reads it: infinity in its own spelling, nothing as not a number."""
+    """Return a cell that sorts by a number as JavaScript spells it; without one it sorts last."""
     if value is None or math.isnan(value):
         return Cell(text)
     return Cell(text, repr(value).replace("inf", "Infinity"))
 
 
-def _stage_times_table(measurements: Sequence[Measurement]) -> Table:
-    """Medians and quartiles of each stage, over frames and repetitions together."""
+def _stage_times_table(measurements: Sequence[Measurement]) -> StudyTable:
+    """Return medians and quartiles of each stage, over frames and repetitions together."""
     times = [_stage_times(m) for m in measurements]
     names = list(dict.fromkeys(name for stages in times for name in stages))
     columns = [Column("setting", is_text=True)]
-    titles = {("splats", True): _drawn(measurements)}
+    titles = {("splats", True): _primitive_nouns(measurements)}
     columns += [
         Column(titles.get((stage, is_once), stage), f"ms, {'once' if is_once else 'each frame'}")
         for stage, is_once in names
@@ -319,17 +329,17 @@ def _stage_times_table(measurements: Sequence[Measurement]) -> Table:
     rows = []
     for i, (m, stages) in enumerate(zip(measurements, times, strict=True)):
         cells = [Cell(m.setting.label, str(i), series=m.setting.series)]
-        rows.append(Row([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
+        rows.append(StudyRow([*cells, *(_stage_cell(stages.get(name, ())) for name in names)], on_front=False))
     caption = (
-        "Median, quartiles in brackets, × how many times it was timed: on all frames together for what is done for "
-        "each frame. The pyramid is built once and serves all settings of the same error measure"
+        "Median, quartiles in brackets, × number of timings; stages of each frame are timed on all frames together. "
+        "The pyramid is built once for all settings with the same error measure"
     )
-    caption += "; with it, the bricks." if has_bricks(measurements) else "."
-    return Table(caption, (), columns, rows)
+    caption += "; so are the bricks." if has_bricks(measurements) else "."
+    return StudyTable(caption, (), columns, rows)
 
 
 def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
-    """Seconds by stage and whether it is done once for all frames."""
+    """Return seconds by stage and whether the stage runs once for all frames."""
     times: dict[tuple[str, bool], tuple[float, ...]] = {}
     if measurement.pyramid_seconds is not None:
         times["pyramid", True] = (measurement.pyramid_seconds,)

@@ -1,4 +1,4 @@
-"""A study as text: a table for the terminal, CSV for spreadsheets and data frames, JSON for programs."""
+"""Write a study as text: a table for the terminal, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -14,12 +14,12 @@ import numpy as np
 
 from hsplat_cli.reports.costs import cells_title, group_by_series, has_bricks, has_splats, pareto_fronts
 from hsplat_cli.reports.number_format import bytes_text, metric_text, ms_text, short_count_text
+from hsplat_cli.terminal import format_table
 from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Metric, Study, TruthRecord
 
 FORMAT = 1
 TERMINAL_COLUMNS = 120
 
-_GAP = "  "
 _NULL_MEANING = (
     "what is not defined, not known or infinite; a psnr is infinite where the rmse is 0, "
     "num_cells, num_splats and pyramid_seconds are null for a program that has none, num_splats for bricks, "
@@ -27,12 +27,9 @@ _NULL_MEANING = (
 )
 
 
-# ------------------------------------------------------------------------------------------------------- the terminal
-
-
 @dataclass(frozen=True)
 class _Column:
-    """heading: two lines."""
+    """A column of the terminal's table; its heading has two lines."""
 
     heading: tuple[str, str]
     text: Callable[[Measurement], str]
@@ -57,36 +54,34 @@ _COLUMNS = (
 
 
 def terminal_table(study: Study) -> str:
-    """One line for each measurement under a line for its series, at most 120 columns wide; ends with a line break.
+    """Return a line for each measurement under a line for its series, at most 120 columns wide, with a line break.
 
-    `T` marks what is on the Pareto front of time, `S` on that of splats, where any were drawn.
+    `T` marks the Pareto front of time, `S` that of splats.
     """
     measurements = study.measurements
     columns = _terminal_columns(measurements)
     time, splats = pareto_fronts(measurements)
-    marks = [f"{'T' if i in time else ' '} {'S' if i in splats else ' '}" for i in range(len(measurements))]
-    texts = [[column.text(m) for column in columns] for m in measurements]
-    widths = [max(map(len, [*column.heading, *(row[k] for row in texts)])) for k, column in enumerate(columns)]
-    room = TERMINAL_COLUMNS - sum(width + len(_GAP) for width in widths) - len(_GAP) - len("front")
-    labels = [_truncate(f"{_GAP}{m.setting.label}", room) for m in measurements]
-    label_width = max(map(len, ["setting", *labels]))
-
-    def line(label: str, cells: Iterable[str], mark: str) -> str:
-        aligned = [cell.rjust(width) for cell, width in zip(cells, widths, strict=True)]
-        return _GAP.join([label.ljust(label_width), *aligned, mark]).rstrip()
-
-    above, headings = zip(*(column.heading for column in columns), strict=True)
-    lines = [line("", above, ""), line("setting", headings, "front")]
+    rows = [[*(column.heading[0] for column in columns), ""], [*(column.heading[1] for column in columns), "front"]]
+    for i, m in enumerate(measurements):
+        mark = f"{'T' if i in time else ' '} {'S' if i in splats else ' '}"
+        rows.append([*(column.text(m) for column in columns), mark])
+    numbers = format_table(rows, right_aligned=range(len(columns))).splitlines()
+    label_room = TERMINAL_COLUMNS - len(f"  {numbers[1]}")
+    labels = ["", "setting", *(_truncate(f"  {m.setting.label}", label_room) for m in measurements)]
+    width = max(map(len, labels))
+    above, headings, *lines = (
+        f"{label:<{width}}  {text}".rstrip() for label, text in zip(labels, numbers, strict=True)
+    )
+    text = [above, headings]
     for series, members in group_by_series(measurements).items():
-        lines.append(_truncate(series, TERMINAL_COLUMNS))
-        lines += [line(labels[i], texts[i], marks[i]) for i in members]
-    legend = "T: no other setting of the same program is as fast and as exact."
-    lines.append(f"{legend} S: none is with as few splats." if splats else legend)
-    return "".join(f"{text}\n" for text in lines)
+        text += [_truncate(series, TERMINAL_COLUMNS), *(lines[i] for i in members)]
+    text.append("T: no other setting of the same program is as fast and as exact.")
+    text[-1] += " S: no other has as few splats and is as exact." if splats else ""
+    return "\n".join(text) + "\n"
 
 
 def _terminal_columns(measurements: Sequence[Measurement]) -> list[_Column]:
-    """Of what is drawn, what there is; then what it costs and comes to."""
+    """Return the columns: numbers of cells and splats, as far as drawn, then costs and errors."""
     first, _, rest = cells_title(measurements).partition(" ")
     cells = _Column((first, rest) if rest else ("", first), lambda m: short_count_text(m.num_cells))
     splats = [_SPLATS] if has_splats(measurements) or not has_bricks(measurements) else []
@@ -97,17 +92,13 @@ def _truncate(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
-# ---------------------------------------------------------------------------------------------------------------- CSV
-
-
 def csv_text(study: Study) -> str:
-    """RFC 4180: a header and one row for each measurement and frame.
+    """Return CSV (RFC 4180): a header and a row for each measurement and frame.
 
-    Settings have the names of their options; times are milliseconds, `frame_ms_*` of all stages of a frame together,
-    `frame_STAGE_ms_*` of each, `once_STAGE_ms_*` of what is done once for all frames, `pyramid_ms` of building the
-    pyramid, timed once; metrics are over all pixels, `volume_*` over those with anything of the volume. Numbers keep
-    their value to the last digit, `nan` and `inf` included; what does not exist is empty. The fronts are those of the
-    measurement, over all its frames.
+    Settings have the names of their options. Times are milliseconds: `frame_ms_*` of a whole frame, `frame_STAGE_ms_*`
+    of each stage, `once_STAGE_ms_*` of stages that run once for all frames, `pyramid_ms` of the pyramid, timed once.
+    Metrics cover all pixels, `volume_*` those in which the volume is visible. Numbers are exact, with `nan` and `inf`;
+    absent values are empty. The fronts are those of the measurement, over all its frames.
     """
     time, splats = pareto_fronts(study.measurements)
     rows = [
@@ -169,28 +160,19 @@ def _times_row(name: str, seconds: Sequence[float]) -> dict[str, float]:
 
 
 def _columns(measurements: Sequence[Measurement]) -> list[str]:
-    """Identity, settings, fronts, counts, metrics, times: each kind together, whichever measurement has it first."""
-    kinds: list[dict[str, None]] = [{}, {}, {}]
-    for m in measurements:
-        for sample in m.frames:
-            for kind, names in zip(
-                kinds,
-                (_identity(m, sample), ("on_time_front", "on_splats_front"), _frame_row(m, sample)),
-                strict=True,
-            ):
-                kind.update(dict.fromkeys(names))
-    return [name for kind in kinds for name in kind]
+    """Return the names of all columns: identity and settings, fronts, then counts, metrics and times."""
+    samples = [(m, sample) for m in measurements for sample in m.frames]
+    identity = [name for m, sample in samples for name in _identity(m, sample)]
+    values = [name for m, sample in samples for name in _frame_row(m, sample)]
+    return list(dict.fromkeys([*identity, "on_time_front", "on_splats_front", *values]))
 
 
 def _csv_value(value: object) -> object:
     return str(value).lower() if isinstance(value, bool) else "" if value is None else value
 
 
-# --------------------------------------------------------------------------------------------------------------- JSON
-
-
 def json_text(study: Study, *, date: str) -> str:
-    """Everything of the study but its pictures; seconds, bytes and dB. `null_means` says what a null stands for."""
+    """Return the study without its pictures as JSON, in seconds, bytes and dB; `null_means` explains its nulls."""
     time, splats = pareto_fronts(study.measurements)
     record = {
         "format": FORMAT,
@@ -207,7 +189,7 @@ def json_text(study: Study, *, date: str) -> str:
             for number, m in enumerate(study.measurements)
         ],
     }
-    return json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(to_plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _truth_record(truth: TruthRecord) -> dict[str, Any]:
@@ -246,14 +228,14 @@ def _measurement_record(measurement: Measurement) -> dict[str, Any]:
     }
 
 
-def plain(value: Any) -> Any:
-    """`value` in the types that JSON and YAML have; None for NaN and infinities, which JSON has not."""
+def to_plain(value: Any) -> Any:
+    """Convert a value to the types of JSON and YAML, NaN and infinities to None."""
     if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
+        return {key: to_plain(item) for key, item in value.items()}
     if isinstance(value, (np.generic, np.ndarray)):
-        return plain(value.tolist())
+        return to_plain(value.tolist())
     if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
+        return [to_plain(item) for item in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, (bool, int, str)) else str(value)

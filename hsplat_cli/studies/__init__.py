@@ -1,7 +1,7 @@
-"""Measurements as commands: accuracy against cost, the paper's figures, another renderer.
+"""Measure scenes and reproduce the paper.
 
-In: a scene and a plan. Out: pages, CSV and JSON of `hsplat measure` and `hsplat paper`; VTK's pictures of the same
-scene.
+`run_study` sweeps settings over one scene and writes a report; `print_tolerance` finds the tolerance for an accuracy.
+`FigureRenderer` and `paper_page` draw the figures of `hsplat paper`. `peers/` measures VTK on the same scene.
 """
 
 import lazy_loader

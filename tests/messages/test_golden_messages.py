@@ -15,7 +15,7 @@ import pytest
 
 from hsplat_cli import main
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
-from hsplat_cli.compare.golden.update_plan import Change, Plan, described
+from hsplat_cli.compare.golden.update_plan import GoldenChange, GoldenUpdate, describe_update
 from renderer.film import encode_png
 from renderer.study import COMPARISON_METRICS
 
@@ -77,21 +77,21 @@ def figures(largest: float, densest: float, p99: float, bias: float) -> Mapping[
 
 
 def test_what_an_update_changes() -> None:
-    plan = Plan(
+    plan = GoldenUpdate(
         before=provenance(0, 1, 2, 3, 7, 8),
         after=provenance(0, 1, 2, 3, 4, 8, gl="softpipe", versions={"numpy": "2.2.0"}),
         sources={},
-        changes=(
-            Change("frame-0004.png", "is new"),
-            Change("frame-0003.png", "changes from 32 x 32 RGB to 36 x 32 RGBA"),
-            Change("frame-0001.png", figures=figures(41, 9.3084, 12, 1.25)),
-            Change("frame-0000.png", figures=figures(1, 0.0052, 0, 0.00031)),
+        describe_changes=(
+            GoldenChange("frame-0004.png", "is new"),
+            GoldenChange("frame-0003.png", "changes from 32 x 32 RGB to 36 x 32 RGBA"),
+            GoldenChange("frame-0001.png", figures=figures(41, 9.3084, 12, 1.25)),
+            GoldenChange("frame-0000.png", figures=figures(1, 0.0052, 0, 0.00031)),
         ),
         removed=(Golden(7, "frame-0007.png", DIGEST),),
         unrequested=(Golden(8, "frame-0008.png", DIGEST),),
-        num_asked=5,
+        num_requested=5,
     )
-    assert "\n".join(described(plan)) == (
+    assert "\n".join(describe_update(plan)) == (
         f"""\
 4 of 5 frames change:
   frame-0004.png is new
@@ -122,8 +122,8 @@ what has changed since they were drawn: gl was 'llvmpipe'; versions.numpy was '2
     ],
 )  # fmt: skip
 def test_an_update_without_pixels(after: Provenance, removed: tuple[Golden, ...], text: str) -> None:
-    plan = Plan(provenance(0), after, {}, (), removed, (), 1)
-    assert "\n".join(described(plan)) == text
+    plan = GoldenUpdate(provenance(0), after, {}, (), removed, (), 1)
+    assert "\n".join(describe_update(plan)) == text
 
 
 def test_a_life_of_goldens(golden: Command, monkeypatch: pytest.MonkeyPatch) -> None:

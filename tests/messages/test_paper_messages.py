@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from hsplat_cli import main
-
-CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
+from hsplat_cli.commands.paper import SCENES
 
 Fails = Callable[..., str]
 
@@ -33,7 +32,7 @@ def fails(scene_folder: Path, capsys: pytest.CaptureFixture[str]) -> Fails:
 
 
 def config(name: str, old: str = "", new: str = "") -> str:
-    text = (CONFIGS / name).read_text("utf-8")
+    text = (SCENES / name).read_text("utf-8")
     assert old in text
     return text.replace(old, new) if old else text
 
@@ -43,7 +42,7 @@ def test_no_scenes(fails: Fails) -> None:
         "figures: no scene files of the paper's figures\n"
         "  expected: 1_footprints.yaml, 2_opacity.yaml, 3_one_splat.yaml, 4_levels.yaml, 5_octrees.yaml, "
         "6_engine.yaml\n"
-        "  hint: they are in configs/paper of hsplat's repository\n"
+        "  hint: without FOLDER, the scenes that come with hsplat are used\n"
     )
 
 
@@ -54,7 +53,7 @@ def test_an_unknown_figure(fails: Fails) -> None:
 def test_a_figure_without_its_scene(fails: Fails) -> None:
     text = config("3_one_splat.yaml")
     assert fails("--figure", "2", _3_one_splat=text) == (
-        "--figure 2: there is no scene of this figure\n  expected: figures/2_opacity.yaml\n"
+        "--figure 2: the scene of this figure is missing\n  expected: figures/2_opacity.yaml\n"
     )
 
 
@@ -91,7 +90,7 @@ def test_an_output_that_is_a_file(fails: Fails) -> None:
     assert fails("--output", "walnut.raw", _3_one_splat=config("3_one_splat.yaml")) == (
         "walnut.raw: the folder of the report is a file\n"
         "  got: a file\n"
-        "  expected: a folder, or a name that is free\n"
+        "  expected: a folder, or an unused name\n"
         "  hint: name another folder\n"
     )
 
@@ -108,14 +107,14 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "1_footprints",
             "shape: [1, 1, 1]",
             "shape: [2, 1, 1]",
-            "figure 1 is of one splat in parallel projection\n  got: 2 splats, orthographic\n"
+            "figure 1 needs one splat in parallel projection\n  got: 2 splats, orthographic\n"
             "  hint: give it a volume of 1 x 1 x 1 voxels\n",
         ),
         (
             "2_opacity",
             "shape: [64, 16, 64]",
             "shape: [64, 15, 64]",
-            "figure 2 is of a slab of one material\n"
+            "figure 2 needs a slab of one material\n"
             "  expected: volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, "
             "x and z at least 4 y, and transfer_function.points\n",
         ),
@@ -123,20 +122,20 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "3_one_splat",
             "name: constant",
             "name: single_voxel",
-            "figure 3 is of a cube of one material\n"
+            "figure 3 needs a cube of one material\n"
             "  expected: volume.procedural: {name: constant, shape: [1, 1, 1]}\n",
         ),
         (
             "3_one_splat",
             'value: 0, color: "#ffd080", opacity: 0.1}',
             "value: 201, color: white, opacity: 0}\n    - {value: 202, color: white, opacity: 1}",
-            "figure 3 is of one splat\n  got: 0 splats\n",
+            "figure 3 needs a scene that is drawn as one splat\n  got: 0 splats\n",
         ),
         (
             "2_opacity",
             "  points:\n    - {value: 0, color: white, opacity: 0.05}",
             "  colormap: viridis\n  range: [0, 255]\n  opacity: [[0, 0.1]]",
-            "figure 2 is of a slab of one material\n"
+            "figure 2 needs a slab of one material\n"
             "  expected: volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, "
             "x and z at least 4 y, and transfer_function.points\n",
         ),
@@ -144,31 +143,31 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "4_levels",
             "{name: constant, shape: [64, 64, 64]}",
             "{name: marschner_lobb, shape: [8, 8, 8]}",
-            "figure 4 is of a volume of one material\n  hint: volume.procedural: {name: constant, ...}\n",
+            "figure 4 needs a volume of one material\n  hint: volume.procedural: {name: constant, ...}\n",
         ),
         (
             "2_opacity",
             "size: [128, 128]",
             "size: [8, 8]",
-            "figure 2 is of the middle 16 x 16 voxels of a slab, in pixels that are smaller than voxels\n"
+            "figure 2 needs the middle 16 x 16 voxels of the slab in the picture, larger than pixels\n"
             "  got: voxels of 0.125 pixels in a picture of 8 x 8 pixels\n"
-            "  expected: voxels of 1.5 pixels or more, 16 of them in its height and in its width\n"
-            "  hint: output.size sets how many pixels there are, camera.distance how many voxels they show\n",
+            "  expected: voxels of 1.5 pixels or more, 16 of them along its height and its width\n"
+            "  hint: output.size sets the number of pixels, camera.distance the number of voxels they show\n",
         ),
         (
             "2_opacity",
             "size: [128, 128]",
             "size: [16, 128]",
-            "figure 2 is of the middle 16 x 16 voxels of a slab, in pixels that are smaller than voxels\n"
+            "figure 2 needs the middle 16 x 16 voxels of the slab in the picture, larger than pixels\n"
             "  got: voxels of 2 pixels in a picture of 16 x 128 pixels\n"
-            "  expected: voxels of 1.5 pixels or more, 16 of them in its height and in its width\n"
-            "  hint: output.size sets how many pixels there are, camera.distance how many voxels they show\n",
+            "  expected: voxels of 1.5 pixels or more, 16 of them along its height and its width\n"
+            "  hint: output.size sets the number of pixels, camera.distance the number of voxels they show\n",
         ),
         (
             "3_one_splat",
             "opacity: 0.1}",
             "opacity: 0.6}",
-            "figure 3 is of splats that can be seen through\n"
+            "figure 3 needs translucent splats\n"
             "  got: alpha 1 for a cube of 16^3 voxels of opacity 0.6\n"
             "  expected: alpha below 0.9999 for cubes of up to 32^3 voxels\n"
             "  hint: lower the opacities of the transfer function\n",
@@ -177,7 +176,7 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "3_one_splat",
             "target: visible",
             "target: [1.5, 0, 0]",
-            "figure 3 is of a splat in the middle of the picture\n"
+            "figure 3 needs a splat in the middle of the picture\n"
             "  got: alpha 0 in the middle\n"
             "  hint: camera.target: visible\n",
         ),
@@ -185,7 +184,7 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "4_levels",
             "shape: [64, 64, 64]",
             "shape: [3, 3, 3]",
-            "figure 4 compares levels, and this volume is too small for two of them\n"
+            "figure 4 compares two levels or more, and this volume is too small for that\n"
             "  got: 3 x 3 x 3 voxels\n"
             "  expected: 8 or more along every side\n",
         ),
@@ -193,26 +192,26 @@ def test_a_package_that_is_missing(fails: Fails, monkeypatch: pytest.MonkeyPatch
             "4_levels",
             'value: 0, color: "#a0d0ff", opacity: 0.02}',
             "value: 201, color: white, opacity: 0}\n    - {value: 202, color: white, opacity: 1}",
-            "figure 4 is of something visible\n"
+            "figure 4 needs a visible volume\n"
             "  hint: raise the opacities of the transfer function, or point the camera at the volume\n",
         ),
         (
             "5_octrees",
             "tolerance: 1 ",
             "tolerance: 0 ",
-            "figure 5 is of multiples of the scene's tolerance\n"
+            "figure 5 draws multiples of the scene's tolerance\n"
             "  got: error.tolerance: 0\n"
             "  expected: error.tolerance: a number above 0\n"
-            "  hint: give the tolerance of the third of its four octrees, such as 1\n",
+            "  hint: give the tolerance of its third octree of four, such as 1\n",
         ),
         (
             "5_octrees",
             "tolerance: 1 ",
             "psnr: 30 ",
-            "figure 5 is of multiples of the scene's tolerance\n"
+            "figure 5 draws multiples of the scene's tolerance\n"
             "  got: error.psnr: 30\n"
             "  expected: error.tolerance: a number above 0\n"
-            "  hint: give the tolerance of the third of its four octrees, such as 1\n",
+            "  hint: give the tolerance of its third octree of four, such as 1\n",
         ),
     ],
 )

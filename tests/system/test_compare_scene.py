@@ -171,7 +171,7 @@ def test_what_cannot_be_compared(options: list[str]) -> None:
 def test_limits_of_no_frame_are_found_before_anything_is_drawn(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(compare_scene, "drawn", None)
+    monkeypatch.setattr(compare_scene, "rendered_frames", None)
     (FOLDER / "compare.yaml").write_text("frames: {frame-00002.png: {largest: 8}}\n", encoding="utf-8")
     assert main.run(["compare", "scene.yaml", "goldens"]) == 2
     assert "did you mean frame-0002.png?" in capsys.readouterr().err

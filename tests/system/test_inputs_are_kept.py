@@ -10,8 +10,8 @@ from small_scene import small_scene
 from volume_files import write_volume
 
 from hsplat_cli import main
+from hsplat_cli.commands.paper import SCENES
 
-PAPER = str(Path(__file__).resolve().parents[2] / "configs/paper")
 PROCEDURAL = "procedural: {name: engine_block, shape: [24, 24, 12]}"
 VALUES = (np.indices((6, 6, 6)).sum(axis=0) * 16).astype(np.uint8)
 
@@ -130,7 +130,7 @@ def test_scenes_and_reports(capsys) -> None:
     scene_of("file: scan.nrrd")
     scan = str(Path("scan.nrrd").resolve())
     refused(capsys, "measure.csv", scan, "measure", "scene.yaml", "--output", ".")
-    refused(capsys, "page/index.html", scan, "paper", PAPER, "--volume", "scan.nrrd", "--output", "page")
+    refused(capsys, "page/index.html", scan, "paper", str(SCENES), "--volume", "scan.nrrd", "--output", "page")
     before = contents()
     assert main.run(["turntable", "scan.nrrd", "-o", "films", "--quiet"]) == 2
     assert "films/scan.mp4: this output is an input, too, and would take its place" in capsys.readouterr().err

@@ -9,27 +9,25 @@ from pathlib import Path
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.commands.paper import RECIPES
+from hsplat_cli.commands.paper import FIGURE_SPECS, SCENES
 from renderer.scene import load_scene
-
-CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with the scenes of figures 3 and 5, small ones."""
     for number, old, new in ((3, "size: [128, 128]", "size: [32, 32]"), (5, "size: [384, 384]", "size: [32, 32]")):
-        name = RECIPES[number].scene
-        text = (CONFIGS / name).read_text("utf-8")
+        name = FIGURE_SPECS[number].scene
+        text = (SCENES / name).read_text("utf-8")
         assert old in text
         (tmp_path / name).write_text(text.replace(old, new), "utf-8")
     return tmp_path
 
 
 def test_every_figure_has_its_scene() -> None:
-    assert {path.name for path in CONFIGS.iterdir()} == {recipe.scene for recipe in RECIPES.values()}
-    for recipe in RECIPES.values():
-        load_scene(CONFIGS / recipe.scene, volume=CONFIGS if recipe.takes_volume else None)
+    assert {path.name for path in SCENES.iterdir()} == {spec.scene for spec in FIGURE_SPECS.values()}
+    for spec in FIGURE_SPECS.values():
+        load_scene(SCENES / spec.scene, volume=SCENES if spec.takes_volume else None)
 
 
 def test_the_page_is_one_file_that_loads_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,8 +42,8 @@ def test_the_page_is_one_file_that_loads_nothing(folder: Path, capsys: pytest.Ca
     assert not re.search(r"@import|url\((?!#)|<script|<link|<iframe", page)
     assert page.count("<img") == 3 * 6 + 2 * 4
     said = capsys.readouterr()
-    assert "figure 3: seen: " in said.out
-    assert f"all of it: {output / 'index.html'}\n" in said.out
+    assert "figure 3: confirmed: " in said.out
+    assert f"page: {output / 'index.html'}\n" in said.out
     assert "There is no engine.nhdr beside the scene file" in page
     assert "There is no engine.nhdr beside the scene file" in said.out
     assert "paper: 2/2 figures" in said.err

@@ -19,16 +19,15 @@ from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
 from hsplat_cli.reports import (
-    FILES,
-    figure_to_svg,
+    REPORT_FILES,
     format_facts,
     plot_style,
     png_data_uri,
     require_writable_files,
     write_study,
 )
-from hsplat_cli.reports.html import PALETTE
-from hsplat_cli.reports.plots import TIME, metrics_figure, short_labels, tick_text, tradeoff_figure
+from hsplat_cli.reports.html import PALETTE, figure_to_svg
+from hsplat_cli.reports.plots import TIME_AXIS, metrics_figure, short_labels, tick_text, tradeoff_figure
 from hsplat_cli.reports.study_html import study_page
 from renderer.errors import InputError, RenderError
 from renderer.study import Study
@@ -121,7 +120,7 @@ def test_bricks_are_not_counted_as_splats() -> None:
     assert "25 ≤ 20.0 ≤ 100 - integrated, optical, tolerance 1" in text
     assert "splats of a frame" not in text_of("bricks") and "splats of a frame" in text_of("all")
     assert "difference bricks time ms" in text
-    assert "the cut and its bricks, done for all" in text and "pyramid ms, once cut ms, once" in text
+    assert "the cut and its bricks, made for all" in text and "pyramid ms, once cut ms, once" in text
     assert "The integrated footprint draws bricks of 16 x 16 x 16 cells. " in text
     assert "splats" not in text and "bricks" not in " ".join(Page(text_of("all")).words)
 
@@ -129,9 +128,9 @@ def test_bricks_are_not_counted_as_splats() -> None:
 def test_bricks_beside_splats() -> None:
     """A column that counts both says so, and no curve that is not in a plot is in its description."""
     text = " ".join(" ".join(Page(text_of("both")).words).split())
-    assert "bricks or cells splats time ms" in text and "the cut and its bricks or splats, done for all" in text
-    assert "bricks of 16 x 16 x 16 cells, which are no splats; the others a splat for each cell." in text
-    assert "Bricks are no splats, and not in this plot." in text and "Bricks" not in text_of("all")
+    assert "bricks or cells splats time ms" in text and "the cut and its bricks or splats, made for all" in text
+    assert "bricks of 16 x 16 x 16 cells; the others draw a splat for each cell." in text
+    assert "Settings with bricks are not in this plot." in text and "Bricks" not in text_of("all")
     assert "Splats: the fewest of a footprint that draws them" in text and "Splats: the" not in text_of("all")
     plots = re.findall(r'"(PSNR in dB over[^"]*)"', text_of("both"))
     assert "logarithmic, of integrated, optical, gaussian, optical" in plots[0]
@@ -147,7 +146,7 @@ def test_stages_say_how_often_they_were_timed() -> None:
     """The pyramid once, the cut in every repetition, the order in every repetition on both frames."""
     text = " ".join(" ".join(Page(text_of("all")).words).split())
     stages = text[text.index("Time by stage Median") :]
-    assert "× how many times it was timed: on all frames together" in stages
+    assert "× number of timings" in stages
     assert "pyramid ms, once cut ms, once order ms, each frame" in stages
     assert "tolerance 1 250 × 1 11.0 (10.5 – 11.5) × 3 2.50 (2.31 – 3.06) × 6" in stages
     assert "vtk gpu sample distance 2 - - - - 100 " in stages
@@ -167,17 +166,17 @@ def test_the_peers_rounding_is_told() -> None:
 
 
 def test_what_cannot_be_plotted_is_counted() -> None:
-    assert "Not shown, as equal to the truth: 1." in text_of("only the peer, once exact")
+    assert "Not shown, because equal to the truth: 1." in text_of("only the peer, once exact")
     nothing = text_of("undefined")
-    assert "<svg" not in nothing and "Nothing was measured that could be plotted." in nothing
+    assert "<svg" not in nothing and "No measurement can be plotted." in nothing
 
 
 def test_plots_have_a_curve_for_each_series_and_both_fronts() -> None:
     with plot_style():
-        axes = tradeoff_figure(CASES["all"].measurements, TIME).axes[0]
+        axes = tradeoff_figure(CASES["all"].measurements, TIME_AXIS).axes[0]
     curves = {str(line.get_label()): line for line in axes.lines}
     assert {"gaussian, optical", "vtk gpu", "vtk fixed point"} <= set(curves)
-    own, peer = curves["Pareto front of hsplat"], curves["front of VTK, between its settings"]
+    own, peer = curves["Pareto front of hsplat"], curves["Pareto front of VTK"]
     assert list(own.get_ydata()) == [22, 31.5, 36] and list(peer.get_ydata()) == [29, 33, 41]
     assert list(own.get_xdata()) == pytest.approx([10, 40, 400])
     assert (axes.get_xscale(), axes.get_xlabel(), axes.get_ylabel()) == ("log", "time of a frame, ms", "PSNR, dB")
@@ -194,7 +193,7 @@ def test_the_peers_curves_do_not_run_from_one_image_reduction_to_the_next() -> N
         for m, reduction in points
     ]
     with plot_style():
-        (axes,) = tradeoff_figure(measurements, TIME).axes
+        (axes,) = tradeoff_figure(measurements, TIME_AXIS).axes
     curves = [line for line in axes.lines if line.get_marker() == "x"]
     assert [list(line.get_ydata()) for line in curves] == [[41, 35], [33, 30]]
     assert axes.get_legend_handles_labels()[1].count("vtk gpu") == 1
@@ -215,7 +214,7 @@ def test_every_axis_has_a_title() -> None:
 def test_labels_do_not_cover_each_other() -> None:
     crowd = [measure(f"tolerance {9 - k}", 10 + k / 2, 10 + k, 30 + k / 8, series=f"series {k}") for k in range(9)]
     with plot_style():
-        figure = tradeoff_figure(crowd, TIME)
+        figure = tradeoff_figure(crowd, TIME_AXIS)
         figure.draw_without_rendering()
         boxes = [text.get_window_extent() for text in figure.axes[0].texts]
     assert len(boxes) == 9
@@ -224,7 +223,7 @@ def test_labels_do_not_cover_each_other() -> None:
 
 def test_colours_follow_the_page() -> None:
     with plot_style():
-        svg = figure_to_svg(tradeoff_figure(own_series(), TIME), name="plot", alt='a "plot"')
+        svg = figure_to_svg(tradeoff_figure(own_series(), TIME_AXIS), name="plot", alt='a "plot"')
     assert "var(--series-1)" in svg
     assert not any(light in svg for light, _ in PALETTE.values())
     assert 'aria-label="a &#34;plot&#34;"' in svg
@@ -235,7 +234,7 @@ def test_a_users_matplotlib_settings_change_nothing() -> None:
 
     def draw() -> str:
         with plot_style():
-            return figure_to_svg(tradeoff_figure(own_series(), TIME), name="plot", alt="")
+            return figure_to_svg(tradeoff_figure(own_series(), TIME_AXIS), name="plot", alt="")
 
     plain = draw()
     with rc_context({"axes.grid": False, "lines.linewidth": 9, "svg.fonttype": "path"}):
@@ -247,7 +246,7 @@ def test_ticks_leave_room_for_each_other(decades: float) -> None:
     measurements = own_series()
     costs = {id(m): 10 ** (decades * k / (len(measurements) - 1)) for k, m in enumerate(measurements)}
     with plot_style():
-        figure = tradeoff_figure(measurements, replace(TIME, of=lambda m: costs[id(m)], spread=None))
+        figure = tradeoff_figure(measurements, replace(TIME_AXIS, cost=lambda m: costs[id(m)], quartiles=None))
         figure.draw_without_rendering()
         axes = figure.axes[0]
         low, high = axes.get_xlim()
@@ -285,7 +284,7 @@ def test_small_texts() -> None:
 
 def test_three_files_the_same_every_time(tmp_path: Path) -> None:
     paths = write_study(CASES["only the peer, once exact"], tmp_path / "new" / "a", date=DATE)
-    assert paths == [tmp_path / "new" / "a" / name for name in FILES]
+    assert paths == [tmp_path / "new" / "a" / name for name in REPORT_FILES]
     assert sorted(paths) == sorted((tmp_path / "new" / "a").iterdir())
     assert paths[-1].read_text("utf-8") == text_of("only the peer, once exact")
 
@@ -306,7 +305,7 @@ def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
         require_writable_files(file)
     assert str(caught.value) == (
         f"{file}: the folder of the report is a file\n"
-        "  got: a file\n  expected: a folder, or a name that is free\n  hint: name another folder"
+        "  got: a file\n  expected: a folder, or an unused name\n  hint: name another folder"
     )
     with pytest.raises(InputError) as caught:
         require_writable_files(file / "below")

@@ -12,13 +12,13 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
+from hsplat_cli.commands.paper import SCENES
 from renderer.draw import GLRasterizer, is_software
 from renderer.draw.gl.raster import CPU_RENDERER_NAME
 
 # Where libglvnd looks for drivers: there are none.
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
 CODE = Path(main.__file__).parents[1]
-PAPER = Path(__file__).parents[2] / "configs" / "paper"
 FRAMES = [f"{number}.png" for number in range(5)]
 
 
@@ -65,7 +65,7 @@ def test_other_commands_without_opengl() -> None:
     [
         ["render", "scene.yaml", "--set", "overlay=octree"],
         ["measure", "scene.yaml", "--footprints", "integrated,gaussian", "--output", "study"],
-        ["paper", str(PAPER), "--figure", "6", "--output", "paper"],
+        ["paper", str(SCENES), "--figure", "6", "--output", "paper"],
     ],
 )
 def test_what_needs_opengl_says_so(arguments: list[str]) -> None:

@@ -13,7 +13,7 @@ from processes import MARK, marked, new_mark
 
 from hsplat_cli.compare import film_decoder as film_file
 from hsplat_cli.compare.file_pairs import frame_numbers, natural_sort_key, open_pairs
-from hsplat_cli.compare.film_decoder import decode_film, num_frames
+from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
 from renderer.errors import InputError
 from renderer.film import encode_png
 
@@ -281,7 +281,7 @@ def test_a_film_that_is_cut_off_has_not_fewer_frames(films: Path, tmp_path: Path
     for length in {0, 1, 7, 8, 13, 20, *range(30, len(content), 211), len(content) - 1}:
         path.write_bytes(content[:length])
         with pytest.raises(InputError):
-            num_frames(path)
+            count_film_frames(path)
 
 
 def test_a_film_that_is_damaged(films: Path, tmp_path: Path) -> None:
@@ -291,21 +291,21 @@ def test_a_film_that_is_damaged(films: Path, tmp_path: Path) -> None:
     path = tmp_path / "damaged.mp4"
     path.write_bytes(content)
     with pytest.raises(InputError, match="the film cannot be decoded"):
-        num_frames(path)
+        count_film_frames(path)
 
 
 def test_a_film_that_is_something_else(films: Path, tmp_path: Path) -> None:
     for name, content in (("a.mp4", b"#EXTM3U\nfile:///etc/passwd\n"), ("a.gif", (films / "film.mp4").read_bytes())):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=r": not an? (MP4|GIF) file$"):
-            num_frames(tmp_path / name)
+            count_film_frames(tmp_path / name)
 
 
 @pytest.mark.parametrize("suffix", ["mp4", "gif"])
 def test_a_film_of_huge_frames(films: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
     monkeypatch.setattr(film_file, "MAX_PIXELS", 32 * 32 - 1)
     with pytest.raises(InputError, match="the film cannot be decoded"):
-        num_frames(films / f"film.{suffix}")
+        count_film_frames(films / f"film.{suffix}")
 
 
 @pytest.mark.parametrize(
@@ -329,7 +329,7 @@ def test_what_is_no_film_file(tmp_path: Path) -> None:
     (tmp_path / "folder.mp4").mkdir()
     for name in ("pipe", "folder"):
         with pytest.raises(InputError, match="not a file"):
-            num_frames(tmp_path / f"{name}.mp4")
+            count_film_frames(tmp_path / f"{name}.mp4")
 
 
 def test_no_child_is_left(films: Path, monkeypatch: pytest.MonkeyPatch) -> None:

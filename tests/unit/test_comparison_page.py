@@ -46,10 +46,10 @@ def judged(name: str, largest: float, number: int | None = None) -> Outcome:
     return Outcome(name, status, why, figures, LIMITS, over, (0.0, 0.25, -0.5), number)
 
 
-def shown(*cases: tuple[Outcome, Pair], most: int = 24, **facts: Any) -> tuple[Comparison, Gallery]:
-    gallery = Gallery(most)
+def shown(*cases: tuple[Outcome, Pair], max_frames: int = 24, **facts: Any) -> tuple[Comparison, Gallery]:
+    gallery = Gallery(max_frames)
     for outcome, pair in cases:
-        gallery.see(outcome, pair)
+        gallery.add(outcome, pair)
     return Comparison("goldens", "frames", "same-machine", [outcome for outcome, _ in cases], **facts), gallery
 
 
@@ -281,18 +281,18 @@ def test_the_gallery_keeps_the_worst_of_many(monkeypatch: pytest.MonkeyPatch) ->
     make = gallery_module._make_gallery_frame
     monkeypatch.setattr(gallery_module, "_make_gallery_frame", lambda o, p: (made.append(o.name), make(o, p))[1])
     order = np.random.default_rng(7).permutation(2000)
-    gallery = Gallery(most=5)
+    gallery = Gallery(max_frames=5)
     golden = picture()
     for levels in order:
         name = f"{levels:04}"
-        gallery.see(judged(name, int(levels)), Pair(name, golden, golden))
-        assert len(gallery._kept) <= 5
+        gallery.add(judged(name, int(levels)), Pair(name, golden, golden))
+        assert len(gallery._frames) <= 5
     assert names(gallery) == ["1999", "1998", "1997", "1996", "1995"]
     assert len(made) < 100  # the others were not even looked at
 
 
 def test_equals_go_by_the_order_of_their_names() -> None:
-    _, gallery = shown(*(off_by(9, f"{number}") for number in range(9)), most=3)
+    _, gallery = shown(*(off_by(9, f"{number}") for number in range(9)), max_frames=3)
     assert names(gallery) == ["0", "1", "2"]
 
 
@@ -305,7 +305,7 @@ def test_where_nothing_is_allowed_the_largest_errors_are_the_worst() -> None:
         )
         for k in (3, 9, 1, 7)
     ]
-    comparison, gallery = shown(*cases, most=3)
+    comparison, gallery = shown(*cases, max_frames=3)
     assert [outcome.name for outcome in comparison.worst_first] == ["9", "7", "3", "1"]
     assert names(gallery) == ["9", "7", "3"]
 
@@ -319,14 +319,14 @@ def test_where_something_fails_nothing_else_is_shown() -> None:
 
 def exhibit_of(golden: Pixels, actual: Pixels) -> GalleryFrame:
     gallery = Gallery()
-    gallery.see(judged("a", 9), Pair("a", golden, actual))
+    gallery.add(judged("a", 9), Pair("a", golden, actual))
     return gallery.gallery_frames[0]
 
 
 def test_the_difference_has_levels_and_signs() -> None:
     golden = picture()
     actual = spoiled(spoiled(golden, 40, 3, 5), -1, 4, 6)
-    difference = exhibit_of(golden, actual).whole.difference
+    difference = exhibit_of(golden, actual).overview.difference
     assert difference is not None
     assert difference[3, 5].tolist() == [40, 0, 0] and difference[4, 6].tolist() == [0, 0, 1]
     assert np.count_nonzero(difference) == 2
@@ -336,7 +336,7 @@ def test_the_smallest_difference_is_a_level() -> None:
     """One level of colour at an opacity of 1 in 255."""
     golden = picture(channels=4)
     golden[..., 3] = 1
-    assert exhibit_of(golden, spoiled(golden, 1)).whole.difference[3, 5].tolist() == [1, 0, 0]  # type: ignore[index]
+    assert exhibit_of(golden, spoiled(golden, 1)).overview.difference[3, 5].tolist() == [1, 0, 0]  # type: ignore[index]
 
 
 @pytest.mark.parametrize("levels", [-1, 1, 90])
@@ -344,9 +344,9 @@ def test_a_single_wrong_pixel_survives_scaling_down(levels: int) -> None:
     golden = picture(2 * PICTURE_PX + 1, 700)
     gallery_frame = exhibit_of(golden, spoiled(golden, levels, 2 * PICTURE_PX, 699))
     assert gallery_frame.pixels_per_side == 3 and gallery_frame.worst == (699, 2 * PICTURE_PX)
-    whole, difference = gallery_frame.whole, gallery_frame.whole.difference
-    assert whole.golden is not None and difference is not None
-    assert whole.golden.shape == difference.shape == (342, 234, 3) and (whole.golden == 100).all()
+    overview, difference = gallery_frame.overview, gallery_frame.overview.difference
+    assert overview.golden is not None and difference is not None
+    assert overview.golden.shape == difference.shape == (342, 234, 3) and (overview.golden == 100).all()
     where = [2 if levels < 0 else 0]
     assert difference[341, 233, where].tolist() == [abs(levels)] and np.count_nonzero(difference) == 1
 
@@ -362,14 +362,12 @@ def test_what_is_most_off_is_shown_pixel_by_pixel(
     gallery_frame = exhibit_of(golden, spoiled(golden, 7, y, x))
     assert (gallery_frame.worst, gallery_frame.corner) == ((x, y), corner)
     assert (
-        gallery_frame.detail is not None
-        and gallery_frame.detail.difference is not None
-        and gallery_frame.detail.actual is not None
+        gallery_frame.crop is not None
+        and gallery_frame.crop.difference is not None
+        and gallery_frame.crop.actual is not None
     )
-    assert gallery_frame.detail.difference.shape == (CROP_PX, CROP_PX, 3)
-    assert gallery_frame.detail.difference[place].tolist() == [7, 0, 0] and gallery_frame.detail.actual[
-        place
-    ].tolist() == [
+    assert gallery_frame.crop.difference.shape == (CROP_PX, CROP_PX, 3)
+    assert gallery_frame.crop.difference[place].tolist() == [7, 0, 0] and gallery_frame.crop.actual[place].tolist() == [
         100,
         107,
         100,
@@ -377,9 +375,9 @@ def test_what_is_most_off_is_shown_pixel_by_pixel(
 
 
 def test_small_frames_need_no_enlargement() -> None:
-    assert exhibit_of(picture(2 * CROP_PX, 4), spoiled(picture(2 * CROP_PX, 4), 7, 3, 1)).detail is None
-    detail = exhibit_of(picture(2 * CROP_PX + 1, 4), spoiled(picture(2 * CROP_PX + 1, 4), 7, 3, 1)).detail
-    assert detail is not None and detail.golden is not None and detail.golden.shape == (CROP_PX, 4, 3)
+    assert exhibit_of(picture(2 * CROP_PX, 4), spoiled(picture(2 * CROP_PX, 4), 7, 3, 1)).crop is None
+    crop = exhibit_of(picture(2 * CROP_PX + 1, 4), spoiled(picture(2 * CROP_PX + 1, 4), 7, 3, 1)).crop
+    assert crop is not None and crop.golden is not None and crop.golden.shape == (CROP_PX, 4, 3)
 
 
 def test_colours_are_averaged_as_far_as_they_are_opaque() -> None:
@@ -387,8 +385,8 @@ def test_colours_are_averaged_as_far_as_they_are_opaque() -> None:
     golden[::2, 0] = (200, 100, 50, 255)
     golden[::2, 1] = (255, 255, 255, 0)
     gallery_frame = exhibit_of(golden, golden)
-    assert gallery_frame.whole.golden is not None and gallery_frame.whole.golden.shape == (PICTURE_PX, 1, 4)
-    assert (gallery_frame.whole.golden == (200, 100, 50, 64)).all()
+    assert gallery_frame.overview.golden is not None and gallery_frame.overview.golden.shape == (PICTURE_PX, 1, 4)
+    assert (gallery_frame.overview.golden == (200, 100, 50, 64)).all()
 
 
 def pixels_in(text: str) -> list[npt.NDArray[Any]]:
@@ -409,7 +407,7 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [(judged(f"{k}", 250 - k), Pair(f"{k}", noise, noise[::-1].copy())) for k in range(9)]
     text = comparison_page(*shown(*cases))
     one = sum(map(len, re.findall(r"data:[^\"]*", text))) // 9
-    monkeypatch.setattr(page_module, "MOST_BYTES", 4 * one)
+    monkeypatch.setattr(page_module, "MAX_PICTURE_BYTES", 4 * one)
     page = Page(comparison_page(*shown(*cases)))
     assert page.tags["article"] == 4
     assert "4 of the 9 that differ, worst first." in page.prose and "of this file" in page.prose

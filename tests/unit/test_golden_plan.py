@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pytest
 
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
-from hsplat_cli.compare.golden.render import Drawing
-from hsplat_cli.compare.golden.update_plan import Plan, described, make_plan
+from hsplat_cli.compare.golden.render import RenderedFrames
+from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update
 from renderer.errors import InputError
 from renderer.film import bytes_digest, encode_png, file_digest
 
@@ -52,15 +52,17 @@ class Desk:
             goldens.append(Golden(frame, f"frame-{frame:04}.png", bytes_digest(content)))
         self.before = replace(self.before, goldens=tuple(goldens))
 
-    def plan(self, *pictures: Pixels, prune: bool = False, tolerance: float = 0.1, date: str | None = None) -> Plan:
+    def plan(
+        self, *pictures: Pixels, prune: bool = False, tolerance: float = 0.1, date: str | None = None
+    ) -> GoldenUpdate:
         """Of as many frames, from 0."""
         names = names_of(range(len(pictures)))
         for frame, picture in enumerate(pictures):
             (self._drawn / f"{frame}.png").write_bytes(encode_png(picture))
         files = {frame: self._drawn / f"{frame}.png" for frame in names}
-        drawing = Drawing(files, {**ORIGIN, "scene": {"error": {"tolerance": tolerance}}}, ())
+        drawing = RenderedFrames(files, {**ORIGIN, "scene": {"error": {"tolerance": tolerance}}}, ())
         before = self.before if self.before.goldens else None
-        return make_plan(self.folder, before, names, drawing, date=date, prune=prune)
+        return plan_update(self.folder, before, names, drawing, date=date, prune=prune)
 
 
 @pytest.fixture
@@ -82,14 +84,14 @@ def test_nothing_changes(desk: Desk) -> None:
     desk.keep(0, 1)
     plan = desk.plan(GREY, GREY, date="another date is no change")
     assert not plan.changes_anything
-    assert (plan.sources, plan.changes, plan.removed) == ({}, [], [])
+    assert (plan.sources, plan.describe_changes, plan.removed) == ({}, [], [])
 
 
 def test_the_worst_comes_first(desk: Desk) -> None:
     desk.keep(0, 1, 2, 3)
     plan = desk.plan(lighter(1), GREY, lighter(9), lighter(9, 9))
-    assert [change.file for change in plan.changes] == ["frame-0003.png", "frame-0002.png", "frame-0000.png"]
-    assert [change.figures["largest"] for change in plan.changes] == [9, 9, 1]
+    assert [change.file for change in plan.describe_changes] == ["frame-0003.png", "frame-0002.png", "frame-0000.png"]
+    assert [change.figures["largest"] for change in plan.describe_changes] == [9, 9, 1]
     assert list(plan.sources) == ["frame-0000.png", "frame-0002.png", "frame-0003.png"]
     kept = [ours == theirs for ours, theirs in zip(plan.after.goldens, desk.before.goldens, strict=True)]
     assert kept == [False, True, False, False]
@@ -159,7 +161,7 @@ def test_what_cannot_be_compared_comes_first(desk: Desk) -> None:
     (desk.folder / "frame-0002.png").write_bytes(b"\x89PNG\r\n\x1a\n")
     (desk.folder / "frame-0003.png").write_bytes(encode_png(np.zeros((8, 8, 4), np.uint8)))
     plan = desk.plan(lighter(200), GREY, GREY, GREY, GREY, GREY)
-    assert [(change.file[6:10], bool(change.why)) for change in plan.changes] == [
+    assert [(change.file[6:10], bool(change.why)) for change in plan.describe_changes] == [
         ("0001", True), ("0002", True), ("0003", True), ("0005", True), ("0000", False)
     ]  # fmt: skip
     assert list(plan.sources) == [f"frame-000{number}.png" for number in (0, 1, 2, 3, 5)]
@@ -169,14 +171,14 @@ def test_colours_that_cannot_be_seen(desk: Desk) -> None:
     desk.keep(0, 1)
     clear = np.zeros((16, 20, 4), np.uint8)
     (desk.folder / "frame-0001.png").write_bytes(encode_png(clear))
-    lines = list(described(desk.plan(lighter(1), clear + np.uint8([7, 7, 7, 0]))))
+    lines = list(describe_update(desk.plan(lighter(1), clear + np.uint8([7, 7, 7, 0]))))
     assert [line.split()[:2] for line in lines[2:4]] == [["frame-0000.png", "1"], ["frame-0001.png", "0"]]
     assert lines[4] == "  0 in all: only colours at an alpha of 0 differ"
 
 
 def test_many_changes_are_not_all_listed(desk: Desk) -> None:
     desk.keep(*range(30))
-    lines = list(described(desk.plan(*(lighter(level) for level in range(30)))))
+    lines = list(describe_update(desk.plan(*(lighter(level) for level in range(30)))))
     assert lines[0] == "29 of 30 frames change:"
     assert [line.split()[1] for line in lines[2:22]] == [str(level) for level in range(29, 9, -1)]
     assert lines[22] == "  and 9 more, none of which changes more"

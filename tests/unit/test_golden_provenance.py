@@ -16,10 +16,10 @@ import pytest
 from hsplat_cli.compare import parse_date
 from hsplat_cli.compare.golden import provenance
 from hsplat_cli.compare.golden.provenance import (
-    NAME,
+    PROVENANCE_FILE,
     Golden,
     Provenance,
-    changes,
+    describe_changes,
     golden_file_name,
     origin_from_sidecar,
     provenance_bytes,
@@ -49,7 +49,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, date: str | None) -> None
     written = replace(WRITTEN, goldens=(replace(WRITTEN.goldens[0], date=date), WRITTEN.goldens[1]))
     content = provenance_bytes(written)
     assert json.loads(content)["frames"][1] == {"frame": 7, "file": "frame-0007.png", "digest": DIGEST}
-    (tmp_path / NAME).write_bytes(content)
+    (tmp_path / PROVENANCE_FILE).write_bytes(content)
     assert read_provenance(tmp_path) == written
     assert provenance_bytes(read_provenance(tmp_path)) == content
 
@@ -79,9 +79,9 @@ def test_where_files_lie_is_not_told() -> None:
 
 @pytest.mark.parametrize("name", ["a\nb.npy", "\x1b[31m.npy", "\udcff.npy", "x" * 300])
 def test_any_name_of_a_volume_can_be_read_again(name: str, tmp_path: Path) -> None:
-    told = copy.deepcopy(TOLD)
-    told["volume"]["name"] = name
-    (tmp_path / NAME).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_from_sidecar(told))))
+    sidecar = copy.deepcopy(TOLD)
+    sidecar["volume"]["name"] = name
+    (tmp_path / PROVENANCE_FILE).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_from_sidecar(sidecar))))
     assert read_provenance(tmp_path).origin["volume"]["name"].isprintable()
 
 
@@ -101,12 +101,12 @@ def test_names_are_in_the_order_of_frames(frame: int, num_frames: int, name: str
 
 def test_what_has_changed() -> None:
     now = copy.deepcopy(ORIGIN)
-    assert changes(ORIGIN, now) == ""
+    assert describe_changes(ORIGIN, now) == ""
     now["volume"]["name"] = "moved.nhdr"
-    assert changes(ORIGIN, now) == ""
+    assert describe_changes(ORIGIN, now) == ""
     now["scene"]["error"]["tolerance"], now["gl"] = 0.2, "another"
-    assert changes(ORIGIN, now) == f"gl was '{ORIGIN['gl']}'; scene.error.tolerance was 0.1"
-    assert changes(ORIGIN, now, "scene") == "scene.error.tolerance was 0.1"
+    assert describe_changes(ORIGIN, now) == f"gl was '{ORIGIN['gl']}'; scene.error.tolerance was 0.1"
+    assert describe_changes(ORIGIN, now, "scene") == "scene.error.tolerance was 0.1"
 
 
 FORGED: list[Callable[[dict[str, Any]], Any]] = [
@@ -158,10 +158,10 @@ FORGED: list[Callable[[dict[str, Any]], Any]] = [
 def test_what_is_forged_is_refused(forge: Callable[[dict[str, Any]], Any], tmp_path: Path) -> None:
     data = json.loads(provenance_bytes(WRITTEN))
     forge(data)
-    (tmp_path / NAME).write_text(json.dumps(data), encoding="utf-8")
+    (tmp_path / PROVENANCE_FILE).write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(InputError) as caught:
         read_provenance(tmp_path)
-    assert str(caught.value).startswith(f"{tmp_path / NAME}: ")
+    assert str(caught.value).startswith(f"{tmp_path / PROVENANCE_FILE}: ")
     assert all(line.isprintable() for line in str(caught.value).splitlines())
 
 
@@ -183,7 +183,7 @@ def test_what_is_forged_is_refused(forge: Callable[[dict[str, Any]], Any], tmp_p
     ],
 )
 def test_garbage_is_refused(content: bytes, tmp_path: Path) -> None:
-    (tmp_path / NAME).write_bytes(content)
+    (tmp_path / PROVENANCE_FILE).write_bytes(content)
     with pytest.raises(InputError):
         read_provenance(tmp_path)
 
@@ -191,7 +191,7 @@ def test_garbage_is_refused(content: bytes, tmp_path: Path) -> None:
 def test_what_was_cut_off_is_refused(tmp_path: Path) -> None:
     content = provenance_bytes(WRITTEN)
     for num_bytes in range(len(content) - len("}\n")):
-        (tmp_path / NAME).write_bytes(content[:num_bytes])
+        (tmp_path / PROVENANCE_FILE).write_bytes(content[:num_bytes])
         with pytest.raises(InputError):
             read_provenance(tmp_path)
 
@@ -203,7 +203,7 @@ def test_any_byte_may_be_wrong(tmp_path: Path) -> None:
     for position in range(len(content)):
         changed = bytearray(content)
         changed[position] = generator.integers(256)
-        (tmp_path / NAME).write_bytes(changed)
+        (tmp_path / PROVENANCE_FILE).write_bytes(changed)
         with contextlib.suppress(InputError):
             found = read_provenance(tmp_path)
             assert [golden.file for golden in found.goldens] == [
@@ -212,20 +212,20 @@ def test_any_byte_may_be_wrong(tmp_path: Path) -> None:
 
 
 def test_what_is_too_large_is_not_even_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(provenance, "MOST_BYTES", 1000)
-    (tmp_path / NAME).write_bytes(b"{" + b" " * 1000)
-    with pytest.raises(InputError, match=f"too large for a {NAME}\n  expected: at most 1000 bytes"):
+    monkeypatch.setattr(provenance, "MAX_PROVENANCE_BYTES", 1000)
+    (tmp_path / PROVENANCE_FILE).write_bytes(b"{" + b" " * 1000)
+    with pytest.raises(InputError, match=f"too large for a {PROVENANCE_FILE}\n  expected: at most 1000 bytes"):
         read_provenance(tmp_path)
 
 
 def test_a_million_goldens_are_not_too_large() -> None:
     longest = Golden(999_999, golden_file_name(999_999, 1_000_000), DIGEST)
     one, two = (len(provenance_bytes(replace(WRITTEN, goldens=(longest,) * num))) for num in (1, 2))
-    assert one + 1_000_000 * (two - one) < provenance.MOST_BYTES
+    assert one + 1_000_000 * (two - one) < provenance.MAX_PROVENANCE_BYTES
 
 
 def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
-    (tmp_path / NAME).mkdir()
+    (tmp_path / PROVENANCE_FILE).mkdir()
     with pytest.raises(InputError, match="not a file"):
         read_provenance(tmp_path)
 

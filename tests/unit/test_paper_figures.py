@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hsplat_cli.studies import Studio
+from hsplat_cli.commands.paper import SCENES
+from hsplat_cli.studies import FigureRenderer
 from hsplat_cli.studies.paper import footprints, levels, octrees, one_splat, opacity, refinement
 from hsplat_cli.studies.paper.paper_figure import Claim
 from renderer.draw import CellEdges, GLRasterizer
@@ -24,42 +24,41 @@ from renderer.study import TRUTH_TOLERANCE, compute_truth
 from renderer.view import View
 from tests.support.machines import NothingLasting
 
-CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "paper"
 STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
 
 
 def scene(name: str, *overrides: str) -> Scene:
-    return load_scene(CONFIGS / name, overrides=overrides)
+    return load_scene(SCENES / name, overrides=overrides)
 
 
-def studio_of(rasterizer: Rasterizer, clock: Callable[[], float] = lambda: 0.0) -> Studio:
-    return Studio(rasterizer, {}, clock, 1)
+def studio_of(rasterizer: Rasterizer, clock: Callable[[], float] = lambda: 0.0) -> FigureRenderer:
+    return FigureRenderer(rasterizer, {}, clock, 1)
 
 
 @pytest.fixture(scope="module")
-def studio(rasterizer: GLRasterizer) -> Studio:
+def figure_renderer(rasterizer: GLRasterizer) -> FigureRenderer:
     return studio_of(rasterizer)
 
 
 def verdicts(claims: tuple[Claim, ...]) -> list[bool]:
-    return [claim.seen for claim in claims]
+    return [claim.is_confirmed for claim in claims]
 
 
-def test_the_truth_of_a_shaded_scene_has_converged(studio: Studio) -> None:
+def test_the_truth_of_a_shaded_scene_has_converged(figure_renderer: FigureRenderer) -> None:
     """Asked for a hundred times as exactly, it is the same within the tolerance. Steps of a voxel would not do, as they
     do without shading: the light factor is no polynomial."""
     changes = "shading={}", "output.size=[16, 16]"
-    stage = studio.stage(scene("5_octrees.yaml", STAND_IN, *changes))
+    stage = figure_renderer.stage(scene("5_octrees.yaml", STAND_IN, *changes))
     finer = compute_truth(stage, 0, TRUTH_TOLERANCE / 100).picture
-    assert np.abs(studio.truth(stage) - finer).max() < TRUTH_TOLERANCE
+    assert np.abs(figure_renderer.truth(stage) - finer).max() < TRUTH_TOLERANCE
 
 
 @pytest.mark.parametrize("goal", ["psnr=30", "splats=100", "seconds=0.5"])
-def test_a_scene_that_asks_for_no_tolerance_shows_every_voxel(studio: Studio, goal: str) -> None:
+def test_a_scene_that_asks_for_no_tolerance_shows_every_voxel(figure_renderer: FigureRenderer, goal: str) -> None:
     """Until a figure says how exact it is to be."""
     changes = "error.tolerance=null", f"error.{goal}", "output.size=[16, 16]"
-    frame = studio.draw(studio.stage(scene("6_engine.yaml", STAND_IN, *changes)))
-    plain = studio.draw(studio.stage(scene("6_engine.yaml", STAND_IN, "output.size=[16, 16]")))
+    frame = figure_renderer.draw(figure_renderer.stage(scene("6_engine.yaml", STAND_IN, *changes)))
+    plain = figure_renderer.draw(figure_renderer.stage(scene("6_engine.yaml", STAND_IN, "output.size=[16, 16]")))
     assert frame.tolerance == plain.tolerance == 0
     np.testing.assert_array_equal(frame.image, plain.image)
 
@@ -68,8 +67,8 @@ def test_a_scene_that_asks_for_no_tolerance_shows_every_voxel(studio: Studio, go
 
 
 @pytest.fixture(scope="module")
-def splat_shapes(studio: Studio) -> footprints.Footprints:
-    return footprints.measure(scene("1_footprints.yaml", "output.size=[96, 96]"), studio)
+def splat_shapes(figure_renderer: FigureRenderer) -> footprints.Footprints:
+    return footprints.measure(scene("1_footprints.yaml", "output.size=[96, 96]"), figure_renderer)
 
 
 def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: footprints.Footprints) -> None:
@@ -83,7 +82,7 @@ def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: foot
 
 
 def test_more_triangles_are_nearer_to_the_smooth_profile(splat_shapes: footprints.Footprints) -> None:
-    assert verdicts(footprints.judge(splat_shapes)) == [True, True]
+    assert verdicts(footprints.check_claims(splat_shapes)) == [True, True]
     assert [fan.num_triangles for fan in splat_shapes.fans] == [4, 18, 40, 108, 240, 992]
     assert abs(splat_shapes.gaussian.integral_error) < 0.01
 
@@ -91,18 +90,20 @@ def test_more_triangles_are_nearer_to_the_smooth_profile(splat_shapes: footprint
 def test_fans_that_do_not_converge_are_not_passed(splat_shapes: footprints.Footprints) -> None:
     worst, *others = splat_shapes.fans
     shuffled = replace(splat_shapes, fans=(*others, worst))
-    assert verdicts(footprints.judge(shuffled)) == [False, True]
+    assert verdicts(footprints.check_claims(shuffled)) == [False, True]
     off = tuple(replace(fan, integral_error=0.06) for fan in splat_shapes.fans)
-    assert verdicts(footprints.judge(replace(splat_shapes, fans=off))) == [True, False]
+    assert verdicts(footprints.check_claims(replace(splat_shapes, fans=off))) == [True, False]
 
 
 # 2: opacity by resolution
 
 
 @pytest.fixture(scope="module")
-def slab(studio: Studio) -> opacity.Slab:
+def slab(figure_renderer: FigureRenderer) -> opacity.Slab:
     shape = "volume.procedural.shape=[32, 8, 32]"
-    return opacity.measure(scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[64, 64]"), studio)
+    return opacity.measure(
+        scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[64, 64]"), figure_renderer
+    )
 
 
 def test_a_slab_is_as_opaque_as_its_closed_form(slab: opacity.Slab) -> None:
@@ -113,7 +114,7 @@ def test_a_slab_is_as_opaque_as_its_closed_form(slab: opacity.Slab) -> None:
     ):
         assert with_correction == pytest.approx([1 - (1 - opacity_of_voxel) ** 8] * 4, abs=0.002)
         assert without == pytest.approx([1 - (1 - opacity_of_voxel) ** n for n in (8, 4, 2, 1)], abs=0.002)
-    assert verdicts(opacity.judge(slab)) == [True, True]
+    assert verdicts(opacity.check_claims(slab)) == [True, True]
 
 
 def test_the_opacity_of_one_cell(slab: opacity.Slab) -> None:
@@ -124,46 +125,48 @@ def test_the_opacity_of_one_cell(slab: opacity.Slab) -> None:
 
 
 def test_a_slab_that_forgets_the_correction_is_not_passed(slab: opacity.Slab) -> None:
-    assert verdicts(opacity.judge(replace(slab, corrected=slab.uncorrected))) == [False, True]
-    assert verdicts(opacity.judge(replace(slab, uncorrected=slab.corrected))) == [True, False]
+    assert verdicts(opacity.check_claims(replace(slab, corrected=slab.uncorrected))) == [False, True]
+    assert verdicts(opacity.check_claims(replace(slab, uncorrected=slab.corrected))) == [True, False]
 
 
-def test_a_slab_of_the_smallest_voxels_that_are_taken(studio: Studio) -> None:
+def test_a_slab_of_the_smallest_voxels_that_are_taken(figure_renderer: FigureRenderer) -> None:
     """48 pixels show 32 voxels."""
     shape = "volume.procedural.shape=[32, 8, 32]"
-    slab = opacity.measure(scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[48, 48]"), studio)
-    assert verdicts(opacity.judge(slab)) == [True, True]
+    slab = opacity.measure(
+        scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[48, 48]"), figure_renderer
+    )
+    assert verdicts(opacity.check_claims(slab)) == [True, True]
 
 
 # 3: one splat
 
 
 @pytest.fixture(scope="module")
-def cubes(studio: Studio) -> one_splat.Splats:
-    return one_splat.measure(scene("3_one_splat.yaml", "output.size=[64, 64]"), studio)
+def cubes(figure_renderer: FigureRenderer) -> one_splat.Splats:
+    return one_splat.measure(scene("3_one_splat.yaml", "output.size=[64, 64]"), figure_renderer)
 
 
 def test_one_splat_for_many_voxels(cubes: one_splat.Splats) -> None:
-    """Twice the voxels in depth square the transparency; 0.1 is what configs/paper gives a voxel."""
+    """Twice the voxels in depth square the transparency; 0.1 is the opacity in the scene."""
     assert cubes.opacity == pytest.approx(0.1)
     through = [1 - alpha for alpha in cubes.corrected]
     assert through[1:] == pytest.approx([one**2 for one in through[:-1]], rel=1e-3)
     assert cubes.uncorrected == pytest.approx([cubes.corrected[0]] * 6, rel=1e-3)
-    assert verdicts(one_splat.judge(cubes)) == [True, True, True]
+    assert verdicts(one_splat.check_claims(cubes)) == [True, True, True]
 
 
 def test_splats_that_stand_for_too_little_are_not_passed(cubes: one_splat.Splats) -> None:
     wrong = replace(cubes, corrected=cubes.uncorrected, uncorrected=cubes.corrected, totals=(1.0, 0.5) * 3)
-    assert verdicts(one_splat.judge(wrong)) == [False, False, False]
+    assert verdicts(one_splat.check_claims(wrong)) == [False, False, False]
 
 
 # 4: levels
 
 
 @pytest.fixture(scope="module")
-def block(studio: Studio) -> levels.Levels:
+def block(figure_renderer: FigureRenderer) -> levels.Levels:
     changes = "volume.procedural.shape=[32, 32, 32]", "camera.distance=100", "output.size=[64, 64]"
-    return levels.measure(scene("4_levels.yaml", *changes, "transfer_function.unit=0.5"), studio)
+    return levels.measure(scene("4_levels.yaml", *changes, "transfer_function.unit=0.5"), figure_renderer)
 
 
 def test_levels_of_a_constant_block(block: levels.Levels) -> None:
@@ -174,20 +177,20 @@ def test_levels_of_a_constant_block(block: levels.Levels) -> None:
     assert (block.corrected[0].rmse, block.corrected[0].largest) == (0, 0)
     deep = [-math.log1p(-distance.mean_alpha) for distance in block.uncorrected[:3]]
     assert deep[:2] == pytest.approx([2 * deep[1], 2 * deep[2]], rel=0.1)  # a mean of alphas is no mean of depths
-    assert verdicts(levels.judge(block)) == [True, True]
+    assert verdicts(levels.check_claims(block)) == [True, True]
 
 
 def test_levels_that_fade_with_correction_are_not_passed(block: levels.Levels) -> None:
-    assert verdicts(levels.judge(replace(block, corrected=block.uncorrected))) == [False, False]
-    assert verdicts(levels.judge(replace(block, uncorrected=block.corrected))) == [True, False]
+    assert verdicts(levels.check_claims(replace(block, corrected=block.uncorrected))) == [False, False]
+    assert verdicts(levels.check_claims(replace(block, uncorrected=block.corrected))) == [True, False]
 
 
 # 5: octrees
 
 
 @pytest.fixture(scope="module")
-def trees(studio: Studio) -> octrees.Octrees:
-    return octrees.measure(scene("5_octrees.yaml", STAND_IN, "output.size=[64, 64]"), studio)
+def trees(figure_renderer: FigureRenderer) -> octrees.Octrees:
+    return octrees.measure(scene("5_octrees.yaml", STAND_IN, "output.size=[64, 64]"), figure_renderer)
 
 
 def test_octrees_at_falling_error(trees: octrees.Octrees) -> None:
@@ -197,8 +200,8 @@ def test_octrees_at_falling_error(trees: octrees.Octrees) -> None:
     assert trees.rows[0].pictures[-1].pixels.tolist() != trees.rows[1].pictures[-1].pixels.tolist()
 
 
-def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(studio: Studio) -> None:
-    stage = studio.stage(scene("5_octrees.yaml", STAND_IN))
+def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(figure_renderer: FigureRenderer) -> None:
+    stage = figure_renderer.stage(scene("5_octrees.yaml", STAND_IN))
     variation = octrees._variation_of_blocks(stage)
     assert variation.shape == (2, 3, 3)
     for tolerance in (100.0, 1.0, 0.0):
@@ -210,19 +213,19 @@ def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(studio: Stu
 
 def test_octrees_that_refine_elsewhere_are_not_passed() -> None:
     good = [octrees.Octree(2.0**-k, (100 * 8**k, 10), 20.0 + k, 1.0, 5.0 + k) for k in range(3)]
-    assert verdicts(octrees.judge(octrees.Octrees(tuple(good), ()))) == [True, True]
+    assert verdicts(octrees.check_claims(octrees.Octrees(tuple(good), ()))) == [True, True]
     steady = [replace(octree, cells_high_variation=1.0) for octree in good]
-    assert verdicts(octrees.judge(octrees.Octrees(tuple(steady), ()))) == [True, False]
-    assert verdicts(octrees.judge(octrees.Octrees(tuple(good[::-1]), ()))) == [False, True]
+    assert verdicts(octrees.check_claims(octrees.Octrees(tuple(steady), ()))) == [True, False]
+    assert verdicts(octrees.check_claims(octrees.Octrees(tuple(good[::-1]), ()))) == [False, True]
     small = [replace(octree, cells_by_level=(k, 1)) for k, octree in enumerate(good)]
-    assert verdicts(octrees.judge(octrees.Octrees(tuple(small), ()))) == [True, False]
+    assert verdicts(octrees.check_claims(octrees.Octrees(tuple(small), ()))) == [True, False]
 
 
 def test_blocks_without_cells_are_no_division_by_zero() -> None:
-    def times(steady: float, varied: float) -> float:
-        return octrees.Octree(1.0, (100,), 20.0, steady, varied).times
+    def cell_ratio(steady: float, varied: float) -> float:
+        return octrees.Octree(1.0, (100,), 20.0, steady, varied).cell_ratio
 
-    assert (times(2.0, 5.0), times(0.0, 5.0), times(0.0, 0.0)) == (2.5, math.inf, 1.0)
+    assert (cell_ratio(2.0, 5.0), cell_ratio(0.0, 5.0), cell_ratio(0.0, 0.0)) == (2.5, math.inf, 1.0)
 
 
 # 6: what can be drawn in a time
@@ -266,7 +269,7 @@ def test_a_machine_that_is_too_slow_is_not_passed() -> None:
     numbers = timed(10.0)
     assert numbers.drawings[0].seconds == pytest.approx(10 * numbers.drawings[0].num_splats)
     assert not numbers.drawings[0].fits
-    assert verdicts(refinement.judge(numbers))[0] is False
+    assert verdicts(refinement.check_claims(numbers))[0] is False
 
 
 def test_full_resolution_takes_the_place_of_what_it_is_quicker_than() -> None:
@@ -288,7 +291,7 @@ def test_pictures_that_are_slow_or_bad_are_not_passed() -> None:
 
     def judged(**changes: dict[str, Any]) -> list[bool]:
         drawings = tuple(replace(drawing, **changes.get(drawing.name, {})) for drawing in good)
-        return verdicts(refinement.judge(refinement.Refinement(drawings, 36.0, ())))
+        return verdicts(refinement.check_claims(refinement.Refinement(drawings, 36.0, ())))
 
     assert judged() == [True, True, True]
     assert judged(quick={"seconds": 0.3}) == [False, True, True]

@@ -13,7 +13,7 @@ import pytest
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
 from hsplat_cli.reports import bytes_text, short_count_text, terminal_table
-from hsplat_cli.reports.costs import pareto_fronts, prices, splats_front
+from hsplat_cli.reports.costs import costs_by_psnr, pareto_fronts, splats_front
 from hsplat_cli.reports.number_format import count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.reports.tables import TERMINAL_COLUMNS, csv_text, json_text
 from renderer.study import METRICS, Measurement, Study, pareto_front
@@ -97,7 +97,7 @@ def test_what_is_undefined_is_on_no_front() -> None:
 
 
 def test_prices_are_interpolated_on_the_front() -> None:
-    by_psnr = {price.psnr: price for price in prices(ALL.measurements)}
+    by_psnr = {price.psnr: price for price in costs_by_psnr(ALL.measurements)}
     assert list(by_psnr) == [25, 30, 35, 40]
     at_25 = by_psnr[25]
     assert at_25.time.value == pytest.approx(0.010 * 4 ** (3 / 9.5))  # from 10 ms at 22 dB to 40 ms at 31.5 dB
@@ -111,14 +111,14 @@ def test_prices_are_interpolated_on_the_front() -> None:
 
 
 def test_prices_without_a_peer_or_without_accuracy() -> None:
-    assert all(price.peer is None and math.isnan(price.ratio) for price in prices(own_series()))
-    assert prices([measure("tolerance 1", 10, 5, UNDEFINED)]) == []
-    assert [price.psnr for price in prices([measure("tolerance 1", 10, 5, 17)])] == [15]
+    assert all(price.peer is None and math.isnan(price.ratio) for price in costs_by_psnr(own_series()))
+    assert costs_by_psnr([measure("tolerance 1", 10, 5, UNDEFINED)]) == []
+    assert [price.psnr for price in costs_by_psnr([measure("tolerance 1", 10, 5, 17)])] == [15]
 
 
 def test_prices_without_splats() -> None:
     """Bricks are none, however few they are."""
-    assert [price.splats for price in prices(brick_series())] == [None] * 4
+    assert [price.splats for price in costs_by_psnr(brick_series())] == [None] * 4
     assert splats_front([*brick_series(), *own_series()]) == [2, 3, 4, 5]
 
 
@@ -138,7 +138,7 @@ vtk gpu
   sample distance 1         -       -    300    278 .. 368  41.00   38.00  0.9911  0.0178    0.9 %       -  T
 vtk fixed point
   sample distance 0.5       -       -    200    185 .. 245  33.00   30.00  0.9776  0.0448    2.2 %       -  T
-T: no other setting of the same program is as fast and as exact. S: none is with as few splats.
+T: no other setting of the same program is as fast and as exact. S: no other has as few splats and is as exact.
 """
 
 

@@ -33,11 +33,11 @@ from renderer.scene import (
     valid_keys,
 )
 
-NAME = "golden.json"
+PROVENANCE_FILE = "golden.json"
 FORMAT = "hsplat golden 1"
 
 # A million goldens have some 120 bytes each.
-MOST_BYTES = 2**27
+MAX_PROVENANCE_BYTES = 2**27
 
 # Of an origin, in the order of their weight.
 _PARTS = ("volume", "gl", "scene", "versions")
@@ -84,13 +84,13 @@ def is_golden_file_name(name: str) -> bool:
     return _GOLDEN_FILE.fullmatch(name) is not None
 
 
-def origin_from_sidecar(told: Mapping[str, Any]) -> dict[str, Any]:
+def origin_from_sidecar(sidecar: Mapping[str, Any]) -> dict[str, Any]:
     """The origin of frames, of what the JSON file beside them tells; where the volume lies is left out.
 
     So are the name, rate and quality of a film: goldens are PNG files.
     """
-    cause, volume = told["cause"]["of"], told["volume"]
-    section = {key: value for key, value in told["scene"]["volume"].items() if key != "file"}
+    cause, volume = sidecar["cause"]["of"], sidecar["volume"]
+    section = {key: value for key, value in sidecar["scene"]["volume"].items() if key != "file"}
     if "raw" in section:
         section["raw"] = {key: value for key, value in section["raw"].items() if key != "file"}
     return {
@@ -100,7 +100,7 @@ def origin_from_sidecar(told: Mapping[str, Any]) -> dict[str, Any]:
             "shape": volume["shape"],
             "dtype": volume["dtype"],
         },
-        "gl": to_single_line(told["gl"]),
+        "gl": to_single_line(sidecar["gl"]),
         "scene": cause["scene"] | {"volume": section},
         "versions": {name: to_single_line(version) for name, version in cause["versions"].items()},
     }
@@ -115,7 +115,7 @@ def _is_single_line(text: str) -> bool:
     return text.isprintable() and 0 < len(text) <= _MAX_LINE_LENGTH
 
 
-def changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: str) -> str:
+def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: str) -> str:
     """`scene.error.tolerance was 0.2`: the first few keys in which two origins differ, or of these parts of them.
 
     What a volume is called makes no difference.
@@ -134,8 +134,10 @@ def _without_name(origin: Mapping[str, Any], parts: Sequence[str]) -> dict[str, 
 def provenance_bytes(provenance: Provenance) -> bytes:
     """The content of golden.json: a golden on each line, so that a diff shows which ones have changed."""
     head = json.dumps({"format": FORMAT, **provenance.origin}, indent=2, allow_nan=False)
-    told = ({key: value for key, value in asdict(golden).items() if value is not None} for golden in provenance.goldens)
-    frames = ",\n    ".join(map(json.dumps, told))
+    records = (
+        {key: value for key, value in asdict(golden).items() if value is not None} for golden in provenance.goldens
+    )
+    frames = ",\n    ".join(map(json.dumps, records))
     return f'{head.removesuffix(_END)},\n  "frames": [\n    {frames}\n  ]{_END}\n'.encode()
 
 
@@ -152,11 +154,13 @@ def parse_date(text: str | None) -> str | None:
 
 def read_provenance(folder: Path) -> Provenance:
     """What the golden.json in a folder tells. Raises InputError, SceneError with all that is wrong in it."""
-    path = folder / NAME
+    path = folder / PROVENANCE_FILE
     content = _read(path)
-    if len(content) > MOST_BYTES:
-        raise InputError(f"too large for a {NAME}", where=str(path), expected=f"at most {MOST_BYTES} bytes")
-    data = load_json_object(decode_utf8(content, path), path, kind=NAME) if may_be_json(content) else {}
+    if len(content) > MAX_PROVENANCE_BYTES:
+        raise InputError(
+            f"too large for a {PROVENANCE_FILE}", where=str(path), expected=f"at most {MAX_PROVENANCE_BYTES} bytes"
+        )
+    data = load_json_object(decode_utf8(content, path), path, kind=PROVENANCE_FILE) if may_be_json(content) else {}
     if data.get("format") != FORMAT:
         raise InputError(
             "not a record of goldens that this version of hsplat can read",
@@ -180,7 +184,7 @@ def _read(path: Path) -> bytes:
         if path.exists() and not path.is_file():
             raise InputError("not a file", where=str(path))
         with path.open("rb") as file:
-            return file.read(MOST_BYTES + 1)
+            return file.read(MAX_PROVENANCE_BYTES + 1)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
 

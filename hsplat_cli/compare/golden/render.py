@@ -22,7 +22,7 @@ _TEMPLATE = Path("frame-{frame}.png")
 
 
 @dataclass(frozen=True)
-class Drawing:
+class RenderedFrames:
     """Frames that were drawn. files: by number. origin: as in Provenance. notes: what the user should know."""
 
     files: Mapping[int, Path]
@@ -61,7 +61,9 @@ def _require_reproducible(scene: Scene, path: Path) -> None:
 
 
 @contextlib.contextmanager
-def drawn(job: Job, frames: Sequence[int], executor: ExecutorSpec, *, quiet: bool) -> Iterator[Drawing]:
+def rendered_frames(
+    job: Job, frames: Sequence[int], executor: ExecutorSpec, *, quiet: bool
+) -> Iterator[RenderedFrames]:
     """These frames of a job of `load_reproducible_job`, in a folder that is gone after the block. Raises HsplatError.
 
     Nothing is said but how far the work is, and not even that when `quiet`.
@@ -74,9 +76,9 @@ def drawn(job: Job, frames: Sequence[int], executor: ExecutorSpec, *, quiet: boo
         job = replace(job, scene=replace(job.scene, output=output), frames=frames)
         shortfall = render_once(job, executor, quiet=quiet, is_auxiliary=True)
         assert shortfall is None, "there is no goal that could be missed"
-        told = json.loads(sidecar_path(job.scene, frames).read_bytes())
+        sidecar = json.loads(sidecar_path(job.scene, frames).read_bytes())
         files = {frame: folder / _TEMPLATE.name.format(frame=frame) for frame in frames}
-        yield Drawing(files, origin_from_sidecar(told), told["notes"])
+        yield RenderedFrames(files, origin_from_sidecar(sidecar), sidecar["notes"])
 
 
 @contextlib.contextmanager

@@ -16,15 +16,15 @@ from pathlib import Path
 import click
 
 from hsplat_cli.compare.golden.provenance import (
-    NAME,
+    PROVENANCE_FILE,
     Golden,
     Provenance,
     golden_file_name,
     provenance_bytes,
     read_provenance,
 )
-from hsplat_cli.compare.golden.render import Drawing, drawn
-from hsplat_cli.compare.golden.update_plan import Plan, described, make_plan, unrequested_lines
+from hsplat_cli.compare.golden.render import RenderedFrames, rendered_frames
+from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update, unrequested_lines
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, deferrable_interrupts
@@ -60,22 +60,22 @@ def update_goldens(job: Job, golden_options: GoldenOptions, executor: ExecutorSp
     not want what changes.
     """
     folder = golden_options.folder
-    with lock_slots(folder / _STAGING_FOLDER, [0], folder / NAME):
-        before = read_provenance(folder) if os.path.lexists(folder / NAME) else None
-        if before is not None and not golden_options.update:
+    with lock_slots(folder / _STAGING_FOLDER, [0], folder / PROVENANCE_FILE):
+        provenance = read_provenance(folder) if os.path.lexists(folder / PROVENANCE_FILE) else None
+        if provenance is not None and not golden_options.update:
             raise InputError(
                 "there are goldens already",
                 where=str(folder),
-                got=counted(len(before.goldens), "frame"),
+                got=counted(len(provenance.goldens), "frame"),
                 hint="--update says what has changed, and writes it over them; `hsplat compare SCENE FOLDER` compares",
             )
-        frames = golden_options.frames or _default_frames(before, job.frames)
-        names = _names(frames, before, job.scene.camera.path.frames)
-        _require_free(folder, names.values(), before)
-        with drawn(job, frames, executor, quiet=golden_options.quiet) as drawing:
-            plan = make_plan(folder, before, names, drawing, date=golden_options.date, prune=golden_options.prune)
+        frames = golden_options.frames or _default_frames(provenance, job.frames)
+        names = _names(frames, provenance, job.scene.camera.path.frames)
+        _require_free(folder, names.values(), provenance)
+        with rendered_frames(job, frames, executor, quiet=golden_options.quiet) as drawing:
+            plan = plan_update(folder, provenance, names, drawing, date=golden_options.date, prune=golden_options.prune)
             plan.require_one_origin(folder)
-            must_ask = before is not None and plan.changes_anything and not golden_options.yes
+            must_ask = provenance is not None and plan.changes_anything and not golden_options.yes
             if must_ask or not golden_options.quiet:
                 _tell(_report(plan, drawing, folder))
             if not plan.changes_anything:
@@ -88,17 +88,17 @@ def update_goldens(job: Job, golden_options: GoldenOptions, executor: ExecutorSp
         num_written, num_all = len(plan.sources), len(plan.after.goldens)
         goldens = counted(num_all, "golden")
         num = goldens if num_written == num_all else f"{num_written} of {goldens} written"
-        _tell([f"{folder}: {num}", f"what they were drawn from: {folder / NAME}"])
+        _tell([f"{folder}: {num}", f"what they were drawn from: {folder / PROVENANCE_FILE}"])
 
 
-def _report(plan: Plan, drawing: Drawing, folder: Path) -> Iterator[str]:
+def _report(plan: GoldenUpdate, drawing: RenderedFrames, folder: Path) -> Iterator[str]:
     """What there is to say before anything is written."""
     yield from (f"note: {note}" for note in drawing.notes)
     if not plan.changes_anything:
         yield f"{folder}: nothing changes"
         yield from unrequested_lines(plan)
     elif plan.before is not None:
-        yield from described(plan)
+        yield from describe_update(plan)
         yield from _stale_limit_notes(plan.removed, folder)
 
 
@@ -114,9 +114,9 @@ def _stale_limit_notes(removed: Sequence[Golden], folder: Path) -> Iterator[str]
         yield f"{path} names them, too, and `hsplat compare` will refuse that: {', '.join(named)}"
 
 
-def _apply(plan: Plan, folder: Path) -> None:
+def _apply(plan: GoldenUpdate, folder: Path) -> None:
     with deferrable_interrupts() as defer_interrupts, staged_files(folder / _STAGING_FOLDER) as write:
-        write(folder / NAME, provenance_bytes(plan.after))
+        write(folder / PROVENANCE_FILE, provenance_bytes(plan.after))
         for name, source in plan.sources.items():
             with translate_os_errors(source):
                 content = source.read_bytes()
@@ -132,25 +132,25 @@ def _tell(lines: Iterable[str]) -> None:
         click.echo(line)
 
 
-def _default_frames(before: Provenance | None, drawable: Sequence[int]) -> Sequence[int]:
+def _default_frames(provenance: Provenance | None, drawable: Sequence[int]) -> Sequence[int]:
     """Those that are golden and that the scene still has; all that it has where there are none."""
-    golden = frozenset() if before is None else frozenset(each.frame for each in before.goldens)
+    golden = frozenset() if provenance is None else frozenset(each.frame for each in provenance.goldens)
     return [frame for frame in drawable if frame in golden] or drawable
 
 
-def _names(frames: Sequence[int], before: Provenance | None, num_frames: int) -> dict[int, str]:
+def _names(frames: Sequence[int], provenance: Provenance | None, num_frames: int) -> dict[int, str]:
     """Of the files of these frames; a golden that is there keeps the name that it has."""
-    listed = {} if before is None else {golden.frame: golden.file for golden in before.goldens}
+    listed = {} if provenance is None else {golden.frame: golden.file for golden in provenance.goldens}
     return {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
 
 
-def _require_free(folder: Path, names: Iterable[str], before: Provenance | None) -> None:
+def _require_free(folder: Path, names: Iterable[str], provenance: Provenance | None) -> None:
     """Raise InputError where a golden would take the place of a file of somebody else."""
-    own = set() if before is None else {golden.file for golden in before.goldens}
+    own = set() if provenance is None else {golden.file for golden in provenance.goldens}
     foreign = [name for name in names if name not in own and os.path.lexists(folder / name)]
     if foreign:
         raise InputError(
-            f"a golden would take the place of a file of which no {NAME} tells",
+            f"a golden would take the place of a file of which no {PROVENANCE_FILE} tells",
             where=str(folder / foreign[0]),
             got=f"{len(foreign)} such files" if len(foreign) > 1 else None,
             hint="move it away, or choose another folder",

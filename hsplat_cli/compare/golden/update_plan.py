@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hsplat_cli.compare.golden.provenance import NAME, Golden, Provenance, changes
-from hsplat_cli.compare.golden.render import Drawing
+from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE, Golden, Provenance, describe_changes
+from hsplat_cli.compare.golden.render import RenderedFrames
 from hsplat_cli.compare.picture_file import read_picture
 from hsplat_cli.terminal import counted, first_few
 from renderer.errors import InputError
@@ -24,7 +24,7 @@ _MAX_NAMES = 5
 
 
 @dataclass(frozen=True)
-class Change:
+class GoldenChange:
     """A golden that is to be written.
 
     why: that it is new, or cannot be compared with the one that is there: `is new`.
@@ -37,7 +37,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Plan:
+class GoldenUpdate:
     """before, after: what golden.json tells; nothing before the first goldens.
 
     sources: where the pictures that are to be written are, by the names that they get.
@@ -48,10 +48,10 @@ class Plan:
     before: Provenance | None
     after: Provenance
     sources: Mapping[str, Path]
-    changes: Sequence[Change]
+    changes: Sequence[GoldenChange]
     removed: Sequence[Golden]
     unrequested: Sequence[Golden]
-    num_asked: int
+    num_requested: int
 
     @property
     def changes_anything(self) -> bool:
@@ -67,7 +67,7 @@ class Plan:
         it has one origin for all of them."""
         if self.unrequested and (other := self._scene_changes()):
             raise InputError(
-                f"goldens would stay that were not drawn from what {NAME} would say",
+                f"goldens would stay that were not drawn from what {PROVENANCE_FILE} would say",
                 where=str(folder),
                 got=other,
                 hint=f"update all frames; or --prune removes the others: {_names(self.unrequested)}",
@@ -75,22 +75,22 @@ class Plan:
 
     def _scene_changes(self) -> str:
         """In what the scene or the volume is not what it was."""
-        return "" if self.before is None else changes(self.before.origin, self.after.origin, "volume", "scene")
+        return "" if self.before is None else describe_changes(self.before.origin, self.after.origin, "volume", "scene")
 
     @property
     def _previous_goldens(self) -> tuple[Golden, ...]:
         return () if self.before is None else self.before.goldens
 
 
-def make_plan(
+def plan_update(
     folder: Path,
     before: Provenance | None,
     names: Mapping[int, str],
-    drawing: Drawing,
+    drawing: RenderedFrames,
     *,
     date: str | None,
     prune: bool,
-) -> Plan:
+) -> GoldenUpdate:
     """What is to be done so that `folder` has the frames that were drawn.
 
     names: of the files of all frames that are asked for. date: of those whose pictures change; the others keep theirs.
@@ -105,32 +105,34 @@ def make_plan(
     for frame, name in names.items():
         source = sources.get(name, folder / name)
         with translate_os_errors(source):
-            drawn = date if name in sources else listed[frame].date
-            goldens.append(Golden(frame, name, file_digest(source), drawn))
+            drawn_on = date if name in sources else listed[frame].date
+            goldens.append(Golden(frame, name, file_digest(source), drawn_on))
     others = [golden for frame, golden in listed.items() if frame not in names]
     stays = {golden: not prune and os.path.lexists(folder / golden.file) for golden in others}
     unrequested = [golden for golden in others if stays[golden]]
     removed = [golden for golden in others if not stays[golden]]
     listed_after = tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame))
     after = Provenance(drawing.origin, listed_after)
-    worst_first = sorted((change for change in found.values() if change is not None), key=_badness, reverse=True)
-    return Plan(before, after, sources, worst_first, removed, unrequested, len(names))
+    worst_first = sorted(
+        (change for change in found.values() if change is not None), key=_change_sort_key, reverse=True
+    )
+    return GoldenUpdate(before, after, sources, worst_first, removed, unrequested, len(names))
 
 
-def _change(path: Path, source: Path, *, is_new: bool) -> Change | None:
+def _change(path: Path, source: Path, *, is_new: bool) -> GoldenChange | None:
     """What distinguishes a picture that was drawn from the golden that is there; None if no pixel does."""
     if is_new or not os.path.lexists(path):
-        return Change(path.name, "is new" if is_new else "is not there any more")
+        return GoldenChange(path.name, "is new" if is_new else "is not there any more")
     try:
         golden = read_picture(path)
     except InputError as error:
-        return Change(path.name, f"cannot be read: {error.what}")
+        return GoldenChange(path.name, f"cannot be read: {error.what}")
     actual = read_picture(source)
     if golden.shape != actual.shape:
-        return Change(path.name, f"changes from {_shape(golden.shape)} to {_shape(actual.shape)}")
+        return GoldenChange(path.name, f"changes from {_shape(golden.shape)} to {_shape(actual.shape)}")
     if np.array_equal(golden, actual):
         return None
-    return Change(path.name, figures=FrameDifference(golden, actual).metrics(_FIGURES))
+    return GoldenChange(path.name, figures=FrameDifference(golden, actual).metrics(_FIGURES))
 
 
 def _shape(shape: tuple[int, ...]) -> str:
@@ -138,18 +140,18 @@ def _shape(shape: tuple[int, ...]) -> str:
     return f"{width} x {height} {'RGB' if channels == 3 else 'RGBA'}"
 
 
-def _badness(change: Change) -> tuple[bool, list[float]]:
+def _change_sort_key(change: GoldenChange) -> tuple[bool, list[float]]:
     return bool(change.why), [change.figures.get(name, 0.0) for name in _FIGURES]
 
 
 # In words
 
 
-def described(plan: Plan) -> Iterator[str]:
+def describe_update(plan: GoldenUpdate) -> Iterator[str]:
     """Lines for the terminal: what changes and how much, what goes, what stays, and what may be the cause."""
     assert plan.before is not None, "first goldens are no change"
-    num_changes, num_asked = len(plan.changes), plan.num_asked
-    frames = counted(num_asked, "frame")
+    num_changes, num_requested = len(plan.changes), plan.num_requested
+    frames = counted(num_requested, "frame")
     if num_changes:
         yield f"{num_changes} of {frames} change{'s' * (num_changes == 1)}:"
         yield from _lines_of(plan.changes)
@@ -159,19 +161,19 @@ def described(plan: Plan) -> Iterator[str]:
         yield f"to be removed, for nobody asks for {_them(plan.removed)}: {_names(plan.removed)}"
     yield from unrequested_lines(plan)
     if not (num_changes or plan.removed) and plan.before.goldens != plan.after.goldens:
-        yield f"{NAME} changes: the files are others than it tells of"
-    cause = changes(plan.before.origin, plan.after.origin)
+        yield f"{PROVENANCE_FILE} changes: the files are others than it tells of"
+    cause = describe_changes(plan.before.origin, plan.after.origin)
     if cause:
         yield f"what has changed since they were drawn: {cause}"
 
 
-def unrequested_lines(plan: Plan) -> Iterator[str]:
+def unrequested_lines(plan: GoldenUpdate) -> Iterator[str]:
     """What is said about goldens that nobody asks for and that stay, if there are any."""
     if plan.unrequested:
         yield f"not asked for, and left as they are (--prune removes them): {_names(plan.unrequested)}"
 
 
-def _lines_of(all_changes: Sequence[Change]) -> Iterator[str]:
+def _lines_of(all_changes: Sequence[GoldenChange]) -> Iterator[str]:
     shown = all_changes[:_MAX_LINES]
     yield from (f"  {change.file} {change.why}" for change in shown if change.why)
     measured = [change for change in shown if change.figures]

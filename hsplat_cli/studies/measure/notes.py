@@ -1,4 +1,4 @@
-"""What a reader of measurements must know and might not see."""
+"""Write the notes of a study: where measurements differ from the scene, or behave unexpectedly."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from renderer.scene import Scene, schedule_to_dict
 if TYPE_CHECKING:
     from renderer.study import Measurement
 
-# Smaller setbacks are not told: they are below the digits that are shown.
+# Smaller setbacks are below the digits shown.
 _MIN_SETBACK = {"psnr": 0.01, "ssim": 1e-4, "flip": 1e-4}
 
 
 def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
-    """Where what is measured is not what the scene says, or is not measured alike.
+    """Return notes on differences between the scene and what is measured.
 
-    has_transparent_border: as where VTK is measured, too.
+    has_transparent_border: whether the volume has one, for VTK.
     """
     notes = []
     if scene.error.goal is not None:
@@ -31,18 +31,18 @@ def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
         notes.append("the scene's background is transparent; pictures are compared over black")
     if has_transparent_border:
         notes.append(
-            "the outermost layer of voxels was made transparent, for VTK's volumes end half a voxel earlier; "
-            "the truth, hsplat and VTK all draw that same volume"
+            "the outermost layer of voxels was made transparent, because VTK's volumes end half a voxel earlier; "
+            "the truth, hsplat and VTK all draw this volume"
         )
         notes.append(
-            "VTK's frames are of 8 bits and are compared as they are, hsplat's before they are rounded to that; the "
-            "rounding alone limits a picture to about 59 dB where the volume is seen"
+            "VTK's frames have 8 bits, and hsplat's are compared before they are rounded to that; the rounding alone "
+            "limits a picture to about 59 dB where the volume is visible"
         )
     return notes
 
 
 def monotonicity_notes(measurements: Sequence[Measurement]) -> list[str]:
-    """Which series do not always get better as the tolerance falls, by which metric, and by how much at worst."""
+    """Return a note for each series and metric that gets worse as the tolerance falls, with the largest setback."""
     from renderer.study import METRICS, find_regressions
 
     series: dict[str, list[Measurement]] = {}

@@ -1,4 +1,4 @@
-"""The lists that `hsplat measure` is told on its command line: what to sweep, and how exact is wanted."""
+"""Parse the lists on the command line of `hsplat measure`: settings to sweep, and a wanted accuracy."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from renderer.scene import ErrorSpec, MetricTarget, Scene, SplatSpec, did_you_me
 
 T = TypeVar("T")
 
-# The finest mesh of a Gouraud footprint that a scene may ask for.
+# The scene file has the same limits.
 _MAX_ANGULAR, _MAX_RADIAL = 64, 32
 
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
 _CORRECTIONS = {"on": True, "off": False}
-_NO_CORRECTION_NOTE = "the integrated footprint has no opacity correction that could be off; it is measured as it is"
+_NO_CORRECTION_NOTE = "the integrated footprint has no opacity correction to switch off; it is measured as it is"
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is combined with what.
+    """Lists of which all combinations are measured.
 
-    errors: one for each measure; their tolerance is not looked at. splats: each footprint, corrected or not.
-    tolerances: None for a choice that suits the volume. notes: on what is not as it was asked for.
+    errors: one for each measure; their tolerance is ignored. splats: each footprint, corrected or not.
+    tolerances: None for a choice that suits the volume. notes: on requests that were changed.
     """
 
     errors: tuple[ErrorSpec, ...]
@@ -36,7 +36,7 @@ class Sweep:
 
 
 def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measures: str, corrections: str) -> Sweep:
-    """What to sweep, from lists with commas. Raises InputError with the name of the option."""
+    """Parse lists with commas. Raises InputError with the name of the option."""
     are_corrected = _items("--corrections", corrections, _CORRECTIONS.get, list(_CORRECTIONS))
     footprint_names = ["gaussian", "gouraud", "gouraud:12x4", "integrated"]
     shapes = _items("--footprints", footprints, lambda word: _footprint(word, scene.splat), footprint_names)
@@ -52,8 +52,8 @@ def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measur
 
 
 def parse_want(text: str) -> MetricTarget:
-    """`psnr=38`, `rmse=0.01`, `ssim=0.95` or `flip=0.02`."""
-    expected = "psnr=38, rmse=0.01, ssim=0.95, flip=0.02 or other values of these"
+    """Parse `psnr=38`, `rmse=0.01`, `ssim=0.95` or `flip=0.02`. Raises InputError."""
+    expected = "psnr=38, rmse=0.01, ssim=0.95, flip=0.02 or other values"
     name, _, number = (part.strip() for part in text.partition("="))
     value = _number(number)
     if name not in ("psnr", "rmse", "ssim", "flip") or value is None:
@@ -72,7 +72,7 @@ def parse_want(text: str) -> MetricTarget:
 
 
 def _items(option: str, text: str, parse: Callable[[str], T | None], examples: list[str]) -> tuple[T, ...]:
-    """The parsed words between the commas, each once; `parse` gives None for what it cannot read."""
+    """Return the parsed words between the commas, without repetitions; `parse` returns None for an invalid one."""
     found: dict[T, None] = {}
     for word in (part.strip() for part in text.split(",")):
         item = parse(word)
@@ -89,8 +89,8 @@ def _items(option: str, text: str, parse: Callable[[str], T | None], examples: l
 
 
 def _footprint(word: str, splat: SplatSpec) -> SplatSpec | None:
-    """`gaussian`, `gouraud` with the scene's subdivisions, or `gouraud:AxR` with A angular and R radial ones; or
-    `integrated`."""
+    """Parse `integrated`, `gaussian`, `gouraud` with the scene's subdivisions, or `gouraud:AxR` with A angular and R
+    radial ones."""
     if word == "integrated":
         return SplatSpec(footprint="integrated")
     if word in ("gaussian", "gouraud"):
@@ -114,7 +114,7 @@ def _tolerance(word: str) -> float | None:
 
 
 def _number(word: str) -> float | None:
-    """A finite number, else None."""
+    """Parse a finite number; return None for anything else."""
     try:
         value = float(word)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Stages of a volume that is read once, however many ways it is drawn."""
+"""Prepare the stages of a study, whose volume is read once."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ from renderer.scene import Scene
 from renderer.volume import Volume
 
 
-def prepared(scene: Scene, volume: Volume) -> Stage:
-    """The scene's stage for a volume that was read before, at any tolerance."""
+def stage_at_any_tolerance(scene: Scene, volume: Volume) -> Stage:
+    """Return the scene's stage for a volume in memory, at any tolerance."""
     return prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volume=volume, any_tolerance=True)

@@ -1,4 +1,4 @@
-"""A sweep from a scene to its report: plan, truth, measurements, files, and what is said meanwhile."""
+"""Measure a sweep of settings on one scene, and write its report."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import click
-
 from hsplat_cli.executors import open_rasterizer
 from hsplat_cli.films import find_truths, nothing_visible_error
 from hsplat_cli.reports import require_page_packages, require_writable_files, terminal_table, write_study
 from hsplat_cli.scenes import read_volume_guarded
 from hsplat_cli.studies.measure.notes import monotonicity_notes, scene_notes
 from hsplat_cli.studies.measure.options import Sweep
-from hsplat_cli.studies.measure.prepare import prepared
+from hsplat_cli.studies.measure.prepare import stage_at_any_tolerance
 from hsplat_cli.studies.peers.vtk_peer import (
     check_vtk,
     describe_vtk,
@@ -26,7 +24,7 @@ from hsplat_cli.studies.peers.vtk_peer import (
     vtk_settings,
     with_transparent_border,
 )
-from hsplat_cli.terminal import PeakMemory, counted, describe_machine, progress, report_first_run
+from hsplat_cli.terminal import PeakMemory, Reporter, counted, describe_machine
 from renderer.errors import HsplatError
 from renderer.frame import Stage, view_of
 from renderer.scene import Scene, scene_to_dict
@@ -47,17 +45,17 @@ from renderer.transfer import make_transfer_function
 from renderer.view import View
 from renderer.volume import Volume
 
-# Frames of the path that are measured when none are asked for.
+# Number of frames measured by default.
 _NUM_FRAMES = 3
-# Seconds that a frame of a peer takes, about: for the time remaining.
+# Estimated seconds of a peer's frame, for the time remaining.
 _PEER_FRAME_S = 0.4
 
 
 @dataclass(frozen=True)
-class Request:
-    """What was asked for.
+class StudyRequest:
+    """What to measure.
 
-    name: of the scene's file. frames: None for a few that are spread over the path. peer: "vtk" or None.
+    name: of the scene's file. frames: None for a few spread over the path. peer: "vtk" or None. folder: of the report.
     """
 
     name: str
@@ -68,36 +66,35 @@ class Request:
     peer: str | None
     truth_tolerance: float
     folder: Path
-    quiet: bool
 
 
-def run_study(request: Request) -> None:
-    """Measure, write the report and print the table; what was measured before an interrupt or error is written too."""
+def run_study(request: StudyRequest, reporter: Reporter) -> None:
+    """Measure, write the report and print the table; an interrupt or error still writes what was measured before it."""
     scene = request.scene
     require_page_packages()
     require_measuring_packages()
     require_writable_files(request.folder)
     if request.peer:
         check_vtk(scene)
-    report_first_run(quiet=request.quiet)
+    reporter.announce_compilation()
     needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
-    with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # tried before a voxel is read
+    with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # fails before a voxel is read
         machine = describe_machine(rasterizer.renderer_name)
     if request.peer:
         machine["peer"] = {"name": request.peer, **describe_vtk()}
     volume = _volume(request)
     path = scene.camera.path
     frames = request.frames or spread_frames(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
-    stage = prepared(scene, volume)
+    stage = stage_at_any_tolerance(scene, volume)
     views = [view_of(stage, frame) for frame in frames]
-    truths, records = find_truths(stage, frames, request.truth_tolerance, quiet=request.quiet)
-    del stage  # one pyramid at a time is in memory
+    truths, records = find_truths(stage, frames, request.truth_tolerance, quiet=reporter.is_quiet)
+    del stage  # keeps one pyramid at a time in memory
     if not any(truth.on_volume.any() for truth in truths):
         raise nothing_visible_error(len(truths))
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
     try:
-        for measurement in _measurements(request, volume, truths, views):
+        for measurement in _measurements(request, volume, truths, views, reporter):
             measurements.append(measurement)
     except (KeyboardInterrupt, HsplatError) as error:
         end = error
@@ -116,13 +113,17 @@ def run_study(request: Request) -> None:
             measurements=tuple(measurements),
             notes=(*notes, *monotonicity_notes(measurements)),
         )
-        _write_and_print(study, request.folder)
+        paths = write_study(study, request.folder, date=datetime.date.today().isoformat())
+        reporter.result(terminal_table(study))
+        for note in study.notes:
+            reporter.result(f"note: {note}")
+        reporter.result("written: " + ", ".join(map(str, paths)))
     if end:
         raise end
 
 
-def _volume(request: Request) -> Volume:
-    """The scene's volume; its border is transparent where a peer is measured whose volumes end earlier."""
+def _volume(request: StudyRequest) -> Volume:
+    """Return the scene's volume, with a transparent border if a peer is measured."""
     volume = read_volume_guarded(request.scene.volume)
     if request.peer is None:
         return volume
@@ -132,55 +133,57 @@ def _volume(request: Request) -> Volume:
 
 
 def _measurements(
-    request: Request, volume: Volume, truths: Sequence[Truth], views: Sequence[View]
+    request: StudyRequest, volume: Volume, truths: Sequence[Truth], views: Sequence[View], reporter: Reporter
 ) -> Iterator[Measurement]:
-    """hsplat's settings and then the peer's, with the time remaining."""
+    """Measure the settings of hsplat, then those of the peer."""
     sweep = request.sweep
     plan = plan_sweep(
-        request.scene, lambda scene: prepared(scene, volume), sweep.errors, sweep.splats, sweep.tolerances
+        request.scene, lambda scene: stage_at_any_tolerance(scene, volume), sweep.errors, sweep.splats, sweep.tolerances
     )
     work = [planned.predicted_seconds(len(truths), request.repeats) for planned in plan]
     if request.peer:
         work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
-    with progress(work, label="measuring", quiet=request.quiet, unit="settings") as bar:
-        for measurement in chain(_own(request, plan, volume, truths), _measure_peer(request, volume, truths, views)):
+    with reporter.progress(work, label="measuring", unit="settings") as bar:
+        for measurement in chain(
+            _measure_hsplat(request, plan, volume, truths), _measure_peer(request, volume, truths, views)
+        ):
             yield measurement
             bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
 
 
-def _own(
-    request: Request, plan: Sequence[PlannedSetting], volume: Volume, truths: Sequence[Truth]
+def _measure_hsplat(
+    request: StudyRequest, plan: Sequence[PlannedSetting], volume: Volume, truths: Sequence[Truth]
 ) -> Iterator[Measurement]:
-    """One pyramid at a time is in memory; pictures known to be equal are drawn once.
+    """Measure the planned settings, with one pyramid at a time in memory; equal pictures are drawn once.
 
-    Every setting has a GL context of its own: a software driver keeps what the largest picture took, which would be
-    counted as the memory of all that come after it.
+    Each setting gets a new GL context: a software driver keeps the memory of its largest picture, which would count for
+    all later settings.
     """
     memory = PeakMemory()
-    done: dict[Hashable, Measurement] = {}
+    measured: dict[Hashable, Measurement] = {}
     stage: Stage | None = None
     for planned in plan:
         scene, key = planned.scene, planned.picture_key()
         if stage is None or _pyramid_key(stage.scene) != _pyramid_key(scene):
             stage = None
-            stage = prepared(scene, volume)
+            stage = stage_at_any_tolerance(scene, volume)
         stage = replace(stage, scene=scene)
-        if key not in done:
+        if key not in measured:
             with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
-                done[key] = measure_setting(
+                measured[key] = measure_setting(
                     stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
                 )
         setting = splat_setting(scene.error, scene.splat)
-        yield replace(done[key], setting=setting, pyramid_seconds=pyramid_seconds(stage))
+        yield replace(measured[key], setting=setting, pyramid_seconds=pyramid_seconds(stage))
 
 
 def _pyramid_key(scene: Scene) -> Hashable:
-    """Scenes of one study that are equal in this have the same pyramid, and bricks."""
+    """Return a key of the pyramid and bricks that a scene of this study uses."""
     return scene.error.measure, scene.error.of, scene.splat.footprint == "integrated"
 
 
 def _measure_peer(
-    request: Request, volume: Volume, truths: Sequence[Truth], views: Sequence[View]
+    request: StudyRequest, volume: Volume, truths: Sequence[Truth], views: Sequence[View]
 ) -> Iterator[Measurement]:
     if request.peer is None:
         return
@@ -202,11 +205,3 @@ def _volume_facts(volume: Volume) -> dict[str, Any]:
         "dtype": str(volume.values.dtype),
         "shape": volume.shape_xyz,
     }
-
-
-def _write_and_print(study: Study, folder: Path) -> None:
-    paths = write_study(study, folder, date=datetime.date.today().isoformat())
-    click.echo(terminal_table(study))
-    for note in study.notes:
-        click.echo(f"note: {note}")
-    click.echo("written: " + ", ".join(map(str, paths)))

@@ -1,41 +1,39 @@
-"""`hsplat measure --want psnr=38`: the coarsest tolerance that is good enough, as a line for the scene file."""
+"""Find the coarsest tolerance that reaches an accuracy (`hsplat measure --want psnr=38`)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import click
-
 from hsplat_cli.executors import open_rasterizer
 from hsplat_cli.films import nothing_visible_error, search_tolerance
 from hsplat_cli.scenes import read_volume_guarded
-from hsplat_cli.studies.measure.prepare import prepared
-from hsplat_cli.terminal import counted, report_first_run
+from hsplat_cli.studies.measure.prepare import stage_at_any_tolerance
+from hsplat_cli.terminal import Reporter, counted
 from renderer.errors import InputError
 from renderer.scene import MetricTarget, Scene
 from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages, unreachable_accuracy_error
 
 
 def print_tolerance(
-    scene: Scene, want: MetricTarget, numbers: Sequence[int], truth_tolerance: float, *, quiet: bool
+    scene: Scene, want: MetricTarget, numbers: Sequence[int], truth_tolerance: float, reporter: Reporter
 ) -> None:
-    """Search, and print the line. Raises RenderError where full resolution does not reach what is wanted."""
+    """Search, and print a line for the scene file. Raises RenderError if full resolution is not accurate enough."""
     _require_measurable(scene, want)
-    report_first_run(quiet=quiet)
+    reporter.announce_compilation()
     with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
-        stage = prepared(scene, read_volume_guarded(scene.volume))
-        found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, quiet=quiet)
+        stage = stage_at_any_tolerance(scene, read_volume_guarded(scene.volume))
+        found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, quiet=reporter.is_quiet)
     if found.shows_nothing:
         raise nothing_visible_error(len(found.frames))
     if found.tolerance is None:
         where = f"--want {want.metric}={want.value:g}"
         raise unreachable_accuracy_error(found, scene, where=where, hint="want less")
-    click.echo(_line(scene, found.tolerance))
-    click.echo(f"# {_comment(found, scene.splat.primitive_name)}")
+    reporter.result(_line(scene, found.tolerance))
+    reporter.result(f"# {_comment(found, scene.splat.primitive_name)}")
 
 
 def _comment(found: ToleranceSearchResult, noun: str) -> str:
-    """What the tolerance comes to, and with how many bricks or splats."""
+    """Describe the accuracy at the tolerance, and the number of bricks or splats."""
     worst, frames = found.worst, ", ".join(map(str, found.frames))
     drawn, value = counted(worst.num_cells, noun), found.want.format(worst.value)
     if len(found.frames) == 1:
@@ -57,7 +55,7 @@ def _require_measurable(scene: Scene, want: MetricTarget) -> None:
 
 
 def _line(scene: Scene, tolerance: float) -> str:
-    """The section of the scene file, in one line."""
+    """Return the section of the scene file, on one line."""
     error = scene.error
     parts = [f"measure: {error.measure}"]
     parts += [f"of: {error.of}"] if error.of != "classified" else []

@@ -1,7 +1,7 @@
-"""`hsplat paper`: the figures of the paper, drawn anew and measured, one module for each figure.
+"""Reproduce the figures of the paper, one module a figure; `scenes/` has their scenes.
 
 D. Laur, P. Hanrahan, "Hierarchical Splatting: A Progressive Refinement Algorithm for Volume Rendering", SIGGRAPH 1991.
 
-In each module `measure` draws and counts, `judge` turns the numbers into verdicts and nothing else, and `make` lays out
-both for the page.
+In each module `measure` draws and counts, `check_claims` compares the numbers with the paper's claims, and
+`make_figure` lays out both for the page.
 """

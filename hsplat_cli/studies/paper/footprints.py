@@ -1,4 +1,4 @@
-"""Figure 1: one splat as fans of few and of many Gouraud-shaded triangles, and as a Gaussian."""
+"""Figure 1: draw one splat as fans of Gouraud-shaded triangles, coarse to fine, and as a Gaussian."""
 
 from __future__ import annotations
 
@@ -10,33 +10,44 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.studies.paper.figure_renderer import Studio, transfer_of, with_splat
-from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Pixels, Row, Table
+from hsplat_cli.reports import SERIES_COLORS
+from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_splat
+from hsplat_cli.studies.paper.paper_figure import (
+    CaptionedPicture,
+    Chart,
+    Claim,
+    FigureTable,
+    PaperFigure,
+    PictureRow,
+    new_plot,
+    new_plots,
+)
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
+from renderer.film import Pixels
 from renderer.frame import Stage, view_of
 from renderer.scene import Scene
 from renderer.splats import GouraudFootprint, make_footprint
 
 Float64 = npt.NDArray[np.float64]
 
-# Angular and radial subdivisions of the fans.
+# Angular and radial subdivisions.
 SUBDIVISIONS = ((4, 1), (6, 2), (8, 3), (12, 5), (16, 8), (32, 16))
-# Fans of at least so many triangles are expected to keep a splat's integral to this share.
+# The integral of fans with at least this many triangles must be exact to this share.
 MIN_TRIANGLES, MAX_INTEGRAL_ERROR = 40, 0.05
-# Of the peak; the finest fan is expected to be this near to the smooth profile.
+# Share of the peak by which the finest fan may deviate from the smooth profile.
 MAX_DEVIATION = 0.02
-# Rings of pixels, by their distance from the centre, in which the plot shows mean, least and largest.
+# The plot shows mean, minimum and maximum of the pixels in each of these rings around the centre.
 NUM_RINGS = 48
 
 
 @dataclass(frozen=True)
-class Footprint:
-    """One way to draw the splat.
+class FootprintError:
+    """One way to draw the splat, and its error against the smooth profile.
 
-    deviation: largest difference of a pixel's alpha from the smooth profile's, as a share of the peak of that.
-    integral_error: of the sum of all alphas, relative to that of the smooth profile.
-    radii: float64 [n], of rings of pixels, in standard deviations. alphas: float64 [n, 3], mean, least, largest there.
+    deviation: largest difference of a pixel's alpha, as a share of the profile's peak.
+    integral_error: relative error of the sum of all alphas.
+    radii: float64 [n], rings of pixels, in standard deviations. alphas: float64 [n, 3], their mean, minimum, maximum.
     """
 
     name: str
@@ -49,29 +60,29 @@ class Footprint:
 
 
 @dataclass(frozen=True)
-class Footprints:
-    """fans: by rising number of triangles. smooth: radius in standard deviations and alpha of the profile itself."""
+class FootprintErrors:
+    """fans: by number of triangles. smooth: float64 [n, 2], the profile: radius in standard deviations, alpha."""
 
-    fans: tuple[Footprint, ...]
-    gaussian: Footprint
+    fans: tuple[FootprintError, ...]
+    gaussian: FootprintError
     smooth: Float64
 
 
-def make(scene: Scene, studio: Studio) -> Figure:
-    """The figure for a scene of one splat."""
-    numbers = measure(scene, studio)
+def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
+    """Return figure 1 for a scene of one splat."""
+    numbers = measure(scene, figure_renderer)
     drawn = (*numbers.fans, numbers.gaussian)
-    return Figure(
+    return PaperFigure(
         1,
         "Splat shapes and footprints",
-        "One splat, drawn as a fan of Gouraud-shaded triangles around its centre, at several subdivisions by angle and "
-        "by radius. The opacities of the vertices are those of a smooth profile; the hardware interpolates between.",
-        judge(numbers),
-        rows=(Row("The same splat", tuple(Picture(item.picture, _caption(item)) for item in drawn)),),
+        "One splat, drawn as a fan of Gouraud-shaded triangles around its centre, at several angular and radial "
+        "subdivisions. The vertices have the opacities of a smooth profile; the hardware interpolates between them.",
+        check_claims(numbers),
+        rows=(PictureRow("The same splat", tuple(CaptionedPicture(item.picture, _caption(item)) for item in drawn)),),
         charts=(_profiles(numbers), _meshes(scene)),
         tables=(
-            Table(
-                "Against the smooth profile, at every pixel",
+            FigureTable(
+                "Error against the smooth profile, over all pixels",
                 ("footprint", "triangles", "largest deviation, of the peak", "error of the integral"),
                 tuple(
                     (item.name, f"{item.num_triangles or '-'}", f"{item.deviation:.2%}", f"{item.integral_error:+.2%}")
@@ -80,38 +91,38 @@ def make(scene: Scene, studio: Studio) -> Figure:
             ),
         ),
         notes=(
-            "The Gaussian of hsplat is a little broader in the middle than a plain one: two zeros in its spectrum keep "
-            "lattices of splats from rippling. It adds up to the same optical depth; its deviation is that difference.",
+            "The Gaussian of hsplat is slightly broader in the middle than a plain one: two zeros in its spectrum keep "
+            "grids of splats from rippling. Its optical depth is the same; its deviation is that difference.",
         ),
     )
 
 
-def measure(scene: Scene, studio: Studio) -> Footprints:
-    """Draw the splat in all ways."""
-    stage = studio.stage(scene)
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> FootprintErrors:
+    """Draw the splat with each footprint."""
+    stage = figure_renderer.stage(scene)
     offset, smooth = _smooth_profile(stage)
     fans = []
     for angular, radial in SUBDIVISIONS:
         fan = with_splat(stage, footprint="gouraud", angular=angular, radial=radial)
-        fans.append(_drawn(fan, f"fan {angular} x {radial}", angular * (2 * radial - 1), studio))
-    gaussian = _drawn(with_splat(stage, footprint="gaussian"), "Gaussian", 0, studio)
-    return Footprints(tuple(fans), gaussian, np.column_stack([offset, smooth]))
+        fans.append(_measure_footprint(fan, f"fan {angular} x {radial}", angular * (2 * radial - 1), figure_renderer))
+    gaussian = _measure_footprint(with_splat(stage, footprint="gaussian"), "Gaussian", 0, figure_renderer)
+    return FootprintErrors(tuple(fans), gaussian, np.column_stack([offset, smooth]))
 
 
-def judge(numbers: Footprints) -> tuple[Claim, ...]:
-    """What the numbers say of the paper's claims."""
+def check_claims(numbers: FootprintErrors) -> tuple[Claim, ...]:
+    """Compare the numbers with the paper's claims."""
     deviations = [fan.deviation for fan in numbers.fans]
     fine = [abs(fan.integral_error) for fan in numbers.fans if fan.num_triangles >= MIN_TRIANGLES]
     return (
         Claim(
-            "A splat can be drawn as a collection of Gouraud-shaded polygons, and the more of them the nearer it comes "
-            "to a smooth Gaussian footprint.",
-            f"the largest deviation falls with every subdivision, and is under {MAX_DEVIATION:.0%} of the peak at last",
+            "A splat can be drawn as a collection of Gouraud-shaded polygons; with more polygons it approaches a "
+            "smooth Gaussian footprint.",
+            f"the largest deviation falls with every subdivision, and ends below {MAX_DEVIATION:.0%} of the peak",
             " > ".join(f"{deviation:.1%}" for deviation in deviations),
             all(after < before for before, after in pairwise(deviations)) and deviations[-1] < MAX_DEVIATION,
         ),
         Claim(
-            "A few dozen triangles are enough for a splat to add what it should to the picture.",
+            "A few dozen triangles are enough for a splat to contribute the right amount to the picture.",
             f"with {MIN_TRIANGLES} triangles or more the integral is right within {MAX_INTEGRAL_ERROR:.0%}",
             f"at most {max(fine):.2%} off",
             max(fine) < MAX_INTEGRAL_ERROR,
@@ -120,9 +131,9 @@ def judge(numbers: Footprints) -> tuple[Claim, ...]:
 
 
 def _smooth_profile(stage: Stage) -> tuple[Float64, Float64]:
-    """Radius in standard deviations and alpha of the splat whose profile has no triangles, float64 [n] each.
+    """Return radius in standard deviations and alpha, float64 [n] each, of the profile that the triangles approximate.
 
-    Mass and second moment of the profile over the disc are those of the splat, as in `renderer.splats.splats`.
+    The profile's mass and second moment over the disc are the splat's, as in `renderer.splats.splats`.
     """
     spec, volume = stage.scene.splat, stage.volume
     u = np.linspace(0, 1, 4001)
@@ -135,11 +146,11 @@ def _smooth_profile(stage: Stage) -> tuple[Float64, Float64]:
     return np.append(u * radius, math.inf), np.append(-np.expm1(-depth), 0.0)
 
 
-def _drawn(stage: Stage, name: str, num_triangles: int, studio: Studio) -> Footprint:
-    frame, view = studio.draw(stage), view_of(stage, 0)
+def _measure_footprint(stage: Stage, name: str, num_triangles: int, figure_renderer: FigureRenderer) -> FootprintError:
+    frame, view = figure_renderer.draw(stage), view_of(stage, 0)
     if frame.num_splats != 1 or view.projection != "orthographic":
         raise InputError(
-            "figure 1 is of one splat in parallel projection",
+            "figure 1 needs one splat in parallel projection",
             got=f"{counted(frame.num_splats, 'splat')}, {view.projection}",
             hint="give it a volume of 1 x 1 x 1 voxels",
         )
@@ -153,7 +164,7 @@ def _drawn(stage: Stage, name: str, num_triangles: int, studio: Studio) -> Footp
     end = radii[-2]
     ring = np.minimum((distance / end * NUM_RINGS).astype(int), NUM_RINGS)
     rings = [alpha[ring == k] for k in range(NUM_RINGS)]
-    return Footprint(
+    return FootprintError(
         name,
         num_triangles,
         float(np.abs(alpha - smooth).max() / profile[0]),
@@ -164,36 +175,36 @@ def _drawn(stage: Stage, name: str, num_triangles: int, studio: Studio) -> Footp
     )
 
 
-def _caption(item: Footprint) -> str:
+def _caption(item: FootprintError) -> str:
     return f"{item.name}, {item.num_triangles} triangles" if item.num_triangles else item.name
 
 
-def _profiles(numbers: Footprints) -> Chart:
-    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
-
+def _profiles(numbers: FootprintErrors) -> Chart:
     plot, axes = new_plot("distance from the centre, standard deviations", "alpha")
-    shown: Sequence[Footprint] = [fan for fan in numbers.fans if fan.name in ("fan 4 x 1", "fan 8 x 3", "fan 32 x 16")]
-    for color, fan in zip(SERIES, shown, strict=False):
+    shown: Sequence[FootprintError] = [
+        fan for fan in numbers.fans if fan.name in ("fan 4 x 1", "fan 8 x 3", "fan 32 x 16")
+    ]
+    for color, fan in zip(SERIES_COLORS, shown, strict=False):
         axes.fill_between(fan.radii, fan.alphas[:, 1], fan.alphas[:, 2], color=color, alpha=0.2, linewidth=0)
         axes.plot(fan.radii, fan.alphas[:, 0], color=color, label=_caption(fan))
-    axes.plot(numbers.gaussian.radii, numbers.gaussian.alphas[:, 0], color=SERIES[3], linestyle=":", label="Gaussian")
-    axes.plot(*numbers.smooth[:-1].T, color=SERIES[7], linestyle="--", label="smooth profile")
+    axes.plot(
+        numbers.gaussian.radii, numbers.gaussian.alphas[:, 0], color=SERIES_COLORS[3], linestyle=":", label="Gaussian"
+    )
+    axes.plot(*numbers.smooth[:-1].T, color=SERIES_COLORS[7], linestyle="--", label="smooth profile")
     axes.legend()
     return Chart(
         plot,
         "Alpha over the distance from the centre, for three fans, the Gaussian and the smooth profile",
-        "Alpha by the distance from the centre: the mean over all directions, and from the least to the largest",
+        "Alpha over the distance from the centre: mean over all directions, and range",
     )
 
 
 def _meshes(scene: Scene) -> Chart:
-    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plots
-
-    plot, all_axes = new_plots(len(SUBDIVISIONS), side=1.6)
+    plot, all_axes = new_plots(len(SUBDIVISIONS), height_in=1.6)
     for axes, (angular, radial) in zip(all_axes, SUBDIVISIONS, strict=True):
         footprint = make_footprint(replace(scene.splat, footprint="gouraud", angular=angular, radial=radial))
         assert isinstance(footprint, GouraudFootprint)
-        axes.triplot(*footprint.vertices.T, footprint.triangles, color=SERIES[0], linewidth=0.5)
+        axes.triplot(*footprint.vertices.T, footprint.triangles, color=SERIES_COLORS[0], linewidth=0.5)
         axes.set_title(f"{angular} x {radial}")
         axes.set_aspect("equal")
         axes.set_axis_off()

@@ -1,4 +1,4 @@
-"""Figure 4: a volume of one material, drawn with the cells of each level."""
+"""Figure 4: draw a volume of one material with the cells of each level."""
 
 from __future__ import annotations
 
@@ -7,8 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.studies.paper.figure_renderer import Studio, transfer_of, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Row, Table
+from hsplat_cli.reports import SERIES_COLORS
+from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_error, with_splat
+from hsplat_cli.studies.paper.paper_figure import (
+    CaptionedPicture,
+    Chart,
+    Claim,
+    FigureTable,
+    PaperFigure,
+    PictureRow,
+    new_plot,
+)
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Stage, view_of
@@ -16,24 +25,24 @@ from renderer.scene import Scene
 from renderer.study import over_background
 from renderer.truth import integrate
 
-# Pixels whose ray goes through at least this share of the longest way through the volume are its inside.
+# Pixels with at least this share of the largest optical depth are the inside of the volume.
 INSIDE_SHARE = 0.5
-# Verdicts are on the levels with at least this many cells along the shortest side: fewer are mostly border, which
-# footprints blur over a cell's width whatever their opacity is.
+# Claims are checked on levels with at least this many cells along the shortest side. Coarser levels are mostly border,
+# which footprints blur over the width of a cell whatever the opacity.
 MIN_CELLS = 4
-# Of voxels, so that verdicts are on two levels or more.
+# In voxels: two levels or more are checked.
 MIN_SIDE_VOXELS = 2 * MIN_CELLS
-# Of alpha, in the mean over the inside.
+# In alpha, for the mean over the inside.
 AGREEMENT_TOLERANCE = 0.03
-# Without correction, the coarsest level judged is expected to be so many times as far from level 0 as with.
+# Without correction, the error of the coarsest checked level is at least this many times that with correction.
 MIN_ERROR_RATIO = 5.0
 
 
 @dataclass(frozen=True)
-class Distance:
-    """How far the picture of a level is from that of level 0. All but mean_alpha are of RGB as it is seen.
+class LevelError:
+    """Error of a level's picture against that of level 0, in RGB over the background.
 
-    mean_alpha: over the inside. rmse, largest: over the inside; rmse_everywhere: over all pixels.
+    mean_alpha, rmse, largest: over the inside. rmse_everywhere: over all pixels.
     """
 
     level: int
@@ -45,24 +54,24 @@ class Distance:
 
 
 @dataclass(frozen=True)
-class Levels:
-    """From level 0 to the root. num_judged: levels with MIN_CELLS cells or more along the shortest side."""
+class LevelErrors:
+    """Errors from level 0 to the root. num_judged: levels with MIN_CELLS cells or more along the shortest side."""
 
-    corrected: tuple[Distance, ...]
-    uncorrected: tuple[Distance, ...]
+    corrected: tuple[LevelError, ...]
+    uncorrected: tuple[LevelError, ...]
     num_judged: int
-    rows: tuple[Row, ...]
+    rows: tuple[PictureRow, ...]
 
 
-def make(scene: Scene, studio: Studio) -> Figure:
-    """The figure for a scene of a volume of one material."""
-    levels = measure(scene, studio)
-    return Figure(
+def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
+    """Return figure 4 for a scene of a volume of one material."""
+    levels = measure(scene, figure_renderer)
+    return PaperFigure(
         4,
         "A constant volume drawn at each level",
         "The same block of one material, with cells from one voxel (level 0) to a single cell (the root). Numbers are "
-        f"of the inside: rays that go through at least {INSIDE_SHARE:.0%} of the longest way through the block.",
-        judge(levels),
+        f"for the inside: rays with at least {INSIDE_SHARE:.0%} of the largest optical depth.",
+        check_claims(levels),
         rows=levels.rows,
         charts=(_chart(levels),),
         tables=(
@@ -70,50 +79,53 @@ def make(scene: Scene, studio: Studio) -> Figure:
             _table("Without correction, against level 0", levels.uncorrected),
         ),
         notes=(
-            f"Verdicts are on levels 0 to {levels.num_judged - 1}, with {MIN_CELLS} cells or more along the shortest "
-            "side. Coarser ones are mostly border, blurred over the width of a cell with and without correction.",
+            f"Claims are checked on levels 0 to {levels.num_judged - 1}, with {MIN_CELLS} cells or more along "
+            "the shortest side. Coarser levels are mostly border, blurred over the width of a cell.",
         ),
     )
 
 
-def measure(scene: Scene, studio: Studio) -> Levels:
-    """Draw all levels, with and without correction."""
-    stage = studio.stage(scene)
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> LevelErrors:
+    """Draw each level with and without correction."""
+    stage = figure_renderer.stage(scene)
     values = stage.volume.values
     if values.min() != values.max():
-        raise InputError("figure 4 is of a volume of one material", hint="volume.procedural: {name: constant, ...}")
+        raise InputError("figure 4 needs a volume of one material", hint="volume.procedural: {name: constant, ...}")
     if min(stage.volume.shape_xyz) < MIN_SIDE_VOXELS:
         raise InputError(
-            "figure 4 compares levels, and this volume is too small for two of them",
+            "figure 4 compares two levels or more, and this volume is too small for that",
             got=" x ".join(map(str, stage.volume.shape_xyz)) + " voxels",
             expected=f"{MIN_SIDE_VOXELS} or more along every side",
         )
     alpha = integrate(stage.volume, transfer_of(stage), view_of(stage, 0), step_voxels=1.0)[..., 3]
     if not alpha.any():
         raise InputError(
-            "figure 4 is of something visible",
+            "figure 4 needs a visible volume",
             hint="raise the opacities of the transfer function, or point the camera at the volume",
         )
-    way = -np.log1p(-np.minimum(alpha, 1 - 1e-12))
-    inside = way >= INSIDE_SHARE * way.max()
-    corrected, row = _drawn(with_splat(stage, opacity_correction=True), inside, studio)
-    uncorrected, row_without = _drawn(with_splat(stage, opacity_correction=False), inside, studio)
+    optical_depth = -np.log1p(-np.minimum(alpha, 1 - 1e-12))
+    inside = optical_depth >= INSIDE_SHARE * optical_depth.max()
+    corrected, row = _draw_levels(with_splat(stage, opacity_correction=True), inside, figure_renderer)
+    uncorrected, row_without = _draw_levels(with_splat(stage, opacity_correction=False), inside, figure_renderer)
     num_judged = (min(stage.volume.shape_xyz) // MIN_CELLS).bit_length()
-    return Levels(
-        corrected, uncorrected, num_judged, (Row("With correction", row), Row("Without correction", row_without))
+    return LevelErrors(
+        corrected,
+        uncorrected,
+        num_judged,
+        (PictureRow("With correction", row), PictureRow("Without correction", row_without)),
     )
 
 
-def judge(levels: Levels) -> tuple[Claim, ...]:
-    """What the numbers say of the paper's claims."""
+def check_claims(levels: LevelErrors) -> tuple[Claim, ...]:
+    """Compare the numbers with the paper's claims."""
     corrected, uncorrected = (part[: levels.num_judged] for part in (levels.corrected, levels.uncorrected))
     off = [abs(distance.mean_alpha - corrected[0].mean_alpha) for distance in corrected]
     coarsest, coarsest_without = corrected[-1], uncorrected[-1]
     times = coarsest_without.rmse / max(coarsest.rmse, 1e-12)
     return (
         Claim(
-            "With opacity correction a constant volume looks alike at every level of the pyramid.",
-            f"the mean alpha of the inside is that of level 0 within {AGREEMENT_TOLERANCE:g}, "
+            "With opacity correction a constant volume looks the same at every level of the pyramid.",
+            f"the mean alpha of the inside agrees with that of level 0 within {AGREEMENT_TOLERANCE:g}, "
             f"at levels 0 to {coarsest.level}",
             f"at most {max(off):.4f} off (level 0: {corrected[0].mean_alpha:.4f}); RGB differs by {coarsest.rmse:.4f} "
             f"(RMS) at level {coarsest.level}",
@@ -131,18 +143,18 @@ def judge(levels: Levels) -> tuple[Claim, ...]:
     )
 
 
-def _drawn(
-    stage: Stage, inside: npt.NDArray[np.bool_], studio: Studio
-) -> tuple[tuple[Distance, ...], tuple[Picture, ...]]:
+def _draw_levels(
+    stage: Stage, inside: npt.NDArray[np.bool_], figure_renderer: FigureRenderer
+) -> tuple[tuple[LevelError, ...], tuple[CaptionedPicture, ...]]:
     background = stage.scene.output.background
     first, distances, pictures = None, [], []
     for level in range(stage.pyramid.num_levels + 1):
-        frame = studio.draw(with_error(stage, finest_level=level))
+        frame = figure_renderer.draw(with_error(stage, finest_level=level))
         rgb = over_background(frame.radiance, background)
         first = rgb if first is None else first
         difference = np.abs(rgb - first)
         distances.append(
-            Distance(
+            LevelError(
                 level,
                 frame.num_cells,
                 float(frame.radiance[..., 3][inside].mean(dtype=np.float64)),
@@ -151,14 +163,22 @@ def _drawn(
                 float(np.sqrt(np.mean(difference**2))),
             )
         )
-        pictures.append(Picture(frame.image, f"level {level}: {counted(frame.num_cells, 'cell')}"))
+        pictures.append(CaptionedPicture(frame.image, f"level {level}: {counted(frame.num_cells, 'cell')}"))
     return tuple(distances), tuple(pictures)
 
 
-def _table(caption: str, distances: tuple[Distance, ...]) -> Table:
-    return Table(
+def _table(caption: str, distances: tuple[LevelError, ...]) -> FigureTable:
+    return FigureTable(
         caption,
-        ("level", "cells", "mean alpha inside", "off level 0", "RMSE inside", "largest inside", "RMSE of all pixels"),
+        (
+            "level",
+            "cells",
+            "mean alpha inside",
+            "error against level 0",
+            "RMSE inside",
+            "largest inside",
+            "RMSE of all pixels",
+        ),
         tuple(
             (
                 f"{distance.level}",
@@ -174,13 +194,11 @@ def _table(caption: str, distances: tuple[Distance, ...]) -> Table:
     )
 
 
-def _chart(levels: Levels) -> Chart:
-    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
-
+def _chart(levels: LevelErrors) -> Chart:
     plot, axes = new_plot("level", "mean alpha of the inside")
     for distances, color, label in (
-        (levels.corrected, SERIES[0], "with correction"),
-        (levels.uncorrected, SERIES[1], "without"),
+        (levels.corrected, SERIES_COLORS[0], "with correction"),
+        (levels.uncorrected, SERIES_COLORS[1], "without"),
     ):
         axes.plot(
             [distance.level for distance in distances],
@@ -191,4 +209,6 @@ def _chart(levels: Levels) -> Chart:
         )
     axes.set_ylim(0, 1)
     axes.legend()
-    return Chart(plot, "Mean alpha over the level, with and without correction", "Mean alpha of the inside, by level")
+    return Chart(
+        plot, "Mean alpha over the level, with and without correction", "Mean alpha of the inside, for each level"
+    )

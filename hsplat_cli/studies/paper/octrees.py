@@ -1,4 +1,4 @@
-"""Figure 5: octrees at falling error, with the cells drawn as lines."""
+"""Figure 5: draw octrees at falling error, with their cells as lines."""
 
 from __future__ import annotations
 
@@ -9,9 +9,17 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports import short_count_text
-from hsplat_cli.studies.paper.figure_renderer import Studio, transfer_of, with_error
-from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Row, Table
+from hsplat_cli.reports import SERIES_COLORS, short_count_text
+from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_error
+from hsplat_cli.studies.paper.paper_figure import (
+    CaptionedPicture,
+    Chart,
+    Claim,
+    FigureTable,
+    PaperFigure,
+    PictureRow,
+    new_plot,
+)
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Stage, finest_level_at
@@ -21,14 +29,13 @@ from renderer.study import compute_metric, over_background
 
 Float64 = npt.NDArray[np.float64]
 
-# Tolerances, as multiples of the scene's.
+# Multiples of the scene's tolerance.
 TOLERANCE_FACTORS = (8.0, 4.0, 1.0, 0.25)
 # Cells are counted in blocks of 2^BLOCK_LEVEL voxels a side.
 BLOCK_LEVEL = 4
-# A cut of fewer cells has hardly begun to be refined anywhere.
+# A cut with fewer cells is hardly refined anywhere.
 MIN_CELLS = 100
-# The quarter of the blocks in which the data vary most are expected to have so many times the cells of that where they
-# vary least.
+# The quarter of the blocks with the largest variation has at least this many times the cells of that with the smallest.
 MIN_CELL_RATIO = 4.0
 
 
@@ -36,8 +43,8 @@ MIN_CELL_RATIO = 4.0
 class Octree:
     """One cut. cells_by_level: from level 0 to the root.
 
-    cells_low_variation, cells_high_variation: a block's, in the mean over the quarter of the visible blocks in which
-    the opacity of the data varies least and most; a cell of many blocks counts in each with its share.
+    cells_low_variation, cells_high_variation: mean number of cells in a block, over the quarter of the visible blocks
+    whose opacity varies least and most. A cell that covers n blocks counts as 1/n in each.
     """
 
     tolerance: float
@@ -48,12 +55,12 @@ class Octree:
 
     @property
     def num_cells(self) -> int:
-        """Of all levels."""
+        """Number of cells of all levels."""
         return sum(self.cells_by_level)
 
     @property
-    def times(self) -> float:
-        """How many times the cells there are where the data vary; 1 where there are none in either."""
+    def cell_ratio(self) -> float:
+        """Ratio of the cells at high variation to those at low variation; 1 if both are 0."""
         if not self.cells_low_variation:
             return math.inf if self.cells_high_variation else 1.0
         return self.cells_high_variation / self.cells_low_variation
@@ -61,58 +68,58 @@ class Octree:
 
 @dataclass(frozen=True)
 class Octrees:
-    """By falling tolerance."""
+    """Octrees by falling tolerance, and their pictures."""
 
     octrees: tuple[Octree, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[PictureRow, ...]
 
 
-def make(scene: Scene, studio: Studio) -> Figure:
-    """The figure for any scene."""
-    numbers = measure(scene, studio)
+def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
+    """Return figure 5 for any scene with a tolerance above 0."""
+    numbers = measure(scene, figure_renderer)
     side = 1 << BLOCK_LEVEL
-    return Figure(
+    return PaperFigure(
         5,
         "Octrees at falling error",
-        "The octrees that are fitted to the pyramid as the tolerated error falls, with their cells drawn as lines and "
-        "without. Orange cells are single voxels, redder, then bluer ones larger; lines of small cells are fainter.",
-        judge(numbers),
+        "Octrees fitted to the pyramid as the tolerated error falls, with and without their cells as lines. Orange "
+        "cells are single voxels; redder, then bluer cells are larger. Small cells have fainter lines.",
+        check_claims(numbers),
         rows=numbers.rows,
         charts=(_chart(numbers),),
         tables=(_table(numbers),),
         notes=(
-            f"Where the data vary: the visible blocks of {side} x {side} x {side} voxels in order of the standard "
-            "deviation of their voxels' opacity, and of these the first and the last quarter.",
+            f"Low and high variation: the first and last quarter of the visible blocks of {side} x {side} x {side} "
+            "voxels, ordered by the standard deviation of their voxels' opacity.",
         ),
     )
 
 
-def measure(scene: Scene, studio: Studio) -> Octrees:
-    """Cut at all tolerances, draw with and without lines, and compare with the ray integral."""
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> Octrees:
+    """Cut at each tolerance, draw with and without lines, and compare with the ray integral."""
     base = scene.error.tolerance[0][1]
     if base == 0 or scene.error.goal is not None:
         ((schedule, value),) = schedule_to_dict(scene.error).items()
         raise InputError(
-            "figure 5 is of multiples of the scene's tolerance",
+            "figure 5 draws multiples of the scene's tolerance",
             got=f"error.{schedule}: {format_value(value)}",
             expected="error.tolerance: a number above 0",
-            hint="give the tolerance of the third of its four octrees, such as 1",
+            hint="give the tolerance of its third octree of four, such as 1",
         )
-    stage = studio.stage(scene)
+    stage = figure_renderer.stage(scene)
     background = scene.output.background
-    truth = studio.truth(stage)
+    truth = figure_renderer.truth(stage)
     variation = _variation_of_blocks(stage)
     visible = np.flatnonzero(variation >= 0)
     if not visible.size:
-        raise InputError("figure 5 is of something visible", hint="raise the opacities of the transfer function")
+        raise InputError("figure 5 needs a visible volume", hint="raise the opacities of the transfer function")
     blocks_by_variation = visible[np.argsort(variation.reshape(-1)[visible], kind="stable")]
     quarter = max(1, len(blocks_by_variation) // 4)
     octrees, plain, overlaid = [], [], []
     for factor in TOLERANCE_FACTORS:
         tolerance = factor * base
         drawn = with_error(stage, tolerance=((0, tolerance),))
-        without = studio.draw(replace(drawn, scene=replace(drawn.scene, overlay="none")))
-        with_lines = studio.draw(replace(drawn, scene=replace(drawn.scene, overlay="octree")))
+        without = figure_renderer.draw(replace(drawn, scene=replace(drawn.scene, overlay="none")))
+        with_lines = figure_renderer.draw(replace(drawn, scene=replace(drawn.scene, overlay="octree")))
         cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(drawn, tolerance))
         cells_per_block = _cells_in_blocks(cut, variation.shape).reshape(-1)
         octrees.append(
@@ -124,42 +131,45 @@ def measure(scene: Scene, studio: Studio) -> Octrees:
                 float(cells_per_block[blocks_by_variation[-quarter:]].mean()),
             )
         )
-        overlaid.append(Picture(with_lines.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
-        plain.append(Picture(without.image, f"{octrees[-1].psnr_db:.1f} dB"))
-    rows = (Row("The cells", tuple(overlaid)), Row("The pictures, against the ray integral", tuple(plain)))
+        overlaid.append(CaptionedPicture(with_lines.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
+        plain.append(CaptionedPicture(without.image, f"{octrees[-1].psnr_db:.1f} dB"))
+    rows = (
+        PictureRow("The cells", tuple(overlaid)),
+        PictureRow("The pictures, against the ray integral", tuple(plain)),
+    )
     return Octrees(tuple(octrees), rows)
 
 
-def judge(numbers: Octrees) -> tuple[Claim, ...]:
-    """What the numbers say of the paper's claims."""
+def check_claims(numbers: Octrees) -> tuple[Claim, ...]:
+    """Compare the numbers with the paper's claims."""
     octrees = numbers.octrees
     is_finer = all(after.num_cells > before.num_cells for before, after in pairwise(octrees))
     is_better = all(after.psnr_db > before.psnr_db for before, after in pairwise(octrees))
     refined = [octree for octree in octrees if octree.num_cells >= MIN_CELLS]
     return (
         Claim(
-            "As the tolerated error falls the octree gets more cells, and the picture nearer to the exact one.",
+            "As the tolerated error falls, the octree gets more cells and the picture approaches the exact one.",
             "cells and PSNR against the ray integral rise with every step",
             ", ".join(f"{counted(octree.num_cells, 'cell')} {octree.psnr_db:.1f} dB" for octree in octrees),
             is_finer and is_better,
         ),
         Claim(
-            "The octree is refined where the data vary, and stays coarse where they are steady.",
-            f"in every octree of {MIN_CELLS} cells or more, the quarter of the blocks where the data vary most has "
-            f"{MIN_CELL_RATIO:g} times as many cells as that where they vary least, or more",
-            ", ".join(f"{counted(octree.num_cells, 'cell')} {octree.times:.1f} times" for octree in octrees),
-            bool(refined) and all(octree.times >= MIN_CELL_RATIO for octree in refined),
+            "The octree is refined where the data vary, and stays coarse where they do not.",
+            f"in every octree of {MIN_CELLS} cells or more, the quarter of the blocks with the highest variation has "
+            f"at least {MIN_CELL_RATIO:g} times as many cells as that with the lowest",
+            ", ".join(f"{counted(octree.num_cells, 'cell')} {octree.cell_ratio:.1f} times" for octree in octrees),
+            bool(refined) and all(octree.cell_ratio >= MIN_CELL_RATIO for octree in refined),
         ),
     )
 
 
 def _variation_of_blocks(stage: Stage) -> Float64:
-    """float64 [z, y, x] of blocks: standard deviation of the opacities of their voxels, -1 where none is visible."""
+    """Return float64 [z, y, x]: the standard deviation of each block's opacities, -1 where nothing is visible."""
     volume, transfer, side = stage.volume, transfer_of(stage), 1 << BLOCK_LEVEL
     spacing = volume.finest_spacing
     shape = tuple(-(-num // side) for num in volume.values.shape)
     variation = np.full(shape, -1.0)
-    for z in range(shape[0]):  # a slab of blocks at a time, which bounds the float64 temporaries
+    for z in range(shape[0]):  # a slab of blocks at a time bounds the float64 temporaries
         opacity = -np.expm1(-spacing * transfer.classify(volume.values[z * side : (z + 1) * side])[1])
         for y, x in np.ndindex(shape[1:]):
             block = opacity[:, y * side : (y + 1) * side, x * side : (x + 1) * side]
@@ -170,7 +180,7 @@ def _variation_of_blocks(stage: Stage) -> Float64:
 
 
 def _cells_in_blocks(cut: Cut, shape: tuple[int, ...]) -> Float64:
-    """float64 [z, y, x]: how many cells each block has, those larger than a block counting in each of it equally."""
+    """Return float64 [z, y, x]: the number of cells in each block; a cell that covers n blocks counts as 1/n."""
     counts = np.zeros(shape)
     for level in np.unique(cut.levels).tolist():
         cells = cut.cells[cut.levels == level][:, ::-1]
@@ -184,17 +194,17 @@ def _cells_in_blocks(cut: Cut, shape: tuple[int, ...]) -> Float64:
     return counts
 
 
-def _table(numbers: Octrees) -> Table:
+def _table(numbers: Octrees) -> FigureTable:
     levels = range(len(numbers.octrees[0].cells_by_level))
-    return Table(
+    return FigureTable(
         "Cells by level",
         (
             "tolerance",
             *(f"level {level}" for level in levels),
             "all",
             "PSNR, dB",
-            "where steady",
-            "where varied",
+            "low variation",
+            "high variation",
             "ratio",
         ),
         tuple(
@@ -205,7 +215,7 @@ def _table(numbers: Octrees) -> Table:
                 f"{octree.psnr_db:.2f}",
                 f"{octree.cells_low_variation:.2f}",
                 f"{octree.cells_high_variation:.1f}",
-                f"{octree.times:.1f}",
+                f"{octree.cell_ratio:.1f}",
             )
             for octree in numbers.octrees
         ),
@@ -213,13 +223,11 @@ def _table(numbers: Octrees) -> Table:
 
 
 def _chart(numbers: Octrees) -> Chart:
-    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
-
     plot, axes = new_plot("level", "cells")
-    for color, octree in zip(SERIES, numbers.octrees, strict=False):
+    for color, octree in zip(SERIES_COLORS, numbers.octrees, strict=False):
         levels = [level for level, num in enumerate(octree.cells_by_level) if num]
         counts = [octree.cells_by_level[level] for level in levels]
         axes.semilogy(levels, counts, "o-", color=color, label=f"tolerance {octree.tolerance:g}")
     axes.yaxis.set_major_formatter(lambda count, _: short_count_text(count))
     axes.legend()
-    return Chart(plot, "Cells over the level, for each tolerance", "Cells by level, at each tolerance")
+    return Chart(plot, "Cells over the level, for each tolerance", "Cells of each level, at each tolerance")

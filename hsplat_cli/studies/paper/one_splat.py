@@ -1,4 +1,4 @@
-"""Figure 3: one splat that stands for a cube of 1, 2, 4, ... voxels a side."""
+"""Figure 3: draw one splat that stands for a cube of 1, 2, 4, ... voxels a side."""
 
 from __future__ import annotations
 
@@ -8,95 +8,111 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hsplat_cli.studies.paper.figure_renderer import OPAQUE, Studio, transfer_of, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Row, Table
+from hsplat_cli.reports import SERIES_COLORS
+from hsplat_cli.studies.paper.figure_renderer import (
+    SATURATED_ALPHA,
+    FigureRenderer,
+    transfer_of,
+    with_error,
+    with_splat,
+)
+from hsplat_cli.studies.paper.paper_figure import (
+    CaptionedPicture,
+    Chart,
+    Claim,
+    FigureTable,
+    PaperFigure,
+    PictureRow,
+    new_plot,
+)
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Frame
 from renderer.scene import MAX_LEVEL, ProceduralSource, Scene
 
 SIDES = (1, 2, 4, 8, 16, 32)
-# Of an optical depth: what float16 in the pyramid and float32 in the picture leave, ten times over.
+# Share of an optical depth: ten times the error of float16 in the pyramid and float32 in the picture.
 AGREEMENT_TOLERANCE = 0.005
-# Of the optical depth of a whole picture: footprints end where 0.2 % of them is left, and pixels sample them.
+# Share of the whole picture's optical depth: footprints are cut off at 0.2 %, and pixels sample them.
 TOTAL_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
-class Splats:
-    """One splat for each of SIDES, in a cube that is always as large; alphas are those of the middle of the picture.
+class SplatSeries:
+    """One splat for each of SIDES, in a cube of constant size; alphas are those in the middle of the picture.
 
-    opacity: of a voxel.
-    totals: optical depth of the whole picture of the corrected splat, relative to that of its voxels, drawn one by one.
+    opacity: of a voxel. totals: the corrected splat's optical depth, summed over the picture, relative to that of its
+    voxels drawn one by one.
     """
 
     opacity: float
     corrected: tuple[float, ...]
     uncorrected: tuple[float, ...]
     totals: tuple[float, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[PictureRow, ...]
 
     def depth_ratios(self, alphas: tuple[float, ...]) -> tuple[float, ...]:
-        """Optical depth of each splat, relative to that of the one that stands for one voxel."""
+        """Return the optical depth of each splat, relative to that of the splat of one voxel."""
         return tuple(math.log1p(-alpha) / math.log1p(-alphas[0]) for alpha in alphas)
 
 
-def make(scene: Scene, studio: Studio) -> Figure:
-    """The figure for a scene of a cube of one material."""
-    splats = measure(scene, studio)
-    return Figure(
+def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
+    """Return figure 3 for a scene of a cube of one material."""
+    splats = measure(scene, figure_renderer)
+    return PaperFigure(
         3,
-        "One splat over resolutions that are powers of two",
-        "A cube of one material is always as large in the picture and always one splat, and stands for 1 to "
+        "One splat at resolutions that are powers of two",
+        "A cube of one material, always of the same size in the picture and always one splat, stands for 1 to "
         f"{SIDES[-1]} voxels a side, each of opacity {splats.opacity:g}.",
-        judge(splats),
+        check_claims(splats),
         rows=splats.rows,
         charts=(_chart(splats),),
         tables=(_table(splats),),
     )
 
 
-def measure(scene: Scene, studio: Studio) -> Splats:
-    """Draw the splat for all numbers of voxels, with and without correction."""
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
+    """Draw the splat for each number of voxels, with and without correction."""
     source = scene.volume.source
     if not (isinstance(source, ProceduralSource) and source.name == "constant" and len(set(source.spacing)) == 1):
         raise InputError(
-            "figure 3 is of a cube of one material",
+            "figure 3 needs a cube of one material",
             expected="volume.procedural: {name: constant, shape: [1, 1, 1]}",
         )
     length = source.shape[0] * source.spacing[0]
-    rows: dict[str, list[Picture]] = {"With correction": [], "Without": [], "The voxels themselves": []}
+    rows: dict[str, list[CaptionedPicture]] = {"With correction": [], "Without": [], "The voxels themselves": []}
     corrected, uncorrected, totals, opacity = [], [], [], 0.0
     for side in SIDES:
         cube = replace(source, shape=(side, side, side), spacing=(length / side, length / side, length / side))
-        stage = studio.stage(replace(scene, volume=replace(scene.volume, source=cube)))
+        stage = figure_renderer.stage(replace(scene, volume=replace(scene.volume, source=cube)))
         extinction = float(transfer_of(stage).classify(stage.volume.values.reshape(-1)[:1])[1][0])
         opacity = -math.expm1(-extinction * cube.spacing[0])
         one = with_splat(with_error(stage, finest_level=MAX_LEVEL), opacity_correction=True)
-        splat = studio.draw(one)
+        splat = figure_renderer.draw(one)
         if splat.num_splats != 1:
-            raise InputError("figure 3 is of one splat", got=counted(splat.num_splats, "splat"))
-        without = studio.draw(with_splat(one, opacity_correction=False))
-        voxels = studio.draw(with_error(one, finest_level=0, tolerance=((0, 0.0),)))
+            raise InputError(
+                "figure 3 needs a scene that is drawn as one splat", got=counted(splat.num_splats, "splat")
+            )
+        without = figure_renderer.draw(with_splat(one, opacity_correction=False))
+        voxels = figure_renderer.draw(with_error(one, finest_level=0, tolerance=((0, 0.0),)))
         _require_depths((splat, without, voxels), side, opacity)
         corrected.append(_middle(splat))
         uncorrected.append(_middle(without))
         totals.append(_total_depth(splat) / _total_depth(voxels))
         for row, frame in zip(rows.values(), (splat, without, voxels), strict=True):
-            row.append(Picture(frame.image, f"{side}^3 voxels: alpha {_middle(frame):.3f}"))
-    shown = tuple(Row(title, tuple(pictures)) for title, pictures in rows.items())
-    return Splats(opacity, tuple(corrected), tuple(uncorrected), tuple(totals), shown)
+            row.append(CaptionedPicture(frame.image, f"{side}^3 voxels: alpha {_middle(frame):.3f}"))
+    shown = tuple(PictureRow(title, tuple(pictures)) for title, pictures in rows.items())
+    return SplatSeries(opacity, tuple(corrected), tuple(uncorrected), tuple(totals), shown)
 
 
-def judge(splats: Splats) -> tuple[Claim, ...]:
-    """What the numbers say of the paper's claims."""
+def check_claims(splats: SplatSeries) -> tuple[Claim, ...]:
+    """Compare the numbers with the paper's claims."""
     corrected, uncorrected = splats.depth_ratios(splats.corrected), splats.depth_ratios(splats.uncorrected)
     off = max(abs(ratio / side - 1) for ratio, side in zip(corrected, SIDES, strict=True))
     change = max(abs(ratio - 1) for ratio in uncorrected)
     return (
         Claim(
-            "The transparency of a splat that stands for cells of twice the side is squared, again and again: "
-            "1 - a_2 = (1 - a_1)^2.",
+            "Each time the side of a cell doubles, the transparency of its splat is squared: 1 - a_2 = (1 - a_1)^2.",
             f"for n voxels in depth, 1 - alpha is (1 - alpha of one voxel)^n, "
             f"within {AGREEMENT_TOLERANCE:.1%} of the exponent",
             f"exponents {', '.join(f'{ratio:.3f}' for ratio in corrected)}; at most {off:.2%} off",
@@ -109,8 +125,8 @@ def judge(splats: Splats) -> tuple[Claim, ...]:
             change < AGREEMENT_TOLERANCE,
         ),
         Claim(
-            "One splat can stand for a whole block of voxels: it adds as much to the picture as they do.",
-            "the optical depth of the whole picture is that of the voxels drawn one by one, within "
+            "One splat can stand for a whole block of voxels: it contributes as much to the picture as they do.",
+            "the optical depth of the whole picture equals that of the voxels drawn one by one, within "
             f"{TOTAL_TOLERANCE:.0%}",
             f"{', '.join(f'{total:.4f}' for total in splats.totals)} times as much",
             all(abs(total - 1) < TOTAL_TOLERANCE for total in splats.totals),
@@ -119,19 +135,19 @@ def judge(splats: Splats) -> tuple[Claim, ...]:
 
 
 def _require_depths(frames: Sequence[Frame], side: int, opacity: float) -> None:
-    """Raises InputError where optical depths cannot be told from the alphas."""
+    """Raise InputError if the alphas do not determine the optical depths."""
     if any(_middle(frame) == 0 for frame in frames):
         raise InputError(
-            "figure 3 is of a splat in the middle of the picture",
+            "figure 3 needs a splat in the middle of the picture",
             got="alpha 0 in the middle",
             hint="camera.target: visible",
         )
     largest = max(float(frame.radiance[..., 3].max()) for frame in frames)
-    if largest >= OPAQUE:
+    if largest >= SATURATED_ALPHA:
         raise InputError(
-            "figure 3 is of splats that can be seen through",
+            "figure 3 needs translucent splats",
             got=f"alpha {largest:.6g} for a cube of {side}^3 voxels of opacity {opacity:.3g}",
-            expected=f"alpha below {OPAQUE:g} for cubes of up to {SIDES[-1]}^3 voxels",
+            expected=f"alpha below {SATURATED_ALPHA:g} for cubes of up to {SIDES[-1]}^3 voxels",
             hint="lower the opacities of the transfer function",
         )
 
@@ -142,15 +158,15 @@ def _middle(frame: Frame) -> float:
 
 
 def _total_depth(frame: Frame) -> float:
-    """Sum over all pixels."""
+    """Return the optical depth summed over all pixels."""
     return float(-np.log1p(-frame.radiance[..., 3].astype(np.float64)).sum())
 
 
-def _table(splats: Splats) -> Table:
+def _table(splats: SplatSeries) -> FigureTable:
     ratios = splats.depth_ratios(splats.corrected)
     columns = (SIDES, splats.corrected, ratios, splats.uncorrected, splats.totals)
-    return Table(
-        "Alpha in the middle of the splat, and the optical depth of the whole picture against that of the voxels",
+    return FigureTable(
+        "Alpha in the middle of the splat, and the optical depth of the whole picture relative to that of the voxels",
         (
             "voxels a side",
             "with correction",
@@ -165,14 +181,14 @@ def _table(splats: Splats) -> Table:
     )
 
 
-def _chart(splats: Splats) -> Chart:
-    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
-
+def _chart(splats: SplatSeries) -> Chart:
     plot, axes = new_plot("voxels a side", "alpha in the middle")
     expected = [-math.expm1(side * math.log1p(-splats.corrected[0])) for side in SIDES]
-    axes.semilogx(SIDES, expected, color=SERIES[0], base=2, linewidth=1, label="1 - (1 - alpha of one voxel)^n")
-    axes.plot(SIDES, splats.corrected, "o", color=SERIES[0], label="with correction")
-    axes.plot(SIDES, splats.uncorrected, "x", color=SERIES[1], label="without")
+    axes.semilogx(SIDES, expected, color=SERIES_COLORS[0], base=2, linewidth=1, label="1 - (1 - alpha of one voxel)^n")
+    axes.plot(SIDES, splats.corrected, "o", color=SERIES_COLORS[0], label="with correction")
+    axes.plot(SIDES, splats.uncorrected, "x", color=SERIES_COLORS[1], label="without")
     axes.set_xticks(SIDES, [str(side) for side in SIDES])
     axes.legend()
-    return Chart(plot, "Alpha over the number of voxels, with and without correction", "Alpha by the number of voxels")
+    return Chart(
+        plot, "Alpha over the number of voxels, with and without correction", "Alpha over the number of voxels"
+    )

@@ -1,4 +1,4 @@
-"""Figure 2: the opacity of a cell by the opacity of its voxels and by its level."""
+"""Figure 2: measure the opacity of a cell over the opacity of its voxels and its level."""
 
 from __future__ import annotations
 
@@ -7,8 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.studies.paper.figure_renderer import OPAQUE, Studio, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import Chart, Claim, Figure, Picture, Row, Table
+from hsplat_cli.reports import SERIES_COLORS
+from hsplat_cli.studies.paper.figure_renderer import SATURATED_ALPHA, FigureRenderer, with_error, with_splat
+from hsplat_cli.studies.paper.paper_figure import (
+    CaptionedPicture,
+    Chart,
+    Claim,
+    FigureTable,
+    PaperFigure,
+    PictureRow,
+    new_plot,
+)
 from renderer.errors import InputError
 from renderer.frame import Stage, view_of
 from renderer.scene import ProceduralSource, Scene
@@ -16,13 +25,13 @@ from renderer.scene import ProceduralSource, Scene
 Float64 = npt.NDArray[np.float64]
 
 OPACITIES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
-# The one that is drawn as a picture.
+# Shown as a picture.
 SHOWN_OPACITY = 0.05
-# Of alpha. A lattice of splats ripples by up to 1.1 % of the optical depth, which is 0.004 of alpha at most.
+# In alpha. A grid of splats ripples by up to 1.1 % of the optical depth, at most 0.004 in alpha.
 AGREEMENT_TOLERANCE = 0.005
-# Pixels of one voxel each would all sample the ripple at the same place of its period: no mean evens that out.
+# Pixels as large as voxels would all sample the ripple at one point of its period, which no mean evens out.
 MIN_VOXEL_PX = 1.5
-# Of alpha: between level 0 and the coarsest one, this is visible at a glance.
+# In alpha, between level 0 and the coarsest: visible at a glance.
 MIN_VISIBLE_LOSS = 0.1
 
 
@@ -30,7 +39,7 @@ MIN_VISIBLE_LOSS = 0.1
 class Slab:
     """Alpha of a slab of one material, drawn with cells of each level; float64 [num_opacities, num_levels].
 
-    depth: of the slab in voxels, a power of two: that of one cell of the last level.
+    depth: of the slab in voxels, a power of two: one cell of the last level is as thick as the slab.
     rows: pictures of the slab at SHOWN_OPACITY.
     """
 
@@ -38,34 +47,34 @@ class Slab:
     depth: int
     corrected: Float64
     uncorrected: Float64
-    rows: tuple[Row, ...]
+    rows: tuple[PictureRow, ...]
 
     @property
     def num_levels(self) -> int:
-        """From level 0, the voxels, to that of cells as thick as the slab."""
+        """Number of levels, from the voxels to cells as thick as the slab."""
         return self.depth.bit_length()
 
     def expected(self, *, corrected: bool) -> Float64:
-        """Closed forms: `1 - (1 - a)^depth`, and `1 - (1 - a)^(cells in depth)` where cells have a voxel's opacity."""
+        """Return the closed form: `1 - (1 - a)^depth`, or `1 - (1 - a)^(cells in depth)` without correction."""
         num_cells = self.depth / 2.0 ** np.arange(self.num_levels)
         exponents = np.full(self.num_levels, self.depth) if corrected else num_cells
         return np.asarray(-np.expm1(np.log1p(-np.array(self.opacities))[:, None] * exponents))
 
     def cell_opacity(self, alphas: Float64) -> Float64:
-        """Of one cell of each level, from the alphas of the whole slab; NaN where that is too opaque to tell."""
-        depths = -np.log1p(-np.where(alphas < OPAQUE, alphas, np.nan))
+        """Return the opacity of one cell of each level from the slab's alphas; NaN where alpha is saturated."""
+        depths = -np.log1p(-np.where(alphas < SATURATED_ALPHA, alphas, np.nan))
         return np.asarray(-np.expm1(-depths * 2.0 ** np.arange(self.num_levels) / self.depth))
 
 
-def make(scene: Scene, studio: Studio) -> Figure:
-    """The figure for a scene of a slab seen along its depth, y."""
-    slab = measure(scene, studio)
-    return Figure(
+def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
+    """Return figure 2 for a scene of a slab seen along its depth, y."""
+    slab = measure(scene, figure_renderer)
+    return PaperFigure(
         2,
         "Opacity correction by opacity and resolution",
         f"A slab of one material, {slab.depth} voxels deep, drawn with cells of 1 to {slab.depth} voxels a side. All "
         "numbers are alphas of drawn pixels, the mean over the middle of the picture.",
-        judge(slab),
+        check_claims(slab),
         rows=slab.rows,
         charts=(_chart(slab),),
         tables=(
@@ -75,13 +84,13 @@ def make(scene: Scene, studio: Studio) -> Figure:
     )
 
 
-def measure(scene: Scene, studio: Studio) -> Slab:
-    """Draw the slab with voxels of all opacities and cells of all levels."""
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> Slab:
+    """Draw the slab with each opacity of its voxels and each level of its cells."""
     source, points = scene.volume.source, scene.transfer_function.mapping
     is_slab = isinstance(source, ProceduralSource) and source.name == "constant" and _is_slab(source.shape)
     if not (is_slab and isinstance(points, tuple)):
         raise InputError(
-            "figure 2 is of a slab of one material",
+            "figure 2 needs a slab of one material",
             expected="volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, x and z at least 4 y, "
             "and transfer_function.points",
         )
@@ -89,44 +98,46 @@ def measure(scene: Scene, studio: Studio) -> Slab:
     depth = source.shape[1]
     levels = range(depth.bit_length())
     alphas = np.empty((2, len(OPACITIES), len(levels)))
-    pictures: tuple[list[Picture], list[Picture]] = ([], [])
+    pictures: tuple[list[CaptionedPicture], list[CaptionedPicture]] = ([], [])
     for i, opacity in enumerate(OPACITIES):
         mapping = tuple(replace(point, opacity=opacity) for point in points)
-        stage = studio.stage(replace(scene, transfer_function=replace(scene.transfer_function, mapping=mapping)))
+        stage = figure_renderer.stage(
+            replace(scene, transfer_function=replace(scene.transfer_function, mapping=mapping))
+        )
         middle = _middle(stage, depth)
         for k, is_corrected in enumerate((True, False)):
             for level in levels:
                 drawn = with_splat(with_error(stage, finest_level=level), opacity_correction=is_corrected)
-                frame = studio.draw(drawn)
+                frame = figure_renderer.draw(drawn)
                 alphas[k, i, level] = frame.radiance[..., 3][middle].mean(dtype=np.float64)
                 if opacity == SHOWN_OPACITY:
                     caption = f"level {level}: alpha {alphas[k, i, level]:.3f}"
-                    pictures[k].append(Picture(frame.image, caption))
+                    pictures[k].append(CaptionedPicture(frame.image, caption))
     rows = tuple(
-        Row(f"Voxels of opacity {SHOWN_OPACITY:g}, {word} correction", tuple(row))
+        PictureRow(f"Voxels of opacity {SHOWN_OPACITY:g}, {word} correction", tuple(row))
         for word, row in zip(("with", "without"), pictures, strict=True)
     )
     return Slab(OPACITIES, depth, alphas[0], alphas[1], rows)
 
 
-def judge(slab: Slab) -> tuple[Claim, ...]:
-    """What the numbers say of the paper's claims."""
+def check_claims(slab: Slab) -> tuple[Claim, ...]:
+    """Compare the numbers with the paper's claims."""
     off = np.abs(slab.corrected - slab.expected(corrected=True)).max()
     off_without = np.abs(slab.uncorrected - slab.expected(corrected=False)).max()
     loss = slab.uncorrected[:, 0] - slab.uncorrected[:, -1]
     half = int(np.argmax(loss))
     return (
         Claim(
-            "A cell that stands for 2^k voxels in depth needs the opacity 1 - (1 - a)^(2^k); with it, a column is as "
+            "A cell that stands for 2^k voxels in depth needs the opacity 1 - (1 - a)^(2^k); then a column is equally "
             "opaque at every resolution.",
-            f"at every opacity and level alpha is that of the closed form within {AGREEMENT_TOLERANCE:g}",
+            f"at every opacity and level alpha agrees with the closed form within {AGREEMENT_TOLERANCE:g}",
             f"at most {off:.4f} off",
             bool(off < AGREEMENT_TOLERANCE),
         ),
         Claim(
             "Cells that keep the opacity of a voxel make coarse pictures too transparent.",
-            f"alpha is that of too few voxels, within {AGREEMENT_TOLERANCE:g}, and falls by more than "
-            f"{MIN_VISIBLE_LOSS:g} from level 0 to level {slab.num_levels - 1} at some opacity",
+            f"alpha agrees with the closed form for too few voxels within {AGREEMENT_TOLERANCE:g}, and falls by more "
+            f"than {MIN_VISIBLE_LOSS:g} from level 0 to level {slab.num_levels - 1} at some opacity",
             f"at most {off_without:.4f} off; at a = {slab.opacities[half]:g} alpha falls from "
             f"{slab.uncorrected[half, 0]:.3f} to {slab.uncorrected[half, -1]:.3f}",
             bool(off_without < AGREEMENT_TOLERANCE and loss[half] > MIN_VISIBLE_LOSS),
@@ -140,10 +151,10 @@ def _is_slab(shape: tuple[int, int, int]) -> bool:
 
 
 def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
-    """Rows and columns of the middle, as wide as a cell of the last level: whole periods of the lattice of every level,
-    out of reach of the border, since a footprint ends 1.4 cells from its centre.
+    """Return rows and columns of the picture's middle, as wide as a cell of the last level.
 
-    Raises InputError where voxels are too small in the picture, or the middle does not fit in it.
+    It holds whole periods of the ripple at every level, and no footprint of the border reaches it: a footprint ends 1.4
+    cells from its centre. Raises InputError if voxels are too small in the picture, or the middle does not fit.
     """
     view = view_of(stage, 0)
     voxel_px = view.scale_px * stage.volume.finest_spacing
@@ -151,20 +162,20 @@ def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
     half = round(depth * voxel_px / 2)
     if voxel_px < MIN_VOXEL_PX or half > min(width, height) // 2:
         raise InputError(
-            f"figure 2 is of the middle {depth} x {depth} voxels of a slab, in pixels that are smaller than voxels",
+            f"figure 2 needs the middle {depth} x {depth} voxels of the slab in the picture, larger than pixels",
             got=f"voxels of {voxel_px:.3g} pixels in a picture of {width} x {height} pixels",
-            expected=f"voxels of {MIN_VOXEL_PX:g} pixels or more, {depth} of them in its height and in its width",
-            hint="output.size sets how many pixels there are, camera.distance how many voxels they show",
+            expected=f"voxels of {MIN_VOXEL_PX:g} pixels or more, {depth} of them along its height and its width",
+            hint="output.size sets the number of pixels, camera.distance the number of voxels they show",
         )
     row, column = height // 2, width // 2
     return slice(row - half, row + half), slice(column - half, column + half)
 
 
-def _table(slab: Slab, caption: str, alphas: Float64, *, corrected: bool) -> Table:
+def _table(slab: Slab, caption: str, alphas: Float64, *, corrected: bool) -> FigureTable:
     levels = range(slab.num_levels)
-    header = ("opacity of a voxel", *(f"level {level}" for level in levels), "furthest from the closed form")
+    header = ("opacity of a voxel", *(f"level {level}" for level in levels), "largest error against the closed form")
     off = np.abs(alphas - slab.expected(corrected=corrected)).max(axis=1)
-    return Table(
+    return FigureTable(
         f"{caption}: alpha of the slab",
         header,
         tuple(
@@ -175,13 +186,11 @@ def _table(slab: Slab, caption: str, alphas: Float64, *, corrected: bool) -> Tab
 
 
 def _chart(slab: Slab) -> Chart:
-    from hsplat_cli.studies.paper.empty_plots import SERIES, new_plot
-
     plot, axes = new_plot("opacity of a voxel", "opacity of a cell")
     fine = np.linspace(0, 0.999, 400)
     with_correction, without = slab.cell_opacity(slab.corrected), slab.cell_opacity(slab.uncorrected)
     for level in range(slab.num_levels):
-        color, count = SERIES[level % len(SERIES)], 2**level
+        color, count = SERIES_COLORS[level % len(SERIES_COLORS)], 2**level
         axes.plot(fine, -np.expm1(count * np.log1p(-fine)), color=color, linewidth=1)
         axes.plot(slab.opacities, with_correction[:, level], "o", color=color, markersize=4, label=f"level {level}")
         axes.plot(slab.opacities, without[:, level], "x", color=color, markersize=4)
@@ -189,6 +198,6 @@ def _chart(slab: Slab) -> Chart:
     return Chart(
         plot,
         "Opacity of a cell over the opacity of its voxels, for each level, measured and closed form",
-        "Opacity of one cell by that of its voxels: drawn with correction (dots), without (crosses), and "
+        "Opacity of one cell over that of its voxels: drawn with correction (dots), without (crosses), and "
         "1 - (1 - a)^(2^k) (lines)",
     )

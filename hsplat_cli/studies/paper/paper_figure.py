@@ -1,60 +1,60 @@
-"""What a figure of the page is made of."""
+"""The parts of a figure on the page of `hsplat paper`, and empty plots for its charts."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
+from renderer.film import Pixels
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Plot
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-Pixels = npt.NDArray[np.uint8]
+_PLOT_HEIGHT_IN = 3.6
 
 
 @dataclass(frozen=True)
 class Claim:
-    """Something that the paper says, and whether it was seen.
+    """A statement of the paper, in our words, and whether measurements confirm it.
 
-    says: the claim, in our words. criterion: what must be measured for it to count as seen. measured: what was.
+    criterion: what must be measured to confirm it. measured: what was measured.
     """
 
-    says: str
+    statement: str
     criterion: str
     measured: str
-    seen: bool
+    is_confirmed: bool
 
 
 @dataclass(frozen=True)
-class Picture:
-    """uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
+class CaptionedPicture:
+    """A picture, uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
 
     pixels: Pixels
     caption: str
 
 
 @dataclass(frozen=True)
-class Row:
-    """Pictures that are seen beside each other."""
+class PictureRow:
+    """Pictures shown side by side."""
 
     title: str
-    pictures: tuple[Picture, ...]
+    pictures: tuple[CaptionedPicture, ...]
 
 
 @dataclass(frozen=True)
 class Chart:
-    """A plot; alt: what it shows, for who cannot see it."""
+    """A plot; `alt` describes it to readers who cannot see it."""
 
-    plot: Plot
+    plot: Figure
     alt: str
     caption: str
 
 
 @dataclass(frozen=True)
-class Table:
-    """Cells as text, the first of each line being its heading."""
+class FigureTable:
+    """A table of text; the first cell of each line is its heading."""
 
     caption: str
     header: tuple[str, ...]
@@ -62,14 +62,30 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One figure of the paper. notes: what a reader must know: what stood in for what, what was left out."""
+class PaperFigure:
+    """One figure of the paper. notes: what differs from the paper, such as a substitute volume."""
 
     number: int
     title: str
-    shows: str
+    description: str
     claims: tuple[Claim, ...]
-    rows: tuple[Row, ...] = ()
+    rows: tuple[PictureRow, ...] = ()
     charts: tuple[Chart, ...] = ()
-    tables: tuple[Table, ...] = ()
+    tables: tuple[FigureTable, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+def new_plot(x_label: str, y_label: str) -> tuple[Figure, Axes]:
+    """Return an empty plot and its axes. Call it inside `plot_style`."""
+    plot, (axes,) = new_plots(1, height_in=_PLOT_HEIGHT_IN, aspect=2.0)
+    axes.set_xlabel(x_label)
+    axes.set_ylabel(y_label)
+    return plot, axes
+
+
+def new_plots(num: int, *, height_in: float, aspect: float = 1.0) -> tuple[Figure, list[Axes]]:
+    """Return empty plots side by side, each `aspect` times as wide as high. Call it inside `plot_style`."""
+    from matplotlib.figure import Figure
+
+    plot = Figure(figsize=(num * height_in * aspect, height_in), layout="constrained")
+    return plot, list(plot.subplots(1, num, squeeze=False)[0])

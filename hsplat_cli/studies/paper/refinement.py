@@ -1,34 +1,37 @@
-"""Figure 6: one picture at what can be drawn five times a second, in five seconds, and at full resolution."""
+"""Figure 6: draw one picture within 0.2 s, within 5 s, and at full resolution."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from hsplat_cli.studies.paper.figure_renderer import Studio, with_error
-from hsplat_cli.studies.paper.paper_figure import Claim, Figure, Picture, Row, Table
+from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, with_error
+from hsplat_cli.studies.paper.paper_figure import CaptionedPicture, Claim, FigureTable, PaperFigure, PictureRow
 from hsplat_cli.terminal import counted
 from renderer.frame import Stage
 from renderer.scene import Scene
 from renderer.study import DIFFERENCE_GAIN, compute_metric, difference_picture, over_background
 
 INTERACTIVE_FRAME_S, REFINED_FRAME_S = 0.2, 5.0
-# What is looked for is a little faster than needed, because no two frames take the same time.
+# The search aims a little below the budget, because no two frames take the same time.
 BUDGET_SHARE = 0.9
-# Tolerances between which one is looked for, and how often the ratio between them is halved: to 9 %.
+# The search bisects the logarithm of the tolerance between these, down to 9 %.
 COARSEST, FINEST, NUM_HALVINGS = 100.0, 1e-3, 7
 QUICK_REPETITIONS, REPETITIONS = 3, 7
-# Timed again, what was found may be too slow: then it is made so many times coarser, and so often.
+# If the result is too slow when it is timed again, it is made coarser by this factor, at most this often.
 COARSENING_FACTOR, MAX_TRIES = 1.25, 4
-# An error of a tenth of the brightest, in the root mean square: the large parts are where they belong.
+# A root mean square error of a tenth of the brightest value: large structures are in place.
 USEFUL_DB = 20.0
-# Pictures nearer than this to each other are told apart only side by side.
+# Above this, only a comparison side by side shows a difference.
 INDISTINGUISHABLE_DB = 35.0
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """tolerance: 0 at full resolution. seconds: median of a frame whose cut is made. cut_seconds: to make that."""
+class TimedFrame:
+    """A frame with its times. tolerance: 0 at full resolution. seconds: median of a frame whose cut exists.
+
+    budget: seconds, None without one. cut_seconds: time to make the cut and its splats.
+    """
 
     name: str
     budget: float | None
@@ -39,51 +42,51 @@ class Drawing:
     psnr_db: float
 
     @property
-    def fits(self) -> bool:
-        """Whether it takes no longer than it may."""
+    def is_within_budget(self) -> bool:
+        """Whether the frame takes no longer than its budget."""
         return self.budget is None or self.seconds <= self.budget
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """Five times a second, in five seconds, at full resolution.
+    """The frame drawn five times a second, in five seconds, and at full resolution.
 
-    psnr_to_full_db: of the second drawing against the third; infinite where they are the same.
+    psnr_to_full_db: PSNR of the second frame against the third; infinite if they are equal.
     """
 
-    drawings: tuple[Drawing, ...]
+    drawings: tuple[TimedFrame, ...]
     psnr_to_full_db: float
-    rows: tuple[Row, ...]
+    rows: tuple[PictureRow, ...]
 
 
-def make(scene: Scene, studio: Studio) -> Figure:
-    """The figure for any scene."""
-    numbers = measure(scene, studio)
+def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
+    """Return figure 6 for any scene."""
+    numbers = measure(scene, figure_renderer)
     full = numbers.drawings[-1]
     notes = [
         f"{drawing.name}: full resolution takes {full.seconds:.2f} s on this machine, so this is full resolution."
         for drawing in numbers.drawings[:-1]
         if drawing.tolerance == 0
     ]
-    return Figure(
+    return PaperFigure(
         6,
         "Five times a second, in five seconds, at full resolution",
-        "One view at the tolerances that meet two times on this machine, and with a splat for every visible voxel. "
-        "Times are those of a frame of a film: order, draw and round to 8 bits, the cut being made once.",
-        judge(numbers),
+        "One view at the tolerances that meet two budgets on this machine, and with a splat for every visible voxel. "
+        "Times are for one frame of a film: sort, draw and round to 8 bits; the cut is made once for all frames.",
+        check_claims(numbers),
         rows=numbers.rows,
         tables=(_table(numbers),),
         notes=tuple(notes),
     )
 
 
-def measure(scene: Scene, studio: Studio) -> Refinement:
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> Refinement:
     """Find the tolerances by timing, draw, and compare with the ray integral."""
-    stage = studio.stage(scene)
+    stage = figure_renderer.stage(scene)
     background = scene.output.background
-    truth = studio.truth(stage)
-    full_seconds = _frame_seconds_at(stage, 0.0, studio, QUICK_REPETITIONS)
-    drawings, seen, pictures, differences = [], [], [], []
+    truth = figure_renderer.truth(stage)
+    full_seconds = _frame_seconds_at(stage, 0.0, figure_renderer, QUICK_REPETITIONS)
+    drawings, rgb, pictures, differences = [], [], [], []
     for name, budget in (
         ("five times a second", INTERACTIVE_FRAME_S),
         ("in five seconds", REFINED_FRAME_S),
@@ -92,82 +95,82 @@ def measure(scene: Scene, studio: Studio) -> Refinement:
         if budget is None or full_seconds <= budget:
             tolerance, seconds = 0.0, full_seconds
         else:
-            tolerance, seconds = _finest_tolerance_within(stage, budget, studio)
-        frame = studio.draw(with_error(stage, tolerance=((0, tolerance),)))
-        seen.append(over_background(frame.radiance, background))
-        drawing = Drawing(
+            tolerance, seconds = _finest_tolerance_within(stage, budget, figure_renderer)
+        frame = figure_renderer.draw(with_error(stage, tolerance=((0, tolerance),)))
+        rgb.append(over_background(frame.radiance, background))
+        drawing = TimedFrame(
             name,
             budget,
             tolerance,
             seconds,
             frame.seconds["cut"] + frame.seconds["splats"],
             frame.num_splats,
-            compute_metric("psnr", seen[-1], truth),
+            compute_metric("psnr", rgb[-1], truth),
         )
         drawings.append(drawing)
-        pictures.append(Picture(frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
-        differences.append(Picture(difference_picture(seen[-1], truth), name))
+        pictures.append(CaptionedPicture(frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
+        differences.append(CaptionedPicture(difference_picture(rgb[-1], truth), name))
     rows = (
-        Row("The pictures", tuple(pictures)),
-        Row(f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}", tuple(differences)),
+        PictureRow("The pictures", tuple(pictures)),
+        PictureRow(f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}", tuple(differences)),
     )
-    return Refinement(tuple(drawings), compute_metric("psnr", seen[1], seen[2]), rows)
+    return Refinement(tuple(drawings), compute_metric("psnr", rgb[1], rgb[2]), rows)
 
 
-def judge(numbers: Refinement) -> tuple[Claim, ...]:
-    """What the numbers say of the paper's claims."""
+def check_claims(numbers: Refinement) -> tuple[Claim, ...]:
+    """Compare the numbers with the paper's claims."""
     quick, middle, full = numbers.drawings
     alike = "the same picture" if math.isinf(numbers.psnr_to_full_db) else f"{numbers.psnr_to_full_db:.1f} dB"
     return (
         Claim(
-            "A picture that is good enough to look around with can be drawn several times a second.",
+            "A picture that is good enough for interaction can be drawn several times a second.",
             f"a frame takes {INTERACTIVE_FRAME_S:g} s or less in the median and has {USEFUL_DB:g} dB or more against "
             "the ray integral",
             f"{quick.seconds:.3f} s, {quick.psnr_db:.1f} dB with {counted(quick.num_splats, 'splat')}",
-            quick.fits and quick.psnr_db >= USEFUL_DB,
+            quick.is_within_budget and quick.psnr_db >= USEFUL_DB,
         ),
         Claim(
-            "Given more time, the picture is refined towards that at full resolution.",
-            "PSNR against the ray integral does not fall from each picture to the next, and rises from the first to "
-            "the last, unless all are at full resolution",
+            "Given more time, the picture is refined towards full resolution.",
+            "PSNR against the ray integral never falls from one picture to the next, and rises from the first to the "
+            "last, unless all are at full resolution",
             ", ".join(f"{drawing.psnr_db:.1f} dB" for drawing in numbers.drawings),
             quick.psnr_db <= middle.psnr_db <= full.psnr_db and (quick.psnr_db < full.psnr_db or quick.tolerance == 0),
         ),
         Claim(
-            "A picture of a few seconds is hardly to be told from that at full resolution.",
+            "A picture of a few seconds is hard to distinguish from one at full resolution.",
             f"it takes {REFINED_FRAME_S:g} s or less, and has {INDISTINGUISHABLE_DB:g} dB "
-            "or more against that at full resolution",
+            "or more against full resolution",
             f"{middle.seconds:.2f} s, {alike}",
-            middle.fits and numbers.psnr_to_full_db >= INDISTINGUISHABLE_DB,
+            middle.is_within_budget and numbers.psnr_to_full_db >= INDISTINGUISHABLE_DB,
         ),
     )
 
 
-def _finest_tolerance_within(stage: Stage, budget: float, studio: Studio) -> tuple[float, float]:
-    """The smallest tolerance found whose frames take no longer, and what they take; a coarse one where none does."""
+def _finest_tolerance_within(stage: Stage, budget: float, figure_renderer: FigureRenderer) -> tuple[float, float]:
+    """Return the smallest tolerance found within the budget and its seconds, or a coarse tolerance above it."""
     finest, coarsest = math.log(FINEST), math.log(COARSEST)
     for _ in range(NUM_HALVINGS):
         middle = (finest + coarsest) / 2
-        if _frame_seconds_at(stage, math.exp(middle), studio, QUICK_REPETITIONS) <= BUDGET_SHARE * budget:
+        if _frame_seconds_at(stage, math.exp(middle), figure_renderer, QUICK_REPETITIONS) <= BUDGET_SHARE * budget:
             coarsest = middle
         else:
             finest = middle
     tolerance, seconds = 0.0, math.inf
     for k in range(MAX_TRIES):
         tolerance = float(f"{math.exp(coarsest) * COARSENING_FACTOR**k:.3g}")
-        seconds = _frame_seconds_at(stage, tolerance, studio, REPETITIONS)
+        seconds = _frame_seconds_at(stage, tolerance, figure_renderer, REPETITIONS)
         if seconds <= budget:
             break
     return tolerance, seconds
 
 
-def _frame_seconds_at(stage: Stage, tolerance: float, studio: Studio, repetitions: int) -> float:
-    return studio.frame_seconds(with_error(stage, tolerance=((0, tolerance),)), repetitions=repetitions)
+def _frame_seconds_at(stage: Stage, tolerance: float, figure_renderer: FigureRenderer, repetitions: int) -> float:
+    return figure_renderer.frame_seconds(with_error(stage, tolerance=((0, tolerance),)), repetitions=repetitions)
 
 
-def _table(numbers: Refinement) -> Table:
-    return Table(
-        "What was drawn",
+def _table(numbers: Refinement) -> FigureTable:
+    return FigureTable(
+        "The three frames",
         ("", "tolerance", "splats", "frame, s", "cut, s", "PSNR, dB"),
         tuple(
             (

@@ -65,7 +65,7 @@ _NEAREST_PART = 1e-4
 # A worker that has not finished a frame, or told what VTK it has, for so long is taken for dead.
 _FRAME_TIMEOUT_S = 600.0
 _START_TIMEOUT_S = 120.0
-_LONGEST_END_S = 10.0
+_EXIT_TIMEOUT_S = 10.0
 _NUM_LAST_LINES = 8
 _TERMINAL_COLOR = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -108,9 +108,9 @@ def describe_vtk() -> dict[str, str]:
             timeout=_START_TIMEOUT_S,
         )
     except subprocess.TimeoutExpired as error:
-        raise _failed("VTK does not start", "--peer vtk", f"no answer for {error.timeout:g} s", "") from error
+        raise _vtk_error("VTK does not start", "--peer vtk", f"no answer for {error.timeout:g} s", "") from error
     except subprocess.CalledProcessError as error:
-        raise _failed("VTK does not start", "--peer vtk", f"exit status {error.returncode}", error.stderr) from error
+        raise _vtk_error("VTK does not start", "--peer vtk", f"exit status {error.returncode}", error.stderr) from error
     return dict(json.loads(done.stdout))
 
 
@@ -153,9 +153,9 @@ def _transparent_value(values: Array, transfer: TransferFunction) -> Any:
     dtype = values.dtype
     lowest, highest = values.min(), values.max()
     if np.issubdtype(dtype, np.integer):
-        ends = [int(end) for value in transfer.values for end in (math.floor(value), math.ceil(value))]
+        ends = [int(ending) for value in transfer.values for ending in (math.floor(value), math.ceil(value))]
         limits = np.iinfo(dtype)
-        rounded = np.array([min(max(end, limits.min), limits.max) for end in ends], dtype)
+        rounded = np.array([min(max(ending, limits.min), limits.max) for ending in ends], dtype)
     else:
         largest = np.finfo(dtype).max
         near = np.clip(transfer.values, -float(largest), float(largest)).astype(dtype)
@@ -225,7 +225,7 @@ def _folder(
     points = _points(transfer, finest)
     points[:, 0] = (points[:, 0] / 2 - lowest / 2) / half_span
     job = {
-        **_placed(volume),
+        **_image_geometry(volume),
         "points": points.tolist(),
         "background": background or (0.0, 0.0, 0.0),
         "cameras": [_camera(volume, view) for view in views],
@@ -270,7 +270,7 @@ def _points(transfer: TransferFunction, unit: float) -> Float64:
     return np.column_stack(columns)
 
 
-def _placed(volume: Volume) -> dict[str, Any]:
+def _image_geometry(volume: Volume) -> dict[str, Any]:
     """Where the voxels lie: spacing along the image's axes, and float [4][4] from there to the world of the job."""
     finest = volume.finest_spacing
     world_from_image = np.eye(4)
@@ -356,14 +356,14 @@ class _Worker:
 
     def _failure(self, setting: dict[str, Any], *, hung: bool) -> RenderError:
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_LONGEST_END_S)  # its answers have ended, it is about to
-        end = f"no answer for {_FRAME_TIMEOUT_S:g} s" if hung else f"exit status {self._process.returncode}"
-        words = (self._folder / _ERRORS).read_text(encoding="utf-8", errors="replace")
+            self._process.wait(_EXIT_TIMEOUT_S)  # its answers have ended, it is about to
+        ending = f"no answer for {_FRAME_TIMEOUT_S:g} s" if hung else f"exit status {self._process.returncode}"
+        stderr = (self._folder / _ERRORS).read_text(encoding="utf-8", errors="replace")
         where = f"vtk {setting['mapper']}, step {setting['sample_distance']:g}"
-        return _failed("VTK failed to draw a frame", where, end, words)
+        return _vtk_error("VTK failed to draw a frame", where, ending, stderr)
 
 
-def _failed(what: str, where: str, end: str, words: str) -> RenderError:
+def _vtk_error(what: str, where: str, ending: str, stderr: str) -> RenderError:
     """How its process ended, and the last of the words that it left on its standard error stream."""
-    last = [line for line in _TERMINAL_COLOR.sub("", words).splitlines() if line.strip()][-_NUM_LAST_LINES:]
-    return RenderError(what, where=where, got="\n    ".join([end, *last]), hint="measure without the peer")
+    last = [line for line in _TERMINAL_COLOR.sub("", stderr).splitlines() if line.strip()][-_NUM_LAST_LINES:]
+    return RenderError(what, where=where, got="\n    ".join([ending, *last]), hint="measure without the peer")

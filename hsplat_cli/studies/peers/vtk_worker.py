@@ -41,21 +41,23 @@ from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkOpenGLGPUVolumeRayCastMapper
 Json = dict[str, Any]
 
 
-def main(folder: Path, orders: Iterable[str], answers: IO[str]) -> None:
+def main(folder: Path, requests: Iterable[str], answers: IO[str]) -> None:
     """Draw what is ordered."""
     job: Json = json.loads((folder / "job.json").read_text(encoding="utf-8"))
     image = _make_image(np.load(folder / "voxels.npy", allow_pickle=False), job["spacing"])
-    look = _make_property(job)
+    volume_property = _make_property(job)
     current: Json | None = None
     window = renderer = None
-    for line in orders:
-        order = json.loads(line)
-        if order["setting"] != current:
+    for line in requests:
+        request = json.loads(line)
+        if request["setting"] != current:
             if window is not None:
                 window.Finalize()  # gives its memory on the device back
-            current = order["setting"]
-            window, renderer = _make_window(job, _make_volume(job, look, _make_mapper(order["setting"], image)))
-        _aim(window, renderer, job["cameras"][order["camera"]])
+            current = request["setting"]
+            window, renderer = _make_window(
+                job, _make_volume(job, volume_property, _make_mapper(request["setting"], image))
+            )
+        _set_camera(window, renderer, job["cameras"][request["camera"]])
         picture, seconds = _draw(window, renderer)
         np.save(folder / "picture.npy", picture, allow_pickle=False)
         print(json.dumps({"seconds": seconds}), file=answers, flush=True)
@@ -85,13 +87,13 @@ def _make_property(job: Json) -> Any:
     for value, red, green, blue, alpha in job["points"]:
         color.AddRGBPoint(value, red, green, blue)
         opacity.AddPoint(value, alpha)
-    look = vtkVolumeProperty()
-    look.SetColor(color)
-    look.SetScalarOpacity(opacity)
-    look.SetScalarOpacityUnitDistance(1.0)
-    look.SetInterpolationTypeToLinear()
-    look.ShadeOff()
-    return look
+    volume_property = vtkVolumeProperty()
+    volume_property.SetColor(color)
+    volume_property.SetScalarOpacity(opacity)
+    volume_property.SetScalarOpacityUnitDistance(1.0)
+    volume_property.SetInterpolationTypeToLinear()
+    volume_property.ShadeOff()
+    return volume_property
 
 
 def _make_mapper(setting: Json, image: Any) -> Any:
@@ -108,12 +110,12 @@ def _make_mapper(setting: Json, image: Any) -> Any:
     return mapper
 
 
-def _make_volume(job: Json, look: Any, mapper: Any) -> Any:
+def _make_volume(job: Json, volume_property: Any, mapper: Any) -> Any:
     world_from_image = vtkMatrix4x4()
     world_from_image.DeepCopy([number for row in job["world_from_image"] for number in row])
     volume = vtkVolume()
     volume.SetMapper(mapper)
-    volume.SetProperty(look)
+    volume.SetProperty(volume_property)
     volume.SetUserMatrix(world_from_image)
     return volume
 
@@ -129,7 +131,7 @@ def _make_window(job: Json, volume: Any) -> tuple[Any, Any]:
     return window, renderer
 
 
-def _aim(window: Any, renderer: Any, view: Json) -> None:
+def _set_camera(window: Any, renderer: Any, view: Json) -> None:
     window.SetSize(view["size"])
     camera = renderer.GetActiveCamera()
     camera.SetPosition(view["eye"])
