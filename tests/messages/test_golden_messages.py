@@ -81,7 +81,7 @@ def test_what_an_update_changes() -> None:
         before=provenance(0, 1, 2, 3, 7, 8),
         after=provenance(0, 1, 2, 3, 4, 8, gl="softpipe", versions={"numpy": "2.2.0"}),
         sources={},
-        describe_changes=(
+        changes=(
             GoldenChange("frame-0004.png", "is new"),
             GoldenChange("frame-0003.png", "changes from 32 x 32 RGB to 36 x 32 RGBA"),
             GoldenChange("frame-0001.png", figures=figures(41, 9.3084, 12, 1.25)),

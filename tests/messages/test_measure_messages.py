@@ -73,12 +73,12 @@ LIST = "several with commas between them"
         (
             ("--want", "sharp"),
             "--want: not an accuracy that can be wanted\n  got: 'sharp'\n"
-            "  expected: psnr=38, rmse=0.01, ssim=0.95, flip=0.02 or other values of these\n",
+            "  expected: psnr=38, rmse=0.01, ssim=0.95, flip=0.02 or other values\n",
         ),
         (
             ("--want", "psnr=nan"),
             "--want: not an accuracy that can be wanted\n  got: 'psnr=nan'\n"
-            "  expected: psnr=38, rmse=0.01, ssim=0.95, flip=0.02 or other values of these\n",
+            "  expected: psnr=38, rmse=0.01, ssim=0.95, flip=0.02 or other values\n",
         ),
         (
             ("--want", "ssim=95"),

@@ -11,7 +11,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.compare import scene_pairs as compare_scene
+from hsplat_cli.compare import scene_pairs
 from hsplat_cli.compare.rules import Rules
 from renderer.film import encode_png
 
@@ -109,7 +109,7 @@ def test_a_golden_that_was_changed_by_hand() -> None:
     (FOLDER / "frame-0002.png").write_bytes(encode_png(pixels))
     code, data = compare()
     assert (code, statuses(data)[2]) == (1, "different")
-    note = "not what golden.json tells of, but changed by hand, or by an update that was cut short: frame-0002.png"
+    note = "changed by hand or by an interrupted update since golden.json was written: frame-0002.png"
     assert data["notes"] == [note]
 
 
@@ -120,8 +120,8 @@ def test_goldens_that_are_gone_and_files_of_somebody_else() -> None:
     assert (code, statuses(data)) == (1, {0: "same", 1: "missing", 2: "same", 3: "same"})
     assert [frame["why"] for frame in data["frames"] if frame["number"] == 1] == ["GOLDEN has no such frame"]
     assert data["notes"] == [
-        "golden.json tells of goldens that are not there: frame-0001.png",
-        "not compared, for golden.json does not tell of it: other.png",
+        "missing goldens that golden.json lists: frame-0001.png",
+        "not compared, because golden.json does not list them: other.png",
     ]
 
 
@@ -171,15 +171,15 @@ def test_what_cannot_be_compared(options: list[str]) -> None:
 def test_limits_of_no_frame_are_found_before_anything_is_drawn(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(compare_scene, "rendered_frames", None)
+    monkeypatch.setattr(scene_pairs, "rendered_frames", None)
     (FOLDER / "compare.yaml").write_text("frames: {frame-00002.png: {largest: 8}}\n", encoding="utf-8")
     assert main.run(["compare", "scene.yaml", "goldens"]) == 2
     assert "did you mean frame-0002.png?" in capsys.readouterr().err
 
 
 def test_pairs_may_be_gone_through_again() -> None:
-    with compare_scene.compare_scene(
-        Path("scene.yaml"), FOLDER, compare_scene.SceneOptions("::2"), Rules(), quiet=True
+    with scene_pairs.open_scene_pairs(
+        Path("scene.yaml"), FOLDER, scene_pairs.SceneOptions("::2"), Rules(), quiet=True
     ) as pairs:
         for _ in range(2):
             assert [(pair.name, pair.number) for pair in pairs] == [("frame-0000.png", 0), ("frame-0002.png", 2)]

@@ -84,14 +84,14 @@ def test_nothing_changes(desk: Desk) -> None:
     desk.keep(0, 1)
     plan = desk.plan(GREY, GREY, date="another date is no change")
     assert not plan.changes_anything
-    assert (plan.sources, plan.describe_changes, plan.removed) == ({}, [], [])
+    assert (plan.sources, plan.changes, plan.removed) == ({}, [], [])
 
 
 def test_the_worst_comes_first(desk: Desk) -> None:
     desk.keep(0, 1, 2, 3)
     plan = desk.plan(lighter(1), GREY, lighter(9), lighter(9, 9))
-    assert [change.file for change in plan.describe_changes] == ["frame-0003.png", "frame-0002.png", "frame-0000.png"]
-    assert [change.figures["largest"] for change in plan.describe_changes] == [9, 9, 1]
+    assert [change.file for change in plan.changes] == ["frame-0003.png", "frame-0002.png", "frame-0000.png"]
+    assert [change.figures["largest"] for change in plan.changes] == [9, 9, 1]
     assert list(plan.sources) == ["frame-0000.png", "frame-0002.png", "frame-0003.png"]
     kept = [ours == theirs for ours, theirs in zip(plan.after.goldens, desk.before.goldens, strict=True)]
     assert kept == [False, True, False, False]
@@ -161,7 +161,7 @@ def test_what_cannot_be_compared_comes_first(desk: Desk) -> None:
     (desk.folder / "frame-0002.png").write_bytes(b"\x89PNG\r\n\x1a\n")
     (desk.folder / "frame-0003.png").write_bytes(encode_png(np.zeros((8, 8, 4), np.uint8)))
     plan = desk.plan(lighter(200), GREY, GREY, GREY, GREY, GREY)
-    assert [(change.file[6:10], bool(change.why)) for change in plan.describe_changes] == [
+    assert [(change.file[6:10], bool(change.why)) for change in plan.changes] == [
         ("0001", True), ("0002", True), ("0003", True), ("0005", True), ("0000", False)
     ]  # fmt: skip
     assert list(plan.sources) == [f"frame-000{number}.png" for number in (0, 1, 2, 3, 5)]

@@ -67,11 +67,11 @@ def test_a_scene_that_asks_for_no_tolerance_shows_every_voxel(figure_renderer: F
 
 
 @pytest.fixture(scope="module")
-def splat_shapes(figure_renderer: FigureRenderer) -> footprints.Footprints:
+def splat_shapes(figure_renderer: FigureRenderer) -> footprints.FootprintErrors:
     return footprints.measure(scene("1_footprints.yaml", "output.size=[96, 96]"), figure_renderer)
 
 
-def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: footprints.Footprints) -> None:
+def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: footprints.FootprintErrors) -> None:
     """-log(1 - alpha) integrates to that of the voxel, of opacity 0.7, over its area; sigma, the unit of the radii, is
     0.425 voxels."""
     radius, alpha = splat_shapes.smooth[:-1].T
@@ -81,13 +81,13 @@ def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: foot
     assert np.trapezoid(math.pi * radius**3 * depth, radius) / mass == pytest.approx(1, rel=1e-3)
 
 
-def test_more_triangles_are_nearer_to_the_smooth_profile(splat_shapes: footprints.Footprints) -> None:
+def test_more_triangles_are_nearer_to_the_smooth_profile(splat_shapes: footprints.FootprintErrors) -> None:
     assert verdicts(footprints.check_claims(splat_shapes)) == [True, True]
     assert [fan.num_triangles for fan in splat_shapes.fans] == [4, 18, 40, 108, 240, 992]
     assert abs(splat_shapes.gaussian.integral_error) < 0.01
 
 
-def test_fans_that_do_not_converge_are_not_passed(splat_shapes: footprints.Footprints) -> None:
+def test_fans_that_do_not_converge_are_not_passed(splat_shapes: footprints.FootprintErrors) -> None:
     worst, *others = splat_shapes.fans
     shuffled = replace(splat_shapes, fans=(*others, worst))
     assert verdicts(footprints.check_claims(shuffled)) == [False, True]
@@ -142,11 +142,11 @@ def test_a_slab_of_the_smallest_voxels_that_are_taken(figure_renderer: FigureRen
 
 
 @pytest.fixture(scope="module")
-def cubes(figure_renderer: FigureRenderer) -> one_splat.Splats:
+def cubes(figure_renderer: FigureRenderer) -> one_splat.SplatSeries:
     return one_splat.measure(scene("3_one_splat.yaml", "output.size=[64, 64]"), figure_renderer)
 
 
-def test_one_splat_for_many_voxels(cubes: one_splat.Splats) -> None:
+def test_one_splat_for_many_voxels(cubes: one_splat.SplatSeries) -> None:
     """Twice the voxels in depth square the transparency; 0.1 is the opacity in the scene."""
     assert cubes.opacity == pytest.approx(0.1)
     through = [1 - alpha for alpha in cubes.corrected]
@@ -155,7 +155,7 @@ def test_one_splat_for_many_voxels(cubes: one_splat.Splats) -> None:
     assert verdicts(one_splat.check_claims(cubes)) == [True, True, True]
 
 
-def test_splats_that_stand_for_too_little_are_not_passed(cubes: one_splat.Splats) -> None:
+def test_splats_that_stand_for_too_little_are_not_passed(cubes: one_splat.SplatSeries) -> None:
     wrong = replace(cubes, corrected=cubes.uncorrected, uncorrected=cubes.corrected, totals=(1.0, 0.5) * 3)
     assert verdicts(one_splat.check_claims(wrong)) == [False, False, False]
 
@@ -164,12 +164,12 @@ def test_splats_that_stand_for_too_little_are_not_passed(cubes: one_splat.Splats
 
 
 @pytest.fixture(scope="module")
-def block(figure_renderer: FigureRenderer) -> levels.Levels:
+def block(figure_renderer: FigureRenderer) -> levels.LevelErrors:
     changes = "volume.procedural.shape=[32, 32, 32]", "camera.distance=100", "output.size=[64, 64]"
     return levels.measure(scene("4_levels.yaml", *changes, "transfer_function.unit=0.5"), figure_renderer)
 
 
-def test_levels_of_a_constant_block(block: levels.Levels) -> None:
+def test_levels_of_a_constant_block(block: levels.LevelErrors) -> None:
     """Of optical depth 0 to 1 and a half: without correction, cells twice as wide have half the depth in all."""
     assert block.num_judged == 4
     assert [distance.num_cells for distance in block.corrected] == [32**3, 16**3, 8**3, 4**3, 2**3, 1]
@@ -180,7 +180,7 @@ def test_levels_of_a_constant_block(block: levels.Levels) -> None:
     assert verdicts(levels.check_claims(block)) == [True, True]
 
 
-def test_levels_that_fade_with_correction_are_not_passed(block: levels.Levels) -> None:
+def test_levels_that_fade_with_correction_are_not_passed(block: levels.LevelErrors) -> None:
     assert verdicts(levels.check_claims(replace(block, corrected=block.uncorrected))) == [False, False]
     assert verdicts(levels.check_claims(replace(block, uncorrected=block.corrected))) == [True, False]
 
@@ -259,7 +259,7 @@ def test_the_finest_picture_in_a_time_is_found() -> None:
     """The block has some 15 000 visible voxels: at a millisecond each, full resolution takes more than five seconds."""
     quick, middle, full = timed(1e-3).drawings
     assert full.seconds == pytest.approx(1e-3 * full.num_splats) and full.seconds > 5
-    assert quick.fits and middle.fits
+    assert quick.is_within_budget and middle.is_within_budget
     assert quick.tolerance > middle.tolerance > full.tolerance == 0
     assert quick.num_splats < middle.num_splats < full.num_splats
     assert middle.seconds > 0.5 * 5
@@ -268,7 +268,7 @@ def test_the_finest_picture_in_a_time_is_found() -> None:
 def test_a_machine_that_is_too_slow_is_not_passed() -> None:
     numbers = timed(10.0)
     assert numbers.drawings[0].seconds == pytest.approx(10 * numbers.drawings[0].num_splats)
-    assert not numbers.drawings[0].fits
+    assert not numbers.drawings[0].is_within_budget
     assert verdicts(refinement.check_claims(numbers))[0] is False
 
 
@@ -284,9 +284,9 @@ def test_full_resolution_takes_the_place_of_what_it_is_quicker_than() -> None:
 
 def test_pictures_that_are_slow_or_bad_are_not_passed() -> None:
     good = [
-        refinement.Drawing("quick", 0.2, 0.5, 0.19, 0.01, 1000, 25.0),
-        refinement.Drawing("middle", 5.0, 0.1, 4.5, 0.01, 9000, 30.0),
-        refinement.Drawing("full", None, 0.0, 12.0, 0.01, 20000, 31.0),
+        refinement.TimedFrame("quick", 0.2, 0.5, 0.19, 0.01, 1000, 25.0),
+        refinement.TimedFrame("middle", 5.0, 0.1, 4.5, 0.01, 9000, 30.0),
+        refinement.TimedFrame("full", None, 0.0, 12.0, 0.01, 20000, 31.0),
     ]
 
     def judged(**changes: dict[str, Any]) -> list[bool]:
