@@ -29,7 +29,7 @@ from renderer.film import (
     require_encoder,
     sidecar_path,
 )
-from renderer.frame import CostLog, LODCostEstimator
+from renderer.frame import LODCostEstimator
 
 
 def render_once(
@@ -61,7 +61,7 @@ def render_once(
             return None
         if on_start is not None:
             on_start()
-        plan = make_plan(LODCostEstimator(begun.stage, CostLog()), frames, executor.rasterizer, quiet=quiet)
+        plan = make_plan(LODCostEstimator(begun.stage), frames, executor.rasterizer, quiet=quiet)
         job, cause, before = begun.job, begun.cause, begun.before
         del begun  # its volume may move
         kept = resume_checkpoint(job, plan, folder, cause, before, force=force)

@@ -42,7 +42,6 @@ from renderer.film import (
 )
 from renderer.frame import (
     BudgetController,
-    CostLog,
     LODCostEstimator,
     Rasterizer,
     ScheduleController,
@@ -98,7 +97,7 @@ def render_progressively(
             return None
         job = begun.job
         maker = _PassRenderer(job, begun.cause, folder, rasterizer, start, time_limit, quiet=quiet)
-        planner = _PassPlanner(job, LODCostEstimator(begun.stage, CostLog()), rasterizer, quiet=quiet)
+        planner = _PassPlanner(job, LODCostEstimator(begun.stage), rasterizer, quiet=quiet)
         try:
             for each in planner.passes(maker):
                 maker.make(each)

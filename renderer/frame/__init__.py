@@ -1,7 +1,8 @@
 """One frame, step by step, and the budgets that choose its tolerance.
 
-In: `Scene`. Out: `Stage` (volume, pyramid, camera path), and from it a `Frame` for each frame number:
-cut, project, sort, draw. `BudgetController` keeps a number of cells or of seconds.
+In: `Scene`. Out: `Stage` (volume, pyramid, camera path), and from it a `Frame` for each frame number: cut, sort, draw,
+round. A `ToleranceController` follows the schedule or a budget of seconds. `serialize_stage` takes a stage to another
+process.
 """
 
 import lazy_loader

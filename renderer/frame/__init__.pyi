@@ -1,28 +1,29 @@
-from .costs import CostLog as CostLog, Workload as Workload, workload_of as workload_of
-from .frame import (
-    Clock as Clock,
-    Frame as Frame,
-    Rasterizer as Rasterizer,
-    Stage as Stage,
-    Stopwatch as Stopwatch,
-    draw_frame as draw_frame,
-    finest_level_at as finest_level_at,
-    make_draw_list as make_draw_list,
-    make_lod as make_lod,
-    make_primitive as make_primitive,
-    upload as upload,
-    view_of as view_of,
-)
-from .pacing import (
+from .budget import (
     BudgetController as BudgetController,
     LODCostEstimator as LODCostEstimator,
     ScheduleController as ScheduleController,
     ToleranceController as ToleranceController,
+    Workload as Workload,
     calibrate_costs as calibrate_costs,
     find_finest_in_time as find_finest_in_time,
+    workload_of as workload_of,
+)
+from .frame import (
+    Frame as Frame,
+    Rasterizer as Rasterizer,
+    draw_frame as draw_frame,
+    make_draw_list as make_draw_list,
 )
 from .pipeline import prepare_stage as prepare_stage, render_frames as render_frames
+from .primitives import make_primitive as make_primitive
 from .records import film_record as film_record, frame_record as frame_record, visibility_notes as visibility_notes
+from .stage import (
+    Clock as Clock,
+    Stage as Stage,
+    Stopwatch as Stopwatch,
+    finest_level_at as finest_level_at,
+    view_of as view_of,
+)
 from .transport import (
     deserialize_stage as deserialize_stage,
     serialize_stage as serialize_stage,

@@ -1,37 +1,30 @@
-"""One frame: from the stage of a film and a tolerance to 8 bits, step by step."""
+"""Draw one frame, step by step: from the stage of a film and a level of detail to 8 bits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import BrickBatch, Bricks
+from renderer.bricks import BrickBatch
 from renderer.draw import CellEdges
 from renderer.film import quantize
-from renderer.frame.brick_primitive import BrickPrimitive
-from renderer.frame.primitives import LOD, Orders, Primitive
-from renderer.frame.splat_primitive import SplatPrimitive
-from renderer.pyramid import Pyramid
-from renderer.scene import Scene, Vector
+from renderer.frame.primitives import LOD, Orders
+from renderer.frame.stage import Stage, Stopwatch, view_of
 from renderer.splats import SplatBatch
-from renderer.view import OrderBlending, View, make_view
-from renderer.volume import Volume
+from renderer.view import View
 
-Clock = Callable[[], float]
-
-# What a frame does for those after it, too: bricks that were not on the device. Other frames have no such lap.
+# The lap of work that also serves later frames: bricks that were not on the device.
 UPLOAD_STAGE = "bricks"
 
 
 class Rasterizer(Protocol):
-    """What draws sorted splats or bricks, and lines if asked: `renderer.draw.gl.raster.GLRasterizer`, or a stand-in.
+    """Draws sorted splats or bricks, and the lines of an overlay, as float32 [h, w, 4], premultiplied RGBA.
 
-    bring: what the picture shares with later ones to where it is drawn; whether any of it was not there. A picture that
-    was not brought is the same.
+    upload: place what later pictures share where it is drawn, and return whether any of it was missing. Pictures do not
+        depend on it.
     """
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool: ...
@@ -44,48 +37,8 @@ class Rasterizer(Protocol):
 
 
 @dataclass(frozen=True)
-class Stage:
-    """Everything of a film that does not change from frame to frame.
-
-    target: world position that the camera looks at.
-    distance: of the eye from it, world units.
-    finest_level: cells of lower levels would be too small to see on every frame.
-    voxel_px: the finest spacing at the volume's centre, in pixels, where it is smallest on the way.
-    turning: which neighbours change their order on the way.
-    bricks: of the volume, where that is what the footprint is drawn from.
-    seconds: what it took, by stage.
-    """
-
-    scene: Scene
-    volume: Volume
-    pyramid: Pyramid
-    target: Vector
-    distance: float
-    finest_level: int
-    voxel_px: float
-    turning: OrderBlending
-    bricks: Bricks | None
-    seconds: dict[str, float]
-
-
-class Stopwatch:
-    """Seconds between laps, by name; renderer/ has no clock of its own."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock, self._last = clock, clock()
-        self.seconds: dict[str, float] = {}
-
-    def lap(self, name: str) -> float:
-        """Book the time since the lap before under `name`; it is returned, too."""
-        now = self._clock()
-        seconds, self._last = now - self._last, now
-        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
-        return seconds
-
-
-@dataclass(frozen=True)
 class DrawList:
-    """A detail seen on a frame: `orders` are those of its splats. order_seconds: what finding them took."""
+    """A level of detail as seen on a frame, in its draw orders. order_seconds: the time that sorting took."""
 
     number: int
     lod: LOD
@@ -93,16 +46,19 @@ class DrawList:
     orders: Orders
     order_seconds: float
 
+    def upload(self, rasterizer: Rasterizer) -> bool:
+        """Prepare the rasteriser for this frame and similar ones; return whether there was something to do."""
+        return rasterizer.upload(self.lod.batch, self.orders[0][1], self.view)  # every order has the same elements
+
 
 @dataclass(frozen=True)
 class Frame:
     """One finished frame.
 
-    image: uint8 [height, width, 3], or 4 with straight alpha where the background is transparent.
+    image: uint8 [height, width, 3], or 4 with straight alpha if the background is transparent.
     radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
-    num_cells: cells, or bricks, in the cut; num_splats: those of them that the frame can show.
-    seconds: what it took, by stage.
-    predicted_seconds: what it was to take from start to end, where there is a budget.
+    num_cells: cells, or bricks, in the cut. num_splats: those of them that the frame can show.
+    seconds: the time that each stage took. predicted_seconds: the time predicted for the whole frame, with a budget.
     """
 
     number: int
@@ -115,61 +71,17 @@ class Frame:
     predicted_seconds: float | None = None
 
 
-def view_of(stage: Stage, frame: int) -> View:
-    """The view of a frame of the film."""
-    return make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
-
-
-def finest_level_at(stage: Stage, tolerance: float) -> int:
-    """The finest level that is drawn at a tolerance."""
-    return max(stage.scene.error.finest_level, stage.finest_level if tolerance > 0 else 0)
-
-
-def make_primitive(stage: Stage) -> Primitive:
-    """Of the scene's footprint."""
-    scene = stage.scene
-    levels = {
-        "finest_level": finest_level_at(stage, tolerance=1.0),
-        "finest_level_at_zero": finest_level_at(stage, tolerance=0.0),
-    }
-    with_edges = scene.overlay == "octree"
-    if stage.bricks is None:
-        return SplatPrimitive(stage.pyramid, scene.splat, stage.turning, **levels, with_edges=with_edges)
-    low, high = stage.bricks.volume_range
-    largest_change = high - low if scene.error.of == "scalar" and high > low else 1.0
-    return BrickPrimitive(
-        stage.bricks,
-        scene.shading,
-        **levels,
-        voxel_px=stage.voxel_px,
-        largest_change=largest_change,
-        with_edges=with_edges,
-    )
-
-
-def make_lod(stage: Stage, tolerance: float, watch: Stopwatch) -> LOD:
-    """What is drawn of a stage at a tolerance."""
-    return make_primitive(stage).make_lod(tolerance, watch.lap)
-
-
 def make_draw_list(stage: Stage, lod: LOD, number: int, watch: Stopwatch) -> DrawList:
-    """See a detail from where the camera is on a frame."""
+    """Sort a level of detail for the view of a frame."""
     view = view_of(stage, number)
     return DrawList(number, lod, view, lod.orders(view), watch.lap("order"))
 
 
-def upload(draw_list: DrawList, rasterizer: Rasterizer) -> bool:
-    """Make the rasteriser ready for a frame and those like it; whether there was something to do."""
-    return rasterizer.upload(
-        draw_list.lod.splats, draw_list.orders[0][1], draw_list.view
-    )  # the same splats in each order
-
-
 def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
-    """The finished frame. Raises InputError where the volume's file was changed."""
+    """Draw a frame. Raises InputError if the volume's file was changed."""
     lod = draw_list.lod
     stage.volume.require_unchanged()
-    if upload(draw_list, rasterizer):
+    if draw_list.upload(rasterizer):
         watch.lap(UPLOAD_STAGE)
     image = _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
@@ -186,11 +98,12 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> npt.NDArray[np.float32]:
-    """The picture: for nearly all views that of the only order, else each order's with its share."""
+    """Draw every order and add the pictures by their shares; nearly all views have one order."""
+    batch, view = draw_list.lod.batch, draw_list.view
     (share, order), *others = draw_list.orders
-    image = rasterizer.rasterize(draw_list.lod.splats, order, draw_list.view)
+    image = rasterizer.rasterize(batch, order, view)
     if others:
         image *= share
     for share, order in others:
-        image += share * rasterizer.rasterize(draw_list.lod.splats, order, draw_list.view)
+        image += share * rasterizer.rasterize(batch, order, view)
     return image

@@ -1,6 +1,6 @@
 """The program's table of contents: from a scene to its frames, and the only frame loop.
 
-Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> SplatBatch -> float image -> 8 bits
+Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> splats or bricks -> float image -> 8 bits
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from dataclasses import replace
 
 from renderer.bricks import make_bricks
 from renderer.errors import InputError
-from renderer.frame.frame import Clock, Frame, Rasterizer, Stage, Stopwatch, draw_frame
-from renderer.frame.pacing import ScheduleController, ToleranceController
+from renderer.frame.budget import ScheduleController, ToleranceController
+from renderer.frame.frame import Frame, Rasterizer, draw_frame
+from renderer.frame.stage import Clock, Stage, Stopwatch
 from renderer.pyramid import build_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (
@@ -47,11 +48,12 @@ def prepare_stage(
     recorded_in: str = "",
     any_tolerance: bool = False,
 ) -> Stage:
-    """Read the volume, build the pyramid, frame what is visible. Raises InputError for a volume that cannot be used.
+    """Read the volume, build the pyramid, and frame what is visible. Raises InputError for an unusable volume.
 
-    A `volume` that is given is drawn in place of the scene's, which is then not read. One with another fingerprint
-    than `fingerprint`, which is `recorded_in` some place, cannot be used. The pyramid has what the scene's schedule can
-    ask for; with `any_tolerance` it serves every tolerance and level, as bricks always do.
+    volume: drawn in place of the scene's volume, which is then not read.
+    fingerprint: the fingerprint that the volume must have. recorded_in: where it was recorded, for the message.
+    any_tolerance: build the pyramid for every tolerance and level, as bricks always do, and not only for those that
+        the scene's schedule can ask for.
     """
     scene = with_draw_order(scene)
     watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
@@ -91,9 +93,11 @@ def prepare_stage(
     raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
     voxel_px = smallest_voxel_px(volume, camera, target, distance, size)
-    turning = make_order_blending(volume.world_from_index, iter_camera_axes(camera.path))
+    order_blending = make_order_blending(volume.world_from_index, iter_camera_axes(camera.path))
     watch.lap("framing")
-    return Stage(scene, volume, pyramid, target, distance, finest_level, voxel_px, turning, bricks, watch.seconds)
+    return Stage(
+        scene, volume, pyramid, target, distance, finest_level, voxel_px, order_blending, bricks, watch.seconds
+    )
 
 
 def render_frames(
@@ -104,7 +108,7 @@ def render_frames(
     clock: Clock,
     controller: ToleranceController | None = None,
 ) -> Iterator[Frame]:
-    """Draw these frames of the film, in this order, at the tolerances of the scene's schedule or those of a `guide`."""
+    """Draw these frames of the film, in this order. The tolerances are the controller's, or those of the schedule."""
     controller = ScheduleController(stage) if controller is None else controller
     for number in frames:
         watch = Stopwatch(clock)
@@ -114,7 +118,7 @@ def render_frames(
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:
-    """Target and distance: as the scene says, or such that the whole path has all that is visible in frame."""
+    """Return target and distance: the scene's, or such that the whole path has everything visible in frame."""
     camera = scene.camera
     if camera.target == "visible":
         target = visible_centre(points)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from renderer.film import Record
-from renderer.frame.frame import Frame, Stage, finest_level_at
+from renderer.frame.frame import Frame
+from renderer.frame.stage import Stage, finest_level_at
 from renderer.scene import scene_to_dict, with_tolerances
 from renderer.versions import package_versions
 

@@ -16,7 +16,6 @@ from renderer.frame import (
     Stopwatch,
     ToleranceController,
     calibrate_costs,
-    upload,
 )
 from renderer.scene import (
     AccuracyGoal,
@@ -85,7 +84,7 @@ def make_plan(
     calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
     pacer = BudgetController(estimator, lambda frame: scheduled_value(goal.by_frame, frame))
     draw_list, _ = pacer.choose(frames[0], Stopwatch(clock))
-    upload(draw_list, rasterizer)
+    draw_list.upload(rasterizer)
     return FilmPlan(stage, pacer, is_timing_dependent=True)
 
 

@@ -47,14 +47,14 @@ def reference(stage: Stage, frame: Frame, view: View) -> Picture:
     splats = make_splats(cut, scene.splat)
     orders = [
         (share, order.astype(np.int64))
-        for share, order in visible_orders(splats, cut, view, scene.splat.order, stage.turning)
+        for share, order in visible_orders(splats, cut, view, scene.splat.order, stage.order_blending)
     ]
     _require_shares(orders)
     if scene.splat.order == "boxes":
         for _, order in orders:
             _require_box_order(cut, order, view)
     else:
-        turned = sort_directions(stage.turning, view.forward)
+        turned = sort_directions(stage.order_blending, view.forward)
         if scene.splat.order == "unmixed":
             turned = [SortDirection(1.0, view.forward)]
         _require_depth_orders(cut, orders, centers(field, cells), view, turned)

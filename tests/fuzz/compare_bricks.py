@@ -15,7 +15,7 @@ from renderer.bricks import BrickBatch
 from renderer.draw import GLRasterizer
 from renderer.film import quantize
 from renderer.frame import Frame, Stage, make_primitive, render_frames
-from renderer.frame.brick_primitive import BrickPrimitive
+from renderer.frame.primitives import BrickPrimitive
 from renderer.view import View
 
 Float64 = npt.NDArray[np.float64]
@@ -45,14 +45,14 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
     if not np.array_equal(frame.image, quantize(frame.radiance, stage.scene.output.background)):
         raise WrongError("the 8 bits are not those of the radiance")
     with np.errstate(under="ignore"):
-        expected = rasterize_bricks_reference(lod.splats, order, view)
+        expected = rasterize_bricks_reference(lod.batch, order, view)
         others = [
-            rasterize_bricks_reference(_nudged(lod.splats, nudge), order, _moved(view, lod.splats, sides))
+            rasterize_bricks_reference(_nudged(lod.batch, nudge), order, _moved(view, lod.batch, sides))
             for nudge, sides in NUDGES
         ]
     spread = np.ptp([expected, *others], axis=0)
     off = np.abs(below.radiance - expected)
-    excess = off - PRECISION - lod.splats.screen_sampling.termination_transmittance - SPREADS * spread
+    excess = off - PRECISION - lod.batch.screen_sampling.termination_transmittance - SPREADS * spread
     num_strays = int(np.count_nonzero(excess.max(axis=2) > 0))
     if num_strays > max(FEWEST_STRAYS, MOST_STRAYS * excess[..., 0].size):
         row, column, channel = np.unravel_index(excess.argmax(), excess.shape)

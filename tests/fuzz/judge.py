@@ -28,7 +28,6 @@ from renderer.draw import GLRasterizer
 from renderer.errors import InputError
 from renderer.film import encode_png
 from renderer.frame import (
-    CostLog,
     Frame,
     LODCostEstimator,
     Stage,
@@ -183,7 +182,7 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
     number = min(case.frame, scene.camera.path.frames - 1)
-    stage = make_plan(LODCostEstimator(stage, CostLog()), [number], rasterizer, quiet=True).stage
+    stage = make_plan(LODCostEstimator(stage), [number], rasterizer, quiet=True).stage
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():
         raise WrongError("the picture has pixels that are not numbers")

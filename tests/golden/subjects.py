@@ -19,12 +19,11 @@ from renderer.frame import (
     draw_frame,
     finest_level_at,
     make_draw_list,
-    make_lod,
+    make_primitive,
     prepare_stage,
 )
 from renderer.frame.frame import DrawList
-from renderer.frame.primitives import LOD
-from renderer.frame.splat_primitive import SplatLOD
+from renderer.frame.primitives import LOD, SplatLOD
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Scene, load_scene, tolerance_at
 from renderer.splats import SplatBatch
@@ -112,7 +111,7 @@ class Shot:
     @property
     def splats(self) -> SplatBatch:
         """All that the cut has."""
-        splats = self.pose.lod.splats
+        splats = self.pose.lod.batch
         assert isinstance(splats, SplatBatch)
         return splats
 
@@ -127,14 +126,14 @@ class Shot:
 
     def posed(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> DrawList:
         """A frame of a stage, this one unless it is said."""
-        lod = make_lod(stage, self.tolerance if tolerance is None else tolerance, _stopwatch())
+        lod = make_primitive(stage).make_lod(self.tolerance if tolerance is None else tolerance, _stopwatch().lap)
         return make_draw_list(stage, lod, self.subject.frame if frame is None else frame, _stopwatch())
 
     def with_splats(self, splats: SplatBatch) -> DrawList:
         """The same pose of other splats."""
         lod = self.pose.lod
         assert isinstance(lod, SplatLOD)
-        return self.seen_from(self.view, replace(lod, splats=splats))
+        return self.seen_from(self.view, replace(lod, batch=splats))
 
     def seen_from(self, view: View, lod: LOD | None = None) -> DrawList:
         """The same detail, sorted for another view."""

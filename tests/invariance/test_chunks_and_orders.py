@@ -182,7 +182,7 @@ def test_a_film_unmixed_is_the_same_where_there_is_one_order(rasterizer: GLRaste
     both = [list(render_frames(stage, range(9), rasterizer, clock=lambda: 0.0)) for stage in (mixed, unmixed)]
     is_same = []
     for one, other in zip(*both, strict=True):
-        num_orders = len(sort_directions(mixed.turning, view_of(mixed, one.number).forward))
+        num_orders = len(sort_directions(mixed.order_blending, view_of(mixed, one.number).forward))
         assert one.num_splats == other.num_splats
         is_same.append(num_orders == 1)
         assert (one.radiance.tobytes() == other.radiance.tobytes()) == (num_orders == 1)

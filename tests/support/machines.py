@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
 from renderer.draw import CellEdges
-from renderer.frame.brick_primitive import num_samples
+from renderer.frame.primitives import num_samples
 from renderer.splats import SplatBatch
 from renderer.view import View, model_view, total_square_area_px
 

@@ -13,7 +13,7 @@ from splatting import look
 
 from renderer.bricks import BRICK_SIZE, Bricks, ScreenSampling, brick_cut_sizes, num_bricks_at
 from renderer.frame import Stage, make_primitive
-from renderer.frame.brick_primitive import BrickLOD, BrickPrimitive, num_samples
+from renderer.frame.primitives import BrickLOD, BrickPrimitive, num_samples
 from renderer.scene import ControlPoint, ErrorSpec, TransferSpec
 from renderer.view import View, ray_setup
 from renderer.volume import Volume, make_volume
@@ -95,8 +95,8 @@ def test_no_brick_has_cells_that_are_finer_than_asked_for(tolerance: float) -> N
     scene = replace(INTEGRATED, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
     lod = make_primitive(stage_of(scene, lumps())).make_lod(tolerance, lambda name: None)
     assert isinstance(lod, BrickLOD) and lod.edges is not None
-    assert lod.splats.cut.levels.min() == 1
-    assert set(lod.edges.vertices[:, 6].tolist()) == set(lod.splats.cut.levels.tolist())
+    assert lod.batch.cut.levels.min() == 1
+    assert set(lod.edges.vertices[:, 6].tolist()) == set(lod.batch.cut.levels.tolist())
 
 
 # Sizes in a film on a budget of time
@@ -125,7 +125,7 @@ def test_more_is_drawn_at_smaller_tolerances(primitive: BrickPrimitive) -> None:
 
 def counted(lod: BrickLOD, view: View) -> float:
     """Samples along the rays through the pixels' centres, as they are taken, and six more for each brick on the way."""
-    batch = lod.splats
+    batch = lod.batch
     frame, volume = ray_setup(batch.cut.volume, batch.model_unit, view), batch.cut.volume
     width, height = view.size
     column, row = np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)
@@ -152,7 +152,7 @@ def test_samples_are_as_many_as_are_counted(projection: str, tolerance: float) -
     target = stage.volume.centre
     view = look(projection, size=(120, 90), target=tuple(target), distance=150.0)
     orders = lod.orders(view)
-    lod = replace(lod, splats=replace(lod.splats, screen_sampling=ScreenSampling((1,), 0.0, 0.0)))
+    lod = replace(lod, batch=replace(lod.batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0)))
     num_bricks, num = lod.workload(orders, view)
     assert num_bricks == len(orders[0][1]) == lod.num_cells
     assert num == pytest.approx(counted(lod, view), rel=0.08)
@@ -168,7 +168,7 @@ def test_pixels_that_are_spared_cost_less() -> None:
 
     def load(*strides: int, spread: float = 0.1) -> float:
         screen_sampling = ScreenSampling(strides, spread, 0.0)
-        return replace(lod, splats=replace(lod.splats, screen_sampling=screen_sampling)).workload(orders, view)[1]
+        return replace(lod, batch=replace(lod.batch, screen_sampling=screen_sampling)).workload(orders, view)[1]
 
     assert load(4) < load(4, 2) < load(4, 1) < load(1)
     assert load(4) < load(2) < load(1) < load(2, 1, spread=0.001)
@@ -189,5 +189,5 @@ def test_bricks_around_the_eye_are_held_to_the_picture() -> None:
     assert isinstance(lod, BrickLOD)
     view = look(target=tuple(stage.volume.centre), distance=1e-3, size=(40, 30))
     ((_, order),) = lod.orders(view)
-    longest = BRICK_SIZE * math.sqrt(3) * 1.5 / lod.splats.steps.min() + 7
-    assert 0 < num_samples(lod.splats, order, view) < len(order) * 40 * 30 * longest
+    longest = BRICK_SIZE * math.sqrt(3) * 1.5 / lod.batch.steps.min() + 7
+    assert 0 < num_samples(lod.batch, order, view) < len(order) * 40 * 30 * longest

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from splatting import look, place_splats
 
-from renderer.frame import CostLog, Workload, workload_of
-from renderer.frame.costs import CostModel, fit_costs
+from renderer.frame import Workload, workload_of
+from renderer.frame.budget import CostLog, CostModel, fit_costs
 from renderer.frame.frame import DrawList
-from renderer.frame.splat_primitive import SplatLOD
+from renderer.frame.primitives import SplatLOD
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
 from renderer.view import make_order_blending
@@ -143,7 +143,7 @@ def pose_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48))
     volume: object = None
     cut = Cut(nothing, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), volume)  # type: ignore[arg-type]
     order = visible_order(batch, cut, view, "unmixed")
-    lod = SplatLOD(0.1, batch, cut, "unmixed", make_order_blending(np.eye(4), [np.eye(3)[None]]))
+    lod = SplatLOD(0.1, batch, None, cut, "unmixed", make_order_blending(np.eye(4), [np.eye(3)[None]]))
     return DrawList(0, lod, view, [(share, order) for share in shares], 0.0)
 
 

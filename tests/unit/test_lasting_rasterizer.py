@@ -20,7 +20,7 @@ from hsplat_cli import main
 from hsplat_cli.executors import LocalExecutor, executor
 from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import ContextLostError, RenderError
-from renderer.frame import BudgetController, CostLog, LODCostEstimator, Stage, calibrate_costs
+from renderer.frame import BudgetController, LODCostEstimator, Stage, calibrate_costs
 from renderer.scene import with_tolerances
 
 NO_CAPABILITY = 0xFFFF
@@ -131,7 +131,7 @@ def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRas
 def test_frames_on_a_budget_of_time(stage: Stage, rasterizer: GLRasterizer) -> None:
     """Those of each tolerance are what they are without a loss; trial drawings may lose their context, too."""
     with RecoveringRasterizer(failing_at({0, 6, 9})) as lasting:
-        estimator = LODCostEstimator(stage, CostLog())
+        estimator = LODCostEstimator(stage)
         calibrate_costs(estimator, 0, 0.0, lasting, clock=time.perf_counter)
         pacer = BudgetController(estimator, lambda frame: 0.01)
         found = list(LocalExecutor(stage, lasting, pacer).draw(range(8)))

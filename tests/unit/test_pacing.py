@@ -10,7 +10,6 @@ import pytest
 
 from renderer.frame import (
     BudgetController,
-    CostLog,
     LODCostEstimator,
     Stage,
     Stopwatch,
@@ -54,7 +53,7 @@ def film(
     stage: Stage, machine: SimulatedMachine, seconds_of: Callable[[int], float], writing: float = 2e-3
 ) -> tuple[list[float], list[float], list[int]]:
     """Seconds, tolerances and cells of the frames."""
-    estimator = LODCostEstimator(stage, CostLog())
+    estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.3 * seconds_of(0), machine, clock=machine.clock)
     pacer = BudgetController(estimator, seconds_of)
     taken, tolerances, cells = [], [], []
@@ -130,7 +129,7 @@ def test_budgets_by_frame_are_kept_each(stage: Stage) -> None:
 def test_a_prediction_is_of_the_whole_frame(stage: Stage) -> None:
     """From its start until it has been taken care of."""
     machine = SimulatedMachine()
-    estimator = LODCostEstimator(stage, CostLog())
+    estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.01, machine, clock=machine.clock)
     pacer = BudgetController(estimator, lambda frame: 0.03)
     predicted, taken, start = [], [], machine.now
@@ -163,7 +162,7 @@ def test_noise_changes_the_cut_seldom(stage: Stage, seconds: float) -> None:
 def test_a_cut_is_chosen_before_the_first_frame(stage: Stage) -> None:
     """So that a still has its time for itself."""
     machine = SimulatedMachine()
-    estimator = LODCostEstimator(stage, CostLog())
+    estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 7, 0.01, machine, clock=machine.clock)
     pacer = BudgetController(estimator, lambda frame: 0.03)
     pacer.choose(7, Stopwatch(machine.clock))

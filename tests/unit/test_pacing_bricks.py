@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from film_stages import INTEGRATED, stage_of
 
-from renderer.frame import BudgetController, CostLog, LODCostEstimator, Stage, calibrate_costs, render_frames
+from renderer.frame import BudgetController, LODCostEstimator, Stage, calibrate_costs, render_frames
 from renderer.scene import CameraSpec, ErrorSpec, OutputSpec, ProceduralSource, TimeBudget, TurntablePath, VolumeSpec
 from tests.support.machines import BringingMachine, SimulatedMachine
 
@@ -31,7 +31,7 @@ def stage() -> Stage:
 
 def film(stage: Stage, machine: SimulatedMachine, seconds: float) -> tuple[list[float], list[float]]:
     """Seconds and tolerances of the frames."""
-    estimator = LODCostEstimator(stage, CostLog())
+    estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.3 * seconds, machine, clock=machine.clock)
     pacer = BudgetController(estimator, lambda frame: seconds)
     taken, tolerances = [], []
@@ -77,7 +77,7 @@ def test_a_budget_below_any_frame_draws_the_quickest_cut(stage: Stage) -> None:
     taken, tolerances = film(stage, SimulatedMachine(), 1e-3)
     assert len(set(tolerances)) == 1
     assert min(taken) > 1e-3
-    assert LODCostEstimator(stage, CostLog()).primitive.num_cells(tolerances[0]) == 1
+    assert LODCostEstimator(stage).primitive.num_cells(tolerances[0]) == 1
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
@@ -95,7 +95,7 @@ def test_a_machine_that_changes_its_speed_is_followed_within_some_frames(
 def test_predictions_hold_for_a_film(stage: Stage) -> None:
     """Of a machine whose costs are the samples."""
     machine = SimulatedMachine()
-    estimator = LODCostEstimator(stage, CostLog())
+    estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.01, machine, clock=machine.clock)
     pacer = BudgetController(estimator, lambda frame: 0.04)
     predicted, taken, start = [], [], machine.now
@@ -147,7 +147,7 @@ def test_frames_that_all_bring_something_are_learnt_from(stage: Stage, seconds: 
 def test_what_a_frame_took_is_told(stage: Stage) -> None:
     """With what it did for the others, in a step of its own."""
     machine = BringingMachine()
-    estimator = LODCostEstimator(stage, CostLog())
+    estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.01, machine, clock=machine.clock)
     start = machine.now
     first, second = render_frames(

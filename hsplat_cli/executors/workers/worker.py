@@ -18,7 +18,7 @@ from hsplat_cli.executors.rasterizers import open_rasterizer
 from hsplat_cli.executors.workers.messages import Message, error_to_plain, receive, send
 from hsplat_cli.executors.workers.shared_stage import map_stage
 from renderer.errors import ContextLostError, HsplatError, RenderError
-from renderer.frame import Rasterizer, Stage, Stopwatch, draw_frame, make_draw_list, make_lod
+from renderer.frame import Rasterizer, Stage, Stopwatch, draw_frame, make_draw_list, make_primitive
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -52,7 +52,8 @@ def _serve(end: socket.socket, descriptor: int) -> None:
 def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
     """Draw the whole volume as one splat: kernels are loaded, and shaders compiled, before the first frame."""
     watch = Stopwatch(time.perf_counter)
-    draw_frame(stage, make_draw_list(stage, make_lod(stage, math.inf, watch), 0, watch), rasterizer, watch)
+    lod = make_primitive(stage).make_lod(math.inf, watch.lap)
+    draw_frame(stage, make_draw_list(stage, lod, 0, watch), rasterizer, watch)
 
 
 def _drawn(drawer: LocalExecutor, number: int) -> FrameResult:
