@@ -13,7 +13,7 @@ from judge import judge, make_case, write_case
 
 from renderer.draw import GLRasterizer
 from renderer.draw.gl import raster as raster_gl
-from renderer.frame import splat_primitive as splat_family
+from renderer.frame import primitives
 from renderer.splats import SplatBatch, make_splats
 
 SEED = 2
@@ -64,7 +64,7 @@ def test_small_faults_are_seen(
     rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Callable[[SplatBatch], SplatBatch]
 ) -> None:
     """The bounds are no wider than rounding: a fault of 1 % is seen, unless it is out of the picture."""
-    for module in (splat_family, compare):
+    for module in (primitives, compare):
         monkeypatch.setattr(module, "make_splats", lambda cut, spec: fault(make_splats(cut, spec)))
     numbers = range(0, 24, 2)
     verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer) for index in numbers]

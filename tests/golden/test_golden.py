@@ -21,7 +21,7 @@ from hsplat_cli.compare.golden.provenance import read_provenance
 from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.compare.picture_file import read_picture
 from renderer.draw import GLRasterizer
-from renderer.frame import splat_primitive as splat_family
+from renderer.frame import primitives
 from renderer.pyramid import Cut
 from renderer.scene import SplatSpec
 from renderer.splats import SplatBatch
@@ -102,8 +102,8 @@ def test_a_defect_of_the_renderer_is_found_by_the_command(
         vertices[:, 3] *= np.float32(1.01)
         return dataclasses.replace(splats, vertices=vertices)
 
-    make_splats = splat_family.make_splats
-    monkeypatch.setattr(splat_family, "make_splats", spoilt)
+    make_splats = primitives.make_splats
+    monkeypatch.setattr(primitives, "make_splats", spoilt)
     result = compared(CASES[0], rasterizer, tmp_path)
     assert [frame["status"] for frame in result["frames"]] == ["different"] * 3
     assert all(frame["bias"][0] > 0.1 > abs(frame["bias"][2]) for frame in result["frames"])

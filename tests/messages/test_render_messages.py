@@ -14,7 +14,7 @@ import pytest
 
 from hsplat_cli import main
 from renderer.draw import GLRasterizer
-from renderer.frame import frame as drawing
+from renderer.frame import stage as stages
 from renderer.view import View, make_view
 
 SMALL = ["--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]"]
@@ -194,7 +194,7 @@ def test_a_picture_too_large_for_the_device(render: Render, monkeypatch: pytest.
     def huge(*arguments: Any) -> View:  # beyond what a scene may ask for, so that every device refuses it
         return dataclasses.replace(make_view(*arguments), size=(10**6, 8))
 
-    monkeypatch.setattr(drawing, "make_view", huge)
+    monkeypatch.setattr(stages, "make_view", huge)
     monkeypatch.setattr(GLRasterizer, "renderer_name", "llvmpipe")
     assert render.fails(*CONSTANT) == (
         1,
