@@ -1,4 +1,4 @@
-"""A frame that was drawn, by this process or another one: its picture, and what its film's sidecar tells of it."""
+"""A drawn frame, from this process or another; and what draws frames."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, Protocol
 
 from renderer.film import Picture
 from renderer.frame import (
-    Frame,
     Rasterizer,
     ScheduleController,
     Stage,
@@ -17,12 +16,16 @@ from renderer.frame import (
     frame_record,
     render_frames,
 )
+from renderer.study import FilmPlan
 
 
 @dataclass(frozen=True)
 class FrameResult:
-    """record: plain data for JSON, as `is_frame_record` has it: the number as `frame`, `tolerance`, `cells`, `splats`,
-    `seconds` by step."""
+    """A drawn frame.
+
+    record: plain data for JSON, as `is_frame_record` checks it: the number as `frame`, `tolerance`, `cells`, `splats`,
+    `seconds` by step.
+    """
 
     number: int
     picture: Picture
@@ -30,20 +33,24 @@ class FrameResult:
 
 
 class FrameExecutor(Protocol):
-    """Draws frames of a film, wherever that is.
+    """Draws frames of a film, in this process or elsewhere.
 
-    drivers: devices and drivers of the frames so far, as GL names them: one, unless machines differ.
-    notes: what the user should know.
+    plan: how frames get their tolerances. Its stage may move to shared memory while frames are drawn.
     """
 
     @property
-    def drivers(self) -> Sequence[str]: ...
+    def plan(self) -> FilmPlan: ...
 
     @property
-    def notes(self) -> Sequence[str]: ...
+    def drivers(self) -> Sequence[str]:
+        """Devices and drivers of the frames so far, as OpenGL names them: one, unless machines differ."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the user should know."""
 
     def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
-        """These frames, in this order."""
+        """Yield these frames, in this order."""
 
 
 class LocalExecutor:
@@ -54,14 +61,7 @@ class LocalExecutor:
         self._controller = ScheduleController(stage) if controller is None else controller
 
     def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
-        """As in Drawer."""
-        frames = render_frames(
-            self._stage, numbers, self._rasterizer, clock=time.perf_counter, controller=self._controller
-        )
-        for frame in frames:
-            yield make_frame_result(frame)
-
-
-def make_frame_result(frame: Frame) -> FrameResult:
-    """A frame of the loop."""
-    return FrameResult(frame.number, Picture(frame.image), frame_record(frame))
+        """Yield these frames, in this order."""
+        clock, controller = time.perf_counter, self._controller
+        for frame in render_frames(self._stage, numbers, self._rasterizer, clock=clock, controller=controller):
+            yield FrameResult(frame.number, Picture(frame.image), frame_record(frame))

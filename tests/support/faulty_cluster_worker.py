@@ -1,4 +1,4 @@
-"""What a worker of a cluster does with something wrong, in place of `hsplat_cli.executors.cluster.worker.draw`.
+"""What a worker of a cluster does with something wrong, in place of `draw_on_worker`.
 
 Workers import it by its name, from the folders where the test's process looks for modules.
 """
@@ -9,7 +9,7 @@ import os
 import signal
 from typing import Any
 
-from hsplat_cli.executors.cluster.worker import SerializedStage, draw
+from hsplat_cli.executors.cluster.worker import SerializedStage, draw_on_worker
 from renderer.errors import InputError
 
 FRAME = 3  # the one that things happen at
@@ -18,16 +18,16 @@ FRAME = 3  # the one that things happen at
 def kill_always(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     if number == FRAME:
         os.kill(os.getpid(), signal.SIGKILL)
-    return draw(stage_data, number)
+    return draw_on_worker(stage_data, number)
 
 
 def input_error(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     if number == FRAME:
         raise InputError("a bad frame", where="scene.yaml", got="this", expected="that", hint="another")
-    return draw(stage_data, number)
+    return draw_on_worker(stage_data, number)
 
 
 def out_of_memory(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     if number == FRAME:
         raise MemoryError("all of it is taken")
-    return draw(stage_data, number)
+    return draw_on_worker(stage_data, number)

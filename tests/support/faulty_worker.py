@@ -167,7 +167,7 @@ def stop_half_way_once(folder: Path) -> None:
     whole_send = worker.send
 
     def send(end: socket.socket, message: Message) -> None:
-        if message.runs and first(folder, "stopped"):
+        if message.buffers and first(folder, "stopped"):
             end.sendall(b"\x10\0\0\0[")  # the first of 16 bytes
             os.kill(os.getpid(), signal.SIGSTOP)
         whole_send(end, message)

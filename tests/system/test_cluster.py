@@ -22,12 +22,13 @@ import renderer
 from hsplat_cli import main
 from hsplat_cli.executors import LocalExecutor
 from hsplat_cli.executors.cluster import cluster_executor as cluster_drawer
-from hsplat_cli.executors.cluster.cluster_executor import Cluster
+from hsplat_cli.executors.cluster.cluster_executor import open_cluster_executor
 from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.frame import Stage, prepare_stage
 from renderer.scene.parse import parse_scene
+from renderer.study import FilmPlan
 from renderer.versions import package_versions
 
 NUM_FRAMES = 24
@@ -70,7 +71,7 @@ def draw(
     client: Client, stage: Stage, on_frame: Callable[[int], None] = lambda number: None
 ) -> tuple[list[bytes], list[str]]:
     """The files of all frames, and notes."""
-    with Cluster(client, "tcp://here:1", reporter=Reporter(), patience_s=30.0).for_stage(stage) as drawer:
+    with open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=30.0) as drawer:
         files = []
         for number, drawn in enumerate(drawer.draw(range(NUM_FRAMES))):
             assert drawn.number == drawn.record["frame"] == number
@@ -156,7 +157,7 @@ def test_a_worker_with_other_sources_is_refused(
 def error_of(client: Client, stage: Stage) -> HsplatError:
     """Of a film that begins with the frame that things happen at."""
     with (
-        Cluster(client, "tcp://here:1", reporter=Reporter(), patience_s=30.0).for_stage(stage) as drawer,
+        open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=30.0) as drawer,
         pytest.raises(HsplatError) as caught,
     ):
         list(drawer.draw(range(faulty.FRAME, NUM_FRAMES)))
@@ -165,7 +166,7 @@ def error_of(client: Client, stage: Stage) -> HsplatError:
 
 def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """There are as many as it may kill: Dask does not replace all of those that die as soon as they are there."""
-    monkeypatch.setattr(cluster_drawer, "draw", faulty.kill_always)
+    monkeypatch.setattr(cluster_drawer, "draw_on_worker", faulty.kill_always)
     with (
         LocalCluster(n_workers=3, threads_per_worker=1, memory_limit=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
@@ -178,14 +179,14 @@ def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.Monkey
 
 def test_a_frame_that_is_wrong(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is told is what a worker said."""
-    monkeypatch.setattr(cluster_drawer, "draw", faulty.input_error)
+    monkeypatch.setattr(cluster_drawer, "draw_on_worker", faulty.input_error)
     error = error_of(client, stage)
     text = "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another"
     assert (type(error), str(error)) == (InputError, text)
 
 
 def test_a_frame_that_nobody_can_draw(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster_drawer, "draw", faulty.out_of_memory)
+    monkeypatch.setattr(cluster_drawer, "draw_on_worker", faulty.out_of_memory)
     error = error_of(client, stage)
     assert type(error) is RenderError
     assert (error.what, error.got) == (f"frame {faulty.FRAME} cannot be drawn", "MemoryError: all of it is taken")
@@ -196,7 +197,7 @@ def test_nobody_is_there(stage: Stage) -> None:
     with (
         LocalCluster(n_workers=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
-        Cluster(client, "tcp://here:1", reporter=Reporter(), patience_s=0.5).for_stage(stage) as drawer,
+        open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=0.5) as drawer,
         pytest.raises(RenderError) as caught,
     ):
         next(drawer.draw([0]))

@@ -20,6 +20,7 @@ from hsplat_cli.executors.executor import Executor
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.executors.workers.process import HangPolicy
+from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.frame import Stage
@@ -117,7 +118,7 @@ def test_who_hangs_is_replaced(
     stage: Stage, expected: list[bytes], tmp_path: Path, fault: str, num_workers: int, again: str
 ) -> None:
     program = faulty(fault, tmp_path)
-    with open_pool(stage, num_workers, threads_per_worker=1, program=program, patience=LITTLE) as pool:
+    with open_pool(stage, num_workers, threads_per_worker=1, program=program, hang_policy=LITTLE) as pool:
         assert draw_all(pool) == expected
         assert pool.notes == [f"{ONE} hung (no processor time for 1 s) and was replaced{again}"]
 
@@ -127,7 +128,7 @@ def test_who_hangs_and_cannot_be_killed_is_left(
 ) -> None:
     """As one is that waits for a device in the kernel; here nobody kills it before the end of the block."""
     monkeypatch.setattr(process, "_KILL_TIMEOUT_S", 0.1)
-    with open_pool(stage, 2, threads_per_worker=1, program=faulty("stop_once", tmp_path), patience=LITTLE) as pool:
+    with open_pool(stage, 2, threads_per_worker=1, program=faulty("stop_once", tmp_path), hang_policy=LITTLE) as pool:
         with monkeypatch.context() as patch:
             patch.setattr(subprocess.Popen, "kill", lambda _: None)
             assert draw_all(pool) == expected
@@ -137,7 +138,9 @@ def test_who_hangs_and_cannot_be_killed_is_left(
 
 def test_who_takes_long_is_waited_for(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
     assert LITTLE.check_interval_s * LITTLE.max_idle_checks < LONG_S
-    with open_pool(stage, 2, threads_per_worker=1, program=faulty("take_long_once", tmp_path), patience=LITTLE) as pool:
+    with open_pool(
+        stage, 2, threads_per_worker=1, program=faulty("take_long_once", tmp_path), hang_policy=LITTLE
+    ) as pool:
         assert draw_all(pool) == expected
         assert pool.notes == []
 
@@ -162,7 +165,7 @@ def kill(processes: set[int]) -> None:
 
 
 def error_of(stage: Stage, name: str, folder: Path, patience: HangPolicy = MUCH) -> HsplatError:
-    with open_pool(stage, 2, threads_per_worker=1, program=faulty(name, folder), patience=patience) as pool:
+    with open_pool(stage, 2, threads_per_worker=1, program=faulty(name, folder), hang_policy=patience) as pool:
         with pytest.raises(HsplatError) as raised:
             draw_all(pool)
         return raised.value
@@ -305,7 +308,7 @@ def test_one_process_lets_go_of_what_the_others_draw() -> None:
     once = [weakref.ref(thing) for thing in (stage, stage.bricks, stage.volume)]
     with RecoveringRasterizer() as rasterizer:
         plan, most = FilmPlan(stage), 5000  # frames take milliseconds, and workers a second or so
-        with Executor(ExecutorSpec(workers=2), rasterizer, None).for_plan(plan, most) as drawer:
+        with Executor(ExecutorSpec(workers=2), rasterizer, None, Reporter()).for_plan(plan, most) as drawer:
             del plan, stage
             drawing = drawer.draw(range(most))
             for drawn in drawing:

@@ -14,6 +14,7 @@ from film_stages import PLAIN, stage_of
 from hsplat_cli.executors.cluster import cluster_executor as drawer
 from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
 from renderer.errors import RenderError
+from renderer.study import FilmPlan
 
 # What a worker does at a frame besides drawing it.
 DIE, FAIL, DIE_WITH_PICTURE, KILLED = "die", "fail", "die with the picture", "is killed, says Dask"
@@ -70,7 +71,7 @@ class Cluster:
     def _start(self) -> None:
         self._num_workers += 1
         self._tasks: list[Future] = []
-        self.fit = {f"worker {self._num_workers}"}
+        self.usable_workers = {f"worker {self._num_workers}"}
 
     def scatter(self, *_: Any, **__: Any) -> Future:
         stage = Future("stage")
@@ -78,14 +79,14 @@ class Cluster:
         return stage
 
     def submit(self, _: Any, __: Any, number: int, *, workers: list[str], pure: bool) -> Future:
-        assert {*workers} == self.fit and not pure
+        assert {*workers} == self.usable_workers and not pure
         self._num_submitted += 1
         assert self._num_submitted < MANY
         future = Future(f"frame {next(self._keys)}", number)
         self._tasks.append(future)
         return future
 
-    def look(self) -> None:
+    def update_workers(self) -> None:
         """The worker is done with its first frame, if it has any."""
         self._num_looks += 1
         assert self._num_looks < MANY
@@ -109,21 +110,21 @@ class Cluster:
             future.end("finished")
 
     def exclude(self, worker: str, why: str) -> None:
-        assert {worker} == self.fit
+        assert {worker} == self.usable_workers
         self._start()
 
     def recheck(self, worker: str) -> None:
-        if worker in self.fit:
+        if worker in self.usable_workers:
             self._start()
 
 
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(drawer, "_WAIT_S", 0.0)
+    monkeypatch.setattr(drawer, "_POLL_INTERVAL_S", 0.0)
 
 
 def drawn(cluster: Cluster, numbers: Sequence[int]) -> list[int]:
-    found = ClusterExecutor(cluster, cluster, stage_of(PLAIN)).draw(numbers)  # type: ignore[arg-type]
+    found = ClusterExecutor(cluster, cluster, FilmPlan(stage_of(PLAIN))).draw(numbers)  # type: ignore[arg-type]
     return [frame.number for frame in found]
 
 

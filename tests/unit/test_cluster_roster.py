@@ -9,13 +9,13 @@ import pytest
 
 from hsplat_cli.executors.cluster import registry
 from hsplat_cli.executors.cluster.registry import WorkerRegistry
-from hsplat_cli.executors.cluster.worker import describe
+from hsplat_cli.executors.cluster.worker import describe_worker
 from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 from renderer.versions import package_versions, sources_digest
 
 HERE = package_versions()["hsplat"]
-SAME = describe()
+SAME = describe_worker()
 ADDRESS = "tcp://here:1"
 
 
@@ -56,11 +56,11 @@ def test_what_a_worker_tells() -> None:
 )
 def test_workers_with_another_hsplat_are_refused(other: Any, told: str) -> None:
     found = roster_of({"a": SAME, "b": other})
-    found.look()
-    assert found.fit == {"a"}
+    found.update_workers()
+    assert found.usable_workers == {"a"}
     assert found.notes == [f"workers that could not draw were not used: 1 x {told}"]
     with pytest.raises(RenderError) as caught:
-        roster_of({"b": other, "c": other}).look()
+        roster_of({"b": other, "c": other}).update_workers()
     assert str(caught.value) == (
         f"--scheduler {ADDRESS}: no worker of the cluster can draw this film\n"
         f"  got: 2 x {told}\n"
@@ -74,17 +74,17 @@ def test_that_it_waits_is_said_at_once(monkeypatch: pytest.MonkeyPatch, capsys: 
     answers: dict[str, Any] = {}
     waits = "waiting 30 s for one; `dask worker ADDRESS` starts one\n"
     found = roster_of(answers)
-    found.look()
+    found.update_workers()
     assert capsys.readouterr() == ("", f"the cluster has no workers: {waits}")
-    found.look()
+    found.update_workers()
     answers["a"] = SAME
-    found.look()
+    found.update_workers()
     assert capsys.readouterr() == ("", "")
     del answers["a"]
-    found.look()
+    found.update_workers()
     assert capsys.readouterr() == ("", f"the cluster has no workers left: {waits}")
     quiet = WorkerRegistry(Client({}), ADDRESS, 30.0, Reporter(is_quiet=True))  # type: ignore[arg-type]
-    quiet.look()
+    quiet.update_workers()
     assert capsys.readouterr() == ("", "")
 
 
@@ -92,9 +92,9 @@ def test_who_is_in_doubt_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> 
     """At once, whenever all were to be looked at."""
     monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 3600.0)
     found = roster_of({"a": SAME, "b": SAME})
-    found.look()
+    found.update_workers()
     found.recheck("a")
-    assert found.fit == {"b"}
-    found.look()
-    assert found.fit == {"a", "b"}
+    assert found.usable_workers == {"b"}
+    found.update_workers()
+    assert found.usable_workers == {"a", "b"}
     assert found.notes == []

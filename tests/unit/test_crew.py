@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from renderer import cores
 from renderer.cores import num_cores
 from renderer.errors import RenderError
 from renderer.film import Picture
+from renderer.study import FilmPlan
 
 STAGE = SimpleNamespace(bricks=None)
 
@@ -22,15 +24,16 @@ def drawn(number: int, by: str, seconds: float) -> FrameResult:
     return FrameResult(number, Picture(np.zeros((1, 1, 3), np.uint8)), {"by": by, "seconds": {"draw": seconds}})
 
 
-class Alone:
+class Local:
     """Stands in for this process. seconds: of a frame."""
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds, self.drivers, self.notes = seconds, ("here",), ()
-        self.plan = SimpleNamespace(stage="in memory")
+    renderer_name, notes = "here", ()
 
-    def switch_stage(self, stage: str) -> None:
-        self.plan = SimpleNamespace(stage=stage)
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+
+    def forget(self) -> None:
+        pass
 
     def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
         for number in numbers:
@@ -68,8 +71,10 @@ class Pool:
 
 def who(seconds: float, pool: Pool, *, num: int = 10, must: bool = False) -> tuple[str, Sequence[str]]:
     """A letter for each frame, `a` or `p`, and the notes."""
-    drawer = executor._GrowingExecutor(Alone(seconds), pool.call, must=must)  # type: ignore[arg-type]
-    frames = list(drawer.draw(range(100, 100 + num)))
+    local, plan = Local(seconds), FilmPlan("in memory")  # type: ignore[arg-type]
+    with mock.patch.object(executor, "LocalExecutor", return_value=local):
+        drawer = executor._GrowingExecutor(plan, local, pool.call, needs_pool=must)  # type: ignore[arg-type]
+        frames = list(drawer.draw(range(100, 100 + num)))
     assert [frame.number for frame in frames] == list(range(100, 100 + num))
     assert drawer.drivers == (("here", "there") if pool.is_called and pool.fails != "start" else ("here",))
     who_drew = "".join(frame.record["by"][0] for frame in frames)

@@ -16,11 +16,11 @@ PATIENCE = HangPolicy(max_idle_checks=3)
 
 
 @pytest.fixture
-def worker() -> Iterator[WorkerProcess[int]]:
+def worker() -> Iterator[WorkerProcess]:
     """It is not ready, and will not be."""
     with open(os.devnull, "rb") as nothing, ChildProcesses() as child_processes:
         program, environment = ("children", "wait"), dict(os.environ)
-        found = WorkerProcess[int](child_processes, program, nothing.fileno(), environment, PATIENCE)
+        found = WorkerProcess(child_processes, program, nothing.fileno(), environment, PATIENCE)
         yield found
         found.kill()
         found.close()
@@ -34,51 +34,49 @@ def times(monkeypatch: pytest.MonkeyPatch) -> list[int | None]:
     return found
 
 
-def hangs_after(worker: WorkerProcess[int], max_idle_checks: int) -> bool:
+def hangs_after(worker: WorkerProcess, max_idle_checks: int, *, has_work: bool = True) -> bool:
     for _ in range(max_idle_checks):
-        assert not worker.hangs
-        worker.look()
-    return worker.hangs
+        assert not worker.is_hung
+        worker.check_progress(has_work=has_work)
+    return worker.is_hung
 
 
-def test_the_first_look_has_nothing_to_compare_with(worker: WorkerProcess[int], times: list[int | None]) -> None:
+def test_the_first_look_has_nothing_to_compare_with(worker: WorkerProcess, times: list[int | None]) -> None:
     assert hangs_after(worker, 4)
 
 
-def test_processor_time_begins_it_anew(worker: WorkerProcess[int], times: list[int | None]) -> None:
+def test_processor_time_begins_it_anew(worker: WorkerProcess, times: list[int | None]) -> None:
     times[:] = [5, 5, 5, 6]
     assert not hangs_after(worker, 6)
     assert hangs_after(worker, 1)
 
 
-def test_so_does_a_message(worker: WorkerProcess[int], times: list[int | None]) -> None:
+def test_so_does_a_message(worker: WorkerProcess, times: list[int | None]) -> None:
     assert not hangs_after(worker, 3)
     worker.receive()
     assert not hangs_after(worker, 2)
     assert hangs_after(worker, 1)
 
 
-def test_who_has_nothing_to_do_is_idle(worker: WorkerProcess[int], times: list[int | None]) -> None:
-    worker.renderer_name = "ready"
-    assert not hangs_after(worker, 10)
-    worker.tasks.append(1)
+def test_who_has_nothing_to_do_is_idle(worker: WorkerProcess, times: list[int | None]) -> None:
+    assert not hangs_after(worker, 10, has_work=False)
     assert not hangs_after(worker, 2)
     assert hangs_after(worker, 1)
 
 
-def test_where_the_system_does_not_tell(worker: WorkerProcess[int], times: list[int | None]) -> None:
+def test_where_the_system_does_not_tell(worker: WorkerProcess, times: list[int | None]) -> None:
     times[:] = [None]
     assert not hangs_after(worker, 10)
 
 
-def test_one_that_is_not_to_be_ended_is_left(worker: WorkerProcess[int], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_that_is_not_to_be_ended_is_left(worker: WorkerProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     """As one is that waits for a device in the kernel."""
-    monkeypatch.setattr(process, "_LONGEST_END_S", 0.01)
+    monkeypatch.setattr(process, "_EXIT_TIMEOUT_S", 0.01)
     monkeypatch.setattr(process, "_KILL_TIMEOUT_S", 0.01)
     with monkeypatch.context() as patch:
         patch.setattr(subprocess.Popen, "kill", lambda _: None)
         worker.close()
-        assert worker.is_left and worker.was_killed
+        assert worker.is_still_alive and worker.was_killed
         assert str(worker.exit_error()) == (
             "a process that draws has hung\n  got: it does not end, though it was killed"
         )

@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.executors.cluster.worker import describe
+from hsplat_cli.executors.cluster.worker import describe_worker
 from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 
@@ -21,50 +21,50 @@ _HINT = "`dask worker ADDRESS` starts one"
 class WorkerRegistry:
     """The workers of a cluster that can draw, by their addresses.
 
-    address: of the scheduler, for messages. patience_s: the longest time without any worker at all.
+    address: of the scheduler, for messages. max_wait_s: the longest time without any worker at all.
     """
 
-    def __init__(self, client: Client, address: str, patience_s: float, reporter: Reporter) -> None:
-        self._client, self._address, self._patience_s = client, address, patience_s
-        self._here = describe()
+    def __init__(self, client: Client, address: str, max_wait_s: float, reporter: Reporter) -> None:
+        self._client, self._address, self._max_wait_s = client, address, max_wait_s
+        self._here = describe_worker()
         self._excluded: dict[str, str] = {}  # why, by address
         self._had_any, self._is_reported, self._reporter = False, False, reporter
-        self._look_at = self._last_seen = time.monotonic()
-        self.fit: set[str] = set()
+        self._next_check = self._last_seen = time.monotonic()
+        self.usable_workers: set[str] = set()
         self._require_hsplat_in_scheduler()
 
     def exclude(self, worker: str, why: str) -> None:
         """Do not use this worker again."""
-        self.fit.discard(worker)
+        self.usable_workers.discard(worker)
         self._excluded[worker] = why
 
     def recheck(self, worker: str) -> None:
         """Do not use this worker, which may be gone, or the scheduler with it, before it was looked at again: soon."""
-        self.fit.discard(worker)
-        self._look_at = time.monotonic()
+        self.usable_workers.discard(worker)
+        self._next_check = time.monotonic()
 
-    def look(self) -> None:
+    def update_workers(self) -> None:
         """Find out, if it is time, who has come and who is gone. Raises RenderError when nobody is left."""
-        if time.monotonic() < self._look_at:
+        if time.monotonic() < self._next_check:
             return
         present = set(self._ask(self._client.nthreads))
-        self._look_at = time.monotonic() + _CHECK_INTERVAL_S
-        self.fit &= present
-        new = present - self.fit - self._excluded.keys()
+        self._next_check = time.monotonic() + _CHECK_INTERVAL_S
+        self.usable_workers &= present
+        new = present - self.usable_workers - self._excluded.keys()
         if new:
             self._check_new_workers(new)
         if present:
             self._had_any, self._last_seen, self._is_reported = True, time.monotonic(), False
-        elif time.monotonic() > self._last_seen + self._patience_s:
+        elif time.monotonic() > self._last_seen + self._max_wait_s:
             raise RenderError(
                 self._what,
                 where=f"--scheduler {self._address}",
-                got=f"none for {self._patience_s:g} s",
+                got=f"none for {self._max_wait_s:g} s",
                 hint=_HINT,
             )
         elif not self._is_reported:
             self._is_reported = True
-            self._reporter.status(f"{self._what}: waiting {self._patience_s:g} s for one; {_HINT}")
+            self._reporter.status(f"{self._what}: waiting {self._max_wait_s:g} s for one; {_HINT}")
         if present and present <= self._excluded.keys():
             raise RenderError(
                 "no worker of the cluster can draw this film",
@@ -86,12 +86,12 @@ class WorkerRegistry:
 
     def _check_new_workers(self, workers: set[str]) -> None:
         # Not a task: a worker without the module of a task's function would end.
-        answers = self._ask(lambda: self._client.run(describe, workers=sorted(workers), on_error="return"))
+        answers = self._ask(lambda: self._client.run(describe_worker, workers=sorted(workers), on_error="return"))
         for worker, answer in answers.items():
             if isinstance(answer, dict):
                 other = self._version_mismatch(answer)
                 if other is None:
-                    self.fit.add(worker)
+                    self.usable_workers.add(worker)
                 else:
                     self._excluded[worker] = other
             elif _is_missing(answer):
@@ -110,7 +110,7 @@ class WorkerRegistry:
 
     def _require_hsplat_in_scheduler(self) -> None:
         try:
-            self._ask(lambda: self._client.run_on_scheduler(describe))
+            self._ask(lambda: self._client.run_on_scheduler(describe_worker))
         except ImportError as error:
             raise RenderError(
                 "the scheduler needs hsplat, too: it passes on what workers are to do",

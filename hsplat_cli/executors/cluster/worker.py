@@ -23,7 +23,7 @@ from renderer.frame import deserialize_stage
 from renderer.versions import package_versions, sources_digest
 
 
-class Studio:
+class RenderThread:
     """A stage and a GL context to draw it with, in a thread of their own: GL contexts belong to threads.
 
     num_threads: of the software renderer, unless LP_NUM_THREADS is set.
@@ -74,27 +74,27 @@ class SerializedStage:
     def __sizeof__(self) -> int:
         return self._content.nbytes
 
-    def studio(self, num_threads: int) -> Studio:
+    def render_thread(self, num_threads: int) -> RenderThread:
         """Made when it is first asked for."""
         with self._lock:
             if self._render_thread is None:
                 content = self._content if self._content.flags.writeable else self._content.copy()
-                self._render_thread = Studio(content.data, num_threads)
+                self._render_thread = RenderThread(content.data, num_threads)
                 self._closing = weakref.finalize(self, self._render_thread.close)
                 self._closing.atexit = False  # when threads have ended
             return self._render_thread
 
-    def give_up(self, studio: Studio) -> None:
+    def discard_thread(self, thread: RenderThread) -> None:
         """Make a new one when it is asked for again."""
         with self._lock:
-            if self._render_thread is studio:
+            if self._render_thread is thread:
                 self._render_thread = None
                 self._closing()
 
-    _render_thread: Studio | None
+    _render_thread: RenderThread | None
 
 
-def describe() -> dict[str, Any]:
+def describe_worker() -> dict[str, Any]:
     """The versions in this process, and as `sources` the digest of what draws: checkouts may have one version.
 
     That this can be called tells that hsplat is installed.
@@ -106,14 +106,14 @@ def describe() -> dict[str, Any]:
 _sources_digest = functools.cache(sources_digest)
 
 
-def draw(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+def draw_on_worker(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     """A frame's PNG file, what its film's sidecar tells of it, and what it was made with."""
     from distributed import get_worker
 
-    studio = stage_data.studio(get_worker().state.nthreads)
+    thread = stage_data.render_thread(get_worker().state.nthreads)
     try:
-        drawn = studio.draw(number)
+        drawn = thread.draw(number)
     except ContextLostError:
-        stage_data.give_up(studio)
+        stage_data.discard_thread(thread)
         raise
-    return drawn.picture.png, drawn.record, studio.tool_versions
+    return drawn.picture.png, drawn.record, thread.tool_versions

@@ -1,6 +1,6 @@
-"""Messages between the pool and its workers: plain data and runs of bytes, over a pair of sockets.
+"""Messages between the pool and its workers: plain data and buffers of bytes, over a pair of sockets.
 
-    length of the text, uint32 little-endian | text, JSON: [content, lengths of the runs] | the runs
+    length of the text, uint32 little-endian | text, JSON: [content, lengths of the buffers] | the buffers
 
 Whoever reads them checks nothing: both ends are of one version, and nobody else has them.
 """
@@ -23,18 +23,18 @@ Plain = dict[str, Any]
 
 @dataclass(frozen=True)
 class Message:
-    """content: plain data for JSON. runs: what is too long for it, or not text."""
+    """content: plain data for JSON. buffers: what is too long for it, or not text."""
 
     content: Plain
-    runs: tuple[bytes, ...] = ()
+    buffers: tuple[bytes, ...] = ()
 
 
 def send(end: socket.socket, message: Message) -> None:
     """Send a message, however long it takes until there is room. Raises OSError when nobody reads any more."""
-    text = json.dumps([message.content, [len(run) for run in message.runs]]).encode("ascii")
+    text = json.dumps([message.content, [len(buffer) for buffer in message.buffers]]).encode("ascii")
     end.sendall(_LENGTH.pack(len(text)) + text)
-    for run in message.runs:
-        end.sendall(run)
+    for buffer in message.buffers:
+        end.sendall(buffer)
 
 
 def receive(end: socket.socket) -> Message:
@@ -57,10 +57,10 @@ def _incoming(end: socket.socket, flags: int) -> Iterator[Message | None]:
     while True:
         (length,) = _LENGTH.unpack((yield from _receive_exactly(end, _LENGTH.size, flags)))
         content, lengths = json.loads((yield from _receive_exactly(end, length, flags)))
-        runs = []
+        buffers = []
         for length in lengths:
-            runs.append((yield from _receive_exactly(end, length, flags)))
-        yield Message(content, tuple(runs))
+            buffers.append((yield from _receive_exactly(end, length, flags)))
+        yield Message(content, tuple(buffers))
 
 
 def _receive_exactly(end: socket.socket, num_bytes: int, flags: int) -> Generator[None, None, bytes]:

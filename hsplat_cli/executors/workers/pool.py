@@ -1,24 +1,22 @@
 """Draws the frames of a film with several worker processes.
 
-Frames are handed out one by one to whoever has least to do, and come back in order. A worker that dies, or whose GL
-context is lost, is replaced, and what it had is drawn again. So is one that hangs: a frame that takes long takes
-processor time, and a process that is stopped, dead-locked, or waits for what never comes, does not. That is seen where
-the system has a /proc, which macOS has not.
+A worker that dies, or whose OpenGL context is lost, is replaced, and its frames are drawn again. So is one that hangs:
+a long frame takes processor time, and a process that is stopped or dead-locked takes none. A hang is detected where the
+system has a /proc, which macOS has not.
 """
 
 from __future__ import annotations
 
-import heapq
 import selectors
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from hsplat_cli.executors.frame_result import FrameResult
+from hsplat_cli.executors.schedule import MAX_LOSSES, FrameSchedule, Task
 from hsplat_cli.executors.workers.child_processes import ChildProcesses
 from hsplat_cli.executors.workers.messages import Message, error_from_plain
 from hsplat_cli.executors.workers.process import HangPolicy, WorkerProcess, worker_environment
@@ -28,13 +26,6 @@ from renderer.film import Picture
 from renderer.frame import Stage
 
 PROGRAM = ("hsplat_cli.executors.workers.worker",)
-
-# A worker has the next frame at hand when one is done.
-_TASKS_EACH = 2
-# Finished frames that wait for a slow one, and those being drawn, are so many for each worker.
-_WINDOW_PER_WORKER = 4
-# A frame that kills whoever draws it is given up after so many; so are workers that die before they are ready.
-_MAX_DEATHS = 3
 
 _HANG_POLICY = HangPolicy()
 
@@ -47,53 +38,31 @@ def open_pool(
     threads_per_worker: int,
     with_pixels: bool = True,
     program: Sequence[str] = PROGRAM,
-    patience: HangPolicy = _HANG_POLICY,
+    hang_policy: HangPolicy = _HANG_POLICY,
 ) -> Iterator[Pool]:
-    """Start worker processes, which need about a second until they are ready; after the block there are none.
+    """Start worker processes, which take about a second until they are ready, and end them after the block.
 
-    With 0 of them, `Pool.start` has to start some before anything is drawn.
+    The stage moves to shared memory: callers go on with `Pool.stage` and drop theirs.
 
-    The stage moves to shared memory: `Pool.stage` is the one to go on with. threads_per_worker: of Mesa's software
-    renderer, in each worker; where LP_NUM_THREADS is set, that holds. with_pixels: pictures come with their pixels
-    beside the file that they would have to be decoded from. program: the module that workers run, and arguments.
-    patience: with those that hang.
+    num_workers: with 0, call `Pool.start` before `Pool.draw`. threads_per_worker: of Mesa's software renderer; the
+    variable LP_NUM_THREADS takes precedence. with_pixels: send the pixels of each picture beside its PNG file, to save
+    decoding. program: the module that workers run, and its arguments.
 
     Raises RenderError where the memory or the processes cannot be had. `Pool.is_ready` and `Pool.draw` raise what a
-    worker failed with, and RenderError where a frame could not be drawn in spite of several tries.
+    worker failed with, and RenderError where a frame could not be drawn in spite of several attempts.
     """
     with ExitStack() as stack:
         shared = stack.enter_context(closing(SharedStage(stage)))
         del stage
         child_processes = stack.enter_context(ChildProcesses())
-        pool = Pool(shared, child_processes, tuple(program), threads_per_worker, with_pixels, patience)
+        pool = Pool(shared, child_processes, tuple(program), threads_per_worker, with_pixels, hang_policy)
         stack.callback(pool.close)
         pool.start(num_workers)
         yield pool
 
 
-@dataclass(order=True)
-class _Task:
-    """A frame to be drawn. place: among those of its run."""
-
-    place: int
-    number: int = field(compare=False)
-    run: _DrawCall = field(compare=False)
-    num_deaths: int = field(compare=False, default=0)
-
-
-class _DrawCall:
-    """The frames of one call of `draw`.
-
-    waiting: a heap of those that nobody is at. done: by place, until they are taken.
-    """
-
-    def __init__(self, numbers: Sequence[int]) -> None:
-        self.waiting = [_Task(place, number, self) for place, number in enumerate(numbers)]
-        self.done: dict[int, FrameResult] = {}
-
-
 class Pool:
-    """Made by `open_pool`. It is for one thread, and its frames are drawn in one `draw` at a time.
+    """Worker processes; made by `open_pool`. For one thread; one call of `draw` at a time.
 
     stage: what is drawn, in shared memory.
     """
@@ -105,18 +74,19 @@ class Pool:
         program: Sequence[str],
         threads_per_worker: int,
         with_pixels: bool,
-        patience: HangPolicy,
+        hang_policy: HangPolicy,
     ) -> None:
         self.stage = shared.stage
         self._descriptor, self._child_processes, self._program = shared.descriptor, child_processes, program
         self._environment = worker_environment(threads_per_worker)
         self._with_pixels = with_pixels
-        self._workers: list[WorkerProcess[_Task]] = []
+        self._workers: list[WorkerProcess] = []
+        self._schedule = FrameSchedule[WorkerProcess]()
         self._selector = selectors.DefaultSelector()
         self._renderer_names: dict[str, None] = {}  # a set that keeps its order
         self._num_failed_starts = 0
         self._losses: Counter[tuple[str, bool]] = Counter()  # by how workers were lost, and whether with frames
-        self._hang_policy, self._next_check = patience, time.monotonic() + patience.check_interval_s
+        self._hang_policy, self._next_check = hang_policy, time.monotonic() + hang_policy.check_interval_s
 
     @property
     def notes(self) -> list[str]:
@@ -138,30 +108,24 @@ class Pool:
         self._poll_messages(0)
         return any(worker.is_ready for worker in self._workers)
 
-    def draw(self, numbers: Sequence[int]) -> Iterator[FrameResult]:
-        """These frames, in this order, at the tolerances of the schedule of the stage's scene.
+    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
+        """Yield these frames, in this order, at the tolerances of the schedule of the stage's scene.
 
-        It may be left before its end. Only few frames are drawn ahead of what was taken.
+        May be closed before its end.
         """
-        run = _DrawCall(numbers)
-        for place in range(len(numbers)):
-            self._assign_tasks(run, place)
-            while place not in run.done:
-                self._poll_messages(None)
-                self._assign_tasks(run, place)
-            yield run.done.pop(place)
+        return self._schedule.draw(numbers, self._assign_tasks, lambda: self._poll_messages(None))
 
     def start(self, num_workers: int) -> None:
-        """Start so many workers more."""
+        """Start this number of workers more."""
         for _ in range(num_workers):
-            worker = WorkerProcess[_Task](
+            worker = WorkerProcess(
                 self._child_processes, self._program, self._descriptor, self._environment, self._hang_policy
             )
             self._workers.append(worker)
             self._selector.register(worker, selectors.EVENT_READ)
 
     def close(self) -> None:
-        """End all workers, whatever they are at."""
+        """End all workers, whatever they do."""
         for worker in self._workers:
             worker.kill()
         for worker in self._workers:
@@ -169,25 +133,16 @@ class Pool:
         self._workers.clear()
         self._selector.close()
 
-    def _assign_tasks(self, run: _DrawCall, place: int) -> None:
-        """Give tasks to the workers while the frame of a place is waited for."""
-        end = place + _WINDOW_PER_WORKER * len(self._workers)
-        while run.waiting and run.waiting[0].place < end:
-            ready = [worker for worker in self._workers if worker.is_ready]
-            worker = min(ready, key=lambda worker: len(worker.tasks), default=None)
-            # The last ones go to whoever is free first.
-            most = _TASKS_EACH if len(run.waiting) >= len(self._workers) else 1
-            if worker is None or len(worker.tasks) >= most:
-                return
-            task = heapq.heappop(run.waiting)
-            worker.tasks.append(task)
+    def _assign_tasks(self) -> None:
+        while assigned := self._schedule.assign([worker for worker in self._workers if worker.is_ready]):
+            worker, task = assigned
             worker.send(Message({"draw": task.number, "pixels": self._with_pixels}))
 
     def _poll_messages(self, seconds: float | None) -> None:
-        """Take what workers have to say, of which there is something or will be within this time; None is a while."""
-        until_look = max(0.0, self._next_check - time.monotonic())
-        for key, _ in self._selector.select(until_look if seconds is None else seconds):
-            worker: WorkerProcess[_Task] = key.fileobj  # type: ignore[assignment]
+        """Wait this long for messages of workers, and handle them; with None, until the next check for hung workers."""
+        until_check = max(0.0, self._next_check - time.monotonic())
+        for key, _ in self._selector.select(until_check if seconds is None else seconds):
+            worker: WorkerProcess = key.fileobj  # type: ignore[assignment]
             try:
                 message = worker.receive()
             except EOFError:
@@ -199,23 +154,22 @@ class Pool:
             self._end_hung_workers()
 
     def _end_hung_workers(self) -> None:
-        """End workers that hang."""
         for worker in list(self._workers):
-            worker.look()
-            if worker.hangs:
+            worker.check_progress(has_work=bool(self._schedule.tasks[worker]) or not worker.is_ready)
+            if worker.is_hung:
                 worker.kill()
                 self._replace_worker(worker, None)
         self._next_check = time.monotonic() + self._hang_policy.check_interval_s
 
-    def _handle_message(self, worker: WorkerProcess[_Task], message: Message) -> None:
+    def _handle_message(self, worker: WorkerProcess, message: Message) -> None:
         ((kind, content),) = message.content.items()
         if kind == "ready":
             worker.renderer_name = content
             self._renderer_names[content] = None
             self._num_failed_starts = 0
         elif kind == "drawn":
-            task = worker.tasks.popleft()
-            task.run.done[task.place] = FrameResult(task.number, self._picture(*message.runs), content)
+            task = self._schedule.tasks[worker][0]
+            self._schedule.finish(worker, task, FrameResult(task.number, self._picture(*message.buffers), content))
         elif kind == "lost":
             worker.kill()
             self._replace_worker(worker, error_from_plain(content))
@@ -230,39 +184,37 @@ class Pool:
         shape = height, width, 4 if output.background is None else 3
         return Picture(np.frombuffer(pixels, np.uint8).reshape(shape), png)
 
-    def _replace_worker(self, worker: WorkerProcess[_Task], error: HsplatError | None) -> None:
-        """Replace a worker that has died, or has to go with an error; what it had goes back to those that wait."""
+    def _replace_worker(self, worker: WorkerProcess, error: HsplatError | None) -> None:
+        """Replace a worker that has died, or fails with an error, and give its frames to others."""
         self._selector.unregister(worker)
         self._workers.remove(worker)
         worker.close()
         may_be_chance = error is not None or worker.was_killed
-        self._losses[self._how_lost(worker, error), bool(worker.tasks)] += 1
+        task = next(iter(self._schedule.tasks[worker]), None)
+        self._schedule.take_back(worker)
+        self._losses[self._loss_text(worker, error), task is not None] += 1
         error = error or worker.exit_error()
         if not worker.is_ready:
             self._num_failed_starts += 1
-            if not may_be_chance or self._num_failed_starts == _MAX_DEATHS:
+            if not may_be_chance or self._num_failed_starts == MAX_LOSSES:
                 raise error
-        for task in worker.tasks:
-            heapq.heappush(task.run.waiting, task)
-        if worker.tasks:
-            task = worker.tasks[0]
-            task.num_deaths += 1
-            if task.num_deaths == _MAX_DEATHS:
-                raise self._too_many_deaths_error(task, error)
+        if task is not None and len(task.losses) == MAX_LOSSES:
+            raise _repeated_loss_error(task, error)
         self.start(1)
 
-    def _how_lost(self, worker: WorkerProcess[_Task], error: HsplatError | None) -> str:
+    def _loss_text(self, worker: WorkerProcess, error: HsplatError | None) -> str:
         if error is not None:
             how = "lost OpenGL's context"
         else:
-            how = f"hung ({self._hang_policy.verdict})" if worker.hangs else "died"
-        return how + ", could not be ended" * worker.is_left
+            how = f"hung ({self._hang_policy.hang_text})" if worker.is_hung else "died"
+        return how + ", could not be ended" * worker.is_still_alive
 
-    def _too_many_deaths_error(self, task: _Task, error: HsplatError) -> RenderError:
-        return RenderError(
-            f"{error.what}, {_MAX_DEATHS} times at the same frame",
-            where=", ".join(filter(None, (error.where, f"frame {task.number}"))),
-            got=error.got,
-            expected=error.expected,
-            hint=error.hint,
-        )
+
+def _repeated_loss_error(task: Task, error: HsplatError) -> RenderError:
+    return RenderError(
+        f"{error.what}, {MAX_LOSSES} times at the same frame",
+        where=", ".join(filter(None, (error.where, f"frame {task.number}"))),
+        got=error.got,
+        expected=error.expected,
+        hint=error.hint,
+    )

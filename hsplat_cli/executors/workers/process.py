@@ -7,26 +7,22 @@ import signal
 import socket
 import subprocess
 import time
-from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
 
 from hsplat_cli.executors.workers.child_processes import ChildProcesses
 from hsplat_cli.executors.workers.messages import Message, receive_available, send
 from renderer.errors import RenderError
 from renderer.film import StreamTail
 
-Task = TypeVar("Task")
-
 # Of a worker's standard error stream, what a message can show.
 _NUM_LAST_LINES = 5
 
 # A process that has closed its socket is about to end; one that does not is killed. One that is killed ends as soon as
 # the kernel can let go of it, which may be never, where a device or a file system does not answer.
-_LONGEST_END_S, _KILL_TIMEOUT_S = 1.0, 5.0
+_EXIT_TIMEOUT_S, _KILL_TIMEOUT_S = 1.0, 5.0
 
 
 @dataclass(frozen=True)
@@ -41,16 +37,15 @@ class HangPolicy:
     max_idle_checks: int = 12
 
     @property
-    def verdict(self) -> str:
+    def hang_text(self) -> str:
         """On one that hangs."""
         return f"no processor time for {self.check_interval_s * self.max_idle_checks:g} s"
 
 
-class WorkerProcess(Generic[Task]):
-    """One child, from its start on.
+class WorkerProcess:
+    """A worker, from its start on.
 
-    renderer_name: of its GL context, once it is ready. tasks: those that it has and that are not done, the first of
-    which it is at.
+    renderer_name: of its OpenGL context, once it is ready.
     """
 
     def __init__(
@@ -59,11 +54,10 @@ class WorkerProcess(Generic[Task]):
         program: Sequence[str],
         descriptor: int,
         environment: Mapping[str, str],
-        patience: HangPolicy,
+        hang_policy: HangPolicy,
     ) -> None:
         self.renderer_name: str | None = None
-        self.tasks: deque[Task] = deque()
-        self._hang_policy, self._num_idle_checks = patience, 0
+        self._hang_policy, self._num_idle_checks = hang_policy, 0
         self._processor_time: int | None = None
         self._killed_at: float | None = None
         self._socket, other = socket.socketpair()
@@ -84,7 +78,7 @@ class WorkerProcess(Generic[Task]):
                 self._socket.close()
                 raise RenderError("a process that draws cannot be started", got=str(error)) from error
         assert self._process.stderr is not None
-        self._words = StreamTail(self._process.stderr)
+        self._stderr_tail = StreamTail(self._process.stderr)
         self._incoming = receive_available(self._socket)
 
     def fileno(self) -> int:
@@ -112,16 +106,15 @@ class WorkerProcess(Generic[Task]):
         except OSError as error:  # it ended with a task unread
             raise EOFError from error
 
-    def look(self) -> None:
-        """See whether it has done anything since the last look; where there is no /proc that is taken for granted."""
+    def check_progress(self, *, has_work: bool) -> None:
+        """Note whether it has used the processor since the last check; without a /proc it is taken to have."""
         before, self._processor_time = self._processor_time, _processor_time(self._process.pid)
-        has_work = bool(self.tasks) or not self.is_ready
         is_idle = has_work and before is not None and before == self._processor_time
         self._num_idle_checks = self._num_idle_checks + 1 if is_idle else 0
 
     @property
-    def hangs(self) -> bool:
-        """Whether it has something to do and has, for look after look, neither used the processor nor sent anything."""
+    def is_hung(self) -> bool:
+        """Whether it has work and has, for check after check, neither used the processor nor sent anything."""
         return self._num_idle_checks >= self._hang_policy.max_idle_checks
 
     def kill(self) -> None:
@@ -132,7 +125,7 @@ class WorkerProcess(Generic[Task]):
 
     def close(self) -> None:
         """Wait for its end, which has come or is near; one that does not even end when it is killed is left alone."""
-        if self._killed_at is None and not self._ends_within(_LONGEST_END_S):
+        if self._killed_at is None and not self._ends_within(_EXIT_TIMEOUT_S):
             self.kill()
         if self._killed_at is not None:
             self._ends_within(self._killed_at + _KILL_TIMEOUT_S - time.monotonic())
@@ -147,28 +140,28 @@ class WorkerProcess(Generic[Task]):
         return True
 
     @property
-    def is_left(self) -> bool:
+    def is_still_alive(self) -> bool:
         """Whether, after `close`, it is still there."""
         return self._process.returncode is None
 
     @property
     def was_killed(self) -> bool:
         """Whether it ended by a signal, or would have."""
-        return self.is_left or self._process.returncode < 0
+        return self.is_still_alive or self._process.returncode < 0
 
     def exit_error(self) -> RenderError:
         """How it ended, after `close`, and what it said last."""
         status = self._process.returncode
-        if self.hangs:
-            how = self._hang_policy.verdict
+        if self.is_hung:
+            how = self._hang_policy.hang_text
         elif status is None:
             how = "it does not end, though it was killed"
         else:
             how = f"signal {_signal_name(-status)}" if status < 0 else f"exit status {status}"
-        is_for_memory = status == -signal.SIGKILL and not self.hangs
+        is_for_memory = status == -signal.SIGKILL and not self.is_hung
         return RenderError(
-            f"a process that draws has {'hung' if self.hangs or self.is_left else 'died'}",
-            got="\n    ".join([how, *self._words.lines()[-_NUM_LAST_LINES:]]),
+            f"a process that draws has {'hung' if self.is_hung or self.is_still_alive else 'died'}",
+            got="\n    ".join([how, *self._stderr_tail.lines()[-_NUM_LAST_LINES:]]),
             hint="where memory runs out the system sends this signal: fewer workers need less"
             if is_for_memory
             else None,
