@@ -1,0 +1,9 @@
+"""hsplat as a library: scalar volumes to pictures and films.
+
+In: a scene file, a Scene or a numpy array [z, y, x]. Out: a frame, a film, or the exact picture, drawn in this process
+to the same bytes as by the command `hsplat render`. `docs/api.md` has all of it, with examples.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,6 +12,7 @@ from renderer.film import first_output_paths, require_folder_if_exists, require_
 from renderer.readers import require_volume_file
 from renderer.scene import (
     AccuracyGoal,
+    ArraySource,
     ByFrame,
     FileSource,
     ProceduralSource,
@@ -73,7 +74,7 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     ]
 
 
-def _source(source: FileSource | RawSource | ProceduralSource) -> str:
+def _source(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:
     if isinstance(source, FileSource):
         lengths = "" if source.spacing is None else " x ".join(f"{length:g}" for length in source.spacing)
         return f"{source.file}{f', spacing {lengths} in place of its own' if lengths else ''}"

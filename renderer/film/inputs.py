@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.scene import FileSource, ProceduralSource, VolumeSpec
+from renderer.scene import ArraySource, FileSource, ProceduralSource, VolumeSpec
 
 _TIFF, _NRRD, _METAIMAGE = (".tif", ".tiff"), (".nrrd", ".nhdr"), (".mha", ".mhd")
 # How pictures, films and sidecars begin, which may lie among the slices of a volume; that of MP4 is behind a length.
@@ -38,7 +38,7 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
 def volume_files(volume: VolumeSpec) -> Iterator[Path]:
     """Yield the files of a volume, as far as they are known, with a header's data files and a folder's slices."""
     source = volume.source
-    if isinstance(source, ProceduralSource):
+    if isinstance(source, (ProceduralSource, ArraySource)):
         return
     yield source.file
     with contextlib.suppress(OSError):  # said by its reader

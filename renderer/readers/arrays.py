@@ -20,7 +20,7 @@ from renderer.readers.common import (
     select_index,
     unreadable_error,
 )
-from renderer.scene import RawSource
+from renderer.scene import ArraySource, RawSource
 from renderer.volume import Array
 
 # Of numpy's arrays of all versions; a volume has fewer.
@@ -60,6 +60,13 @@ def read_npy(path: Path, time: int | None, component: int | None) -> Image:
     values = values[step] if has_time else values
     values = values[..., channel] if has_component else values
     return Image(values, np.eye(4))
+
+
+def read_array(source: ArraySource) -> Image:
+    """Return the array of a scene that is made in Python, origin 0; a read-only view, so that it is never changed."""
+    values = source.values.view()
+    values.flags.writeable = False
+    return Image(values, np.diag([*source.spacing, 1.0]))
 
 
 def _map_npy(path: Path) -> Array:

@@ -22,7 +22,7 @@ from renderer.readers.common import (
     unreadable_error,
     with_spacing,
 )
-from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Array, MappedCallback, MappedFile, Volume, backing_file, iter_slabs, make_volume
 
 Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
@@ -36,7 +36,7 @@ def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Vo
     that can be wrong with a file or with what is asked of it, a lack of memory included.
     """
     source = spec.source
-    name = f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
+    name = _name(source)
     try:
         image = _load(spec, name)
         check_dtype(image.values.dtype, name)
@@ -71,6 +71,12 @@ def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Vo
         ) from error
 
 
+def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:
+    if isinstance(source, ArraySource):
+        return source.name
+    return f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
+
+
 def _load(spec: VolumeSpec, name: str) -> Image:
     """Hand the source to its reader, imported only then."""
     source = spec.source
@@ -83,6 +89,10 @@ def _load(spec: VolumeSpec, name: str) -> Image:
         from renderer.readers.arrays import read_raw
 
         return read_raw(source)
+    if isinstance(source, ArraySource):
+        from renderer.readers.arrays import read_array
+
+        return read_array(source)
     from renderer.readers.procedural import procedural_affine, procedural_values
 
     return Image(procedural_values(source), procedural_affine(source))

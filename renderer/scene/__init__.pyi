@@ -21,8 +21,10 @@ from .limits import (
 )
 from .metric_target import MetricTarget as MetricTarget
 from .parse import (
+    parse_scene as parse_scene,
     scene_to_dict as scene_to_dict,
     schedule_to_dict as schedule_to_dict,
+    spec_to_dict as spec_to_dict,
     splat_section_without_defaults as splat_section_without_defaults,
 )
 from .parse_camera import FRAME_NUMBER_FIELD as FRAME_NUMBER_FIELD, MAX_FRAMES as MAX_FRAMES
@@ -69,6 +71,7 @@ from .spec import (
     PROCEDURAL_NAMES as PROCEDURAL_NAMES,
     SPEC_TYPES as SPEC_TYPES,
     AccuracyGoal as AccuracyGoal,
+    ArraySource as ArraySource,
     ByFrame as ByFrame,
     CameraSpec as CameraSpec,
     Color as Color,

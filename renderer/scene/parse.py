@@ -37,11 +37,13 @@ from renderer.scene.schema import (
 )
 from renderer.scene.spec import (
     AccuracyGoal,
+    ArraySource,
     ColormapSpec,
     ErrorSpec,
     FileSource,
     KeyframePath,
     OutputSpec,
+    ProceduralSource,
     PyramidSpec,
     RawSource,
     RockerPath,
@@ -220,6 +222,7 @@ _SPLAT = section_field(
 
 # Back to plain data
 
+_SOURCE_KEYS: dict[type, str] = {RawSource: "raw", ProceduralSource: "procedural", ArraySource: "array"}
 _PATH_TYPES = {TurntablePath: "turntable", RockerPath: "rocker", KeyframePath: "keyframes"}
 
 
@@ -227,10 +230,16 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
     """The scene as plain data with every default written out; JSON and YAML can hold it.
 
     `parse_scene` makes the same scene from it, with any `base` if the volume's file is an absolute path and with the
-    current folder otherwise; `is_single_frame` as for the scene.
+    current folder otherwise; `still` as for the scene. Only an array in memory, of which it has the shape, cannot be
+    parsed.
     """
     tree: dict[str, Any] = _plain(scene)
     return {key: tree[key] for key in ("version", *tree) if key in tree}
+
+
+def spec_to_dict(spec: Any) -> dict[str, Any]:
+    """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data; as `scene_to_dict`."""
+    return _plain_dataclass(spec)
 
 
 def _plain(value: Any) -> Any:
@@ -238,6 +247,8 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
+    if isinstance(value, ArraySource):
+        return {"shape": list(value.shape), "dtype": str(value.values.dtype), "spacing": list(value.spacing)}
     return _plain_dataclass(value) if is_dataclass(value) else value
 
 
@@ -266,7 +277,7 @@ def _plain_fields(value: Any) -> dict[str, Any]:
 def _plain_source(plain: dict[str, Any], volume: VolumeSpec) -> dict[str, Any]:
     if isinstance(volume.source, FileSource):
         return plain
-    return {"raw" if isinstance(volume.source, RawSource) else "procedural": plain}
+    return {_SOURCE_KEYS[type(volume.source)]: plain}
 
 
 def _plain_colormap(plain: dict[str, Any]) -> dict[str, Any]:

@@ -63,11 +63,29 @@ class ProceduralSource:
     spacing: Vector = (1.0, 1.0, 1.0)
 
 
+@dataclass(frozen=True, eq=False)
+class ArraySource:
+    """Voxels in memory, of a scene that is made in Python: a numpy array [z, y, x], which is never written to."""
+
+    values: Any
+    spacing: Vector = (1.0, 1.0, 1.0)
+
+    @property
+    def name(self) -> str:
+        """What to call it in messages."""
+        return "the array"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of voxels along x, y, z."""
+        return tuple(self.values.shape[::-1])
+
+
 @dataclass(frozen=True)
 class VolumeSpec:
     """Which voxels: `crop` holds half-open voxel ranges (first, one past the last) for x, y, z."""
 
-    source: FileSource | RawSource | ProceduralSource
+    source: FileSource | RawSource | ProceduralSource | ArraySource
     time: int | None = None
     component: int | None = None
     crop: tuple[tuple[int, int], tuple[int, int], tuple[int, int]] | None = None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from renderer.scene import VolumeSpec, raise_problems, volume_extent, volume_problems
+from renderer.scene import ColormapSpec, VolumeSpec, raise_problems, volume_extent, volume_problems
 from renderer.suggest.histogram import compute_statistics
 from renderer.suggest.nonfinite import suggest_nonfinite_fill
 from renderer.suggest.suggestion import Suggestion, suggest
@@ -65,7 +65,8 @@ def _attempt(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: s
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     statistics = compute_statistics(volume.values, volume.source)
-    result = VolumeSuggestion(spec, suggest(volume, statistics, colormap), volume.values.dtype.kind == "f")
+    suggestion = _with_8_bit_colors(suggest(volume, statistics, colormap))
+    result = VolumeSuggestion(spec, suggestion, volume.values.dtype.kind == "f")
     if not volume.num_nonfinite:
         return _Attempt(result)
     is_lowest = spec.nonfinite == "lowest"
@@ -78,3 +79,15 @@ def _attempt(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: s
     )
     unseen = suggest_nonfinite_fill(volume, statistics) if is_lowest else None
     return _Attempt(replace(result, nonfinite=told), unseen, shows)
+
+
+def _with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
+    """Round the colours to `#rrggbb`, as a scene file has them: what is drawn is the same with and without a file."""
+    mapping = suggestion.transfer.mapping
+    if isinstance(mapping, ColormapSpec):
+        return suggestion
+    points = []
+    for point in mapping:
+        red, green, blue = (round(255 * part) / 255 for part in point.color)
+        points.append(replace(point, color=(red, green, blue)))
+    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points)))

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MAX_FILE_LINES = 500
 
 # The rooms of each package in their order: each may use those before it. Modules beside the rooms come before all of
-# them in renderer/ and after all of them in hsplat_cli/.
+# them in renderer/ and after all of them in hsplat_cli/. The Python API uses all rooms of renderer/, and none uses it.
 ORDER = {
     "renderer": [
         "volume",
@@ -47,6 +47,7 @@ ORDER = {
         "commands",
     ],
 }
+API = "renderer.api"
 ROOMS = [f"{package}.{room}" for package, rooms in ORDER.items() for room in rooms]
 
 
@@ -59,7 +60,12 @@ SOURCES = {_module(path): path for package in ORDER for path in sorted((ROOT / p
 
 
 def _room(module: str) -> str:
-    """`renderer.draw` of `renderer.draw.gl.raster`; the package of a module that is in no room."""
+    """`renderer.draw` of `renderer.draw.gl.raster`; the package of a module that is in no room.
+
+    Of the door of `renderer` it is the API, whose names it has.
+    """
+    if module in ("renderer", API):
+        return API
     room = ".".join(module.split(".")[:2])
     return room if room in ROOMS else module.partition(".")[0]
 
@@ -82,7 +88,7 @@ def _imported(path: Path) -> Iterator[str]:
 
 def _is_door(module: str) -> bool:
     """A room, a module beside the rooms, or a module that another program finds by its name."""
-    return module in ROOMS or _room(module) in ORDER or module == "hsplat_cli.compare.pytest_plugin"
+    return module in (*ROOMS, "renderer") or _room(module) in ORDER or module == "hsplat_cli.compare.pytest_plugin"
 
 
 def test_every_folder_is_a_room() -> None:
@@ -90,9 +96,10 @@ def test_every_folder_is_a_room() -> None:
         assert {path.parent.name for path in (ROOT / package).glob("*/__init__.py")} == set(rooms)
 
 
-@pytest.mark.parametrize("room", ["renderer", *ROOMS, "hsplat_cli"])
+@pytest.mark.parametrize("room", ["renderer", *ROOMS, API, "hsplat_cli"])
 def test_imports_go_one_way_and_through_doors(room: str) -> None:
-    order = ["renderer", *ROOMS, "hsplat_cli"]
+    num_rooms = len(ORDER["renderer"])
+    order = ["renderer", *ROOMS[:num_rooms], API, *ROOMS[num_rooms:], "hsplat_cli"]
     for module, path in SOURCES.items():
         others = [name for name in _imports(path) if name.partition(".")[0] in ORDER and _room(name) != _room(module)]
         for other in others if _room(module) == room else ():
@@ -100,7 +107,7 @@ def test_imports_go_one_way_and_through_doors(room: str) -> None:
             assert _is_door(other), f"{module} imports {other}, which is behind the door of {_room(other)}"
 
 
-@pytest.mark.parametrize("room", ROOMS[:-1])  # commands are found by their files
+@pytest.mark.parametrize("room", ["renderer", *ROOMS[:-1]])  # commands are found by their files
 def test_doors_open(room: str) -> None:
     """A docstring of two to six lines, and public names that are there."""
     door = importlib.import_module(room)

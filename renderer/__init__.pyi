@@ -1,0 +1,17 @@
+from .api import (
+    Film as Film,
+    FrameImage as FrameImage,
+    integrate as integrate,
+    load_scene as load_scene,
+    render as render,
+    render_frame as render_frame,
+    suggest_scene as suggest_scene,
+)
+from .errors import (
+    HsplatError as HsplatError,
+    InputError as InputError,
+    OutputLockedError as OutputLockedError,
+    RenderError as RenderError,
+    SceneError as SceneError,
+)
+from .scene import Scene as Scene

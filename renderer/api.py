@@ -1,0 +1,478 @@
+"""The Python API: from a scene file, a Scene or a numpy array to pictures, films and the exact picture.
+
+Draws in this process, on all cores, to the same bytes as the command `hsplat render`. This is the only module of the
+library that reads a clock.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import html
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.cores import num_cores, num_drawing_threads
+from renderer.draw import RecoveringRasterizer, open_rasterizer
+from renderer.errors import InputError, SceneError
+from renderer.film import (
+    encode_png,
+    locked_output,
+    open_film,
+    picture_files,
+    require_encoder,
+    require_no_input,
+    sidecar_path,
+    volume_files,
+    write_sidecar,
+)
+from renderer.frame import (
+    CostLog,
+    LODCostEstimator,
+    Stage,
+    film_record,
+    frame_record,
+    prepare_stage,
+    render_frames,
+    visibility_notes,
+)
+from renderer.readers import read_volume
+from renderer.scene import (
+    ArraySource,
+    CameraSpec,
+    MetricTarget,
+    ProceduralSource,
+    Scene,
+    TransferSpec,
+    format_value,
+    load_scene as load_scene_file,
+    parse_scene,
+    scene_to_dict,
+    schedule_to_dict,
+    spec_to_dict,
+)
+from renderer.study import FilmPlan, make_plan
+
+if TYPE_CHECKING:  # the ray integral takes a while to load
+    from renderer.study import ToleranceSearchResult
+
+SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
+TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
+CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
+
+# An output that may have any size and background; it is not written.
+_ANY_PICTURE = "{frame}.png"
+# The parameters by which users of this module know the keys of a scene.
+_PARAMETERS = {
+    "volume.procedural.spacing": "spacing",
+    "volume.procedural.shape": "the array's shape",
+    "volume.spacing": "spacing",
+    "volume.file": "volume",
+    "output.size": "size",
+    "output.background": "background",
+    "output.file": "output",
+    "error.tolerance": "tolerance",
+}
+
+
+class FrameImage(npt.NDArray[np.uint8]):
+    """A picture: a uint8 array [height, width, 3 or 4] that notebooks display.
+
+    It is a numpy array in every other respect: `image.shape`, `image[:100]`, `np.asarray(image)`. Row 0 is the top. The
+    fourth channel, where the background is transparent, is straight alpha.
+    """
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the picture as a PNG file; None for what is no picture, such as one channel."""
+        is_picture = self.dtype == np.uint8 and self.ndim == 3 and self.shape[2] in (3, 4) and self.size > 0
+        return encode_png(np.ascontiguousarray(self)) if is_picture else None
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film that `render` wrote; notebooks play it.
+
+    Attributes
+    ----------
+    path: the .mp4, .gif or .png file, or the template of the numbered frames, such as `frames/{frame:04}.png`.
+    frames: the numbers of its frames.
+    sidecar: the JSON file beside it, which records how it was made and what each frame cost.
+    notes: what you should know about it, such as that nothing is in view; mostly empty.
+    """
+
+    path: Path
+    frames: tuple[int, ...]
+    sidecar: Path
+    notes: tuple[str, ...] = ()
+
+    def _repr_html_(self) -> str:
+        """Return the film, or its first picture, with a caption."""
+        first = Path(str(self.path).format(frame=self.frames[0])) if self.path.suffix == ".png" else self.path
+        kind = {".mp4": "video/mp4", ".gif": "image/gif", ".png": "image/png"}[first.suffix.lower()]
+        data = f"data:{kind};base64,{base64.b64encode(first.read_bytes()).decode()}"
+        shown = f'<img src="{data}">' if kind != "video/mp4" else f'<video controls loop muted src="{data}"></video>'
+        count = f"{len(self.frames)} frame{'s' * (len(self.frames) != 1)}"
+        lines = [f"{self.path}: {count}; how it was made: {self.sidecar}", *self.notes]
+        return f"<figure>{shown}<figcaption>{'<br>'.join(map(html.escape, lines))}</figcaption></figure>"
+
+
+def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> Scene:
+    """Read and check a scene file.
+
+    Parameters
+    ----------
+    path: a YAML file; docs/scene.md lists its keys.
+    overrides: changes such as `"error.tolerance=0.2"`, as `--set` of the command has them.
+
+    Returns the scene, a frozen dataclass: `dataclasses.replace` makes others from it.
+    Raises SceneError, an InputError, with everything that is wrong, line by line.
+
+    Example
+    -------
+    >>> scene = renderer.load_scene("scene.yaml", overrides=["output.size=[256, 256]"])
+    """
+    return load_scene_file(Path(path), overrides=overrides)
+
+
+def suggest_scene(
+    volume: str | os.PathLike[str] | npt.ArrayLike,
+    *,
+    spacing: Sequence[float] | None = None,
+    transfer_function: TransferLike | None = None,
+    camera: CameraLike | None = None,
+    size: tuple[int, int] | None = None,
+    background: str | Sequence[float] | None = None,
+    tolerance: float | None = None,
+    output: str | os.PathLike[str] | None = None,
+) -> Scene:
+    """Make a scene that shows a volume: a turntable, with a transfer function that suits the values.
+
+    Parameters
+    ----------
+    volume: an array [z, y, x] of integers, booleans or floats, which is never changed; or the name of a volume's file.
+    spacing: lengths of a voxel along (x, y, z), in world units; 1 by default, and for a file what the file says.
+    transfer_function: by default one is suggested, as by `hsplat init`. Else the name of a colormap, from which the
+        suggestion takes its colours; or control points `(value, color, opacity)`; or a mapping or a TransferSpec, as in
+        a scene file. Opacities are per smallest spacing.
+    camera: a mapping or a CameraSpec, as in a scene file. What a mapping leaves out is that of a turntable of 120
+        frames, 20 degrees above the object, framed so that nothing is cut off.
+    size: (width, height) of the pictures, pixels; 512 x 512 by default.
+    background: a colour; black by default. "transparent" needs an output of PNG files.
+    tolerance: the error that is allowed, 0.05 by default. A smaller one is more exact and slower; 0 draws every voxel.
+    output: the file that `render` writes; film.mp4 by default.
+
+    Returns the scene. Voxels that are NaN or infinite are hidden where a transfer function is suggested.
+    Raises InputError for an array or a file that is no volume, SceneError for parameters that cannot be in a scene.
+
+    Example
+    -------
+    >>> scene = renderer.suggest_scene(array, spacing=(0.5, 0.5, 1.2))
+    """
+    options: dict[str, Any] = {"spacing": spacing, "transfer_function": transfer_function, "camera": camera}
+    options |= {"size": size, "background": background, "tolerance": tolerance, "output": output}
+    return _scene(volume, options, is_volume=True)
+
+
+def render_frame(
+    scene: SceneLike,
+    frame: int = 0,
+    *,
+    spacing: Sequence[float] | None = None,
+    transfer_function: TransferLike | None = None,
+    camera: CameraLike | None = None,
+    size: tuple[int, int] | None = None,
+    background: str | Sequence[float] | None = None,
+    tolerance: float | None = None,
+) -> FrameImage:
+    """Draw one frame, and write nothing.
+
+    Parameters
+    ----------
+    scene: a Scene, the name of a scene file, or an array [z, y, x], for which a scene is suggested.
+    frame: its number on the camera's path; -1 is the last one.
+    spacing, transfer_function, camera, size, background, tolerance: as in `suggest_scene`; with a scene, they replace
+        what it says.
+
+    Returns the picture: a uint8 array [height, width, 3], or [height, width, 4] with straight alpha where the
+    background is transparent. It has the bytes that `hsplat render` writes.
+    Raises InputError, SceneError, and RenderError where a scene with splats or an overlay finds no OpenGL.
+
+    Example
+    -------
+    >>> image = renderer.render_frame(array, spacing=(1, 1, 2), background="white")
+    """
+    options: dict[str, Any] = {"spacing": spacing, "transfer_function": transfer_function, "camera": camera}
+    # Nothing is written: whatever the output is, the picture may be odd in size or transparent.
+    options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
+    made = _scene(scene, options)
+    numbers = _numbers(frame, made)
+    with _open_rasterizer(made) as rasterizer:
+        plan = _plan(made, numbers, rasterizer)
+        (drawn,) = render_frames(plan.stage, numbers, rasterizer, clock=perf_counter, controller=plan.controller)
+    return drawn.image.view(FrameImage)
+
+
+def render(
+    scene: SceneLike,
+    *,
+    output: str | os.PathLike[str] | None = None,
+    frames: int | slice | Sequence[int] | None = None,
+    best_effort: bool = False,
+) -> Film:
+    """Draw a film and write it, with its sidecar; like `hsplat render`, to the same bytes.
+
+    The file is written whole or not at all, and it never replaces one of the scene's own files. A film that is there is
+    drawn again. The command resumes films, shows their progress and uses several processes; this function does not.
+
+    Parameters
+    ----------
+    scene: a Scene, the name of a scene file, or an array [z, y, x], for which a scene is suggested.
+    output: the file to write, in place of the scene's: an .mp4, a .gif, a template such as `frames/{frame:04}.png` or,
+        for one frame, a .png.
+    frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
+    best_effort: accept a film that is less accurate than the scene asks for.
+
+    Returns the Film, which notebooks play.
+    Raises InputError, SceneError, OutputLockedError where another job writes the same output, and RenderError where the
+    film cannot be written or is less accurate than the scene asks for: it is there then, as accurate as can be.
+
+    Example
+    -------
+    >>> film = renderer.render("scene.yaml", output="draft.gif", frames=range(0, 120, 10))
+    >>> film.path, film.sidecar
+    """
+    start = perf_counter()
+    made = _scene(scene, {"output": output}, is_single_frame=True)
+    numbers = _numbers(frames, made)
+    made = _scene(made, {}, is_single_frame=len(numbers) == 1)
+    sidecar = sidecar_path(made, numbers)
+    inputs = [Path(scene)] if isinstance(scene, (str, os.PathLike)) else []
+    require_no_input([*picture_files(made.output, numbers), sidecar], [*inputs, *volume_files(made.volume)])
+    with (
+        locked_output(made.output, numbers, sidecar) as folder,
+        _open_rasterizer(made) as rasterizer,
+    ):
+        require_encoder(made.output)
+        plan = _plan(made, numbers, rasterizer)
+        records = []
+        with open_film(made.output, numbers, within=folder) as writer:
+            drawn = render_frames(plan.stage, numbers, rasterizer, clock=perf_counter, controller=plan.controller)
+            for frame in drawn:
+                writer.write(frame.number, frame.image)
+                records.append(frame_record(frame))
+        read = plan.stage.volume.note
+        notes = [*([read] if read else []), *writer.notes, *rasterizer.notes, *visibility_notes(records)]
+        missed = {} if plan.shortfall is None else {"shortfall": str(plan.shortfall)}
+        schedule = {"asked": schedule_to_dict(made.error), "met": not missed, **missed}
+        content = film_record(plan.stage, records, rasterizer.renderer_name) | {"schedule": schedule, "notes": notes}
+        content |= {"seconds": plan.stage.seconds | {"total": perf_counter() - start}, "frames": records}
+        write_sidecar(sidecar, content, folder)
+    if plan.shortfall is not None and not best_effort:
+        raise plan.shortfall
+    return Film(made.output.file, tuple(numbers), sidecar, tuple(notes))
+
+
+def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
+    """Compute the exact picture of a frame: the converged ray integral, without pyramid, cells or tolerance.
+
+    It takes far longer than drawing. Use small pictures: a second or so for 200 x 200 pixels.
+
+    Parameters
+    ----------
+    scene: a Scene, the name of a scene file, or an array [z, y, x], for which a scene is suggested.
+    frame: its number on the camera's path; -1 is the last one.
+
+    Returns float32 [height, width, 3], colours from 0 to 1 over the scene's background; a transparent one counts as
+    black. Every channel is within about 1e-5 of the integral.
+    Raises InputError, SceneError, and RenderError where the integral does not converge.
+
+    Example
+    -------
+    >>> error = renderer.render_frame(scene) / 255 - renderer.integrate(scene)
+    >>> psnr = -10 * np.log10(np.mean(error**2))
+    """
+    from renderer.study import TRUTH_TOLERANCE, compute_truth
+
+    made = _scene(scene, {"output": _ANY_PICTURE})
+    (number,) = _numbers(frame, made)
+    truth = compute_truth(_prepare(made), number, TRUTH_TOLERANCE, num_threads=num_cores())
+    return truth.picture.astype(np.float32)
+
+
+# Scenes
+
+
+def _scene(
+    source: SceneLike, options: Mapping[str, Any], *, is_volume: bool = False, is_single_frame: bool = False
+) -> Scene:
+    """Return a checked scene with these options in it; those that are None are not given.
+
+    is_volume: a name is that of a volume's file, and not of a scene file.
+    """
+    if isinstance(source, (str, os.PathLike)) and not is_volume:
+        source = load_scene_file(Path(source), is_single_frame=True)
+    given = {name: _plain(value) for name, value in options.items() if value is not None}
+    is_new, array = not isinstance(source, Scene), None
+    if isinstance(source, Scene):
+        tree, array = scene_to_dict(source), source.volume.source
+    elif isinstance(source, (str, os.PathLike)):
+        tree = _turntable() | {"volume": {"file": os.fspath(source)}}
+    else:
+        tree, array = _turntable() | {"volume": {}}, _array_source(source)
+    if isinstance(array, ArraySource):  # of which only the shape and the spacing can be parsed
+        section = {"name": "constant", "shape": list(array.shape), "spacing": given.pop("spacing", array.spacing)}
+        tree["volume"] = {key: value for key, value in tree["volume"].items() if key != "array"}
+        tree["volume"]["procedural"] = section
+    colormap = given["transfer_function"] if isinstance(given.get("transfer_function"), str) else None
+    scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
+    if isinstance(array, ArraySource):
+        assert isinstance(scene.volume.source, ProceduralSource)
+        placed = replace(array, spacing=scene.volume.source.spacing)
+        scene = replace(scene, volume=replace(scene.volume, source=placed))
+    suggests = colormap is not None or (is_new and "transfer_function" not in given)
+    return _with_suggestion(scene, colormap, is_new=is_new) if suggests else scene
+
+
+def _turntable() -> dict[str, Any]:
+    """Return what `hsplat init` suggests, too, with a transfer function that is still to be replaced."""
+    path = {"type": "turntable", "frames": 120, "elevation": 20.0, "axis": "z"}
+    return {
+        "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
+        "camera": {"target": "visible", "path": path},
+        "error": {"tolerance": 0.05},
+        "output": {"file": "film.mp4"},
+    }
+
+
+def _array_source(values: npt.ArrayLike) -> ArraySource:
+    array = values if isinstance(values, np.memmap) else np.asarray(values)
+    if array.ndim != 3:
+        what = "the array does not have the axes of a volume"
+        raise InputError(what, got=f"shape {format_value(list(array.shape))}", expected="three axes, [z, y, x]")
+    return ArraySource(array.view(np.uint8) if array.dtype == np.bool_ else array)
+
+
+def _plain(value: Any) -> Any:
+    """Return an option as a scene file would have it."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, CameraSpec):  # all of it, with what it leaves to its defaults
+        return {"target": None, "distance": None} | spec_to_dict(value)
+    if isinstance(value, TransferSpec):
+        return spec_to_dict(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a scene's tree with options of `suggest_scene` in it."""
+    if "spacing" in given:
+        tree["volume"]["spacing"] = given["spacing"]
+    if "camera" in given:
+        camera = given["camera"]
+        tree["camera"] = tree["camera"] | camera if isinstance(camera, dict) else camera
+        tree["camera"] = {key: value for key, value in tree["camera"].items() if value is not None}
+    if "tolerance" in given:
+        rest = {key: value for key, value in tree["error"].items() if key in ("measure", "of", "finest_level")}
+        tree["error"] = rest | {"tolerance": given["tolerance"]}
+    names = {"output": "file", "size": "size", "background": "background"}
+    tree["output"] |= {key: given[name] for name, key in names.items() if name in given}
+    match given.get("transfer_function"):
+        case None:
+            pass
+        case str(colormap):  # the rest is suggested
+            tree["transfer_function"] = {"colormap": colormap, "range": [0, 1], "opacity": [[0, 1]]}
+        case [*points]:
+            tree["transfer_function"] = {"points": [_control_point(point) for point in points]}
+        case section:
+            tree["transfer_function"] = section
+    return tree
+
+
+def _control_point(point: Any) -> Any:
+    """Return `(value, color, opacity)` as a mapping."""
+    keys = ("value", "color", "opacity")
+    is_triple = isinstance(point, list) and len(point) == len(keys)
+    return dict(zip(keys, point, strict=True)) if is_triple else point
+
+
+def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> Scene:
+    try:
+        return parse_scene(tree, base=Path.cwd(), is_single_frame=is_single_frame)
+    except SceneError as error:
+        raise SceneError([replace(each, path=_parameter(each.path)) for each in error.problems]) from None
+
+
+def _parameter(path: str) -> str:
+    """Return what the user calls a key of the scene."""
+    key = next((key for key in _PARAMETERS if path == key or path.startswith(f"{key}.")), None)
+    return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
+
+
+def _with_suggestion(scene: Scene, colormap: str | None, *, is_new: bool) -> Scene:
+    """Return the scene with a suggested transfer function. is_new: what hides NaN and infinities is suggested, too."""
+    from renderer.suggest import suggest_for
+
+    volume = replace(scene.volume, nonfinite="lowest") if is_new else scene.volume
+    found = suggest_for(volume, read_volume, colormap=colormap, hides_nonfinite=is_new)
+    return replace(
+        scene,
+        volume=found.volume if found.is_float else scene.volume,
+        transfer_function=found.suggestion.transfer,
+        shading=found.suggestion.shading,
+        splat=found.suggestion.splat or scene.splat,
+    )
+
+
+# Drawing
+
+
+def _numbers(frames: int | slice | Sequence[int] | None, scene: Scene) -> Sequence[int]:
+    """Return the numbers of these frames of the scene's path. Raises InputError where they are not on it."""
+    path = range(scene.camera.path.frames)
+    with contextlib.suppress(IndexError, TypeError):
+        if frames is None or isinstance(frames, slice):
+            picked: Sequence[int] = path[frames or slice(None)]
+        else:
+            picked = [path[frames]] if isinstance(frames, (int, np.integer)) else [path[frame] for frame in frames]
+        if picked and list(picked) == sorted(set(picked)):
+            return picked
+    expected = f"numbers from 0 to {path[-1]}, ascending, or from -1 for the last one"
+    raise InputError("no such frames", where="frames", got=format_value(frames), expected=expected)
+
+
+@contextlib.contextmanager
+def _open_rasterizer(scene: Scene) -> Iterator[RecoveringRasterizer]:
+    make = partial(open_rasterizer, needs_opengl=scene.needs_opengl, num_threads=num_drawing_threads())
+    with RecoveringRasterizer(make) as rasterizer:
+        yield rasterizer
+
+
+def _prepare(scene: Scene) -> Stage:
+    return prepare_stage(scene, clock=perf_counter, num_threads=num_cores())
+
+
+def _plan(scene: Scene, frames: Sequence[int], rasterizer: RecoveringRasterizer) -> FilmPlan:
+    """Read the volume and find the tolerances of these frames."""
+
+    def search(stage: Stage, target: MetricTarget) -> ToleranceSearchResult:
+        from renderer.study import TRUTH_TOLERANCE, TruthCache, compute_truth, find_tolerance
+
+        truth_of = TruthCache(lambda frame: compute_truth(stage, frame, TRUTH_TOLERANCE, num_threads=num_cores()))
+        return find_tolerance(
+            stage, frames, target, rasterizer, truth_of=truth_of, clock=perf_counter, on_trial=lambda _: None
+        )
+
+    estimator = LODCostEstimator(_prepare(scene), CostLog())
+    return make_plan(estimator, frames, rasterizer, clock=perf_counter, search=search)
