@@ -35,7 +35,6 @@ from renderer.film import (
     write_sidecar,
 )
 from renderer.frame import (
-    CostLog,
     LODCostEstimator,
     Stage,
     film_record,
@@ -474,5 +473,5 @@ def _plan(scene: Scene, frames: Sequence[int], rasterizer: RecoveringRasterizer)
             stage, frames, target, rasterizer, truth_of=truth_of, clock=perf_counter, on_trial=lambda _: None
         )
 
-    estimator = LODCostEstimator(_prepare(scene), CostLog())
+    estimator = LODCostEstimator(_prepare(scene))
     return make_plan(estimator, frames, rasterizer, clock=perf_counter, search=search)
