@@ -28,7 +28,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" /
 
 from judge import Verdict, judge, make_case, write_case  # noqa: E402
 
-from hsplat_cli.terminal import progress  # noqa: E402
+from hsplat_cli.terminal import Reporter  # noqa: E402
 from renderer.draw import GLRasterizer  # noqa: E402
 
 
@@ -49,7 +49,7 @@ def main() -> int:
         return int(verdict.outcome == "wrong")
     numbers = range(arguments.first, arguments.first + arguments.scenes)
     verdicts = []
-    with progress(len(numbers), label="fuzz", quiet=False, unit="scenes") as bar:
+    with Reporter().progress(len(numbers), label="fuzz", unit="scenes") as bar:
         for verdict in judged(arguments.seed, numbers, arguments.workers):
             verdicts.append(verdict)
             if verdict.outcome == "wrong":

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from hsplat_cli.terminal import progress
-from hsplat_cli.terminal.progress_bar import Lines, duration
+from hsplat_cli.terminal import Reporter
+from hsplat_cli.terminal.progress_bar import ProgressLines, format_duration
 
 
 class Clock:
@@ -22,7 +22,7 @@ class Clock:
 
 def lines_of(total: int, seconds_a_frame: float) -> list[str]:
     clock, stream = Clock(), io.StringIO()
-    lines = Lines(total, "engine.mp4", stream, clock)
+    lines = ProgressLines(total, "engine.mp4", stream, clock)
     for _ in range(total):
         clock.now += seconds_a_frame
         lines.advance()
@@ -38,7 +38,7 @@ def test_a_line_for_each_tenth() -> None:
 
 def test_the_start_is_not_counted_as_if_each_frame_had_one() -> None:
     clock, stream = Clock(), io.StringIO()
-    lines = Lines(20, "engine.mp4", stream, clock)
+    lines = ProgressLines(20, "engine.mp4", stream, clock)
     for seconds in (10, 2):
         clock.now += seconds
         lines.advance()
@@ -58,14 +58,14 @@ def test_a_slow_film_shows_life_every_minute() -> None:
 
 def test_the_note_stands_at_the_end() -> None:
     stream = io.StringIO()
-    Lines(1, "film", stream, Clock()).advance("147 k splats")
+    ProgressLines(1, "film", stream, Clock()).advance("147 k splats")
     assert stream.getvalue().endswith(", 147 k splats\n")
 
 
 def test_steps_of_unequal_work() -> None:
     """The time remaining follows the work, the count the steps; there is no rate."""
     clock, stream = Clock(), io.StringIO()
-    lines = Lines([1.0, 3.0, 16.0], "measure", stream, clock, "settings")
+    lines = ProgressLines([1.0, 3.0, 16.0], "measure", stream, clock, "settings")
     for seconds in (3, 9, 40):
         clock.now += seconds
         lines.advance(f"{seconds} s")
@@ -77,7 +77,7 @@ def test_steps_of_unequal_work() -> None:
 
 def test_work_of_nothing_has_no_time() -> None:
     clock, stream = Clock(), io.StringIO()
-    lines = Lines([0.0, 0.0], "measure", stream, clock, "settings")
+    lines = ProgressLines([0.0, 0.0], "measure", stream, clock, "settings")
     for _ in range(2):
         clock.now += 100
         lines.advance()
@@ -89,18 +89,18 @@ def test_work_of_nothing_has_no_time() -> None:
     [(0, "0:00"), (7.4, "0:07"), (59.6, "1:00"), (754, "12:34"), (3723, "1:02:03"), (90000, "25:00:00")],
 )
 def test_durations(seconds: float, text: str) -> None:
-    assert duration(seconds) == text
+    assert format_duration(seconds) == text
 
 
 def test_quiet_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress(2, label="film", quiet=True) as bar:
+    with Reporter(is_quiet=True).progress(2, label="film") as bar:
         bar.advance("a note")
         bar.advance()
     assert capsys.readouterr() == ("", "")
 
 
 def test_lines_go_to_the_error_stream(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress(1, label="film", quiet=False) as bar:
+    with Reporter(is_quiet=False).progress(1, label="film") as bar:
         bar.advance()
     out, err = capsys.readouterr()
     assert out == ""
@@ -109,7 +109,7 @@ def test_lines_go_to_the_error_stream(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress(2, label="film", quiet=False) as bar:
+    with Reporter(is_quiet=False).progress(2, label="film") as bar:
         bar.advance("a note")
         bar.advance()
     out, err = capsys.readouterr()
@@ -120,7 +120,7 @@ def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: 
 
 def test_a_terminal_gets_a_bar_of_the_work(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress([1.0, 3.0], label="measure", quiet=False, unit="settings") as bar:
+    with Reporter(is_quiet=False).progress([1.0, 3.0], label="measure", unit="settings") as bar:
         bar.advance("tolerance 1")
         bar.advance("tolerance 0.1")
     _, err = capsys.readouterr()
@@ -132,8 +132,8 @@ def test_a_terminal_gets_a_bar_of_the_work(capsys: pytest.CaptureFixture[str], m
 
 def test_tqdm_is_not_imported_without_a_terminal() -> None:
     code = (
-        "import sys; from hsplat_cli.terminal.progress_bar import progress\n"
-        "with progress(1, label='film', quiet=False) as bar: bar.advance()\n"
+        "import sys; from hsplat_cli.terminal import Reporter\n"
+        "with Reporter(is_quiet=False).progress(1, label='film') as bar: bar.advance()\n"
         "assert 'tqdm' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, stderr=subprocess.PIPE)
