@@ -1,7 +1,8 @@
-"""What the terminal shows, and what the machine is.
+"""Prints, and reads what is typed.
 
-In: counts, durations, steps of long work. Out: text and progress bars, in one place. Also interrupts, and versions and
-hardware for sidecars.
+`Reporter` is the one thing that prints: results, lines, notes and progress; a command makes one and hands it down. The
+rest turns counts into text, and durations, frame ranges and output paths of the command line into values. Also:
+interrupts, and the machine's hardware and memory for reports.
 """
 
 import lazy_loader

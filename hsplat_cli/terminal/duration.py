@@ -1,4 +1,4 @@
-"""Lengths of time as they are written on a command line."""
+"""Reads a duration of the command line."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ _MOST_DIGITS = 9
 
 
 def parse_duration(text: str, *, where: str) -> float:
-    """Seconds in `90`, `90s`, `1.5m` or `1h30m`; raises InputError for other text, and for no time at all.
+    """Return the seconds in `90`, `90s`, `1.5m` or `1h30m`.
 
-    A number without a unit stands alone; a fraction is that of the last part.
+    A number without a unit stands alone; only the last part may have a fraction. Raises InputError for other text, and
+    for 0 seconds.
     """
     match = _DURATION.fullmatch(text.strip()) if len(text) <= 3 * _MOST_DIGITS else None
     expected = "a time such as 90s, 10m or 1h30m"

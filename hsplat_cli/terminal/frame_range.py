@@ -1,4 +1,4 @@
-"""`--frames a:b:step`: which frames of a film."""
+"""Reads `--frames A:B:STEP`, which picks frames of a film."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from renderer.scene import format_value
 
 
 def is_one_frame(text: str | None) -> bool:
-    """Whether this picks one frame, if any, of whatever path: `7`, `7:8`."""
+    """Return whether this picks at most one frame, however long the path is: `7`, `7:8`."""
     if text is None or ":" not in text:  # also `-1`, the last one, which every path has
         return text is not None
     match _parts(text):
@@ -19,12 +19,11 @@ def is_one_frame(text: str | None) -> bool:
 
 
 def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | None = None) -> Sequence[int]:
-    """The frames that `a:b:step`, a Python slice, or a single number picks from range(num_frames); all for None.
+    """Return the frames that a Python slice `a:b:step` or a number picks from range(num_frames); all for None.
 
-    Negative numbers count from the end.
-    recorded: those, ascending, that a film has.
+    Negative numbers count from the end. recorded: the frames that a film has, ascending.
 
-    Raises InputError where it is not a slice, has a step below 1, or picks nothing or a frame that is not recorded.
+    Raises InputError for what is not a slice, has a step below 1, picks nothing, or picks a frame that is not recorded.
     """
     if text is None:
         return range(num_frames) if recorded is None else recorded
@@ -57,7 +56,7 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
 
 
 def _parts(text: str) -> list[int | None]:
-    """The numbers between the colons, None for those left out; empty where something else is there."""
+    """Return the numbers between the colons, None for those left out; nothing where one is not a number."""
     try:
         return [int(part) if part.strip() else None for part in text.split(":")]
     except ValueError:
@@ -65,7 +64,7 @@ def _parts(text: str) -> list[int | None]:
 
 
 def _as_slice(frames: Sequence[int]) -> str:
-    """`0:118:3`, or a list where there is no such slice."""
+    """Return `0:118:3`, or a list where no slice gives these frames."""
     step = frames[1] - frames[0] if len(frames) > 1 else 1
     steady = range(frames[0], frames[-1] + 1, step)
     if len(steady) != len(frames) or any(a != b for a, b in zip(steady, frames, strict=True)):

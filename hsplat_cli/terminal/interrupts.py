@@ -1,4 +1,4 @@
-"""SIGTERM unwinds like Ctrl-C, and both can wait for a moment."""
+"""Makes SIGTERM unwind like Ctrl-C, and lets both wait while files get their final names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 @contextmanager
 def sigterm_as_interrupt() -> Iterator[None]:
-    """SIGTERM, as batch systems send it, unwinds like Ctrl-C, so that nothing unfinished is left."""
+    """Raise KeyboardInterrupt on SIGTERM, which batch systems send: nothing unfinished is left then."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
@@ -25,21 +25,21 @@ def sigterm_as_interrupt() -> Iterator[None]:
 
 @contextmanager
 def deferrable_interrupts() -> Iterator[Callable[[], None]]:
-    """A function after whose call SIGINT and SIGTERM wait for the end of the block, where they are KeyboardInterrupt.
+    """Yield a function that defers SIGINT and SIGTERM to the end of the block, where they raise KeyboardInterrupt.
 
-    So files that belong together get their final names together.
+    Files that belong together get their final names after its call, together.
     """
     before: dict[signal.Signals, Any] = {}
-    came: list[int] = []
+    pending: list[int] = []
 
     def defer() -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
-            before[number] = signal.signal(number, lambda number, frame: came.append(number))
+            before[number] = signal.signal(number, lambda number, frame: pending.append(number))
 
     try:
         yield defer
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    if came:
+    if pending:
         raise KeyboardInterrupt

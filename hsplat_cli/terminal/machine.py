@@ -1,4 +1,4 @@
-"""What measured numbers depend on: the machine, the system, the commit; and the memory that the process takes."""
+"""Tells what measurements depend on: the machine, the system, the commit; and measures the memory of the process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from renderer.versions import MEASURING_PACKAGES, commit, package_versions
 
 
 def describe_machine(driver: str) -> dict[str, Any]:
-    """Processor, cores, system, the GL driver, the commit and the versions of what is at work."""
+    """Return processor, cores, system, OpenGL driver, commit and the versions of the packages used."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -25,7 +25,7 @@ def describe_machine(driver: str) -> dict[str, Any]:
 
 
 class PeakMemory:
-    """The most memory that this process held since the last reset, as Linux counts it; elsewhere it is not known."""
+    """The peak memory of this process since the last reset, as Linux counts it; unknown on other systems."""
 
     _STATUS, _RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
@@ -33,12 +33,12 @@ class PeakMemory:
         self._is_known = False
 
     def trim(self) -> None:
-        """Give freed memory back to the system, where the C library can: a large setting would count with the next."""
+        """Return freed memory to the system, where the C library can: else it would count with the next setting."""
         with contextlib.suppress(OSError, AttributeError, TypeError):  # no such library, no such function
             ctypes.CDLL(None).malloc_trim(0)
 
     def reset(self) -> None:
-        """Start counting anew."""
+        """Start again from the memory held now."""
         try:
             self._RESET.write_text("5")
             self._is_known = True
@@ -46,14 +46,14 @@ class PeakMemory:
             self._is_known = False
 
     def peak_bytes(self) -> int | None:
-        """Bytes of physical memory; None where the system does not tell."""
+        """Return bytes of physical memory; None where the system does not tell."""
         if not self._is_known:
             return None
         return int(self._STATUS.read_text().partition("VmHWM:")[2].split()[0]) * 1024
 
 
 def _processor() -> str:
-    """The processor's name as sold, where Linux tells it; else what Python knows."""
+    """Return the trade name of the processor where Linux tells it, else what Python knows."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""The names of outputs on a command line."""
+"""The click type of outputs on the command line."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from renderer.scene import TILDE_HINT, has_unexpanded_tilde
 
 
 class OutputPath(click.Path):
-    """A Path in which no ~ stands for a home: shells leave it in `--output=~/films`, and a folder of that name would be
-    made."""
+    """A Path that refuses a leading `~`: shells keep it in `--output=~/films`, and a folder `~` would be made."""
 
     def __init__(self, *, file_okay: bool = True) -> None:
         super().__init__(path_type=Path, file_okay=file_okay)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path; raises InputError for one in a folder `~`."""
+        """Return the path; raises InputError for one in a folder `~`."""
         if has_unexpanded_tilde(str(value)):
             name = "" if param is None else max(param.opts, key=len)
             where = name if name.startswith("-") else name.upper()
