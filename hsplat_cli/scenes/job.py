@@ -89,7 +89,7 @@ def load_job(
         )
     if draws != "nothing":
         _require_no_input(path, scene, picked, *([] if is_beside else [sidecar_path(scene, picked)]))
-    original, asked = sidecar.original, sidecar.original.requested_error or scene.error
+    original, asked = sidecar.original, sidecar.original.requested_error
     if is_changed or not _has_recorded_tolerances(sidecar, scene):
         return Job(
             scene, picked, schedule_to_dict(scene.error), replace(original, other_schedule_keys={}, tool_versions={})
@@ -112,9 +112,8 @@ def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:
 
 def _has_whole_schedule(sidecar: Sidecar, editor: SceneEditor) -> bool:
     """Whether the scene says how exact all frames of the path are, not only those that were drawn."""
-    asked = sidecar.original.requested_error
     is_new = any(key == "error" or key.startswith("error.") for key in editor.overridden_paths)
-    return is_new or (asked is not None and asked.goal is None)
+    return is_new or sidecar.original.requested_error.goal is None
 
 
 def _editor(sidecar: Sidecar) -> SceneEditor:

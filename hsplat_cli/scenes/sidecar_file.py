@@ -1,6 +1,6 @@
-"""The JSON file beside a film, read again: what is needed to make the film once more.
+"""Reads a sidecar, the JSON file beside a film, to make the film again.
 
-It may have been changed since, or be no sidecar at all: everything that is used of it is checked.
+Anybody may have changed it, so everything that is used of it is checked.
 """
 
 from __future__ import annotations
@@ -36,25 +36,23 @@ from renderer.scene import (
     source_excerpt,
 )
 
-# What the record of a film's schedule has of its own, whatever the film was made from.
+# The keys of `schedule` that each film has of its own, whatever it was made from.
 _OWN_SCHEDULE_KEYS = ("asked", "tolerance", "cells", "made_from")
 
 
 @dataclass(frozen=True)
 class Original:
-    """What a sidecar tells about the film that it lies beside.
+    """What a sidecar records of its film.
 
-    path: of the sidecar.
-    fingerprint: of the film's volume.
-    requested_error: how exact the film was to be, as a section `error` says it; None where it is not told.
-    other_schedule_keys: what else its schedule's record says, but for what a new film has its own of.
-    tool_versions: the versions of what made it by their names, the OpenGL as `GL`, the digest of what drew as
-    `sources`. frames_fingerprint: the mark of what its frames depended on; None where it is not told.
+    path: of the sidecar. fingerprint: of the film's volume. requested_error: the accuracy asked for, as a section
+    `error`. other_schedule_keys: what else its `schedule` says, but for what each film has of its own. tool_versions:
+    of what made it, by name, OpenGL as `GL` and the digest of the sources as `sources`. frames_fingerprint: of what its
+    frames depended on; None for a film that one pass would not have made.
     """
 
     path: Path
     fingerprint: str
-    requested_error: ErrorSpec | None
+    requested_error: ErrorSpec
     other_schedule_keys: Mapping[str, Any]
     tool_versions: Mapping[str, Any]
     frames_fingerprint: str | None
@@ -62,10 +60,10 @@ class Original:
 
 @dataclass(frozen=True)
 class Sidecar:
-    """A film's scene as plain data, not checked, the numbers of its frames, ascending, and what is told besides.
+    """A sidecar's scene as plain data, not checked, the numbers of its frames, ascending, and the rest of its record.
 
-    tolerances: at which these frames were drawn; whatever is there.
-    problems: what is wrong with that; the other fields must not be used if there is any, except for the scene.
+    tolerances: at which these frames were drawn, not checked. problems: what is wrong with the sidecar; if there are
+    any, only the scene may be used.
     """
 
     scene: dict[str, Any]
@@ -76,21 +74,21 @@ class Sidecar:
 
 
 def parse_sidecar(content: bytes, path: Path) -> Sidecar | None:
-    """The sidecar in the content of a file, or None if it is none: its mark is an object with the key `scene`.
+    """Return the sidecar in the content of a file; None for what is not an object with the key `scene`.
 
-    Raises InputError, or SceneError with what is wrong, where there is not even a scene in it.
+    Raises InputError, or SceneError with all problems, where it has no scene.
     """
     if not may_be_json(content):
         return None
-    is_marked = _SIDECAR_START.match(content) is not None
+    is_sidecar = _SIDECAR_START.match(content) is not None
     if len(content) > MAX_SIDECAR_BYTES:
         raise InputError("too large for a sidecar", where=str(path), expected=f"at most {MAX_SIDECAR_BYTES} bytes")
     try:
         data = load_json_object(decode_utf8(content, path), path)
     except InputError:
-        if is_marked:
+        if is_sidecar:
             raise
-        return None  # JSON is YAML, where less is wrong, and lines are told
+        return None  # the YAML parser accepts more, and tells the line
     return _read(data, path) if "scene" in data else None
 
 
@@ -102,7 +100,7 @@ _SIDECAR_START = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"scene"\s*:')
 
 @dataclass(frozen=True)
 class _RejectedValue:
-    """Stands in the data for what should not be there; with a key, for the object that has it."""
+    """A value that was refused, or, with a key, the object that has it."""
 
     what: str
     got: str | None = None
@@ -110,9 +108,10 @@ class _RejectedValue:
 
 
 def load_json_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[str, Any]:
-    """The object in a text that begins with a brace, without what JSON does not have and keys that are there twice.
+    """Return the object in a text that begins with a brace.
 
-    kind: of the file, for messages. Raises InputError, or SceneError with all that is refused.
+    Refuses NaN, infinities and duplicate keys, which Python's parser accepts. kind: of the file, for messages.
+    Raises InputError, or SceneError with all that is refused.
     """
     refused: list[_RejectedValue] = []
 
@@ -162,16 +161,16 @@ _MOST_DIGITS = 300  # integers of fewer digits are finite as float64, too
 
 
 def _problems_in(data: object) -> Iterator[Problem]:
-    """What was refused, in its order in the file, on however many levels."""
-    left: list[tuple[str, object]] = [("", data)]
-    while left:
-        path, item = left.pop()
+    """Yield what was refused, in the order of the file; not recursive, for any number of levels."""
+    stack: list[tuple[str, object]] = [("", data)]
+    while stack:
+        path, item = stack.pop()
         if isinstance(item, _RejectedValue):
             yield Problem(path if item.key is None else join_keys(path, item.key), item.what, got=item.got)
         elif isinstance(item, dict):
-            left += [(join_keys(path, key), value) for key, value in reversed(item.items())]
+            stack += [(join_keys(path, key), value) for key, value in reversed(item.items())]
         elif isinstance(item, list):
-            left += [(join_keys(path, index), value) for index, value in reversed(list(enumerate(item)))]
+            stack += [(join_keys(path, index), value) for index, value in reversed(list(enumerate(item)))]
 
 
 # What it says
@@ -179,20 +178,18 @@ def _problems_in(data: object) -> Iterator[Problem]:
 
 def _read(data: dict[str, Any], path: Path) -> Sidecar:
     problems: list[Problem] = []
-    given = _known(TreeNode(data, "", problems), _TABLE, required=("scene", "volume", "frames"))
+    given = _known_fields(TreeNode(data, "", problems), _TABLE, required=_TABLE)
     if given["scene"] is INVALID:
         raise SceneError([replace(problem, location=str(path)) for problem in problems])
     if problems:
-        given |= {key: {} for key in ("schedule", "versions")} | {"frames": ()}
-    schedule = given.get("schedule", {})
+        given |= {"gl": "", "volume": "", "versions": {}, "schedule": {"asked": None}, "frames": ()}
+    schedule = given["schedule"]
     original = Original(
         path=path,
         fingerprint=given["volume"],
-        requested_error=schedule.get("asked"),
+        requested_error=schedule["asked"],
         other_schedule_keys={key: value for key, value in schedule.items() if key not in _OWN_SCHEDULE_KEYS},
-        tool_versions=given.get("versions", {})
-        | ({"GL": given["gl"]} if "gl" in given else {})
-        | _recorded_sources(data.get("cause")),
+        tool_versions=given["versions"] | {"GL": given["gl"]} | _recorded_sources(data.get("cause")),
         frames_fingerprint=_frames_fingerprint_in(data.get("cause")),
     )
     tolerances = () if problems else tuple(record.get("tolerance") for record in data["frames"])
@@ -210,8 +207,8 @@ def _recorded_sources(cause: Any) -> dict[str, str]:
     return {"sources": sources} if isinstance(sources, str) else {}
 
 
-def _known(node: TreeNode, table: FieldTable, *, required: Collection[str] = ()) -> dict[str, Any]:
-    """The values of these keys of a mapping; a sidecar has more."""
+def _known_fields(node: TreeNode, table: FieldTable, *, required: Collection[str] = ()) -> dict[str, Any]:
+    """Return the values of these keys of a mapping; others are ignored."""
     if isinstance(node.value, Mapping):
         node = replace(node, value={key: node.value[key] for key in table if key in node.value})
     return read_fields(node, table, required=required)
@@ -227,32 +224,36 @@ _FINGERPRINT = FieldType("32 hexadecimal digits", _parse_fingerprint)
 
 
 def _parse_schedule(node: TreeNode) -> dict[str, Any]:
-    """Whatever it is, it is written into the next sidecar, too."""
+    """Parse `schedule`, of which the sidecar of the next film gets a copy."""
     schedule = MAPPING_FIELD.parse(node)
     if schedule is not INVALID and not is_shallow(schedule):
         return MAPPING_FIELD.reject(node, "too many levels", got="", expected=f"at most {_MOST_LEVELS}")
-    return schedule if schedule is INVALID else schedule | _known(node, {"asked": ERROR_SECTION})
+    return (
+        schedule
+        if schedule is INVALID
+        else schedule | _known_fields(node, {"asked": ERROR_SECTION}, required=["asked"])
+    )
 
 
 _MOST_LEVELS = 10
 
 
 def is_shallow(value: object, num_levels: int = _MOST_LEVELS) -> bool:
-    """Whether plain data has no more levels than what is taken over as it stands may have."""
+    """Return whether plain data has at most this number of levels, as data that is copied unchecked must."""
     items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     return num_levels >= 0 and all(is_shallow(item, num_levels - 1) for item in items)
 
 
 def _parse_frames(node: TreeNode) -> tuple[int, ...]:
-    """Of records that are wrong the first is told: the others may be wrong for the same reason."""
+    """Parse the numbers of the frames; report the first wrong record alone: others may have the same mistake."""
     if not isinstance(node.value, list) or not node.value:
         return _FRAMES.reject(node, "empty" if node.value == [] else "not a list")
     found: list[int] = []
     wrong: tuple[int, ...] = INVALID
     for index, record in enumerate(node.value):
         frame = record.get("frame") if isinstance(record, dict) else None
-        if type(frame) is not int or not 0 <= frame < MAX_FRAMES:  # others are read slowly
-            frame = _known(node.child(index, record), {"frame": FRAME_NUMBER_FIELD}, required=["frame"])["frame"]
+        if type(frame) is not int or not 0 <= frame < MAX_FRAMES:  # the slow way tells what is wrong
+            frame = _known_fields(node.child(index, record), {"frame": FRAME_NUMBER_FIELD}, required=["frame"])["frame"]
         if frame is INVALID:
             return wrong
         if found and frame <= found[-1]:
@@ -269,7 +270,7 @@ _TABLE: FieldTable = {
     "scene": MAPPING_FIELD,
     "volume": FieldType(
         "a mapping with fingerprint",
-        lambda node: _known(node, {"fingerprint": _FINGERPRINT}, required=["fingerprint"])["fingerprint"],
+        lambda node: _known_fields(node, {"fingerprint": _FINGERPRINT}, required=["fingerprint"])["fingerprint"],
     ),
     "gl": TEXT_FIELD,
     "versions": MAPPING_FIELD,

@@ -204,24 +204,6 @@ def test_a_sidecar_of_another_name_has_a_film_of_that_name(folder: Path) -> None
     assert made["best.mp4"] == made["film.mp4"]
 
 
-def test_sidecars_of_older_versions(folder: Path) -> None:
-    """They have no schedule, and their frames may say less."""
-    render("scene.yaml", "--set", "error.tolerance={0: 0.5, 6: 0.02}", "--frames", "1:5")
-    made = pictures(folder)
-
-    def make_older(data: dict[str, Any]) -> None:
-        del data["schedule"]
-        data["frames"] = [{"frame": frame["frame"]} for frame in data["frames"]]
-
-    change(Path("film.mp4.json"), make_older)
-    Path("film.mp4").unlink()
-    render("film.mp4.json")
-    assert pictures(folder) == made
-    schedule = read(Path("film.mp4.json"))["schedule"]
-    assert schedule["asked"] == {"tolerance": {"0": 0.5, "6": 0.02}}
-    assert schedule["made_from"] == "film.mp4.json"
-
-
 def test_other_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     render("scene.yaml")
     made = read(Path("film.mp4.json"))
