@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from hsplat_cli.films import Part, find_parts
-from hsplat_cli.terminal import parse_frames, sigterm_as_interrupt
+from hsplat_cli.terminal import Reporter, parse_frames, sigterm_as_interrupt
 from renderer.errors import Problem, SceneError
 from renderer.film import has_frame_files
 from renderer.scene import FRAME_FIELD, OUTPUT_SECTION, OutputSpec, TreeNode, format_value
@@ -56,7 +56,7 @@ def assemble(
         # Imported here: numpy takes longer to load than --help may take to answer.
         from hsplat_cli.films import assemble_film
 
-        assemble_film(found, numbers, spec, force=force, quiet=quiet)
+        assemble_film(found, numbers, spec, Reporter(quiet), force=force)
 
 
 def _output_spec(part: Part, options: dict[str, tuple[Any, str]], numbers: Sequence[int]) -> OutputSpec:

@@ -9,7 +9,7 @@ import click
 
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor, require_executor_for
 from hsplat_cli.scenes import load_job
-from hsplat_cli.terminal import parse_duration, report_first_run, sigterm_as_interrupt
+from hsplat_cli.terminal import Reporter, parse_duration, sigterm_as_interrupt
 from renderer.errors import InputError
 
 
@@ -61,14 +61,13 @@ def render(
     require_executor_for(executor, job.scene, progressive=progressive)
     with sigterm_as_interrupt():
         # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
-        from hsplat_cli.films import render_once, render_progressively
+        from hsplat_cli.films import Refinement, render_film
 
-        report_first_run(quiet=quiet)
-        if progressive:
-            shortfall = render_progressively(job, time_limit=limit, best_effort=best_effort, force=force, quiet=quiet)
-        else:
-            shortfall = render_once(job, executor, force=force, quiet=quiet)
-    if shortfall is not None and not best_effort:
-        raise shortfall
-    if shortfall is not None and not quiet:
-        click.echo(f"note: {shortfall.what}: {shortfall.got}, not {shortfall.expected}")
+        reporter = Reporter(quiet)
+        reporter.announce_compilation()
+        refinement = Refinement(limit, best_effort) if progressive else None
+        shortfall = render_film(job, executor, reporter, refinement=refinement, force=force).shortfall
+    if shortfall is not None:
+        if not best_effort:
+            raise shortfall
+        reporter.note(f"{shortfall.what}: {shortfall.got}, not {shortfall.expected}")

@@ -1,4 +1,4 @@
-from .executor import open_executor as open_executor
+from .executor import Executor as Executor, open_executor as open_executor
 from .frame_result import FrameExecutor as FrameExecutor, FrameResult as FrameResult, LocalExecutor as LocalExecutor
 from .options import (
     ExecutorSpec as ExecutorSpec,
@@ -7,5 +7,5 @@ from .options import (
     require_executor_for as require_executor_for,
     workers_option as workers_option,
 )
-from .rasterizers import open_rasterizer as open_rasterizer, open_recovering_rasterizer as open_recovering_rasterizer
+from .rasterizers import open_rasterizer as open_rasterizer
 from .workers.child_processes import ChildProcesses as ChildProcesses

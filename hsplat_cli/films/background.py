@@ -1,4 +1,4 @@
-"""Frames are packed, written and encoded behind the drawing: in a thread, while the next one is drawn."""
+"""Run tasks in a background thread: frames are encoded and written while the next one is drawn."""
 
 from __future__ import annotations
 
@@ -10,24 +10,23 @@ Result = TypeVar("Result")
 
 
 def run_sequentially(tasks: Iterable[Callable[[], Result]]) -> Generator[Result, None, None]:
-    """What tasks return, each done before the next is made ready: where it counts how long either takes."""
+    """Yield what tasks return, each run before the next is made."""
     for task in tasks:
         yield task()
 
 
 def run_overlapped(tasks: Iterable[Callable[[], Result]]) -> Generator[Result, None, None]:
-    """What tasks return, in their order, of which one is done while the next is made ready; never two at a time.
+    """Yield what tasks return, in order; one runs in a thread while the next is made, never two at a time.
 
-    A task that has begun is finished before anybody hears that the one after it could not be made: what was drawn is
-    kept, whatever ends the drawing. What a task raises comes when the one after it is ready. To be closed where not all
-    results are taken.
+    A task that has started is finished before an error in making the next one is raised, so a frame that was drawn is
+    kept. What a task raises comes when the next one is made. Close the generator if not all results are taken.
     """
-    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="hsplat-behind") as thread:
-        thread.submit(bool).result()  # an interrupt while a thread begins would leave its task to itself
-        at_work: Future[Result] | None = None
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="hsplat-background") as thread:
+        thread.submit(bool).result()  # an interrupt while the thread starts would lose its task
+        running: Future[Result] | None = None
         for task in tasks:
-            results = [] if at_work is None else [at_work.result()]
-            at_work = thread.submit(task)
+            results = [] if running is None else [running.result()]
+            running = thread.submit(task)
             yield from results
-        if at_work is not None:
-            yield at_work.result()
+        if running is not None:
+            yield running.result()

@@ -1,4 +1,4 @@
-"""From what a scene asks for (splats, seconds, an accuracy) to the tolerances that give it; and was it met?"""
+"""From what a scene requests (splats, seconds, an accuracy) to the tolerances that give it, and whether it was met."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from hsplat_cli.films.sidecar_record import TIME_BUDGET_MARGIN, budget_seconds, drawing_seconds, span
+from hsplat_cli.films.sidecar_record import TIME_BUDGET_MARGIN, budget_seconds, drawing_seconds, range_text
 from hsplat_cli.scenes import Job
+from hsplat_cli.terminal import Reporter
 from renderer import study
 from renderer.errors import RenderError
 from renderer.film import Record
@@ -19,39 +20,38 @@ from renderer.study import BEST_EFFORT_HINT, FilmPlan
 if TYPE_CHECKING:
     from renderer.study import ToleranceSearchResult
 
-# Frames that may be late without a word.
-MAX_LATE_FRACTION = 0.1
+# Up to this fraction of the frames may be late without an error.
+_MAX_LATE_FRACTION = 0.1
 
 
 def make_plan(
     estimator: LODCostEstimator,
     frames: Sequence[int],
     rasterizer: Rasterizer | None,
-    *,
-    quiet: bool,
+    reporter: Reporter,
     on_step: Callable[[], None] = lambda: None,
 ) -> FilmPlan:
-    """Find what the goal of the scene takes, if it has one, and tell of a search; as `renderer.study.make_plan`."""
+    """Find the tolerances that meet the goal of the scene, and report the search; as `renderer.study.make_plan`."""
 
-    def search(stage: Stage, want: MetricTarget) -> ToleranceSearchResult:
-        # Imported where they are used: other films need no ray integral, which takes a while to load.
-        from hsplat_cli.films.tolerance_search import search_tolerance
+    def search(stage: Stage, target: MetricTarget) -> ToleranceSearchResult:
+        # Imported here: the ray integral takes a while to load.
+        from hsplat_cli.films.accuracy import search_tolerance
         from renderer.study import TRUTH_TOLERANCE
 
         assert rasterizer is not None
-        return search_tolerance(stage, frames, want, TRUTH_TOLERANCE, rasterizer, quiet=quiet, on_step=on_step)
+        return search_tolerance(stage, frames, target, TRUTH_TOLERANCE, rasterizer, reporter, on_step=on_step)
 
     return study.make_plan(estimator, frames, rasterizer, clock=time.perf_counter, search=search, on_step=on_step)
 
 
 def shortfall_of(job: Job, plan: FilmPlan, frames: Sequence[Record]) -> RenderError | None:
-    """What was asked for and not had, now that the frames are there."""
+    """Return the error for what was requested and not reached by these frames, or None."""
     goal = job.scene.error.goal
     if plan.is_unfinished:
         return RenderError(
-            "the film was not refined to what the scene asks for",
+            "the film was not refined to what the scene requests",
             where=str(job.scene.output.file),
-            got=f"tolerance {span([frame['tolerance'] for frame in frames])}",
+            got=f"tolerance {range_text([frame['tolerance'] for frame in frames])}",
             expected=", ".join(f"{name} {format_value(value)}" for name, value in job.requested_error.items()),
             hint=f"it needs more time; {BEST_EFFORT_HINT}",
         )
@@ -59,21 +59,22 @@ def shortfall_of(job: Job, plan: FilmPlan, frames: Sequence[Record]) -> RenderEr
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[Record]) -> RenderError | None:
-    """Frames that even the quickest cut was too slow for, if they are many; or a machine that became slower."""
+    """Return the error where many frames were too slow even at the coarsest cut, or the machine became slower."""
     late = [
         frame for frame in frames if frame["predicted_seconds"] > (1 + TIME_BUDGET_MARGIN) * budget_seconds(goal, frame)
     ]
-    if len(late) <= MAX_LATE_FRACTION * len(frames):
+    if len(late) <= _MAX_LATE_FRACTION * len(frames):
         shares = [drawing_seconds(frame) / budget_seconds(goal, frame) for frame in frames]
         if statistics.median(shares) <= 1 + TIME_BUDGET_MARGIN:
             return None
         late = list(frames)
-    taken = statistics.median(map(drawing_seconds, late))
+    median_seconds = statistics.median(map(drawing_seconds, late))
+    tolerances = range_text([frame["tolerance"] for frame in late])
     which = "the frame" if len(frames) == 1 else f"{len(late)} of {len(frames)} frames"
     return RenderError(
-        f"{which} took longer than there was time for",
+        f"{which} took longer than the time budget",
         where="error.seconds",
-        got=f"{taken:.3g} s a frame in the median, at tolerance {span([frame['tolerance'] for frame in late])}",
-        expected=f"{span([budget_seconds(goal, frame) for frame in late])} s",
+        got=f"{median_seconds:.3g} s a frame in the median, at tolerance {tolerances}",
+        expected=f"{range_text([budget_seconds(goal, frame) for frame in late])} s",
         hint=f"a smaller output.size is drawn sooner; {BEST_EFFORT_HINT}",
     )

@@ -1,123 +1,183 @@
-"""What is told about a film: what goes into the JSON file beside it, notes, and a few lines on the terminal."""
+"""The content of a sidecar, and the notes and figures that the terminal shows of the same film."""
 
 from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.films.rerender import inherited_schedule, printable_name
-from hsplat_cli.scenes import Job
+from hsplat_cli.scenes import Job, Original
 from hsplat_cli.terminal import counted, pluralize_range
 from renderer.errors import RenderError
-from renderer.film import Record
-from renderer.scene import TimeBudget, scheduled_value
+from renderer.film import Record, file_digest, frame_path, has_frame_files, translate_os_errors
+from renderer.scene import (
+    OutputSpec,
+    TimeBudget,
+    format_value,
+    schedule_to_dict,
+    scheduled_value,
+)
 from renderer.study import FilmPlan
+from renderer.versions import package_versions, sources_digest
 
 if TYPE_CHECKING:
     from renderer.study import ToleranceSearchResult
 
-# A frame is in time when it takes no longer and no shorter than its budget by more than this part.
+# A frame is in time when its seconds differ from its budget by no more than this fraction.
 TIME_BUDGET_MARGIN = 0.2
+
+_MAX_NAME_LENGTH = 200
+
+
+# Frames
 
 
 def with_seconds(record: Record, **seconds: float) -> Record:
-    """A frame's record with what some more steps took."""
+    """Return a frame's record with the seconds of further steps."""
     return {**record, "seconds": {**record["seconds"], **seconds}}
 
 
-def makers(frames: Sequence[Record]) -> list[str]:
-    """Devices and drivers, as GL names them, of the frames that tell: those that were drawn elsewhere."""
+def with_digests(frames: Sequence[Record], output: OutputSpec) -> list[Record]:
+    """Return the records of existing frames, with the digests of their files where frames have files."""
+    if not has_frame_files(output):
+        return [*frames]
+    found: list[Record] = []
+    for frame in frames:
+        path = frame_path(output.file, frame["frame"])
+        with translate_os_errors(path):
+            found.append(frame if "digest" in frame else {**frame, "digest": file_digest(path)})
+    return found
+
+
+def recorded_drivers(frames: Sequence[Record]) -> list[str]:
+    """Return the devices and drivers of frames that were drawn elsewhere, as OpenGL names them, each once."""
     return list(dict.fromkeys(frame["gl"] for frame in frames if "gl" in frame))
+
+
+def frame_seconds(frame: Record) -> float:
+    """Return the seconds from the start of a frame until the encoder had it."""
+    return float(sum(frame["seconds"].values()))
+
+
+def drawing_seconds(frame: Record) -> float:
+    """Return `frame_seconds` without the steps that later frames share: the cut, its splats and its edges."""
+    return float(sum(seconds for name, seconds in frame["seconds"].items() if name not in ("cut", "splats", "edges")))
+
+
+def budget_seconds(goal: TimeBudget, frame: Record) -> float:
+    """Return the seconds that a frame was given."""
+    return scheduled_value(goal.by_frame, frame["frame"])
+
+
+def is_in_time(goal: TimeBudget, frame: Record) -> bool:
+    """Return whether a frame took its budget within TIME_BUDGET_MARGIN, or less while it shows every voxel."""
+    share = frame_seconds(frame) / budget_seconds(goal, frame)
+    return abs(share - 1) <= TIME_BUDGET_MARGIN or (share < 1 and frame["tolerance"] == 0)
+
+
+# The sidecar
 
 
 def schedule_record(
     job: Job, plan: FilmPlan, frames: Sequence[Record], shortfall: RenderError | None
 ) -> dict[str, Any]:
-    """What was asked for and what was reached.
+    """Return what was requested and what was reached.
 
-    Where the tolerances depend on how quick the machine was, the scene does not make the same film again; this file
-    does.
+    `reproducible` is false where the tolerances depend on the speed of the machine: then the sidecar makes the same
+    film again, and the scene does not. The schedule of an original film carries over while the same is requested.
     """
-    record = {
+    record: dict[str, Any] = {
         "asked": job.requested_error,
-        "tolerance": limits(frame["tolerance"] for frame in frames),
-        "cells": limits(frame["cells"] for frame in frames),
+        "tolerance": min_max(frame["tolerance"] for frame in frames),
+        "cells": min_max(frame["cells"] for frame in frames),
         "met": shortfall is None,
         "reproducible": not plan.is_timing_dependent,
     }
-    measured = {} if plan.found is None else {"measured": _measured(plan.found)}
-    missed = {} if shortfall is None else {"shortfall": str(shortfall)}
-    return record | measured | missed | inherited_schedule(job, is_unfinished=plan.is_unfinished)
+    if plan.found is not None:
+        worst = plan.found.worst
+        value = worst.value if math.isfinite(worst.value) else None  # the PSNR of equal pictures
+        metric, probes = plan.found.want.metric, plan.found.frames
+        record["measured"] = {"metric": metric, "worst": value, "frame": worst.frame, "probes": probes}
+    if shortfall is not None:
+        record["shortfall"] = str(shortfall)
+    if job.original is not None:
+        if not plan.is_unfinished and job.requested_error == _recorded_request(job, job.original):
+            record |= job.original.other_schedule_keys
+        record["made_from"] = job.original.path.name
+    return record
 
 
-def _measured(found: ToleranceSearchResult) -> dict[str, Any]:
-    worst = found.worst
-    value = worst.value if math.isfinite(worst.value) else None  # the PSNR of equal pictures
-    return {"metric": found.want.metric, "worst": value, "frame": worst.frame, "probes": found.frames}
+def _recorded_request(job: Job, original: Original) -> Mapping[str, Any]:
+    """Return what the original film was requested to meet, as far as its sidecar says."""
+    return job.requested_error if original.requested_error is None else schedule_to_dict(original.requested_error)
 
 
-def driver_notes(made_by: Sequence[str]) -> list[str]:
-    """That frames are not all of one driver, if so: some of them are kept, or workers differ."""
-    drivers = " and ".join(map(printable_name, made_by))
-    return [f"bytes may differ from frame to frame, drawn by different drivers: {drivers}"] * (len(made_by) > 1)
+# Notes
 
 
-def summary(
-    job: Job, frames: Sequence[Record], seconds: float, found: ToleranceSearchResult | None, num_kept: int = 0
-) -> str:
-    """`120 frames in 25.1 s, 190 bricks a frame`, and what came of a budget or an accuracy."""
-    return ", ".join(_summary(job, frames, seconds, found, num_kept))
+def rerender_notes(job: Job, driver: str) -> list[str]:
+    """Return notes on a film that is rendered from a sidecar: a goal that the original missed, and other versions."""
+    original = job.original
+    if original is None:
+        return []
+    notes = []
+    if original.other_schedule_keys.get("met") is False:
+        requested = ", ".join(
+            f"{name} {format_value(value)}" for name, value in _recorded_request(job, original).items()
+        )
+        notes.append(f"the original film did not meet what was requested: {requested}")
+    before, now = original.tool_versions, package_versions() | {"GL": driver, "sources": sources_digest()}
+    changed = [
+        f"{name} {printable_name(now[name])}, which was {printable_name(before[name])}"
+        for name in now
+        if name in before and before[name] != now[name]
+    ]
+    if changed:
+        notes.append(f"the bytes may differ from the original film, which had other versions: {'; '.join(changed)}")
+    return notes
 
 
-def _summary(
-    job: Job, frames: Sequence[Record], seconds: float, found: ToleranceSearchResult | None, num_kept: int
+def printable_name(value: object) -> str:
+    """Return a value from a file that anybody may have written, safe for the terminal."""
+    is_plain = isinstance(value, str) and value.isprintable() and len(value) <= _MAX_NAME_LENGTH
+    return str(value) if is_plain else format_value(value)
+
+
+def driver_notes(drivers: Sequence[str]) -> list[str]:
+    """Return a note where frames were drawn by different drivers: kept frames, or workers that differ."""
+    names = " and ".join(map(printable_name, drivers))
+    return [f"bytes may differ from frame to frame, drawn by different drivers: {names}"] * (len(drivers) > 1)
+
+
+# Figures
+
+
+def summary_parts(
+    job: Job, frames: Sequence[Record], seconds: float, found: ToleranceSearchResult | None, num_resumed: int
 ) -> Iterator[str]:
+    """Yield `120 frames in 25.1 s`, `190 bricks a frame`, and how a budget or an accuracy was met."""
     num, goal = len(frames), job.scene.error.goal
-    yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_kept} drawn before)" if num_kept else "")
+    yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
     yield f"{pluralize_range([frame['splats'] for frame in frames], job.scene.splat.primitive_name)} a frame"
     if goal is not None:
-        yield f"tolerance {span([frame['tolerance'] for frame in frames])}"
+        yield f"tolerance {range_text([frame['tolerance'] for frame in frames])}"
     if isinstance(goal, TimeBudget):
-        in_time = sum(is_in_time(goal, frame) for frame in frames)
         predicted = statistics.median(frame["predicted_seconds"] for frame in frames)
-        taken = statistics.median(map(frame_seconds, frames))
-        yield f"{taken:.3g} s a frame (predicted: {predicted:.3g} s)"
-        yield f"{in_time} of {num} in time"
+        yield f"{statistics.median(map(frame_seconds, frames)):.3g} s a frame (predicted: {predicted:.3g} s)"
+        yield f"{sum(is_in_time(goal, frame) for frame in frames)} of {num} in time"
     if found is not None:
         worst, num_probes = found.want.format(found.worst.value), len(found.frames)
         yield f"{worst} or better on {num_probes} probe frames" if num_probes > 1 else worst
 
 
-def span(values: Sequence[float], form: str = "g") -> str:
-    """`0.1`, or `0.05 to 0.1`."""
-    low, high = limits(values)
-    return f"{low:{form}}" if low == high else f"{low:{form}} to {high:{form}}"
+def range_text(values: Sequence[float]) -> str:
+    """Return `0.1`, or `0.05 to 0.1`."""
+    low, high = min_max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def limits(values: Iterable[float]) -> list[float]:
-    """The smallest and the largest."""
+def min_max(values: Iterable[float]) -> list[float]:
+    """Return the smallest and the largest value."""
     found = list(values)
     return [min(found), max(found)]
-
-
-def frame_seconds(frame: Record) -> float:
-    """From the start of a frame until it was in the file, or on its way there."""
-    return float(sum(frame["seconds"].values()))
-
-
-def drawing_seconds(frame: Record) -> float:
-    """The same without what the frame did for the others, too: their cut."""
-    return float(sum(seconds for name, seconds in frame["seconds"].items() if name not in ("cut", "splats", "edges")))
-
-
-def budget_seconds(goal: TimeBudget, frame: Record) -> float:
-    """The time that a frame had."""
-    return scheduled_value(goal.by_frame, frame["frame"])
-
-
-def is_in_time(goal: TimeBudget, frame: Record) -> bool:
-    """Whether a frame took its time within TIME_BUDGET_MARGIN, or less and shows every voxel."""
-    share = frame_seconds(frame) / budget_seconds(goal, frame)
-    return abs(share - 1) <= TIME_BUDGET_MARGIN or (share < 1 and frame["tolerance"] == 0)

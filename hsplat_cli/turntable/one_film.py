@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -27,7 +28,6 @@ from hsplat_cli.turntable.manifest import (
 )
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import (
-    is_frame_record,
     locked_output,
     picture_files,
     require_no_input,
@@ -39,7 +39,10 @@ from renderer.film import (
 )
 from renderer.scene import VolumeSpec, parse_scene_content, schedule_to_dict
 
-_MOST = 2**53  # larger numbers of splats or seconds are none
+if TYPE_CHECKING:
+    from hsplat_cli.films import Film
+
+_MAX_NUMBER = 2**53  # of splats or seconds; larger ones are mistakes
 
 
 @dataclass(frozen=True)
@@ -111,13 +114,13 @@ def make_film(order: Order, *, quiet: bool) -> Record:
         write_scene(order, suggested)
         report_first_run(quiet=quiet)
         # Imported here: numba and GL take longer to load than --help may take to answer.
-        from hsplat_cli.films import render_once
+        from hsplat_cli.films import render_film
 
         tell = partial(update_manifest, order.scene.parent, [order.record(STARTED)])
-        shortfall = render_once(job, order.executor, place=place, on_start=tell, force=order.force, quiet=quiet)
-    if shortfall is not None:
-        raise shortfall
-    return order.record(DONE) | {"kind": suggested.kind, "reason": suggested.reason} | _cost(sidecar)
+        film = render_film(job, order.executor, Reporter(quiet), work_folder=place, on_start=tell, force=order.force)
+    if film.shortfall is not None:
+        raise film.shortfall
+    return order.record(DONE) | {"kind": suggested.kind, "reason": suggested.reason} | film_statistics(film)
 
 
 def _job(order: Order, suggested: SuggestedScene) -> Job:
@@ -184,24 +187,18 @@ def _require_unedited(scene: Path, digest: str, of: str, report: Report) -> None
         )
 
 
-def _cost(sidecar: Path) -> Record:
-    """Frames, the mean number of bricks (as `splats`) and seconds, as far as the file beside the film tells them.
+def film_statistics(film: Film) -> Record:
+    """Return the frames, the mean number of bricks (as `splats`) and the seconds of a film.
 
-    Anybody may have written that, if the film was there already.
+    The sidecar of a film that was up to date may have been edited: numbers that cannot be are left out.
     """
-    try:
-        told = json.loads(sidecar.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    frames, seconds = (told.get(key) if isinstance(told, dict) else None for key in ("frames", "seconds"))
-    cost: Record = {}
-    if isinstance(frames, list) and frames and all(is_frame_record(frame, has_digest=False) for frame in frames):
-        mean = Fraction(sum(frame["splats"] for frame in frames), len(frames))
-        cost |= {"frames": len(frames)} | ({"splats": round(mean)} if mean < _MOST else {})
+    mean = Fraction(sum(frame["splats"] for frame in film.frames), len(film.frames))
+    statistics: Record = {"frames": len(film.frames)} | ({"splats": round(mean)} if mean < _MAX_NUMBER else {})
+    seconds = film.record.get("seconds")
     total = seconds.get("total") if isinstance(seconds, dict) else None
-    if isinstance(total, (int, float)) and 0 <= total < _MOST:
-        cost["seconds"] = round(total, 3)
-    return cost
+    if isinstance(total, (int, float)) and 0 <= total < _MAX_NUMBER:
+        statistics["seconds"] = round(total, 3)
+    return statistics
 
 
 def print_film_record(order: Order, *, quiet: bool) -> None:

@@ -45,7 +45,7 @@ def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[st
             "name": volume.name,
             "fingerprint": volume.fingerprint,
             "dtype": str(volume.values.dtype),
-            "shape": volume.shape_xyz,
+            "shape": list(volume.shape_xyz),
             "world_from_index": volume.world_from_index,
         },
         "camera": {"target": stage.target, "distance": stage.distance},

@@ -103,10 +103,11 @@ def unreachable_accuracy_error(found: ToleranceSearchResult, scene: Scene, *, wh
     want, worst = found.want, found.worst
     level, noun = scene.error.finest_level, scene.splat.primitive_name
     drawn = f"{worst.num_cells} {noun}{'s' * (worst.num_cells != 1)}"
-    page = "docs/footprints.md"
-    limit = f"error.finest_level: {level} lets no cell be smaller" if level else f"what limits it is told in {page}"
+    limit = "docs/footprints.md says what limits it"
+    if level:
+        limit = f"error.finest_level: {level} lets no cell be smaller"
     return RenderError(
-        "the accuracy that is wanted is beyond full resolution",
+        "the requested accuracy is beyond full resolution",
         where=where,
         got=f"{want.format(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
         expected=str(want),

@@ -24,6 +24,7 @@ from spoil import spoil
 
 from hsplat_cli.films.goals import make_plan
 from hsplat_cli.main import run
+from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
 from renderer.film import encode_png
@@ -182,7 +183,7 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
     number = min(case.frame, scene.camera.path.frames - 1)
-    stage = make_plan(LODCostEstimator(stage), [number], rasterizer, quiet=True).stage
+    stage = make_plan(LODCostEstimator(stage), [number], rasterizer, Reporter(is_quiet=True)).stage
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():
         raise WrongError("the picture has pixels that are not numbers")

@@ -29,7 +29,7 @@ def schedule(text: str) -> list[str]:
             0,
             f"psnr {NUMBER} dB on frame [0-5], with \\d+ splats",
             "psnr 150.00 dB",
-            "what limits it is told in docs/footprints.md",
+            "docs/footprints.md says what limits it",
         ),
         (
             "rmse=1e-8",
@@ -49,7 +49,7 @@ def test_an_accuracy_beyond_full_resolution(
     out, err = capsys.readouterr()
     assert out == ""
     wanted = (
-        f"error.{text.partition('=')[0]}: the accuracy that is wanted is beyond full resolution\n"
+        f"error.{text.partition('=')[0]}: the requested accuracy is beyond full resolution\n"
         f"  got: {got} at tolerance 0\n"
         f"  expected: {re.escape(expected)}\n"
         f"  hint: the film is drawn at tolerance 0, and with --best-effort it is good enough; {limit}\n"

@@ -52,10 +52,10 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def test_missing_frames(capsys: pytest.CaptureFixture[str]) -> None:
     Path("parts/frames.3-5.json").unlink()
     assert refused(capsys, "parts", "--output", "film.mp4") == (
-        f"3 frames are in no part\n  got: nothing of 3:6\n  hint: these draw them:\n    {DRAW} 3:6 {TO}\n"
+        f"3 frames are in no part\n  got: no part with 3:6\n  hint: draw them by:\n    {DRAW} 3:6 {TO}\n"
     )
     assert refused(capsys, "parts", "--output", "film.mp4", "--frames", "5") == (
-        f"1 frame is in no part\n  got: nothing of 5:6\n  hint: these draw them:\n    {DRAW} 5:6 {TO}\n"
+        f"1 frame is in no part\n  got: no part with 5:6\n  hint: draw them by:\n    {DRAW} 5:6 {TO}\n"
     )
 
 
@@ -63,8 +63,8 @@ def test_many_gaps(capsys: pytest.CaptureFixture[str]) -> None:
     change("parts/frames.0-2.json", lambda data: data["frames"].pop(1))
     assert refused(capsys, "parts/frames.0-2.json", "--output", "{frame}.png") == (
         "7 frames are in no part\n"
-        "  got: nothing of 1:2, 3:9\n"
-        f"  hint: these draw them:\n    {DRAW} 1:2 {TO}\n    {DRAW} 3:9 {TO}\n"
+        "  got: no part with 1:2, 3:9\n"
+        f"  hint: draw them by:\n    {DRAW} 1:2 {TO}\n    {DRAW} 3:9 {TO}\n"
     )
 
 
@@ -120,7 +120,7 @@ parts/0004.png: not the picture of frame 4
   got: 32 x 32 pixels with alpha, not 32 x 32 pixels without alpha
   hint: remove it, and hsplat render parts/frames.3-5.json {again}
 parts/0005.png: not the picture of frame 5
-  got: another picture than the one that was drawn
+  got: a picture that was changed since
   hint: remove it, and hsplat render parts/frames.3-5.json {again}
 parts/0006.png: not the picture of frame 6
   got: that of frame 8
@@ -128,7 +128,7 @@ parts/0006.png: not the picture of frame 6
 parts/0007.png: not the picture of frame 7
   got: a file that is not a PNG file
   hint: remove it, and hsplat render parts/frames.6-8.json {again}
-parts/frames.0-2.json: 1 of its pictures is not there
+parts/frames.0-2.json: 1 of its pictures is missing
   got: no parts/0000.png
   hint: hsplat render parts/frames.0-2.json draws them again
 """
@@ -145,10 +145,10 @@ def test_pictures_of_which_nothing_is_told(capsys: pytest.CaptureFixture[str]) -
     assert (
         refused(capsys, "parts", "--output", "film.mp4")
         == """\
-parts/frames.0-2.json: nothing tells whether its pictures are those that were drawn
+parts/frames.0-2.json: the record does not say whether its pictures are those that were drawn
   got: no digest of frame 1
   hint: hsplat render parts/frames.0-2.json --force draws them again
-parts/frames.3-5.json: nothing tells whether its pictures are those that were drawn
+parts/frames.3-5.json: the record does not say whether its pictures are those that were drawn
   got: no digest of frame 3 and 2 more
   hint: hsplat render parts/frames.3-5.json --force draws them again
 """
@@ -166,7 +166,7 @@ def test_a_frame_that_two_parts_have(capsys: pytest.CaptureFixture[str]) -> None
     assert (
         refused(capsys, "parts", "more", "--output", "film.mp4")
         == """\
-parts/frames.3-5.json: frame 3 is in two parts, and not the same
+parts/frames.3-5.json: frame 3 differs between two parts
   got: more/3.png and parts/0003.png
   hint: leave one of the parts out
 """
@@ -198,9 +198,9 @@ cut.json:2:13: not valid JSON
   hint: a sidecar is written as a whole: this one was cut off, or changed since
 other.json: not the sidecar of numbered frames
   expected: {expected}
-film.mp4.json: a film, which is not taken apart again
+film.mp4.json: the sidecar of a film in one file
   expected: {expected}
-parts/frames.0-2.json: frames.1: a frame with too little about it
+parts/frames.0-2.json: frames.1: an incomplete record of a frame
   expected: tolerance, cells, splats and seconds, as this version writes them
 parts/frames.3-5.json: scene.camera.path.frames: not the length of this path
   got: 4
@@ -224,6 +224,8 @@ parts/frames.0-2.json: versions.numba: not text
 parts/frames.0-2.json: schedule.met: not true or false
   got: 'yes'
   expected: true or false
+parts/frames.0-2.json: schedule.measured.metric: missing
+  expected: text
 parts/frames.0-2.json: schedule.measured.worst: not a number
   got: 'x'
   expected: {AMOUNT}

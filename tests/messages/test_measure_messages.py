@@ -128,13 +128,13 @@ def test_an_accuracy_beyond_full_resolution(measure) -> None:  # type: ignore[no
     code, said = measure("--want", "psnr=150")
     assert code == 1
     lines = said.splitlines()
-    assert lines[0] == "--want psnr=150: the accuracy that is wanted is beyond full resolution"
+    assert lines[0] == "--want psnr=150: the requested accuracy is beyond full resolution"
     assert (
         lines[1].startswith("  got: psnr ")
         and "dB on frame " in lines[1]
         and lines[1].endswith(" splats at tolerance 0")
     )
-    hint = "  hint: want less; what limits it is told in docs/footprints.md"
+    hint = "  hint: want less; docs/footprints.md says what limits it"
     assert lines[2:] == ["  expected: psnr 150.00 dB", hint]
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from hsplat_cli import main
 from hsplat_cli.executors import frame_result as drawn
-from hsplat_cli.films import differences
+from hsplat_cli.films import describe_differences
 from renderer.film import bytes_digest, join_png_chunks, png_chunks
 from renderer.frame import Frame
 
@@ -38,7 +38,7 @@ SMALL = [
     ],
 )
 def test_what_differs(before: dict[str, Any], now: dict[str, Any], text: str) -> None:
-    assert differences(before, now) == text
+    assert describe_differences(before, now) == text
 
 
 class Render:
@@ -75,18 +75,18 @@ def interrupt() -> None:
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
 def test_a_life_of_a_film(render: Render, output: str) -> None:
     render.at_frame(4, interrupt)
-    kept = "4 of 6 frames are kept; the same command goes on from there\nhsplat: interrupted\n"
+    kept = "4 of 6 frames are kept; the same command resumes there\nhsplat: interrupted\n"
     assert render("--output", output) == (130, kept)
     render.at_frame(5, interrupt)
-    again = "4 of 6 frames are there already\n5 of 6 frames are kept; the same command goes on from there\n"
+    again = "4 of 6 frames are already finished\n5 of 6 frames are kept; the same command resumes there\n"
     assert render("--output", output) == (130, f"{again}hsplat: interrupted\n")
     render.at_frame(9, interrupt)
     why = "scene.error.tolerance was 0.1"
-    changed = f"5 frames that were there are drawn anew, for they were of another film: {why}\n"
+    changed = f"5 existing frames are drawn again: of another film: {why}\n"
     assert render("--output", output, "--set", "error.tolerance=0.2") == (0, changed)
     up_to_date = f"{output} is up to date; --force draws it again\n"
     assert render("--output", output, "--set", "error.tolerance=0.2") == (0, up_to_date)
-    anew = f"{output} is drawn anew, for what is there is another film: scene.error.tolerance was 0.2\n"
+    anew = f"{output} is drawn again: the existing file is another film: scene.error.tolerance was 0.2\n"
     assert render("--output", output, "--set", "error.tolerance=0.3") == (0, anew)
 
 
@@ -98,7 +98,7 @@ def test_a_film_that_is_drawn_again_for_nothing(render: Render, output: str) -> 
     command = "the same command without --force"
     if output == "film.mp4":
         command += ", once film.mp4 is removed,"
-    kept = f"4 of 6 frames are kept; {command} goes on from there\nhsplat: interrupted\n"
+    kept = f"4 of 6 frames are kept; {command} resumes there\nhsplat: interrupted\n"
     assert render("--output", output, "--force") == (130, kept)
     up_to_date = f"{output} is up to date; --force draws it again\n"
     assert render("--output", output) == (0, up_to_date)
@@ -120,12 +120,12 @@ def test_a_kept_frame_that_no_decoder_takes(render: Render) -> None:
     code, said = render("--output", "film.mp4")
     assert (code, said) == (
         1,
-        "4 of 6 frames are there already\n"
-        "3 of 6 frames are kept; the same command goes on from there\n"
+        "4 of 6 frames are already finished\n"
+        "3 of 6 frames are kept; the same command resumes there\n"
         "film.mp4.unfinished/000001.png: a frame that was kept cannot be decoded\n"
         "  hint: the same command draws it again\n",
     )
-    assert render("--output", "film.mp4") == (0, "3 of 6 frames are there already\n")
+    assert render("--output", "film.mp4") == (0, "3 of 6 frames are already finished\n")
 
 
 def test_a_folder_that_is_none(render: Render) -> None:
@@ -172,7 +172,7 @@ def test_a_disk_that_is_full(render: Render, monkeypatch: pytest.MonkeyPatch, ou
     place = "3.png" if output == "{frame}.png" and suffix == "png" else f"{folder}/000003.{suffix}"
     assert render("--output", output) == (
         1,
-        "3 of 6 frames are kept; the same command goes on from there\n"
+        "3 of 6 frames are kept; the same command resumes there\n"
         f"{place}: the disk is full\n  hint: free some space, or write to another disk\n",
     )
     assert not Path("film.mp4").exists()

@@ -15,7 +15,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.films.assemble import film, merged_sidecar as merged
+from hsplat_cli.films.assemble import assembly, merged_sidecar as merged
 from renderer.film import bytes_digest, encode_png, join_png_chunks, output_lock as place, png_chunks
 from renderer.versions import package_versions
 
@@ -113,7 +113,7 @@ def test_other_makers_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     data |= {"gl": "Other GL", "notes": ["nobody was there", "nobody was there"]}
     path.write_text(json.dumps(data), encoding="utf-8")
     assert main.run(["assemble", "parts", "--output", "film.mp4"]) == 0
-    note = f"bytes may differ from part to part, made with different versions: GL {here} and Other GL"
+    note = f"bytes may differ from part to part, drawn with different versions: GL {here} and Other GL"
     assert capsys.readouterr().out == (
         f"film.mp4: 7 frames of 2 parts\nnote: {note}\nnote: nobody was there\nhow it was made: film.mp4.json\n"
     )
@@ -185,7 +185,7 @@ def test_what_was_put_together_is_up_to_date(
     name = "frames.json" if "png" in output else f"{output}.json"
     shutil.copytree("before", "parts", ignore=shutil.ignore_patterns("*.png"))
     assert main.run(["assemble", "parts", "--output", f"made/{output}"]) == 0
-    assert capsys.readouterr().err == f"made/{output} is up to date; --force puts it together again\n"
+    assert capsys.readouterr().err == f"made/{output} is up to date; --force assembles it again\n"
     shutil.rmtree("parts")
     for scene in (["scene.yaml", "--set", f"error={schedule}", "--output", f"made/{output}"], [f"made/{name}"]):
         assert main.run(["render", *scene]) == 0
@@ -242,7 +242,7 @@ def test_a_frame_that_cannot_be_decoded(capsys: pytest.CaptureFixture[str]) -> N
     assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 2
     assert capsys.readouterr().err == (
         "parts/0001.png: a frame that cannot be decoded\n"
-        "  hint: remove it, and draw it again by the same command as before\n"
+        "  hint: remove it, and the command that drew it draws it again\n"
     )
     assert not Path("film.mp4").exists()
 
@@ -258,7 +258,7 @@ def test_a_film_that_is_gone_before_this_job_had_its_place(monkeypatch: pytest.M
         with place.locked_output(*arguments) as folder:
             yield folder
 
-    monkeypatch.setattr(film, "locked_output", taken)
+    monkeypatch.setattr(assembly, "locked_output", taken)
     run("assemble", "parts", "--output", "film.mp4")
     assert Path("film.mp4").exists()
 

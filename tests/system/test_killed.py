@@ -47,7 +47,7 @@ KILLER = """\
 import hashlib, json, os, signal, sys
 from pathlib import Path
 from hsplat_cli import main
-from hsplat_cli.films import film
+from hsplat_cli.films import render as render_module
 from renderer.draw.gl import raster as raster_gl
 first, step, arguments = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
 EVENTS = ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "fcntl.lockf", "subprocess.Popen")
@@ -138,7 +138,7 @@ def test_a_second_job_on_the_same_output(output: str, capsys: pytest.CaptureFixt
         first.send_signal(signal.SIGKILL)
         first.communicate()
     assert main.run(arguments(f"out/{output}", *many)) == 0
-    found = re.search(r"([0-9]+) of 100 frames (?:is|are) there already", capsys.readouterr().err)
+    found = re.search(r"([0-9]+) of 100 frames (?:is|are) already finished", capsys.readouterr().err)
     assert found and int(found[1]) >= 2
     assert_clean()
 

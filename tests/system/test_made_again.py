@@ -87,7 +87,7 @@ def test_it_still_tells_what_was_asked_for(capsys: pytest.CaptureFixture[str]) -
     assert first["asked"] == {"seconds": 0.0001}
     assert not first["met"]
     assert not first["reproducible"]
-    note = "the film that is made again did not meet what was asked for: seconds 0.0001"
+    note = "the original film did not meet what was requested: seconds 0.0001"
     for _ in range(2):
         capsys.readouterr()
         assert main.run(["render", "film.mp4.json"]) == 0  # nothing is missed: it is what it is
@@ -216,7 +216,7 @@ def test_other_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     change(Path("film.mp4.json"), make_other)
     assert main.run(["render", "film.mp4.json", "--force"]) == 0
     note = (
-        "the bytes may differ from those of the film before, made with other versions: "
+        "the bytes may differ from the original film, which had other versions: "
         f"numpy {np.__version__}, which was 1.0; GL {made['gl']}, which was 'Other GL\\x1b[31m'; "
         f"sources {sources_digest()}, which was {'0' * 32}"
     )
@@ -317,7 +317,7 @@ def test_a_coarse_pass_made_again() -> None:
         data["schedule"] |= {"asked": {"tolerance": 0}, "met": False, "reproducible": False, "shortfall": "no time"}
 
     change(Path("film.mp4.json"), make_coarse)
-    for notes in (["the film that is made again did not meet what was asked for: tolerance 0"], []):
+    for notes in (["the original film did not meet what was requested: tolerance 0"], []):
         render("film.mp4.json", "--force")
         made = read(Path("film.mp4.json"))
         assert made["notes"] == notes

@@ -292,7 +292,7 @@ def test_an_interrupt_between_film_and_sidecar_waits_for_both(
 def test_budgets_that_some_frames_cannot_keep_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changes = ("--set", "error.tolerance=null", "--set", "error.seconds={0: 0.0001, 1: 0.0001, 2: 100}")
     assert render(*changes) == 1
-    assert capsys.readouterr().err.startswith("error.seconds: 2 of 4 frames took longer than there was time for\n")
+    assert capsys.readouterr().err.startswith("error.seconds: 2 of 4 frames took longer than the time budget\n")
     assert not sidecar()["schedule"]["met"]
 
 
@@ -365,7 +365,7 @@ def test_frames_of_the_last_pass_are_kept(on_frame: Callable[[Hook], None], caps
     Path("2.png").unlink()
     numbers = drawn_frames(on_frame)
     assert main.run(["render", "scene.yaml", "--output", "{frame}.png"]) == 0
-    assert said(capsys) == ["3 of 4 frames are there already"]
+    assert said(capsys) == ["3 of 4 frames are already finished"]
     assert numbers == [2]
     assert Path("2.png").read_bytes() == whole
 
@@ -377,7 +377,7 @@ def test_another_scene_is_drawn_anew(
     assert render(*before, "--output", output) == 0
     changed = ["--output", output, "--set", "camera.path.elevation=10", "--progressive"]
     assert main.run(["render", "scene.yaml", *changed]) == 0
-    what = f"{output} is drawn anew, for what is there is another film: scene.camera.path.elevation was 20"
+    what = f"{output} is drawn again: the existing file is another film: scene.camera.path.elevation was 20"
     assert said(capsys) == [what]
     assert main.run(["render", "scene.yaml", *changed]) == 0
     assert said(capsys) == [f"{output} is up to date; --force draws it again"]

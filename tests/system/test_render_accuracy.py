@@ -16,7 +16,7 @@ import yaml
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.films import tolerance_search as search
+from hsplat_cli.films import accuracy as search
 from renderer.draw import GLRasterizer
 from renderer.frame import prepare_stage, render_frames
 from renderer.scene import Scene, load_scene, with_tolerance
@@ -144,7 +144,7 @@ def test_beyond_full_resolution_the_film_is_there(capsys: pytest.CaptureFixture[
     assert made["schedule"] == without["schedule"]
     assert f"{made['schedule']['shortfall']}\n" == error
     *_, note = capsys.readouterr().out.splitlines()
-    assert note.startswith("note: the accuracy that is wanted is beyond full resolution: psnr ")
+    assert note.startswith("note: the requested accuracy is beyond full resolution: psnr ")
     assert note.endswith(" splats at tolerance 0, not psnr 150.00 dB")
 
 

@@ -74,7 +74,7 @@ def test_in_the_middle(
     *_, kept, last = capsys.readouterr().err.splitlines()
     assert last == "hsplat: interrupted"
     num_kept = int(kept[0])
-    assert kept == f"{num_kept} of 6 frames are kept; the same command goes on from there"
+    assert kept == f"{num_kept} of 6 frames are kept; the same command resumes there"
     assert num_kept in (2, 3)
     left = {str(path.relative_to(folder / "out")) for path in (folder / "out").rglob("*") if path.is_file()}
     left = {file for file in left if "/cause-" not in file}

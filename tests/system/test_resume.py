@@ -50,7 +50,7 @@ def test_it_goes_on_where_it_was(output: str, draws: Draws, capsys: pytest.Captu
     expected = undisturbed(output)
     stopped(draws, output)
     assert said(capsys)[-2:] == [
-        "3 of 5 frames are kept; the same command goes on from there",
+        "3 of 5 frames are kept; the same command resumes there",
         "hsplat: interrupted",
     ]
     render(output)
@@ -58,7 +58,7 @@ def test_it_goes_on_where_it_was(output: str, draws: Draws, capsys: pytest.Captu
     assert made() == expected
     assert_clean()
     captured = capsys.readouterr()
-    assert captured.err.splitlines()[0] == "3 of 5 frames are there already"
+    assert captured.err.splitlines()[0] == "3 of 5 frames are already finished"
     assert "(3 drawn before)" in captured.out
 
 
@@ -92,7 +92,7 @@ def test_a_changed_scene_starts_afresh(
     capsys.readouterr()
     render(output, *options)
     assert draws.taken() == [0, 1, 2, 3, 4]
-    assert said(capsys)[0] == f"3 frames that were there are drawn anew, for they were of another film: {why}"
+    assert said(capsys)[0] == f"3 existing frames are drawn again: of another film: {why}"
     assert made() == expected
     assert_clean()
 
@@ -121,7 +121,7 @@ def test_other_makers_start_afresh(
         "version": "versions.numpy was ",
         "sources": "sources was ",
     }
-    told = said(capsys)[0].removeprefix("3 frames that were there are drawn anew, for they were of another film: ")
+    told = said(capsys)[0].removeprefix("3 existing frames are drawn again: of another film: ")
     assert told.startswith(beginning[what])
     assert_clean()
 
@@ -240,7 +240,7 @@ def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) ->
     assert draws.taken() == [0, 1, 2, 3, 4]
     stopped(draws, output, "--force")
     once = "" if output.endswith(".png") else f", once out/{output} is removed,"
-    left = f"3 of 5 frames are kept; the same command without --force{once} goes on from there"
+    left = f"3 of 5 frames are kept; the same command without --force{once} resumes there"
     assert said(capsys)[-2] == left
     render(output, "--force")
     assert draws.taken() == [0, 1, 2, 3, 4]

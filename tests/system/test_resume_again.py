@@ -130,7 +130,7 @@ def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(
     assert said(capsys) == ["out/part/{frame}.png is up to date; --force draws it again"]
     assert main.run(["render", "scene.yaml", *given, *part]) == 0
     name = goal[1:].partition(":")[0]
-    what = "out/part/{frame}.png is drawn anew, for what is there is another film"
+    what = "out/part/{frame}.png is drawn again: the existing file is another film"
     assert said(capsys)[0].startswith(f"{what}: scene.error.{name} was nothing; scene.error.tolerance was ")
     assert draws.taken() == [1, 2]
 
@@ -162,7 +162,7 @@ def test_a_goal_that_nobody_knows_to_be_met(
     assert "measured" not in after["schedule"]
     said(capsys)
     render("film.mp4", *given)
-    assert said(capsys)[0].startswith("out/film.mp4 is drawn anew, for what is there is another film: scene.error.")
+    assert said(capsys)[0].startswith("out/film.mp4 is drawn again: the existing file is another film: scene.error.")
 
 
 def test_frames_that_were_kept_for_the_same_goal(draws: Draws) -> None:
@@ -235,8 +235,8 @@ def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsy
         path.write_text(json.dumps(data), encoding="utf-8")
     said(capsys)
     again("film.mp4.json")
-    anew = "2 frames that were there are drawn anew, for they were drawn at other tolerances"
-    assert said(capsys)[-2:] == ["1 of 5 frames is there already", anew]
+    anew = "2 existing frames are drawn again: drawn at other tolerances"
+    assert said(capsys)[-2:] == ["1 of 5 frames is already finished", anew]
     assert draws.taken() == [1, 2, 3, 4]
     assert made() == expected
 
@@ -252,7 +252,7 @@ def test_a_frame_that_was_kept_but_not_drawn_in_its_time(draws: Draws, capsys: p
     draws.taken()
     said(capsys)
     render("film.mp4", *given)
-    assert "1 frame that was there is drawn anew, for it was not drawn on a budget of time" in said(capsys)
+    assert "1 existing frame is drawn again: not drawn on a time budget" in said(capsys)
     assert draws.taken() == [0, 1, 2, 3, 4]
 
 
@@ -261,12 +261,12 @@ def test_what_differs_where_tolerances_are_given_by_frame(capsys: pytest.Capture
     render("film.mp4", *by_frame)
     said(capsys)
     render("film.mp4", *by_frame, "--set", "camera.path.elevation=10")
-    what = "out/film.mp4 is drawn anew, for what is there is another film"
+    what = "out/film.mp4 is drawn again: the existing file is another film"
     assert said(capsys)[0] == f"{what}: scene.camera.path.elevation was 20"
 
 
 def of_another(what: str) -> list[str]:
-    return [f"out/film.mp4 is drawn anew, for what is there is another film: {what}"]
+    return [f"out/film.mp4 is drawn again: the existing file is another film: {what}"]
 
 
 def test_why_a_film_of_the_same_frames_is_drawn_anew(capsys: pytest.CaptureFixture[str]) -> None:
@@ -283,7 +283,7 @@ def test_why_a_film_of_the_same_frames_is_drawn_anew(capsys: pytest.CaptureFixtu
     with Path("out/film.mp4").open("ab") as film:
         film.write(b"more")
     render("film.mp4", "--frames", "0:2")
-    assert said(capsys) == ["out/film.mp4 is drawn anew, for what is there is not the file that its sidecar tells of"]
+    assert said(capsys) == ["out/film.mp4 is drawn again: the existing file is not the one that its sidecar describes"]
     Path("out/film.mp4").unlink()
     render("film.mp4", "--frames", "0:2")
     assert said(capsys) == []
@@ -295,17 +295,17 @@ def test_why_where_a_sidecar_was_changed(capsys: pytest.CaptureFixture[str]) -> 
     Path("out/film.mp4").unlink()
     said(capsys)
     again("film.mp4.json")
-    missing = "out/film.mp4 is not there, and its sidecar is that of another film"
+    missing = "out/film.mp4 does not exist, and its sidecar describes another film"
     assert said(capsys) == [f"{missing}: scene.error.tolerance was 0.1"]
     change("film.mp4.json", lambda data: data["cause"].update(frames="0" * 32, film="0" * 32))
     render("film.mp4", "--set", "error.tolerance=0.7")
     assert said(capsys) == of_another("the record of its scene was changed")
     change("film.mp4.json", lambda data: data["cause"].update(frames="0" * 32, film="0" * 32, of=None))
     render("film.mp4", "--set", "error.tolerance=0.7")
-    assert said(capsys) == of_another("its scene is not on record")
+    assert said(capsys) == of_another("its scene is not recorded")
     change("film.mp4.json", lambda data: data["schedule"].update(met=False))
     render("film.mp4", "--set", "error.tolerance=0.7")
-    assert said(capsys) == ["out/film.mp4 is drawn anew, for what is there is not all that was asked for"]
+    assert said(capsys) == ["out/film.mp4 is drawn again: the existing film is less than what was requested"]
 
 
 def test_why_kept_frames_are_drawn_anew(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
@@ -314,5 +314,5 @@ def test_why_kept_frames_are_drawn_anew(draws: Draws, capsys: pytest.CaptureFixt
     cause_file.unlink()
     said(capsys)
     render("film.mp4", "--set", "error.tolerance=0.7")
-    what = "3 frames that were there are drawn anew, for they were of another film"
-    assert said(capsys) == [f"{what}: its scene is not on record"]
+    what = "3 existing frames are drawn again: of another film"
+    assert said(capsys) == [f"{what}: its scene is not recorded"]

@@ -23,7 +23,7 @@ from kinds_of_data import KINDS
 
 from hsplat_cli import main
 from hsplat_cli.executors import ChildProcesses
-from hsplat_cli.films import film
+from hsplat_cli.films import render as render_module
 from hsplat_cli.turntable import batch, one_film as single
 from renderer.scene import load_scene
 
@@ -211,7 +211,7 @@ def test_other_options_of_its_own_scene(capfd: pytest.CaptureFixture[str]) -> No
     capfd.readouterr()
     assert turntable("in/uint8.npy", "-o", "out", "--frames", "4", "--size", "32") == 0
     said = capfd.readouterr().err
-    assert "out/uint8.mp4 is drawn anew, for what is there is another film" in said
+    assert "out/uint8.mp4 is drawn again: the existing file is another film" in said
     assert "another scene" not in said
     (record,) = report()
     assert (record["status"], record["frames"]) == ("done", 4)
@@ -278,10 +278,10 @@ def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) 
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     before = report()
     with monkeypatch.context() as patch:
-        patch.setattr(film, "prepare_film", interrupt)
+        patch.setattr(render_module, "prepare_film", interrupt)
         assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 130
         assert report() == before
-    monkeypatch.setattr(film, "resume_checkpoint", interrupt)
+    monkeypatch.setattr(render_module, "resume_checkpoint", interrupt)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert report() == before
     Path("out/uint8.mp4").unlink()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typing import Any
 import pytest
 
 from hsplat_cli.executors import ExecutorSpec
+from hsplat_cli.films import Film
 from hsplat_cli.scenes import FilmOptions, SuggestedScene
 from hsplat_cli.turntable import Order, batch, manifest as report_module, one_film as single, run_batch, update_manifest
 from hsplat_cli.turntable.manifest import FILE, open_manifest
@@ -263,43 +265,27 @@ def test_a_batch_writes_what_it_has_to_tell_once(tmp_path: Path, monkeypatch: py
 
 FRAME = {"frame": 0, "tolerance": 0.1, "cells": 3, "splats": 1, "seconds": {}}
 FRAMES = [FRAME, FRAME | {"frame": 1, "splats": 4}]
-COSTS: dict[str, tuple[bytes, dict[str, float]]] = {
-    "as it is written": (
-        json.dumps({"frames": FRAMES, "seconds": {"read": 1.0, "total": 2.71828}}).encode(),
+COSTS: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
+    "as written": (
+        {"frames": FRAMES, "seconds": {"read": 1.0, "total": 2.71828}},
         {"frames": 2, "splats": 2, "seconds": 2.718},
     ),
-    "a byte order mark": (
-        b"\xef\xbb\xbf" + json.dumps({"frames": FRAMES, "seconds": {"total": 2}}).encode(),
-        {"frames": 2, "splats": 2, "seconds": 2},
-    ),
-    "nothing": (b"", {}),
-    "no JSON": (b"\xff\xfe{", {}),
-    "deep": (100_000 * b"[", {}),
-    "no object": (b"[1]", {}),
-    "no seconds": (json.dumps({"frames": FRAMES}).encode(), {"frames": 2, "splats": 2}),
-    "no total": (json.dumps({"frames": FRAMES, "seconds": {}}).encode(), {"frames": 2, "splats": 2}),
-    "a list of seconds": (json.dumps({"frames": FRAMES, "seconds": [1]}).encode(), {"frames": 2, "splats": 2}),
-    "text for seconds": (
-        json.dumps({"frames": FRAMES, "seconds": {"total": "x"}}).encode(),
-        {"frames": 2, "splats": 2},
-    ),
-    "not a number": (b'{"seconds": {"total": NaN}}', {}),
-    "infinity": (b'{"seconds": {"total": 1e999}}', {}),
-    "less than nothing": (b'{"seconds": {"total": -1}}', {}),
-    "no frames": (b'{"frames": [], "seconds": {"total": 3}}', {"seconds": 3}),
-    "another frame": (json.dumps({"frames": [*FRAMES, 7]}).encode(), {}),
-    "very many splats": (json.dumps({"frames": [FRAME | {"splats": 10**400}]}).encode(), {"frames": 1}),
+    "no seconds": ({"frames": FRAMES}, {"frames": 2, "splats": 2}),
+    "no total": ({"frames": FRAMES, "seconds": {}}, {"frames": 2, "splats": 2}),
+    "a list of seconds": ({"frames": FRAMES, "seconds": [1]}, {"frames": 2, "splats": 2}),
+    "text for seconds": ({"frames": FRAMES, "seconds": {"total": "x"}}, {"frames": 2, "splats": 2}),
+    "not a number": ({"frames": FRAMES, "seconds": {"total": math.nan}}, {"frames": 2, "splats": 2}),
+    "infinity": ({"frames": FRAMES, "seconds": {"total": math.inf}}, {"frames": 2, "splats": 2}),
+    "negative": ({"frames": FRAMES, "seconds": {"total": -1}}, {"frames": 2, "splats": 2}),
+    "very many splats": ({"frames": [FRAME | {"splats": 10**400}]}, {"frames": 1}),
 }
 
 
 @pytest.mark.parametrize("case", COSTS)
-def test_costs_of_a_film_that_was_there(case: str, tmp_path: Path) -> None:
-    """Anybody may have written the file that tells them."""
-    content, expected = COSTS[case]
-    (tmp_path / "scan.mp4.json").write_bytes(content)
-    assert single._cost(tmp_path / "scan.mp4.json") == expected
-    (tmp_path / "scan.mp4.json").unlink()
-    assert single._cost(tmp_path / "scan.mp4.json") == {}
+def test_statistics_of_a_film_that_was_up_to_date(case: str) -> None:
+    """Anybody may have edited its sidecar."""
+    record, expected = COSTS[case]
+    assert single.film_statistics(Film(Path("scan.mp4"), Path("scan.mp4.json"), record)) == expected
 
 
 def scene(text: str) -> SuggestedScene:

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.films import differences
+from hsplat_cli.films import describe_differences
 from hsplat_cli.scenes import load_json_object
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
@@ -121,7 +121,7 @@ def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: 
     What a volume is called makes no difference.
     """
     named = parts or _PARTS
-    return differences(_without_name(before, named), _without_name(now, named))
+    return describe_differences(_without_name(before, named), _without_name(now, named))
 
 
 def _without_name(origin: Mapping[str, Any], parts: Sequence[str]) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,8 +13,8 @@ from hsplat_cli.compare.golden.provenance import origin_from_sidecar
 from hsplat_cli.compare.picture_file import MAX_PIXELS
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job, load_job
+from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, RenderError
-from renderer.film import sidecar_path
 from renderer.scene import AccuracyGoal, Scene, TimeBudget
 
 _TEMPLATE = Path("frame-{frame}.png")
@@ -69,16 +68,15 @@ def rendered_frames(
     Nothing is said but how far the work is, and not even that when `quiet`.
     """
     # Imported here: who compares files needs neither numba nor GL.
-    from hsplat_cli.films import render_once
+    from hsplat_cli.films import render_film
 
     with _temporary_folder() as folder:
         output = replace(job.scene.output, file=folder / _TEMPLATE)
         job = replace(job, scene=replace(job.scene, output=output), frames=frames)
-        shortfall = render_once(job, executor, quiet=quiet, is_auxiliary=True)
-        assert shortfall is None, "there is no goal that could be missed"
-        sidecar = json.loads(sidecar_path(job.scene, frames).read_bytes())
+        film = render_film(job, executor, Reporter(quiet), is_auxiliary=True)
+        assert film.shortfall is None, "there is no goal that could be missed"
         files = {frame: folder / _TEMPLATE.name.format(frame=frame) for frame in frames}
-        yield RenderedFrames(files, origin_from_sidecar(sidecar), sidecar["notes"])
+        yield RenderedFrames(files, origin_from_sidecar(film.record), film.notes)
 
 
 @contextlib.contextmanager

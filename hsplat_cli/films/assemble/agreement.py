@@ -1,4 +1,4 @@
-"""Whether parts are of one film, and together the whole of it."""
+"""Check that parts are of one film, and complete together."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from renderer.film import Record, bytes_digest, png_shape
 from renderer.runs import consecutive_ranges
 from renderer.scene import FRAME_FIELD, format_value, join_keys, schedule_to_dict
 
-_MOST_SHOWN = 4
+_MAX_SHOWN = 4
 
 
 @dataclass(frozen=True)
 class PickedFrame:
-    """A frame of the film, and the part that it is taken from."""
+    """A frame of the film and the part that it is taken from."""
 
     number: int
     part: Part
@@ -29,22 +29,22 @@ class PickedFrame:
 
     @property
     def file(self) -> Path:
-        """The picture."""
+        """The picture of the frame."""
         return self.part.file(self.number)
 
 
-# One film
+# Of one film
 
 
 def film_problems(parts: Sequence[Part]) -> Iterator[Problem]:
-    """Of each part that is of another film than most are: in what."""
-    kinds = [json.dumps(_kind(part), sort_keys=True) for part in parts]
-    usual = Counter(kinds).most_common(1)[0][0]
-    model = parts[kinds.index(usual)]
-    before = dict(_leaves(_kind(model)))
-    for part, kind in zip(parts, kinds, strict=True):
-        if kind != usual:
-            now = dict(_leaves(_kind(part)))
+    """Yield a problem for each part of another film than most parts are of."""
+    identities = [json.dumps(_film_identity(part), sort_keys=True) for part in parts]
+    usual = Counter(identities).most_common(1)[0][0]
+    model = parts[identities.index(usual)]
+    before = dict(_leaves(_film_identity(model)))
+    for part, identity in zip(parts, identities, strict=True):
+        if identity != usual:
+            now = dict(_leaves(_film_identity(part)))
             keys = [key for key in {**before, **now} if before.get(key, _MISSING) != now.get(key, _MISSING)]
             yield Problem(
                 "",
@@ -55,37 +55,28 @@ def film_problems(parts: Sequence[Part]) -> Iterator[Problem]:
             )
 
 
-def _kind(part: Part) -> dict[str, Any]:
-    """What all parts of a film have in common: all that pixels depend on but for the machine, and how it is encoded."""
+def _film_identity(part: Part) -> dict[str, Any]:
+    """Return what all parts of a film share: what pixels depend on, except the machine, and the encoding."""
     scene = {key: value for key, value in part.scene.items() if key not in ("volume", "output", "error")}
     output = {key: value for key, value in part.scene.get("output", {}).items() if key != "file"}
-    asked = part.asked and schedule_to_dict(part.asked)
+    error = error_without_schedule(part) if part.has_goal else part.scene["error"]
     return {
-        "scene": {**scene, "output": output, "error": error_without_schedule(part) if has_goal(part) else _error(part)},
+        "scene": {**scene, "output": output, "error": error},
         "volume": {"fingerprint": part.data["volume"]["fingerprint"]},
-        "schedule": {"asked": json.loads(json.dumps(asked))},
+        "schedule": {"asked": json.loads(json.dumps(schedule_to_dict(part.requested_error)))},
     }
 
 
-def has_goal(part: Part) -> bool:
-    """Whether its tolerances were found: they are then different in each part."""
-    return part.asked is not None and part.asked.goal is not None
-
-
 def error_without_schedule(part: Part) -> dict[str, Any]:
-    """The scene's section `error`, but for the tolerances."""
-    return {key: value for key, value in _error(part).items() if key != "tolerance"}
-
-
-def _error(part: Part) -> dict[str, Any]:
-    return dict(part.scene.get("error", {}))
+    """Return the scene's section `error` without the tolerances."""
+    return {key: value for key, value in part.scene["error"].items() if key != "tolerance"}
 
 
 _MISSING = object()
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """The values in nested mappings and lists of mappings by their dotted paths."""
+    """Yield the values in nested mappings and lists of mappings, with their dotted paths."""
     if isinstance(value, dict):
         for key, item in value.items():
             yield from _leaves(item, join_keys(path, key))
@@ -97,16 +88,16 @@ def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _shown(keys: Sequence[str], values: Mapping[str, Any]) -> str:
-    named = [f"{key} {format_value(values[key])}" if key in values else f"no {key}" for key in keys[:_MOST_SHOWN]]
-    more = [f"{len(keys) - _MOST_SHOWN} more"] * (len(keys) > _MOST_SHOWN)
+    named = [f"{key} {format_value(values[key])}" if key in values else f"no {key}" for key in keys[:_MAX_SHOWN]]
+    more = [f"{len(keys) - _MAX_SHOWN} more"] * (len(keys) > _MAX_SHOWN)
     return ", ".join([*named, *more])
 
 
-# The whole of it
+# Complete
 
 
-def pick(parts: Sequence[Part], numbers: Iterable[int]) -> tuple[list[PickedFrame], list[Problem]]:
-    """These frames, each from one of the parts that have it, and what keeps them from being a film."""
+def pick_frames(parts: Sequence[Part], numbers: Iterable[int]) -> tuple[list[PickedFrame], list[Problem]]:
+    """Return these frames, each from the first part that has it, and what keeps them from being a film."""
     found: dict[int, list[PickedFrame]] = {}
     for part in parts:
         for record in part.records:
@@ -126,12 +117,12 @@ def pick(parts: Sequence[Part], numbers: Iterable[int]) -> tuple[list[PickedFram
 
 
 def _duplicate_problems(first: PickedFrame, other: PickedFrame) -> Iterator[Problem]:
-    """A frame in two parts may be in one file, or in two of the same bytes."""
+    """Yield a problem unless both parts have the frame in one file, or in files of the same bytes."""
     if first.file.resolve() == other.file.resolve():
         return
     contents = [_content(first.file), _content(other.file)]
     if None not in contents and contents[0] != contents[1]:
-        got, what = f"{first.file} and {other.file}", f"frame {first.number} is in two parts, and not the same"
+        got, what = f"{first.file} and {other.file}", f"frame {first.number} differs between two parts"
         yield Problem("", what, got=got, hint="leave one of the parts out", location=str(other.part.path))
 
 
@@ -141,18 +132,17 @@ def _missing_problems(missing: Sequence[int], part: Part) -> Iterator[Problem]:
         return
     ranges = ", ".join(f"{start}:{stop}" for start, stop in gaps)
     verb = "frame is" if len(missing) == 1 else "frames are"
-    commands = [_command(part, start, stop) for start, stop in gaps[:_MOST_SHOWN]]
-    commands += ["and so on"] * (len(gaps) > _MOST_SHOWN)
-    hint = "these draw them:\n    " + "\n    ".join(commands)
-    yield Problem("", f"{len(missing)} {verb} in no part", got=f"nothing of {ranges}", hint=hint)
+    commands = [_command(part, start, stop) for start, stop in gaps[:_MAX_SHOWN]]
+    commands += ["and so on"] * (len(gaps) > _MAX_SHOWN)
+    hint = "draw them by:\n    " + "\n    ".join(commands)
+    yield Problem("", f"{len(missing)} {verb} in no part", got=f"no part with {ranges}", hint=hint)
 
 
 def _command(part: Part, start: int, stop: int) -> str:
-    """What draws these frames beside those of a part."""
+    """Return the command that draws these frames beside those of a part."""
     words = ["hsplat", "render", str(part.path)]
-    if has_goal(part):
-        assert part.asked is not None
-        ((name, value),) = schedule_to_dict(part.asked).items()
+    if part.has_goal:
+        ((name, value),) = schedule_to_dict(part.requested_error).items()
         words += ["--set", "error.tolerance=null", "--set", f"error.{name}={json.dumps(value)}"]
     template = part.template
     if not FRAME_FIELD.search(template.name):
@@ -160,30 +150,30 @@ def _command(part: Part, start: int, stop: int) -> str:
     return shlex.join([*words, "--frames", f"{start}:{stop}", "--output", str(template)])
 
 
-# As they were drawn
+# Unchanged
 
 
 def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) -> Iterator[Problem]:
-    """Of each picture that is not there or not what it was when it was drawn: in what.
+    """Yield a problem for each picture that is missing or was changed since it was drawn.
 
-    shape: (height, width, channels) that they are to have.
+    shape: the expected (height, width, channels).
     """
-    gone: dict[Path, list[PickedFrame]] = {}
+    missing: dict[Path, list[PickedFrame]] = {}
     without_digest: dict[Path, list[PickedFrame]] = {}
     by_digest = {frame.record["digest"]: frame.number for frame in picked if "digest" in frame.record}
     for frame in picked:
         content = _content(frame.file)
         if content is None:
-            gone.setdefault(frame.part.path, []).append(frame)
+            missing.setdefault(frame.part.path, []).append(frame)
         elif "digest" not in frame.record:
             without_digest.setdefault(frame.part.path, []).append(frame)
         elif why := _picture_problem(content, frame, shape, by_digest):
             hint = f"remove it, and {shlex.join(['hsplat', 'render', str(frame.part.path)])} draws it again"
             yield Problem("", f"not the picture of frame {frame.number}", got=why, hint=hint, location=str(frame.file))
-    for path, frames in gone.items():
+    for path, frames in missing.items():
         yield Problem(
             "",
-            f"{len(frames)} of its pictures {'is' if len(frames) == 1 else 'are'} not there",
+            f"{len(frames)} of its pictures {'is' if len(frames) == 1 else 'are'} missing",
             got=f"no {frames[0].file}" + f" and {len(frames) - 1} more" * (len(frames) > 1),
             hint=f"{shlex.join(['hsplat', 'render', str(path)])} draws them again",
             location=str(path),
@@ -191,7 +181,7 @@ def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) ->
     for path, frames in without_digest.items():
         yield Problem(
             "",
-            "nothing tells whether its pictures are those that were drawn",
+            "the record does not say whether its pictures are those that were drawn",
             got=f"no digest of frame {frames[0].number}" + f" and {len(frames) - 1} more" * (len(frames) > 1),
             hint=f"{shlex.join(['hsplat', 'render', str(path), '--force'])} draws them again",
             location=str(path),
@@ -201,17 +191,17 @@ def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) ->
 def _picture_problem(
     content: bytes, frame: PickedFrame, shape: tuple[int, int, int], by_digest: Mapping[str, int]
 ) -> str | None:
-    """What is wrong with a picture; None if nothing is."""
+    """Return what is wrong with a picture, or None."""
     try:
         found = png_shape(content)
     except ValueError as error:
         return f"a file that is {error}"
     if found != shape:
         return f"{_size(found)}, not {_size(shape)}"
-    mark = bytes_digest(content)
-    if frame.record["digest"] == mark:
+    digest = bytes_digest(content)
+    if frame.record["digest"] == digest:
         return None
-    return f"that of frame {by_digest[mark]}" if mark in by_digest else "another picture than the one that was drawn"
+    return f"that of frame {by_digest[digest]}" if digest in by_digest else "a picture that was changed since"
 
 
 def _size(shape: tuple[int, int, int]) -> str:

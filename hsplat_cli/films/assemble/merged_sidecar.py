@@ -1,16 +1,16 @@
-"""The sidecar of a film of parts: like that of a film that was drawn in one go."""
+"""The sidecar of a film of parts: like that of a film that was drawn by one job."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from hsplat_cli.films.assemble.agreement import PickedFrame, error_without_schedule, has_goal
+from hsplat_cli.films.assemble.agreement import PickedFrame, error_without_schedule
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.fingerprint import JobFingerprint, recorded_fingerprint
-from hsplat_cli.films.sidecar_record import limits
+from hsplat_cli.films.sidecar_record import min_max
 from renderer.film import Record, bytes_digest, has_frame_files
 from renderer.frame import visibility_notes
 from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_from_tolerances, schedule_to_dict
@@ -18,81 +18,80 @@ from renderer.versions import package_versions, sources_digest
 
 
 def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: float) -> dict[str, Any]:
-    """From which `hsplat render` makes the film again; `seconds` is what putting it together took.
+    """Return the content of the sidecar, from which `hsplat render` makes the film again.
 
-    Seconds of the parts are summed, whether they were drawn one after the other or at once.
+    seconds: what assembling took. The seconds of the parts are summed, even if they were drawn at the same time.
     """
     parts = parts_of(picked)
-    first, records = parts[0], [frame.record for frame in picked]
-    pyramid = [part.data.get("pyramid", {}) for part in parts]
-    finest = [found["finest_level_drawn"] for found in pyramid if "finest_level_drawn" in found]
+    first, records = parts[0].data, [frame.record for frame in picked]
+    finest = min(part.data["pyramid"]["finest_level_drawn"] for part in parts)
+    steps = dict.fromkeys(step for part in parts for step in part.data["seconds"])
+    summed = {step: sum(part.data["seconds"].get(step, 0.0) for part in parts) for step in steps}
     return {
         "scene": _scene(picked, output),
-        "volume": first.data["volume"],
-        "camera": first.data.get("camera", {}),
-        "pyramid": pyramid[0] | ({"finest_level_drawn": min(finest)} if finest else {}),
-        "gl": _joined_text(part.data.get("gl") for part in parts),
+        "volume": first["volume"],
+        "camera": first["camera"],
+        "pyramid": first["pyramid"] | {"finest_level_drawn": finest},
+        "gl": _joined_text(part.data["gl"] for part in parts),
         "versions": _versions(parts),
         "schedule": _schedule(parts, records),
         "parts": [_part_record(part, picked) for part in parts],
         "notes": [],
-        "seconds": {**_sum_by_name(part.data.get("seconds", {}) for part in parts), "assembling": seconds},
+        "seconds": summed | {"assembling": seconds},
         "frames": records,
     }
 
 
 def parts_of(picked: Sequence[PickedFrame]) -> list[Part]:
-    """Those that frames are taken from, in the order of their first ones."""
+    """Return the parts that frames are taken from, in the order of their first frames."""
     return list({frame.part.path: frame.part for frame in picked}.values())
 
 
 def part_notes(picked: Sequence[PickedFrame]) -> list[str]:
-    """What the user should know: of the film, and what was told of its parts."""
+    """Return what the user should know: notes on the film, then those of its parts."""
     parts = parts_of(picked)
+    versions = _versions(parts) | {"GL": _joined_text(part.data["gl"] for part in parts)}
+    of_parts = [{**part.data["versions"], "GL": part.data["gl"]} for part in parts]
     different = [
-        f"{name} {value}"
-        for name, value in {**_versions(parts), "GL": _joined_text(part.data.get("gl") for part in parts)}.items()
-        if len({_part_versions(part).get(name) for part in parts}) > 1
+        f"{name} {value}" for name, value in versions.items() if len({each.get(name) for each in of_parts}) > 1
     ]
-    notes = [f"bytes may differ from part to part, made with different versions: {'; '.join(different)}"]
+    notes = [f"bytes may differ from part to part, drawn with different versions: {'; '.join(different)}"]
     notes = notes * bool(different) + visibility_notes([frame.record for frame in picked])
-    missed = [part for part in parts if part.data.get("schedule", {}).get("met") is False]
+    missed = [part for part in parts if not part.data["schedule"]["met"]]
     if missed:
-        notes.append(f"{len(missed)} of {len(parts)} parts did not meet what was asked for, the first {missed[0].path}")
+        notes.append(f"{len(missed)} of {len(parts)} parts did not meet what was requested, the first {missed[0].path}")
     for part in parts:
         own = visibility_notes(part.records)
-        notes += [note for note in part.data.get("notes", []) if note not in own]
+        notes += [note for note in part.data["notes"] if note not in own]
     return list(dict.fromkeys(notes))
 
 
 def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> JobFingerprint | None:
-    """What a film drawn in one go would depend on, too, where that is one and the same for all parts.
+    """Return the fingerprint of the film as one job would draw it, or None where no job would draw this film.
 
-    A goal that is one of the frames together was met by whole parts. A film that another version encodes than drew its
-    frames is none that could be drawn in one go.
+    The parts need the same fingerprint. A goal for all frames together was met by whole parts only. A film that is
+    encoded by another version than drew the frames has a fingerprint of its own.
     """
     parts, numbers = parts_of(picked), [frame.number for frame in picked]
     first, *others = (recorded_fingerprint(part.data) for part in parts)
     if first is None or not first.is_intact or any(each is None or each.frames != first.frames for each in others):
         return None
-    asked, drawn = parts[0].asked, {record["frame"] for part in parts for record in part.records}
-    if asked is not None and is_film_wide_goal(asked) and not drawn <= {*numbers}:
+    drawn = {record["frame"] for part in parts for record in part.records}
+    if is_film_wide_goal(parts[0].requested_error) and not drawn <= {*numbers}:
         return None
-    cause = JobFingerprint.make(first.of, output, numbers)
-    before, now = (
-        _encoder_versions(first.of),
-        _encoder_versions({"versions": package_versions(), "sources": sources_digest()}),
-    )
+    fingerprint = JobFingerprint.make(first.of, output, numbers)
+    before = _encoder_versions(first.of)
+    now = _encoder_versions({"versions": package_versions(), "sources": sources_digest()})
     if has_frame_files(output) or before == now:
-        return cause
-    return replace(cause, film=bytes_digest(json.dumps([cause.film, now]).encode()))
+        return fingerprint
+    return replace(fingerprint, film=bytes_digest(json.dumps([fingerprint.film, now]).encode()))
 
 
 def _encoder_versions(of: Any) -> list[Any]:
-    """What the bytes of a film depend on besides its pictures, in what a film depends on."""
-    told = of if isinstance(of, dict) else {}
-    versions = told.get("versions")
-    return [versions.get("imageio-ffmpeg") if isinstance(versions, dict) else None, told.get("sources")]
+    """Return what the bytes of a film depend on besides its pictures, from the data of a fingerprint."""
+    data = of if isinstance(of, dict) else {}
+    versions = data.get("versions")
+    return [versions.get("imageio-ffmpeg") if isinstance(versions, dict) else None, data.get("sources")]
 
 
 def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
@@ -100,63 +99,52 @@ def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
     coding = {"frames_per_second": output.frames_per_second, "quality": output.quality}
     recorded = {**part.scene["output"], "file": str(output.file), **coding}
     error = part.scene["error"]
-    if has_goal(part):
+    if part.has_goal:
         found = ErrorSpec(schedule_from_tolerances({frame.number: frame.record["tolerance"] for frame in picked}))
         error = {**schedule_to_dict(found), **error_without_schedule(part)}
     return {**part.scene, "output": recorded, "error": error}
 
 
 def _schedule(parts: Sequence[Part], records: Sequence[Record]) -> dict[str, Any]:
-    told = [part.data.get("schedule", {}) for part in parts]
-    measured = [each["measured"] for each in told if "measured" in each]
-    missed = list(dict.fromkeys(each["shortfall"] for each in told if "shortfall" in each))
-    record = {
-        "asked": told[0].get("asked"),
-        "tolerance": limits(record["tolerance"] for record in records),
-        "cells": limits(record["cells"] for record in records),
-        "met": all(each.get("met", True) for each in told),
-        "reproducible": all(each.get("reproducible", True) for each in told),
+    schedules = [part.data["schedule"] for part in parts]
+    measured = [each["measured"] for each in schedules if "measured" in each]
+    missed = list(dict.fromkeys(each["shortfall"] for each in schedules if "shortfall" in each))
+    record: dict[str, Any] = {
+        "asked": schedules[0]["asked"],
+        "tolerance": min_max(record["tolerance"] for record in records),
+        "cells": min_max(record["cells"] for record in records),
+        "met": all(each["met"] for each in schedules),
+        "reproducible": all(each["reproducible"] for each in schedules),
     }
-    return (
-        record
-        | ({"measured": _worst(measured)} if measured else {})
-        | ({"shortfall": "\n".join(missed)} if missed else {})
-    )
+    if measured:
+        record["measured"] = _worst_measurement(measured)
+    if missed:
+        record["shortfall"] = "\n".join(missed)
+    return record
 
 
-def _worst(measured: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The measurement of the part that is the furthest from the truth, with the probes of all.
+def _worst_measurement(measured: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the least accurate of the parts' measurements, with the probe frames of all parts.
 
-    A PSNR is better the higher it is, infinite as None; an RMSE the lower.
+    A higher PSNR is better, and None stands for an infinite one; lower values of other metrics are better.
     """
-    known = [each for each in measured if each.get("worst") is not None] or list(measured)
-    pick = min if known[0].get("metric") == "psnr" else max
-    worst = known[0] if known[0].get("worst") is None else pick(known, key=lambda each: each["worst"])
-    return {**worst, "probes": sorted({probe for each in measured for probe in each.get("probes", [])})}
+    known = [each for each in measured if each["worst"] is not None] or measured
+    worst = known[0]
+    if worst["worst"] is not None:
+        worst = (min if worst["metric"] == "psnr" else max)(known, key=lambda each: each["worst"])
+    return {**worst, "probes": sorted({probe for each in measured for probe in each["probes"]})}
 
 
 def _part_record(part: Part, picked: Sequence[PickedFrame]) -> dict[str, Any]:
     numbers = [frame.number for frame in picked if frame.part is part]
-    seconds = part.data.get("seconds", {})
-    return {"sidecar": str(part.path), "frames": limits(numbers), "num_frames": len(numbers), "seconds": seconds}
-
-
-def _part_versions(part: Part) -> dict[str, Any]:
-    return {**part.data.get("versions", {}), "GL": part.data.get("gl")}
+    seconds = part.data["seconds"]
+    return {"sidecar": str(part.path), "frames": min_max(numbers), "num_frames": len(numbers), "seconds": seconds}
 
 
 def _versions(parts: Sequence[Part]) -> dict[str, Any]:
-    names = dict.fromkeys(name for part in parts for name in part.data.get("versions", {}))
-    return {name: _joined_text(part.data.get("versions", {}).get(name) for part in parts) for name in names}
+    names = dict.fromkeys(name for part in parts for name in part.data["versions"])
+    return {name: _joined_text(part.data["versions"].get(name) for part in parts) for name in names}
 
 
-def _joined_text(values: Iterator[Any]) -> str:
+def _joined_text(values: Iterable[Any]) -> str:
     return " and ".join(dict.fromkeys("unknown" if value is None else str(value) for value in values))
-
-
-def _sum_by_name(all_seconds: Iterator[Mapping[str, float]]) -> dict[str, float]:
-    summed: dict[str, float] = {}
-    for seconds in all_seconds:
-        for name, value in seconds.items():
-            summed[name] = summed.get(name, 0.0) + value
-    return summed

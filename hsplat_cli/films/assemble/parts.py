@@ -1,4 +1,4 @@
-"""The parts of a film: sidecars of numbered frames, found in folders or by name, and read."""
+"""Find and read the parts of a film: sidecars of numbered frames, in folders or by name."""
 
 from __future__ import annotations
 
@@ -21,46 +21,56 @@ _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 class Part:
     """Frames that one job has drawn.
 
-    path: of the sidecar. data: all that is in it. asked: how exact it was to be, where that is told.
-    template: the names of its pictures, beside the sidecar wherever that is now.
+    path: of the sidecar. data: its content. requested_error: the accuracy that was requested.
+    template: the names of the pictures, beside the sidecar wherever it is now.
     """
 
     path: Path
     data: Mapping[str, Any]
-    asked: ErrorSpec | None
+    requested_error: ErrorSpec
     template: Path
 
     @property
     def scene(self) -> Mapping[str, Any]:
-        """As plain data."""
+        """The recorded scene, as plain data."""
         scene: Mapping[str, Any] = self.data["scene"]
         return scene
 
     @property
     def records(self) -> Sequence[Record]:
-        """Of its frames, ascending."""
+        """The records of the frames, ascending."""
         records: Sequence[Record] = self.data["frames"]
         return records
 
     @property
     def num_frames(self) -> int:
-        """Of the whole path."""
+        """The number of frames of the whole path."""
         return int(self.scene["camera"]["path"]["frames"])
 
+    @property
+    def has_goal(self) -> bool:
+        """Whether its tolerances were found for a goal, so that they differ from part to part."""
+        return self.requested_error.goal is not None
+
     def file(self, number: int) -> Path:
-        """The picture of a frame."""
+        """Return the picture of a frame."""
         return frame_path(self.template, number)
 
 
 def find_parts(names: Sequence[str]) -> list[Part]:
-    """The parts in these folders, sidecars and globs, each once, by their first frame.
+    """Return the parts in these folders, sidecars and globs, each once, sorted by their first frame.
 
     Raises SceneError with all that is wrong with any of them.
     """
     parts: dict[Path, Part] = {}
     problems: list[Problem] = []
     for name in names:
-        for path in _expand_name(name, problems):
+        try:
+            paths = expand_pattern(name)
+        except InputError as error:
+            problems.append(_problem(error, name))
+            continue
+        for path in paths:
             for part in _parts_at(path, problems):
                 parts[part.path.resolve()] = part
     if problems:
@@ -68,17 +78,8 @@ def find_parts(names: Sequence[str]) -> list[Part]:
     return sorted(parts.values(), key=lambda part: (part.records[0]["frame"], str(part.path)))
 
 
-def _expand_name(name: str, problems: list[Problem]) -> list[Path]:
-    """What a glob matches; any other name as it is."""
-    try:
-        return expand_pattern(name)
-    except InputError as error:
-        problems.append(_problem(error, name))
-        return []
-
-
 def _parts_at(path: Path, problems: list[Problem]) -> Iterator[Part]:
-    """The part of a sidecar, or those of a folder, where other files are no matter."""
+    """Yield the part of a sidecar, or those in a folder, whose other files are ignored."""
     if not path.is_dir():
         yield from _read(path, problems, is_named=True)
         return
@@ -107,7 +108,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     file = _output_file(sidecar)
     if sidecar is None or file is None or file.suffix.lower() != ".png":
         if is_named:
-            what = "not the sidecar of numbered frames" if sidecar is None else "a film, which is not taken apart again"
+            what = "not the sidecar of numbered frames" if sidecar is None else "the sidecar of a film in one file"
             problems.append(Problem("", what, expected=_EXPECTED, location=str(path)))
         return
     data = json.loads(content)
@@ -119,6 +120,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     if wrong:
         problems.extend(replace(problem, location=str(path)) for problem in wrong)
         return
+    assert sidecar.original.requested_error is not None, "the schema requires it"
     yield Part(path, data, sidecar.original.requested_error, film_path_of_sidecar(path, file))
 
 
@@ -133,18 +135,18 @@ def _output_file(sidecar: Sidecar | None) -> Path | None:
 
 
 def _file_problems(sidecar: Sidecar) -> list[Problem]:
-    """Of the names of its pictures, as in a scene: they may have been changed by hand."""
+    """Return what is wrong with the names of the pictures, which may have been edited."""
     problems: list[Problem] = []
     OUTPUT_FILE_FIELD.read(TreeNode(sidecar.scene["output"]["file"], "scene.output.file", problems))
     return problems
 
 
 def _record_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
-    """Of the first frame that says too little: the others may for the same reason."""
+    """Yield a problem of the first incomplete frame; others may be incomplete for the same reason."""
     for index, record in enumerate(data["frames"]):
         if not is_frame_record(record, has_digest=False):
             expected = "tolerance, cells, splats and seconds, as this version writes them"
-            yield Problem(f"frames.{index}", "a frame with too little about it", expected=expected)
+            yield Problem(f"frames.{index}", "an incomplete record of a frame", expected=expected)
             return
 
 

@@ -22,7 +22,7 @@ def print_tolerance(
     reporter.announce_compilation()
     with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
         stage = stage_at_any_tolerance(scene, read_volume_guarded(scene.volume))
-        found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, quiet=reporter.is_quiet)
+        found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, reporter)
     if found.shows_nothing:
         raise nothing_visible_error(len(found.frames))
     if found.tolerance is None:

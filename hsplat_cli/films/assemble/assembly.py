@@ -1,0 +1,112 @@
+"""Make one film of existing frames: encode them, or copy them under new names."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from hsplat_cli.films.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
+from hsplat_cli.films.assemble.merged_sidecar import merged_record, part_notes, parts_fingerprint, parts_of
+from hsplat_cli.films.assemble.parts import Part
+from hsplat_cli.films.film import Film
+from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record
+from hsplat_cli.films.resume import read_recorded_film
+from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
+from renderer.errors import InputError, SceneError
+from renderer.film import (
+    Picture,
+    frame_path,
+    has_frame_files,
+    locked_output,
+    open_film,
+    picture_shape,
+    require_encoder,
+    sidecar_path_of_file,
+    staged_files,
+    translate_os_errors,
+    write_sidecar,
+)
+from renderer.scene import OutputSpec
+
+
+def assemble_film(
+    parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, reporter: Reporter, *, force: bool
+) -> None:
+    """Make the film of these frames and its sidecar, unless they are up to date; with `force` in any case.
+
+    Raises SceneError with all that is wrong with the parts, and what writing raises; then no film is written.
+    """
+    start = time.perf_counter()
+    if problems := list(film_problems(parts)):
+        raise SceneError(problems)  # the size and the frames of another film say nothing about this one
+    picked, problems = pick_frames(parts, numbers)
+    sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_frames)
+    with locked_output(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
+        fingerprint = None if problems else parts_fingerprint(picked, output)
+        if fingerprint is not None and not force and _is_up_to_date(sidecar, fingerprint, picked, output):
+            reporter.status(f"{output.file} is up to date; --force assembles it again")
+            return
+        if problems := [*problems, *file_problems(picked, picture_shape(output))]:
+            raise SceneError(problems)
+        require_encoder(output)
+        write = _copy if has_frame_files(output) else _encode
+        notes = [*write(picked, output, folder, defer_interrupts, reporter), *part_notes(picked)]
+        record = merged_record(picked, output, time.perf_counter() - start) | {"notes": notes}
+        if fingerprint is not None:
+            record |= fingerprint_record(fingerprint, output)
+        write_sidecar(sidecar, record, folder)
+    num_parts = counted(len(parts_of(picked)), "part")
+    Film(output.file, sidecar, record, f"{counted(len(picked), 'frame')} of {num_parts}").report(reporter)
+
+
+def _is_up_to_date(
+    sidecar: Path, fingerprint: JobFingerprint, picked: Sequence[PickedFrame], output: OutputSpec
+) -> bool:
+    """Return whether the film exists and has the pictures that the parts record.
+
+    With a time budget a part has other pictures each time it is drawn, though the fingerprint is the same.
+    """
+    recorded = read_recorded_film(sidecar, output)
+    if recorded is None or not recorded.is_up_to_date(fingerprint, output, [frame.number for frame in picked]):
+        return False
+    digests = [record.get("digest") for record in recorded.frames]
+    return None not in digests and digests == [frame.record.get("digest") for frame in picked]
+
+
+def _encode(
+    picked: Sequence[PickedFrame], output: OutputSpec, folder: Path, finishing: Callable[[], None], reporter: Reporter
+) -> Sequence[str]:
+    """Encode the film from the pictures; return notes about it."""
+    numbers = [frame.number for frame in picked]
+    with open_film(output, numbers, within=folder, finishing=finishing) as film:
+        for frame, content in _read_frames(picked, output, reporter):
+            try:
+                pixels = Picture(png=content).pixels
+            except ValueError as error:
+                hint = "remove it, and the command that drew it draws it again"
+                raise InputError("a frame that cannot be decoded", where=str(frame.file), hint=hint) from error
+            film.write(frame.number, pixels)
+    return film.notes
+
+
+def _copy(
+    picked: Sequence[PickedFrame], output: OutputSpec, folder: Path, finishing: Callable[[], None], reporter: Reporter
+) -> Sequence[str]:
+    """Copy the files to the names of the output, all at the end; no notes."""
+    with staged_files(folder) as write:
+        for frame, content in _read_frames(picked, output, reporter):
+            write(frame_path(output.file, frame.number), content)
+        finishing()
+    return ()
+
+
+def _read_frames(
+    picked: Sequence[PickedFrame], output: OutputSpec, reporter: Reporter
+) -> Iterator[tuple[PickedFrame, bytes]]:
+    with reporter.progress(len(picked), label=output.file.name) as bar:
+        for frame in picked:
+            with translate_os_errors(frame.file):
+                content = frame.file.read_bytes()
+            yield frame, content
+            bar.advance()

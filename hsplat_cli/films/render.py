@@ -1,0 +1,221 @@
+"""Render a job to a film: one loop over passes and frames, with checkpoint, resume and sidecar.
+
+A film has one pass, whose finished frames are kept. A progressive film has several: each is a complete film that
+replaces the one before, and no frames are kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from hsplat_cli.executors import Executor, ExecutorSpec, FrameExecutor, FrameResult, open_executor
+from hsplat_cli.films.background import run_overlapped, run_sequentially
+from hsplat_cli.films.film import DrawnPass, Film, finish_film
+from hsplat_cli.films.goals import make_plan
+from hsplat_cli.films.progressive import DeadlineReached, Refinement, Refiner
+from hsplat_cli.films.resume import PreparedFilm, prepare_film, report_resumable, resume_checkpoint
+from hsplat_cli.films.sidecar_record import recorded_drivers, with_seconds
+from hsplat_cli.scenes import Job
+from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
+from renderer.film import (
+    FilmWriter,
+    FrameCheckpoint,
+    Record,
+    has_frame_files,
+    locked_output,
+    open_film,
+    remove_checkpoint_frames,
+    require_encoder,
+    sidecar_path,
+)
+from renderer.frame import LODCostEstimator
+from renderer.study import FilmPlan
+
+
+def render_film(
+    job: Job,
+    executor_spec: ExecutorSpec,
+    reporter: Reporter,
+    *,
+    refinement: Refinement | None = None,
+    work_folder: Path | None = None,
+    on_start: Callable[[], None] | None = None,
+    force: bool = False,
+    is_auxiliary: bool = False,
+) -> Film:
+    """Render the film of a job, or return the film that is up to date.
+
+    Frames that an earlier job finished are kept; with `force` they are drawn again.
+
+    refinement: draw a coarse film first, and refine it, in one process.
+    work_folder: the folder for unfinished work, where the caller has locked the output.
+    on_start: called before anything is drawn; not for a film that is up to date.
+    is_auxiliary: the film is a means to another end, in a new folder: only progress is shown.
+
+    Raises HsplatError; KeyboardInterrupt, unless a pass was finished before it and the refinement is a best effort.
+    """
+    start, output = time.perf_counter(), job.scene.output
+    with contextlib.ExitStack() as stack:
+        # What can fail early is tried before a voxel is read: the outputs, the encoder, OpenGL or the cluster.
+        sidecar = sidecar_path(job.scene, job.frames)
+        folder = work_folder or stack.enter_context(locked_output(output, job.frames, sidecar))
+        require_encoder(output)
+        spec = executor_spec if refinement is None else ExecutorSpec(workers=1)
+        executor = stack.enter_context(open_executor(spec, job.scene, reporter))
+        prepared = prepare_film(job, folder, executor.renderer_name, reporter, force=force)
+        if prepared.stage is None:
+            assert prepared.recorded is not None
+            return Film(output.file, sidecar, prepared.recorded.data)
+        if on_start is not None:
+            on_start()
+        renderer = _FilmRenderer(executor, folder, start, reporter, is_auxiliary=is_auxiliary)
+        film = renderer.refine(prepared, refinement) if refinement else renderer.render(prepared, force=force)
+    if not is_auxiliary:
+        film.report(reporter)
+    return film
+
+
+class _FilmRenderer:
+    """Draws the passes of a film. start: when the job began, by `perf_counter`."""
+
+    def __init__(
+        self, executor: Executor, folder: Path, start: float, reporter: Reporter, *, is_auxiliary: bool
+    ) -> None:
+        self._executor, self._folder, self._start = executor, folder, start
+        self._reporter, self._is_auxiliary = reporter, is_auxiliary
+
+    def render(self, prepared: PreparedFilm, *, force: bool) -> Film:
+        """Draw the film in one pass; frames that are finished are not drawn again."""
+        assert prepared.stage is not None
+        job, reporter = prepared.job, self._reporter
+        plan = make_plan(LODCostEstimator(prepared.stage), job.frames, self._executor.rasterizer, reporter)
+        prepared = replace(prepared, stage=None)  # its volume may move
+        checkpoint = resume_checkpoint(prepared, plan, self._folder, reporter, force=force)
+        num_resumed = len(checkpoint.records)
+        label = "drawing" if self._is_auxiliary else job.scene.output.file.name
+        with deferrable_interrupts() as defer_interrupts:
+            try:
+                with self._executor.for_plan(plan, len(job.frames) - num_resumed) as drawer:
+                    del plan  # its volume may move
+                    drawn = self._draw(job, drawer, label, defer_interrupts, checkpoint)
+                    plan = drawer.plan
+                drawn = replace(drawn, seconds=time.perf_counter() - self._start, num_resumed=num_resumed)
+                film = finish_film(job, plan, drawn, prepared.fingerprint, self._folder)
+            except BaseException:
+                if not self._is_auxiliary:
+                    report_resumable(checkpoint, prepared, self._folder, reporter, force=force)
+                raise
+            remove_checkpoint_frames(self._folder, job.scene.output, job.frames)
+        return film
+
+    def refine(self, prepared: PreparedFilm, refinement: Refinement) -> Film:
+        """Draw pass after pass, until one is what the scene requests or the time is up."""
+        assert prepared.stage is not None and self._executor.rasterizer is not None
+        job, file = prepared.job, prepared.job.scene.output.file
+        deadline = math.inf if refinement.time_limit is None else self._start + refinement.time_limit
+        estimator = LODCostEstimator(prepared.stage)
+        refiner = Refiner(job, estimator, self._executor.rasterizer, deadline, self._reporter)
+        film: Film | None = None
+        try:
+            for plan, frame_seconds in refiner.plan_passes():
+                start, label = time.perf_counter(), f"{file.name}, pass {len(refiner.passes) + 1}"
+                with deferrable_interrupts() as defer_interrupts:
+                    with self._executor.for_plan(plan, len(job.frames)) as drawer:
+                        drawn = self._draw(job, drawer, label, defer_interrupts, refiner=refiner)
+                    now = time.perf_counter()
+                    summary = refiner.finish_pass(drawn.frames, frame_seconds, now - start, now - self._start)
+                    drawn = replace(drawn, seconds=now - self._start, passes=refiner.passes)
+                    film = self._finish(prepared, plan, drawn)
+                    self._reporter.line(summary)
+            if refiner.accepted is not None:
+                found, shortfall = refiner.accepted.found, refiner.accepted.shortfall
+                plan = replace(plan, is_unfinished=False, found=found, shortfall=shortfall)
+                film = self._finish(prepared, plan, drawn)
+        except DeadlineReached:
+            pass
+        except KeyboardInterrupt:
+            if film is not None:
+                self._reporter.line(f"{file} is whole, as pass {len(refiner.passes)} made it")
+            if film is None or not refinement.best_effort:
+                raise
+        assert film is not None
+        return film
+
+    def _finish(self, prepared: PreparedFilm, plan: FilmPlan, drawn: DrawnPass) -> Film:
+        """Write the sidecar of a pass; remove what earlier jobs left of a film that is finished."""
+        job, fingerprint = prepared.job, prepared.fingerprint
+        film = finish_film(job, plan, drawn, fingerprint, self._folder)
+        if not plan.is_unfinished:
+            remove_checkpoint_frames(self._folder, job.scene.output, job.frames, fingerprint.of)
+        return film
+
+    def _draw(
+        self,
+        job: Job,
+        drawer: FrameExecutor,
+        label: str,
+        finishing: Callable[[], None],
+        checkpoint: FrameCheckpoint | None = None,
+        refiner: Refiner | None = None,
+    ) -> DrawnPass:
+        """Draw the frames that the checkpoint lacks, keep them there, and make the film of all frames.
+
+        finishing: called before files get their final names.
+        """
+        output = job.scene.output
+        missing = [number for number in job.frames if checkpoint is None or number not in checkpoint.records]
+        is_missing = frozenset(missing).__contains__
+        records: list[Record] = []
+        notes: Sequence[str] = ()
+        with contextlib.ExitStack() as stack:
+            film = None
+            if checkpoint is None or not has_frame_files(output):
+                film = stack.enter_context(open_film(output, job.frames, within=self._folder, finishing=finishing))
+                notes = film.notes
+            bar = stack.enter_context(self._reporter.progress(len(missing), label=label))
+            drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
+            store = partial(_store, checkpoint, refiner, film)
+            tasks = (partial(store, n, next(drawing) if is_missing(n) else None) for n in job.frames)
+            # On a time budget each frame is stored before the next one is drawn: both count.
+            run = run_sequentially if drawer.plan.is_timing_dependent else run_overlapped
+            for record in stack.enter_context(contextlib.closing(run(tasks))):
+                records.append(record)
+                if refiner is not None and record["frame"] != job.frames[-1]:
+                    refiner.require_time()
+                if is_missing(record["frame"]):
+                    bar.advance(counted(record["splats"], job.scene.splat.primitive_name))
+        if film is None:
+            finishing()
+        drivers = list(dict.fromkeys([*recorded_drivers(records), *drawer.drivers])) or [self._executor.renderer_name]
+        return DrawnPass(records, [*notes, *drawer.notes], drivers)
+
+
+def _store(
+    checkpoint: FrameCheckpoint | None,
+    refiner: Refiner | None,
+    film: FilmWriter | None,
+    number: int,
+    drawn: FrameResult | None,
+) -> Record:
+    """Store a frame that was drawn, or take that of the checkpoint for the film; return its record."""
+    before = time.perf_counter()
+    if drawn is None:
+        assert checkpoint is not None
+        record = checkpoint.records[number]
+        if film is None:
+            return record
+        film.write(number, checkpoint.picture(number).pixels)
+        return with_seconds(record, encode=time.perf_counter() - before)
+    record = drawn.record if checkpoint is None else checkpoint.keep(number, drawn.picture.png, drawn.record)
+    if film is not None:
+        film.write(number, drawn.picture.pixels)
+    record = with_seconds(record, encode=time.perf_counter() - before)
+    if refiner is not None:
+        refiner.add_frame(number, drawn.picture.pixels)
+    return record

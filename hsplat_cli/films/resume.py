@@ -1,0 +1,241 @@
+"""What earlier jobs left of an output: a film that is up to date, or finished frames to resume from."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from hsplat_cli.films.fingerprint import (
+    JobFingerprint,
+    describe_differences,
+    describe_mismatch,
+    job_fingerprint,
+    recorded_fingerprint,
+)
+from hsplat_cli.scenes import Job, read_volume_guarded
+from hsplat_cli.terminal import Reporter, counted
+from renderer.cores import num_cores
+from renderer.film import (
+    FrameCheckpoint,
+    Record,
+    file_matches_digest,
+    frame_matches_digest,
+    frame_path,
+    has_frame_files,
+    is_frame_record,
+    remove_checkpoint_frames,
+    sidecar_path,
+)
+from renderer.frame import Stage, prepare_stage
+from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, schedule_to_dict, tolerance_at
+from renderer.study import FilmPlan
+from renderer.volume import Volume
+
+# The film that is there
+
+
+@dataclass(frozen=True)
+class RecordedFilm:
+    """A film as its sidecar describes it; anybody may have edited the sidecar.
+
+    is_complete: whether the sidecar describes all frames, and they meet what was requested.
+    file_digest: of a film in one file.
+    frames: the records of the frames.
+    data: the content of the sidecar.
+    """
+
+    fingerprint: JobFingerprint
+    is_complete: bool
+    file_digest: str | None
+    frames: Sequence[Record]
+    data: Mapping[str, Any]
+
+    def is_same(self, fingerprint: JobFingerprint, frames: Sequence[int]) -> bool:
+        """Return whether it is the film of this fingerprint and these frame numbers."""
+        return self.fingerprint.film == fingerprint.film and [each["frame"] for each in self.frames] == [*frames]
+
+    def is_up_to_date(self, fingerprint: JobFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
+        """Return whether the film of this fingerprint exists, complete and unchanged."""
+        if not self.is_same(fingerprint, frames) or not self.is_complete:
+            return False
+        if not has_frame_files(output):
+            return file_matches_digest(output.file, self.file_digest)
+        files = ((frame_path(output.file, each["frame"]), each["digest"]) for each in self.frames)
+        return all(frame_matches_digest(path, digest, output) for path, digest in files)
+
+    def why_rerender(self, fingerprint: JobFingerprint, output: OutputSpec, frames: Sequence[int]) -> str | None:
+        """Return why a film that is not up to date is rendered again, as the end of a sentence about it.
+
+        None for numbered frames of the same fingerprint, which are kept or redrawn one by one, and where no film
+        exists.
+        """
+        change = None
+        if self.fingerprint.frames != fingerprint.frames:
+            change = describe_mismatch(self.fingerprint.of, fingerprint.of)
+        elif has_frame_files(output):
+            return None
+        elif not self.is_same(fingerprint, frames):
+            scene = self.data.get("scene")
+            recorded = scene.get("output") if isinstance(scene, dict) else None
+            now = {"frames_per_second": output.frames_per_second, "quality": output.quality}
+            before = {key: recorded.get(key) for key in now} if isinstance(recorded, dict) else {}
+            change = describe_differences({"output": before}, {"output": now}) or "it has other frames"
+        if not has_frame_files(output) and not output.file.exists():
+            return change and f"does not exist, and its sidecar describes another film: {change}"
+        if change is not None:
+            return f"is drawn again: the existing file is another film: {change}"
+        if not self.is_complete:
+            return "is drawn again: the existing film is less than what was requested"
+        return "is drawn again: the existing file is not the one that its sidecar describes"
+
+
+def read_recorded_film(sidecar: Path, output: OutputSpec) -> RecordedFilm | None:
+    """Return the film that the sidecar of an output describes, or None where there is no usable sidecar."""
+    try:
+        if sidecar.stat().st_size > MAX_SIDECAR_BYTES:
+            return None
+        data = json.loads(sidecar.read_bytes())
+        fingerprint, records = recorded_fingerprint(data), data["frames"]
+        # A film in one file has no frame files, so its records need no digests.
+        usable = [record for record in records if is_frame_record(record, has_digest=has_frame_files(output))]
+        is_complete = data["schedule"]["met"] is True and len(usable) == len(records)
+    except (OSError, ValueError, RecursionError, KeyError, TypeError):
+        return None
+    if fingerprint is None:
+        return None
+    return RecordedFilm(fingerprint, is_complete, data.get("digest"), usable, data)
+
+
+# The start of a film
+
+
+@dataclass(frozen=True)
+class PreparedFilm:
+    """A job that is ready to draw.
+
+    job: with the schedule that its film counts as requested for.
+    stage: None where the film is up to date.
+    recorded: the film that the existing sidecar describes; None with `force`.
+    """
+
+    job: Job
+    fingerprint: JobFingerprint
+    recorded: RecordedFilm | None
+    stage: Stage | None
+
+
+def prepare_film(job: Job, folder: Path, driver: str, reporter: Reporter, *, force: bool) -> PreparedFilm:
+    """Read the volume and prepare the stage, unless the film is up to date; say which.
+
+    folder: for unfinished work. driver: device and driver, as OpenGL names them. force: ignore what exists.
+    Raises what `read_volume` and `prepare` raise.
+    """
+    before_reading = time.perf_counter()
+    volume = read_volume_guarded(job.scene.volume)
+    read_seconds = time.perf_counter() - before_reading
+    if volume.note is not None:
+        reporter.status(f"{volume.name}: {volume.note}")
+    job, fingerprint = _fingerprint_job(job, volume, driver)
+    output = job.scene.output
+    recorded = None if force else read_recorded_film(sidecar_path(job.scene, job.frames), output)
+    if recorded is not None and recorded.is_up_to_date(fingerprint, output, job.frames):
+        # Left by a job that was killed when its film was complete.
+        remove_checkpoint_frames(folder, output, job.frames, fingerprint.of)
+        reporter.status(f"{output.file} is up to date; --force draws it again")
+        return PreparedFilm(job, fingerprint, recorded, None)
+    stage = prepare_stage(
+        job.scene,
+        clock=time.perf_counter,
+        num_threads=num_cores(),
+        volume=volume,
+        fingerprint=job.original.fingerprint if job.original else None,
+        recorded_in=f"{job.original.path}: volume.fingerprint" if job.original else "",
+    )
+    stage = replace(stage, seconds={**stage.seconds, "read": stage.seconds["read"] + read_seconds})
+    why = None if recorded is None else recorded.why_rerender(fingerprint, output, job.frames)
+    if why is not None:
+        reporter.status(f"{output.file} {why}")
+    return PreparedFilm(job, fingerprint, recorded, stage)
+
+
+def _fingerprint_job(job: Job, volume: Volume, driver: str) -> tuple[Job, JobFingerprint]:
+    """Return the job and its fingerprint.
+
+    A film that is rendered from its sidecar meets what the original was requested to meet only if the fingerprints
+    agree. Otherwise nobody has measured it, and it counts as requested at the tolerances in the sidecar.
+    """
+    fingerprint = job_fingerprint(job, volume.fingerprint, driver)
+    if job.original is None or job.original.frames_fingerprint == fingerprint.frames:
+        return job, fingerprint
+    job = replace(job, requested_error=schedule_to_dict(job.scene.error))
+    return job, job_fingerprint(job, volume.fingerprint, driver)
+
+
+# Frames that are there
+
+
+def resume_checkpoint(
+    prepared: PreparedFilm, plan: FilmPlan, folder: Path, reporter: Reporter, *, force: bool
+) -> FrameCheckpoint:
+    """Return the job's finished frames that equal what would be drawn; say which, and why others do not.
+
+    None are used with `force`. The sidecar of another film stays until this film has its own, even while frames of
+    this film replace its frames: this film may be made from it, and its digests expose the mixture.
+    """
+    job, fingerprint, recorded = prepared.job, prepared.fingerprint, prepared.recorded
+    output = job.scene.output
+    checkpoint = FrameCheckpoint(folder, output, job.frames, fingerprint.of, afresh=force)
+    if recorded is not None and has_frame_files(output) and recorded.fingerprint.frames == fingerprint.frames:
+        checkpoint.adopt_records(recorded.frames)
+    checkpoint.drop(partial(_matches_plan, plan))
+    if checkpoint.records:
+        reporter.status(f"{_num_frames_text(checkpoint, job)} already finished")
+    if checkpoint.former_fingerprint is not None:
+        why = describe_mismatch(checkpoint.former_fingerprint, checkpoint.cause)
+        reporter.status(f"{_redrawn_text(checkpoint.num_outdated)}: of another film: {why}")
+    if checkpoint.num_dropped:
+        why = "not drawn on a time budget" if plan.is_timing_dependent else "drawn at other tolerances"
+        reporter.status(f"{_redrawn_text(checkpoint.num_dropped)}: {why}")
+    return checkpoint
+
+
+def _matches_plan(plan: FilmPlan, record: Record) -> bool:
+    """Return whether a finished frame has the tolerance that it would have now; with a time budget it may have any."""
+    if plan.is_timing_dependent:
+        return "predicted_seconds" in record
+    return bool(record["tolerance"] == tolerance_at(plan.stage.scene.error, record["frame"]))
+
+
+def report_resumable(
+    checkpoint: FrameCheckpoint, prepared: PreparedFilm, folder: Path, reporter: Reporter, *, force: bool
+) -> None:
+    """Say, when the work ends early, which frames are kept and which command resumes."""
+    job = prepared.job
+    if checkpoint.records and folder.is_dir():
+        command = "the same command"
+        if force:
+            command += f" without --force{_removal_hint(job, prepared.fingerprint)}"
+        reporter.status(f"{_num_frames_text(checkpoint, job)} kept; {command} resumes there")
+
+
+def _num_frames_text(checkpoint: FrameCheckpoint, job: Job) -> str:
+    """Return `1 of 5 frames is`, `4 of 5 frames are`."""
+    num = len(checkpoint.records)
+    return f"{num} of {counted(len(job.frames), 'frame')} {'is' if num == 1 else 'are'}"
+
+
+def _redrawn_text(num: int) -> str:
+    return f"{counted(num, 'existing frame')} {'is' if num == 1 else 'are'} drawn again"
+
+
+def _removal_hint(job: Job, fingerprint: JobFingerprint) -> str:
+    """Return the hint to remove a film in one file that is up to date: it would keep the job from resuming."""
+    output = job.scene.output
+    recorded = None if has_frame_files(output) else read_recorded_film(sidecar_path(job.scene, job.frames), output)
+    is_there = recorded is not None and recorded.is_up_to_date(fingerprint, output, job.frames)
+    return f", once {output.file} is removed," if is_there else ""
