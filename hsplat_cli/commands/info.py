@@ -33,7 +33,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """
     from renderer.suggest import compute_statistics, suggest, suggest_ranges
 
-    read = read_with_options(volume_spec(volume, **reading), Reporter())
+    read = read_with_options(volume_spec(volume, reading), Reporter())
     statistics = compute_statistics(read.values, read.source)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)

@@ -10,9 +10,9 @@ import click
 
 from hsplat_cli.scenes import (
     FILM_OPTION_NAMES,
+    FilmOptions,
     base_name,
     film_options,
-    make_film_options,
     suggest_scene,
     volume_options,
     volume_spec,
@@ -34,14 +34,14 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     VOLUME is a file, or a folder of slices. The scene is a turntable with a transfer function that suits the values;
     it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
-    film = make_film_options(**{name: options.pop(name) for name in FILM_OPTION_NAMES})
+    film = FilmOptions(**{name: options.pop(name) for name in FILM_OPTION_NAMES})
     if output is not None:
         _require_yaml_suffix(output)
     if output is not None and os.path.exists(output) and not force:  # no error for names that cannot be
         raise InputError(
             "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
         )
-    spec = volume_spec(volume, **options)
+    spec = volume_spec(volume, options)
     if output is not None:  # before the volume is read, as that may take long
         _require_folder(output)
         require_no_input([output], volume_files(spec))

@@ -12,11 +12,11 @@ import click
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
 from hsplat_cli.scenes import (
     FILM_OPTION_NAMES,
+    FilmOptions,
     NamedVolume,
     default_output,
     expand_volumes,
     film_options,
-    make_film_options,
     name_volumes,
     require_colormap,
     volume_options,
@@ -82,11 +82,10 @@ def turntable(
             expected="a color",
             hint="only PNG frames can be transparent: --format png",
         )
-    film = make_film_options(**{key: options[key] for key in FILM_OPTION_NAMES})
-    reading = {key: value for key, value in options.items() if key not in FILM_OPTION_NAMES}
+    film = FilmOptions(**{key: options[key] for key in FILM_OPTION_NAMES})
     orders = [
         Order(
-            volume=volume_spec(one.volume, **reading),
+            volume=volume_spec(one.volume, options),
             film=film,
             colormap=colormap,
             scene=folder / f"{one.name}.yaml",

@@ -1,18 +1,15 @@
-"""The options that say who draws."""
+"""Declares the options that say what draws, `--workers` and `--scheduler`, and checks them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
 
 import click
 
+from hsplat_cli.terminal import option_group
 from renderer.errors import InputError, require_package
 from renderer.scene import Scene, TimeBudget, format_value
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 # The scheduler of processes on this machine.
 LOCAL = "local"
@@ -22,7 +19,7 @@ _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+
 
 
 def require_address(address: str) -> None:
-    """Raise InputError for what cannot be the address of a scheduler, or where no Dask is installed to talk to one."""
+    """Raise InputError for what cannot be the address of a scheduler, or where Dask is not installed."""
     found = _ADDRESS.fullmatch(address)
     if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
         raise InputError("not an address", where="--scheduler", got=format_value(address), expected=ADDRESSES)
@@ -31,32 +28,30 @@ def require_address(address: str) -> None:
 
 @dataclass(frozen=True)
 class ExecutorSpec:
-    """workers: processes that draw; None for as many as is fastest. scheduler: address of a cluster's, or `local`."""
+    """What draws. workers: number of processes, None for the fastest. scheduler: address of a cluster's, or `local`."""
 
     workers: int | None = None
     scheduler: str | None = None
 
 
-def workers_option(command: _Command) -> _Command:
-    """A decorator for --workers."""
-    return click.option(
+workers_option = option_group(
+    click.option(
         "--workers",
         type=click.IntRange(min=1),
         metavar="N",
         help="Draw with N processes; as many as is fastest by default.",
-    )(command)
-
-
-def executor_options(command: _Command) -> _Command:
-    """A decorator for --workers and --scheduler."""
-    command = click.option(
+    )
+)
+executor_options = option_group(
+    workers_option,
+    click.option(
         "--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler, tcp://node7:8786, or local."
-    )(command)
-    return workers_option(command)
+    ),
+)
 
 
 def require_executor(spec: ExecutorSpec) -> None:
-    """Raise InputError for an address that is none, and for options that do not go together."""
+    """Raise InputError for a wrong address, and for options that exclude each other."""
     if spec.scheduler is not None:
         require_address(spec.scheduler)
         if spec.workers is not None and spec.scheduler != LOCAL:
@@ -64,7 +59,7 @@ def require_executor(spec: ExecutorSpec) -> None:
 
 
 def require_executor_for(spec: ExecutorSpec, scene: Scene, *, progressive: bool = False) -> None:
-    """Raise InputError where a scene cannot be drawn by these."""
+    """Raise InputError where a scene cannot be drawn like this: timed frames need one process."""
     if not (progressive or isinstance(scene.error.goal, TimeBudget)):
         return
     what = "frames of --progressive" if progressive else "frames on a budget of time, error.seconds,"

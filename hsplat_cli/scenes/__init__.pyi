@@ -3,7 +3,6 @@ from .film_arguments import (
     as_arguments as as_arguments,
     default_output as default_output,
     film_options as film_options,
-    make_film_options as make_film_options,
 )
 from .job import Job as Job, load_job as load_job
 from .patterns import expand_pattern as expand_pattern

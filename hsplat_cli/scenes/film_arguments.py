@@ -1,32 +1,33 @@
-"""The options of a turntable that is made without a scene file."""
+"""Declares the click options of a turntable without a scene file, once for `init` and `turntable`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
 from hsplat_cli.scenes.scene_text import FilmOptions
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
+from hsplat_cli.terminal import option_group
 
 _DEFAULT = FilmOptions()
 
-# Options that `make_film_options` takes.
-FILM_OPTION_NAMES = ("frames", "size", "elevation", "axis", "fps", "background", "tolerance")
+# The options that make a FilmOptions.
+FILM_OPTION_NAMES = tuple(field.name for field in fields(FilmOptions))
 
 
 def _size(_context: click.Context, _parameter: click.Parameter, text: str) -> tuple[int, int]:
-    """`512` or `640x480`."""
+    """Parse `512` or `640x480`."""
     parts = text.lower().split("x")
     if len(parts) > 2 or not all(part.isascii() and part.isdigit() and 0 < int(part) <= 16384 for part in parts):
         raise click.BadParameter(f"{text!r} is not a size such as 512 or 640x480, of 1 to 16384 pixels.")
     return int(parts[0]), int(parts[-1])
 
 
-_OPTIONS = (
+# `colormap` is for the suggestion, the others are for FilmOptions.
+film_options = option_group(
     click.option(
         "--frames",
         type=click.IntRange(1, 1_000_000),
@@ -66,29 +67,8 @@ _OPTIONS = (
 )
 
 
-def film_options(command: _Command) -> _Command:
-    """A decorator for all of them."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-def make_film_options(
-    *,
-    frames: int,
-    size: tuple[int, int],
-    elevation: float,
-    axis: str,
-    fps: float,
-    background: str,
-    tolerance: float,
-) -> FilmOptions:
-    """What they say; `colormap` is for the suggestion."""
-    return FilmOptions(frames, elevation, axis, tolerance, size, fps, background)
-
-
-def as_arguments(options: dict[str, Any]) -> list[str]:
-    """The command line that says the same: `frames=30` becomes `--frames=30`, and what is None is left out."""
+def as_arguments(options: Mapping[str, Any]) -> list[str]:
+    """Return the command line of parsed options: `frames=30` becomes `--frames=30`; None and False are left out."""
     words = []
     for name, value in options.items():
         if value is None or value is False:
@@ -106,5 +86,5 @@ def as_arguments(options: dict[str, Any]) -> list[str]:
 
 
 def default_output(name: str, kind: str, folder: Path) -> Path:
-    """The film of a volume called `name`: of the format mp4, gif or png."""
+    """Return the output of the film `name`; kind: mp4, gif or png."""
     return folder / name / "{frame:04}.png" if kind == "png" else folder / f"{name}.{kind}"

@@ -1,16 +1,16 @@
-"""The options by which commands without a scene are told how to read a volume."""
+"""Declares the click options that say how to read a volume, once for the commands without a scene."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from hsplat_cli.terminal import Reporter
+from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError
 from renderer.readers import UnknownFormatError
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, FileSource, RawSource, VolumeSpec
@@ -18,18 +18,17 @@ from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, FileSource, RawSo
 if TYPE_CHECKING:
     from renderer.volume import Volume
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
 
-
-# As messages have keys of a scene's `volume`: `time: k` or `component` in the text, and time: 7 that was given.
+# How messages name keys of a scene's `volume`: `time: k` or `component` in the text, and `time: 7` as what was got.
 _KEY = re.compile(r"`(time|component|nonfinite|spacing)(?:: ([^`]*))?`")
+_HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
 _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
 
 def _three_numbers(
     kind: type[int] | type[float], example: str, least: float = 0.0, most: float = math.inf
 ) -> Callable[[click.Context, click.Parameter, str | None], Any]:
-    """A callback that makes three positive numbers, in a range, of `128,96,114`, or `128x96x114` as sizes have it."""
+    """Return a callback that parses three positive numbers in a range: `128,96,114`, or `128x96x114`."""
 
     def convert(_context: click.Context, _parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
         if text is None:
@@ -48,7 +47,7 @@ def _three_numbers(
 
 
 def _nonfinite(_context: click.Context, _parameter: click.Parameter, text: str | None) -> str | float | None:
-    """`error`, `lowest`, or a finite number."""
+    """Parse `error`, `lowest`, or a finite number."""
     if text in (None, "error", "lowest"):
         return text
     try:
@@ -60,12 +59,12 @@ def _nonfinite(_context: click.Context, _parameter: click.Parameter, text: str |
     return number
 
 
-def volume_options(nonfinite: Literal["error"] | None) -> Callable[[_Command], _Command]:
-    """A decorator for --time, --component, --spacing, --nonfinite with its default, and those of a headerless file.
+def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
+    """Declare --time, --component, --spacing, --nonfinite with its default, and the options of a headerless file.
 
-    With the default None, it is None where it is not given: a value that is not seen is to be found.
+    With the default None, --nonfinite is None where it is not given: a fill value that is not visible is looked for.
     """
-    options = (
+    return option_group(
         click.option("--time", type=int, help="Which time step, from 0, of a volume that has several."),
         click.option("--component", type=int, help="Which component, from 0, of a volume that has several."),
         click.option(
@@ -95,38 +94,23 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[_Command], _
         click.option("--offset", type=click.IntRange(min=0), help="Bytes to skip in a headerless file."),
     )
 
-    def decorate(command: _Command) -> _Command:
-        for option in reversed(options):
-            command = option(command)
-        return command
 
-    return decorate
+def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
+    """Return the volume that the options of `volume_options` describe, by their names; `lowest` for no `nonfinite`.
 
-
-def volume_spec(
-    volume: Path,
-    *,
-    time: int | None,
-    component: int | None,
-    nonfinite: Any,
-    shape: tuple[int, int, int] | None,
-    dtype: str | None,
-    byte_order: Any,
-    spacing: tuple[float, float, float] | None,
-    offset: int | None,
-) -> VolumeSpec:
-    """What the options ask for; `lowest` where no `nonfinite` is given. Raises InputError where one of --shape and
-    --dtype is missing."""
+    Raises InputError where one of --shape and --dtype is missing, or another option needs them.
+    """
+    shape, dtype, spacing = options["shape"], options["dtype"], options["spacing"]
+    time, component = options["time"], options["component"]
     if (shape is None) != (dtype is None):
         raise InputError(
             "a headerless file needs both --shape and --dtype", got="--shape" if shape is not None else "--dtype"
         )
-    instead: Literal["error", "lowest"] | float = "lowest" if nonfinite is None else nonfinite
-    raw = {"byte_order": byte_order, "offset": offset}
-    given = {name: value for name, value in raw.items() if value is not None}
-    if shape is not None and dtype is not None:
+    nonfinite: Any = "lowest" if options["nonfinite"] is None else options["nonfinite"]
+    given = {name: options[name] for name in ("byte_order", "offset") if options[name] is not None}
+    if shape is not None:
         given |= {"spacing": spacing} if spacing is not None else {}
-        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nonfinite=instead)
+        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nonfinite=nonfinite)
     if given:
         name, value = next(iter(given.items()))
         raise InputError(
@@ -136,31 +120,26 @@ def volume_spec(
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=instead)
+    return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=nonfinite)
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
-    """The volume that the options ask for; what there is to say of how it was read is said. Raises InputError, with
-    hints about these options, not a scene."""
+    """Read a volume that options describe, and report the reader's note.
+
+    Raises InputError, with hints about the options and not about a scene.
+    """
     from hsplat_cli.scenes.truncation_guard import read_volume_guarded
 
     try:
         read = read_volume_guarded(volume)
-    except UnknownFormatError as error:
-        raise InputError(
-            error.what,
-            where=error.where,
-            got=error.got,
-            expected=error.expected,
-            hint="voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16",
-        ) from error
     except InputError as error:
+        hint = error.hint and _as_options(error.hint)
         raise InputError(
             error.what,
             where=error.where,
             got=error.got and _as_options(_GOT.sub(r"--\1 \2", error.got)),
             expected=error.expected and _as_options(error.expected),
-            hint=error.hint and _as_options(error.hint),
+            hint=_HEADERLESS_HINT if isinstance(error, UnknownFormatError) else hint,
         ) from error
     if read.note is not None:
         reporter.status(f"{read.name}: {read.note}")
@@ -168,7 +147,7 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
 
 
 def _as_options(text: str) -> str:
-    """A message about a scene's `volume` with options in the place of its keys: `--time k` for `time: k`."""
+    """Return a message about a scene's `volume` with options for its keys: `--time k` for `time: k`."""
 
     def option(key: re.Match[str]) -> str:
         value = "X,Y,Z" if key[1] == "spacing" else key[2]

@@ -1,14 +1,28 @@
-"""The click type of outputs on the command line."""
+"""Click helpers: groups of options, and the type of an output."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 
 from renderer.errors import InputError
 from renderer.scene import TILDE_HINT, has_unexpanded_tilde
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+
+def option_group(*options: Callable[[Any], Any]) -> Callable[[_Command], _Command]:
+    """Return a decorator that declares several click options, in this order."""
+
+    def declare(command: _Command) -> _Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return declare
 
 
 class OutputPath(click.Path):
