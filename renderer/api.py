@@ -262,7 +262,7 @@ def render(
         require_encoder(made.output)
         plan = _plan(made, numbers, rasterizer)
         records = []
-        with open_film(made.output, numbers, within=folder) as writer:
+        with open_film(made.output, numbers, staging_folder=folder) as writer:
             drawn = render_frames(plan.stage, numbers, rasterizer, clock=perf_counter, controller=plan.controller)
             for frame in drawn:
                 writer.write(frame.number, frame.image)

@@ -176,7 +176,7 @@ class _FilmRenderer:
         with contextlib.ExitStack() as stack:
             film = None
             if checkpoint is None or not has_frame_files(output):
-                film = stack.enter_context(open_film(output, job.frames, within=self._folder, finishing=finishing))
+                film = stack.enter_context(open_film(output, job.frames, staging_folder=self._folder, before_rename=finishing))
                 notes = film.notes
             bar = stack.enter_context(self._reporter.progress(len(missing), label=label))
             drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
@@ -212,7 +212,7 @@ def _store(
             return record
         film.write(number, checkpoint.picture(number).pixels)
         return with_seconds(record, encode=time.perf_counter() - before)
-    record = drawn.record if checkpoint is None else checkpoint.keep(number, drawn.picture.png, drawn.record)
+    record = drawn.record if checkpoint is None else checkpoint.save_frame(number, drawn.picture.png, drawn.record)
     if film is not None:
         film.write(number, drawn.picture.pixels)
     record = with_seconds(record, encode=time.perf_counter() - before)

@@ -189,14 +189,14 @@ def resume_checkpoint(
     """
     job, fingerprint, recorded = prepared.job, prepared.fingerprint, prepared.recorded
     output = job.scene.output
-    checkpoint = FrameCheckpoint(folder, output, job.frames, fingerprint.of, afresh=force)
+    checkpoint = FrameCheckpoint(folder, output, job.frames, fingerprint.of, discard_existing=force)
     if recorded is not None and has_frame_files(output) and recorded.fingerprint.frames == fingerprint.frames:
         checkpoint.adopt_records(recorded.frames)
-    checkpoint.drop(partial(_matches_plan, plan))
+    checkpoint.retain(partial(_matches_plan, plan))
     if checkpoint.records:
         reporter.status(f"{_num_frames_text(checkpoint, job)} already finished")
     if checkpoint.former_fingerprint is not None:
-        why = describe_mismatch(checkpoint.former_fingerprint, checkpoint.cause)
+        why = describe_mismatch(checkpoint.former_fingerprint, checkpoint.fingerprint)
         reporter.status(f"{_redrawn_text(checkpoint.num_outdated)}: of another film: {why}")
     if checkpoint.num_dropped:
         why = "not drawn on a time budget" if plan.is_timing_dependent else "drawn at other tolerances"

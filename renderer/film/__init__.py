@@ -1,7 +1,8 @@
 """Images to files, whole or not at all.
 
-In: float images. Out: PNG frames, MP4 or GIF films and their sidecars. Files are staged and renamed; frames of an
-unfinished film are kept beside it, and a lock keeps two jobs from writing the same film.
+In: float images. Out: PNG frames, MP4 or GIF films and their sidecars. `open_film` writes a film under temporary names
+and renames it at the end. `FrameCheckpoint` keeps finished frames of an unfinished film, from which a job resumes, and
+`locked_output` keeps two jobs from writing the same film.
 """
 
 import lazy_loader

@@ -5,25 +5,27 @@ from .atomic import (
     translate_os_errors as translate_os_errors,
     write_staged as write_staged,
 )
-from .encode import find_ffmpeg as find_ffmpeg
-from .frame_record import Record as Record, is_frame_record as is_frame_record
-from .inputs import (
-    header_data_files as header_data_files,
-    require_no_input as require_no_input,
-    volume_files as volume_files,
-)
-from .kept_frames import (
+from .checkpoint import (
     FrameCheckpoint as FrameCheckpoint,
+    Record as Record,
     bytes_digest as bytes_digest,
     data_digest as data_digest,
     file_digest as file_digest,
     file_matches_digest as file_matches_digest,
     frame_matches_digest as frame_matches_digest,
+    is_frame_record as is_frame_record,
     remove_checkpoint_frames as remove_checkpoint_frames,
+)
+from .encode import find_ffmpeg as find_ffmpeg
+from .inputs import (
+    header_data_files as header_data_files,
+    require_no_input as require_no_input,
+    volume_files as volume_files,
 )
 from .lock import (
     exclusive_lock as exclusive_lock,
     lock_slots as lock_slots,
+    locked_output as locked_output,
     require_folder_if_exists as require_folder_if_exists,
 )
 from .names import (
@@ -39,7 +41,6 @@ from .names import (
     sidecar_path_of_file as sidecar_path_of_file,
     unfinished_folder as unfinished_folder,
 )
-from .output_lock import locked_output as locked_output
 from .picture import Picture as Picture, Pixels as Pixels
 from .png import (
     encode_png as encode_png,

@@ -1,4 +1,4 @@
-"""Files appear under their final name when they are complete, or not at all."""
+"""Write files whole or not at all: under a temporary name, renamed at the end."""
 
 from __future__ import annotations
 
@@ -12,64 +12,57 @@ from renderer.errors import HsplatError, InputError, RenderError
 
 
 @contextlib.contextmanager
-def staged_file(path: Path, within: Path | None = None) -> Iterator[Path]:
-    """A temporary file beside `path`, or in the folder `within` on the same disk, renamed to `path` after the block.
+def staging(folder: Path | None = None) -> Iterator[Callable[[Path], Path]]:
+    """Yield a function that makes a temporary file for a path. After the block, all are renamed, one by one.
 
-    Missing folders are made, but for `within`, and the temporary file is created at once: what cannot be written is
-    told before the work, not after it. When the block raises, KeyboardInterrupt included, the temporary file is removed
-    and `path` is left as it was. What the operating system refuses becomes InputError (the name cannot be a file) or
-    RenderError (no space, no permission, no folder any more); an OSError raised by the block itself passes unchanged,
-    see `explained`.
+    folder: where temporary files lie, on the same disk as the paths; None for beside each path. Missing folders of the
+    paths are made, but not `folder`. If the block raises, KeyboardInterrupt included, temporary files are removed and
+    nothing else changes. Refusals of the operating system become InputError or RenderError, as in
+    `translate_os_errors`; an OSError that the block itself raises passes unchanged.
     """
-    temporary = _temporary_path(path, within)
-    try:  # before the file is there: an interrupt may come at any time
-        _create(temporary, path, within)
-        yield temporary
-        with translate_os_errors(path):
-            os.replace(temporary, path)
-    finally:
-        # After the rename there is nothing left to remove; a failure to remove must not hide the error that led here.
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+    staged: list[tuple[Path, Path]] = []
 
-
-def write_staged(path: Path, content: bytes, within: Path | None = None) -> None:
-    """Write a whole file so that it is there complete or not at all; as `staged`."""
-    with staged_file(path, within) as temporary, translate_os_errors(path):
-        temporary.write_bytes(content)
-
-
-@contextlib.contextmanager
-def staged_files(within: Path | None = None) -> Iterator[Callable[[Path, bytes], None]]:
-    """A function that writes whole files, which have their final names at the end of the block, one after the other.
-
-    When the block raises, none has; as `staged`.
-    """
-    written: list[tuple[Path, Path]] = []
-
-    def write(path: Path, content: bytes) -> None:
-        temporary = _temporary_path(path, within)
-        written.append((temporary, path))
-        _create(temporary, path, within)
-        with translate_os_errors(path):
-            temporary.write_bytes(content)
+    def stage(path: Path) -> Path:
+        temporary = _temporary_path(path, folder)
+        staged.append((temporary, path))  # before the file exists: an interrupt may come at any time
+        _create(temporary, path, folder)
+        return temporary
 
     try:
-        yield write
-        for temporary, path in written:
+        yield stage
+        for temporary, path in staged:
             with translate_os_errors(path):
                 os.replace(temporary, path)
     finally:
-        for temporary, _ in written:
+        # A failure to remove must not hide the error that led here.
+        for temporary, _ in staged:
             with contextlib.suppress(OSError):
                 temporary.unlink()
 
 
-def require_writable(path: Path, within: Path | None = None) -> None:
-    """Make the folder of `path` and try to write there, or `within`, leaving no file; errors as in `staged`."""
-    temporary = _temporary_path(path, within)
+@contextlib.contextmanager
+def staged_files(folder: Path | None = None) -> Iterator[Callable[[Path, bytes], None]]:
+    """Yield a function that writes whole files, which get their names after the block; as `staging`."""
+    with staging(folder) as stage:
+
+        def write(path: Path, content: bytes) -> None:
+            with translate_os_errors(path):
+                stage(path).write_bytes(content)
+
+        yield write
+
+
+def write_staged(path: Path, content: bytes, folder: Path | None = None) -> None:
+    """Write one file, whole or not at all; as `staging`."""
+    with staged_files(folder) as write:
+        write(path, content)
+
+
+def require_writable(path: Path, folder: Path | None = None) -> None:
+    """Make the folder of `path`, try to write there or in `folder`, and leave no file; errors as in `staging`."""
+    temporary = _temporary_path(path, folder)
     try:
-        _create(temporary, path, within)
+        _create(temporary, path, folder)
         with translate_os_errors(path):
             if not os.access(path.parent, os.W_OK | os.X_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
@@ -79,14 +72,14 @@ def require_writable(path: Path, within: Path | None = None) -> None:
 
 
 def require_writable_dry_run(path: Path) -> None:
-    """Raise what `require_writable` would, as far as it shows without making a folder or a file."""
+    """Raise what `require_writable` would raise, as far as that shows without making a folder or a file."""
     with translate_os_errors(path):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # fails for a name that is too long
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         folder = _nearest_existing_parent(path)
-        if not folder.is_dir():  # a link that leads nowhere, too
+        if not folder.is_dir():  # or a broken link
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
         if _is_kernel_filesystem(path):
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
@@ -101,7 +94,7 @@ def require_writable_dry_run(path: Path) -> None:
 
 @contextlib.contextmanager
 def translate_os_errors(path: Path) -> Iterator[None]:
-    """Turn an OSError met while writing `path` into InputError or RenderError."""
+    """Raise InputError (the name cannot be a file) or RenderError (no space, no permission) for an OSError."""
     try:
         yield
     except OSError as error:
@@ -109,7 +102,7 @@ def translate_os_errors(path: Path) -> Iterator[None]:
 
 
 def output_error(error: OSError, path: Path) -> HsplatError:
-    """What to tell about `error`, met while writing `path`."""
+    """Return the error to show to the user for `error`, met while writing `path`."""
     where = str(path)
     if isinstance(error, IsADirectoryError):
         return InputError("the output is a folder", where=where, expected="the name of a file")
@@ -117,7 +110,7 @@ def output_error(error: OSError, path: Path) -> HsplatError:
         broken = next((parent for parent in path.parents if parent.is_symlink() and not parent.exists()), None)
         if broken is not None:
             return InputError("the folder of the output is a link that leads nowhere", where=where, got=str(broken))
-        if error.errno != errno.ELOOP:  # which a link under another name may cause, too
+        if error.errno != errno.ELOOP:  # which a link elsewhere in the path may cause, too
             file = next((parent for parent in path.parents if parent.is_file()), path.parent)
             return InputError("the folder of the output is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -132,19 +125,19 @@ def output_error(error: OSError, path: Path) -> HsplatError:
 
 
 def remove_temporaries(folder: Path) -> None:
-    """Remove what programs that were killed left in a folder `within`. Raises OSError."""
-    for path in folder.glob(f".*{_MARK}*"):
+    """Remove the temporary files that killed programs left in a folder. Raises OSError."""
+    for path in folder.glob(f".*{_PARTIAL_TAG}*"):
         path.unlink(missing_ok=True)
 
 
-_MARK = ".partial-"
+_PARTIAL_TAG = ".partial-"
 _ANOTHER_FOLDER = "choose another folder for the output"
-# Not even the superuser makes a file or folder here, whom `os.access` tells otherwise.
+# Nobody can make files here, although `os.access` says that the superuser can.
 _KERNEL_MOUNTS = (Path("/proc"), Path("/sys"))
 
 
 def _nearest_existing_parent(path: Path) -> Path:
-    """The folder that `path` is below, as far as there is one; a link that leads nowhere, or a file, too."""
+    """Return the nearest parent of `path` that exists, even if it is a file or a broken link."""
     return next(parent for parent in path.absolute().parents if os.path.lexists(parent))
 
 
@@ -155,15 +148,15 @@ def _is_kernel_filesystem(path: Path) -> bool:
     return False
 
 
-def _temporary_path(path: Path, within: Path | None = None) -> Path:
-    # Two programs, on two machines, do not share a temporary file; nor do two frames that differ by their folders.
-    return (within or path.parent) / f".{path.name}{_MARK}{os.urandom(4).hex()}"
+def _temporary_path(path: Path, folder: Path | None = None) -> Path:
+    # Random, because frames in different folders, and programs on other machines, must not share a temporary file.
+    return (folder or path.parent) / f".{path.name}{_PARTIAL_TAG}{os.urandom(4).hex()}"
 
 
-def _create(temporary: Path, path: Path, within: Path | None) -> None:
+def _create(temporary: Path, path: Path, folder: Path | None) -> None:
     with translate_os_errors(path):
-        if within is not None:
-            temporary.touch(exist_ok=False)  # first: a folder that has vanished meanwhile is not made again
+        if folder is not None:
+            temporary.touch(exist_ok=False)  # first: fail if the folder has vanished
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

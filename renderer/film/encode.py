@@ -1,4 +1,4 @@
-"""Raw pictures to MP4 and GIF through the ffmpeg that imageio-ffmpeg brings along."""
+"""Encode raw pictures as MP4 or GIF, with the ffmpeg that imageio-ffmpeg contains."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from renderer.errors import HsplatError, RenderError
 from renderer.film.atomic import output_error
 from renderer.film.stream_tail import StreamTail
 
-# ffmpeg converts RGB with the BT.601 matrix unless it is told, whatever the tags say. The chroma position is H.264's
-# default, left; `accurate_rnd` and `bitexact` make the result the same on every processor.
+# Without out_color_matrix, ffmpeg converts RGB with the BT.601 matrix, whatever the tags say. The chroma position is
+# H.264's default, left; `accurate_rnd` and `bitexact` give the same result on every processor.
 _TO_YUV = (
     "scale=out_color_matrix=bt709:out_range=limited:out_h_chr_pos=0:out_v_chr_pos=128"
     ":flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format=yuv420p,"
     "setparams=color_primaries=bt709:color_trc=bt709:colorspace=bt709:range=limited"
 )
-# x264's output depends on the number of threads, and by default that is the number of cores.
+# x264's output depends on the number of threads, which by default is the number of cores.
 _NUM_ENCODER_THREADS = 4
 
-# One palette a frame, so that memory does not grow with the film. Of ffmpeg's ditherings this one kept local averages
-# best on renderings of the engine CT: 52.8 dB after a 3 x 3 mean, against 51.2 without dithering and 50.8 with Bayer's.
+# One palette for each frame keeps memory independent of the length of the film. Of ffmpeg's ditherings this one kept
+# local averages best on renderings of the engine CT: 52.8 dB after a 3 x 3 mean, against 51.2 without dithering and
+# 50.8 with Bayer's.
 _TO_PALETTE = (
     "split[pictures][samples];[samples]palettegen=stats_mode=single:reserve_transparent=0[palettes];"
     "[pictures][palettes]paletteuse=new=1:dither=sierra2_4a"
@@ -40,10 +41,10 @@ _LONGEST_GIF_DELAY_CS = 65535  # 16 bits
 
 
 def mp4_options(quality: float) -> list[str]:
-    """ffmpeg's options for H.264 that plays everywhere, at `quality` 0 to 10.
+    """Return ffmpeg's options for H.264 that plays everywhere, at `quality` 0 to 10.
 
-    The constant rate factor is `40 - 3 quality`, so that 8 is 16, visually lossless, and two steps of quality double
-    the size of the file (a CRF 6 lower does).
+    The constant rate factor (CRF) is `40 - 3 quality`. Quality 8 has CRF 16, which is visually lossless; two steps of
+    quality lower the CRF by 6, which doubles the size of the file.
     """
     assert 0 <= quality <= 10, quality
     options = {"-vf": _TO_YUV, "-c:v": "libx264", "-preset": "medium", "-profile:v": "high"}
@@ -53,12 +54,12 @@ def mp4_options(quality: float) -> list[str]:
 
 
 def gif_options() -> list[str]:
-    """ffmpeg's options for a GIF that loops for ever."""
+    """Return ffmpeg's options for a GIF that loops forever."""
     return ["-vf", _TO_PALETTE, "-fflags", "+bitexact", "-loop", "0", "-f", "gif"]
 
 
 def gif_delay_cs(frames_per_second: float) -> int:
-    """The time a GIF shows each frame: the nearest whole number of hundredths of a second that players honour."""
+    """Return how long a GIF shows each frame, in the hundredths of a second that players honour."""
     nearest = int(100 / frames_per_second + 0.5)
     return min(max(nearest, _SHORTEST_GIF_DELAY_CS), _LONGEST_GIF_DELAY_CS)
 
@@ -67,13 +68,12 @@ def gif_delay_cs(frames_per_second: float) -> int:
 def open_encoder(
     size: tuple[int, int], frames_per_second: Fraction, options: Sequence[str], file: Path, output: Path
 ) -> Iterator[Encoder]:
-    """ffmpeg, writing the pictures it is given to `file`, which is complete after the block.
+    """Run ffmpeg, and yield an encoder whose pictures it writes to `file`, which is complete after the block.
 
-    size: (width, height) of the pictures.
-    output: its final name, for messages.
+    size: (width, height) of the pictures. output: the final name of the file, for messages.
 
-    Raises RenderError with ffmpeg's last words when it cannot start, stops early or fails. However the block ends,
-    ffmpeg has ended too.
+    Raises RenderError with the end of ffmpeg's messages if it cannot start, stops early or fails. However the block
+    ends, ffmpeg has ended too.
     """
     command = [find_ffmpeg(output), *_arguments(size, frames_per_second, options, file)]
     encoder = Encoder(_start(command, output), output)
@@ -102,7 +102,7 @@ class Encoder:
             raise self._failure("ffmpeg stopped before the film was complete") from error
 
     def finish(self) -> None:
-        """Tell ffmpeg that this was all and wait until its file is complete."""
+        """End the stream of pictures, and wait until ffmpeg has completed its file."""
         try:
             self._pictures.close()
         except OSError as error:
@@ -111,16 +111,15 @@ class Encoder:
             raise self._failure("ffmpeg could not complete the film")
 
     def kill(self) -> None:
-        """End ffmpeg, whatever it is doing; does nothing when it has ended."""
+        """End ffmpeg, if it still runs."""
         self._process.kill()
         self._process.wait()
-        # What is still buffered has nowhere to go.
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # what is still buffered is lost
             self._pictures.close()
 
     def _failure(self, what: str) -> HsplatError:
         status = self._process.wait()
-        words = "\n    ".join(self._stderr_tail.lines())  # to stand in a message
+        words = "\n    ".join(self._stderr_tail.lines())  # aligned in a message
         if os.strerror(errno.ENOSPC) in words:
             return output_error(OSError(errno.ENOSPC, words), self._output)
         return RenderError(what, where=str(self._output), got=words or f"{_exit_description(status)} and no message")
@@ -133,14 +132,14 @@ def _exit_description(status: int) -> str:
 def _arguments(size: tuple[int, int], rate: Fraction, options: Sequence[str], file: Path) -> list[str]:
     width, height = size
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", f"{width}x{height}", "-framerate", str(rate)]
-    # `file:` keeps a name with a colon or a leading dash from being taken for something else.
+    # `file:` protects names with a colon or a leading dash.
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-y", "-filter_threads", "1"]
     return [*general, *source, "-i", "pipe:0", *options, f"file:{file}"]
 
 
 def _start(command: Sequence[str], output: Path) -> subprocess.Popen[bytes]:
     try:
-        # A session of its own: Ctrl-C in the terminal is for us, and we end ffmpeg when we are done with it.
+        # In a new session, Ctrl-C in the terminal does not reach ffmpeg, which is ended below.
         return subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -153,7 +152,7 @@ def _start(command: Sequence[str], output: Path) -> subprocess.Popen[bytes]:
 
 
 def find_ffmpeg(output: Path) -> str:
-    """The program; raises RenderError where there is none. output: for messages."""
+    """Return the path of ffmpeg. Raises RenderError if there is none. output: for messages."""
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:

@@ -1,4 +1,4 @@
-"""One job at a time writes an output: a lock that is gone with the process that had it, however it ended."""
+"""Lock an output, so that one job at a time writes it. A lock ends with its process, however that ends."""
 
 from __future__ import annotations
 
@@ -11,43 +11,61 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError, OutputLockedError
-from renderer.film.atomic import remove_temporaries, translate_os_errors
+from renderer.film.atomic import remove_temporaries, require_writable, translate_os_errors
+from renderer.film.names import frame_path, is_numbered, unfinished_folder
 from renderer.runs import consecutive_ranges
+from renderer.scene import OutputSpec
 
 _MAX_OWNER_BYTES = 200
-# Whoever comes or goes holds the file's first byte for a moment, so that nobody is refused for one who is going.
+# The gate: a job holds the file's first byte while it enters or leaves, so that none is refused because of one that is
+# just leaving.
 _GATE_BYTE, _FIRST_SLOT_BYTE = 0, 1
 
 
 @contextlib.contextmanager
-def lock_slots(folder: Path, places: Sequence[int], output: Path) -> Iterator[None]:
-    """Hold these places, ascending, of a folder of what is not finished, which is made where it is missing.
+def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
+    """Lock the output, and yield the folder for unfinished work. After the block, the folder is removed if empty.
 
-    Jobs that have no place in common do not keep each other out. The last one to leave removes temporary files of those
-    that were killed, and the folder, if nothing else is in it. On a file system without locks nobody is kept out.
-    Raises OutputLockedError when another process holds one of the places; InputError when the folder cannot be one, and
-    RenderError when it cannot be made. output: for messages.
+    Raises OutputLockedError if another job is writing the same output; InputError and RenderError if the output cannot
+    be written.
+    """
+    folder = unfinished_folder(output)
+    with lock_slots(folder, frames if is_numbered(output) else [0], output.file):
+        for file in (frame_path(output.file, frames[0]), sidecar):
+            require_writable(file, folder)
+        yield folder
+
+
+@contextlib.contextmanager
+def lock_slots(folder: Path, slots: Sequence[int], output: Path) -> Iterator[None]:
+    """Lock ascending slots, one for each frame, of a folder for unfinished work, which is made if it is missing.
+
+    Jobs without a common slot do not exclude each other. The last job to leave removes the temporary files of killed
+    jobs, and the folder if nothing else is in it. On a file system without locks no job is excluded.
+
+    output: for messages. Raises OutputLockedError if another process holds one of the slots; InputError if something
+    else has the folder's name, RenderError if the folder cannot be made.
     """
     with translate_os_errors(output):
-        descriptor = _enter(folder)
+        descriptor = _acquire_gate(folder)
     try:
         with translate_os_errors(output):
-            _acquire_slots(descriptor, places, output)
+            _acquire_slots(descriptor, slots, output)
         yield
     finally:
         _release_slots(folder, descriptor)
 
 
 @contextlib.contextmanager
-def exclusive_lock(file: Path, pause: Callable[[str | None], None]) -> Iterator[None]:
-    """Wait until no other process is in such a block with this lock file, which is made and removed again.
+def exclusive_lock(file: Path, on_wait: Callable[[str | None], None]) -> Iterator[None]:
+    """Wait until no other process holds this lock file, and hold it. The file is made, and removed at the end.
 
-    pause: called before each further look, with what is known of the process that is in it: `process 12 on ada`. What
-    it raises ends the waiting. On a file system without locks nobody waits.
-    Raises InputError and RenderError where the file cannot be made.
+    on_wait: called before each further try with the present holder, such as `process 12 on ada`, if it is known. What
+    it raises ends the wait. On a file system without locks there is no wait.
+    Raises InputError or RenderError if the file cannot be made.
     """
     with translate_os_errors(file):
-        descriptor = _wait_for(file, pause)
+        descriptor = _wait_for(file, on_wait)
     try:
         with translate_os_errors(file):
             _write_owner(descriptor)
@@ -60,7 +78,7 @@ def exclusive_lock(file: Path, pause: Callable[[str | None], None]) -> Iterator[
 
 
 def require_folder_if_exists(folder: Path) -> None:
-    """Raise InputError if something that is no folder has the name of a folder of what is not finished."""
+    """Raise InputError if something else than a folder has the name of the folder for unfinished work."""
     with contextlib.suppress(FileNotFoundError):
         mode = folder.lstat().st_mode
         if not stat.S_ISDIR(mode):
@@ -72,44 +90,47 @@ def require_folder_if_exists(folder: Path) -> None:
             )
 
 
-def _enter(folder: Path) -> int:
-    """The lock file, at whose gate nobody else is."""
+def _acquire_gate(folder: Path) -> int:
+    """Return the descriptor of the folder's lock file, with its gate locked."""
     while True:
-        _make(folder)
-        with contextlib.suppress(FileNotFoundError):  # its last holder has removed the folder meanwhile
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir()
+        require_folder_if_exists(folder)
+        with contextlib.suppress(FileNotFoundError):  # the last holder has just removed the folder
             return _wait_for(_lock_file(folder))
 
 
-def _wait_for(file: Path, pause: Callable[[str | None], None] | None = None) -> int:
-    """A lock file that is there, with its first byte held. pause: as in `alone`."""
+def _wait_for(file: Path, on_wait: Callable[[str | None], None] | None = None) -> int:
+    """Return the descriptor of a lock file that still exists, with its gate locked. on_wait: as in `exclusive_lock`."""
     while True:
         descriptor = _open(file)
         try:
-            while _lock(descriptor, _GATE_BYTE, 1, wait=pause is None) is False:
-                assert pause is not None
-                pause(_holder(descriptor))
+            while _lock(descriptor, _GATE_BYTE, 1, wait=on_wait is None) is False:
+                assert on_wait is not None
+                on_wait(_read_owner(descriptor))
             if _is_there(file, descriptor):
                 return descriptor
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)  # its last holder has removed it meanwhile
+        os.close(descriptor)  # the last holder has just removed it
 
 
 def _open(file: Path) -> int:
-    """A lock file, which is made where it is missing; FileNotFoundError where its folder is. Raises InputError, too."""
+    """Open a lock file, or make it. Raises FileNotFoundError if its folder is missing, InputError if it is no file."""
     flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
     while True:
         with contextlib.suppress(FileNotFoundError):
-            _require_plain(file)
-            return os.open(file, flags)  # not O_CREAT: in a folder such as /tmp no file of another user opens with it
+            _require_regular(file)
+            return os.open(file, flags)  # without O_CREAT, with which files of other users in /tmp do not open
         with contextlib.suppress(FileExistsError):
             descriptor = os.open(file, flags | os.O_CREAT | os.O_EXCL, 0o600)
-            _share(descriptor, file.parent)
+            _copy_folder_permissions(descriptor, file.parent)
             return descriptor
 
 
-def _require_plain(file: Path) -> None:
+def _require_regular(file: Path) -> None:
     mode = file.lstat().st_mode
     if not stat.S_ISREG(mode):
         kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
@@ -117,38 +138,31 @@ def _require_plain(file: Path) -> None:
         raise InputError("something else has the name of a lock file", where=str(file), got=got, hint="remove it")
 
 
-def _share(descriptor: int, folder: Path) -> None:
-    """Let everybody lock a file who may write in its folder, also where it stays because its maker was killed."""
+def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
+    """Let all who may write in the folder lock the file, even if its maker is killed and it stays."""
     with contextlib.suppress(OSError):  # not every file system has owners
-        place = folder.stat()
-        for owner in (-1, place.st_uid):  # the latter where the superuser works in the folder of somebody else
-            with contextlib.suppress(OSError):  # the folder may be of a group to which its writer does not belong
-                os.fchown(descriptor, owner, place.st_gid)
-        is_same_group = os.fstat(descriptor).st_gid == place.st_gid
-        group = 0o060 if place.st_mode & stat.S_IWGRP and is_same_group else 0
-        others = 0o006 if place.st_mode & stat.S_IWOTH else 0
+        status = folder.stat()
+        for owner in (-1, status.st_uid):  # the second for a superuser in the folder of another user
+            with contextlib.suppress(OSError):  # the writer may not belong to the folder's group
+                os.fchown(descriptor, owner, status.st_gid)
+        is_same_group = os.fstat(descriptor).st_gid == status.st_gid
+        group = 0o060 if status.st_mode & stat.S_IWGRP and is_same_group else 0
+        others = 0o006 if status.st_mode & stat.S_IWOTH else 0
         os.fchmod(descriptor, 0o600 | group | others)
 
 
-def _make(folder: Path) -> None:
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with contextlib.suppress(FileExistsError):
-        folder.mkdir()
-    require_folder_if_exists(folder)
-
-
-def _acquire_slots(descriptor: int, places: Sequence[int], output: Path) -> None:
-    """Lock these places and leave the gate."""
-    for start, stop in consecutive_ranges(places):
+def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
+    """Lock these slots and leave the gate."""
+    for start, stop in consecutive_ranges(slots):
         if _lock(descriptor, _FIRST_SLOT_BYTE + start, stop - start) is False:
             raise OutputLockedError(
                 "another job is writing this output",
                 where=str(output),
-                got=_holder(descriptor),
+                got=_read_owner(descriptor),
                 hint="wait until it is done, or give this one another output",
             )
     _write_owner(descriptor)
-    with contextlib.suppress(OSError):  # there are no locks
+    with contextlib.suppress(OSError):  # the file system has no locks
         fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _GATE_BYTE)
 
 
@@ -157,20 +171,20 @@ def _write_owner(descriptor: int) -> None:
     os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
 
 
-def _holder(descriptor: int) -> str | None:
-    """Who has signed last, if that can be shown."""
+def _read_owner(descriptor: int) -> str | None:
+    """Return the last process that wrote itself into the file, if it can be shown."""
     note = os.pread(descriptor, _MAX_OWNER_BYTES, 0).decode(errors="replace")
     return note if note and note.isprintable() else None
 
 
 def _release_slots(folder: Path, descriptor: int) -> None:
-    """Give the places back; the last one tidies up."""
+    """Give the slots back. The last job removes what is left."""
     try:
         _lock(descriptor, _GATE_BYTE, 1, wait=True)
         is_last = _lock(descriptor, _GATE_BYTE, 0)
         if is_last is False or (is_last and not _is_there(_lock_file(folder), descriptor)):
             return
-        if is_last:  # and not one of many, for all that can be known
+        if is_last:  # None, without locks, may be one of many
             remove_temporaries(folder)
         _lock_file(folder).unlink(missing_ok=True)
         folder.rmdir()
@@ -181,11 +195,11 @@ def _release_slots(folder: Path, descriptor: int) -> None:
 
 
 def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bool | None:
-    """Whether this run of bytes, up to the last for length 0, is held now; not where another process holds one of them.
+    """Lock a run of bytes, to the end of the file for length 0; return False if another process holds one of them.
 
-    None where the file system has no locks.
+    None if the file system has no locks.
     """
-    # POSIX locks: they work over NFS, are not inherited by children, and bytes need not be there.
+    # POSIX locks work over NFS, are not inherited by children, and need no bytes in the file.
     try:
         fcntl.lockf(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB, length, first)
     except OSError as error:

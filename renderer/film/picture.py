@@ -1,4 +1,4 @@
-"""A finished frame: its pixels, the PNG file that holds them, or both, each made from the other when it is needed."""
+"""A finished frame as pixels and as a PNG file, each made from the other on demand."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Pixels = npt.NDArray[np.uint8]
 
 
 class Picture:
-    """Made with one of the two, or with both. Not to be changed.
+    """A read-only picture, made from its pixels, its PNG file, or both.
 
     pixels: uint8 [h, w, 3], with a transparent background [h, w, 4] with straight alpha.
-    png: a PNG file's content, as `renderer.film.png` makes it; others are not read.
+    png: the content of a PNG file from `encode_png`; other kinds are not read.
     """
 
     def __init__(self, pixels: Pixels | None = None, png: bytes | None = None) -> None:
@@ -28,7 +28,7 @@ class Picture:
 
     @cached_property
     def pixels(self) -> Pixels:
-        """The picture as an array. Raises ValueError where the file is not whole."""
+        """The picture as an array. Raises ValueError if the file is damaged."""
         return decode_png(self.png)
 
     @cached_property

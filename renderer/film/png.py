@@ -1,7 +1,7 @@
-"""PNG files of 8-bit pictures (ISO/IEC 15948), for speed: one filter, the fastest zlib level; and back.
+"""Encode 8-bit pictures as PNG files (ISO/IEC 15948), and decode them.
 
-On renderings this takes less than half the time of a general encoder at the same level and gives files a tenth larger.
-No chunk says anything about gamma or colour space: colours are stored as given.
+One filter and the fastest zlib level are used. On renderings this takes less than half the time of a general encoder at
+the same level, and files are a tenth larger. No chunk describes gamma or colour space: colours are stored as given.
 """
 
 from __future__ import annotations
@@ -15,55 +15,57 @@ import numpy.typing as npt
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOR_TYPES = {3: 2, 4: 6}  # number of channels: RGB is type 2, RGB with straight alpha type 6
-_FILTER_UP = 2  # a byte is stored as its difference to the one above, which suits smooth shading on an even background
+_FILTER_UP = 2  # stores the difference to the byte above, which suits smooth shading on an even background
 _LEVEL = 1
-# What deflate makes of a byte at most: 258 bytes of two bits (RFC 1951, 3.2.5).
+# The largest expansion of a byte by deflate: 258 bytes from two bits (RFC 1951, 3.2.5).
 _MAX_DEFLATE_RATIO = 258 * 4
-# Encoders that write data in pieces take 8 KiB or more: half a gigabyte. Chunks of nothing cost time and memory, too.
+# Encoders write pieces of 8 KiB or more, so that this allows half a gigabyte. Empty chunks cost time and memory, too.
 _MAX_CHUNKS = 2**16
 
 
 def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
-    """The bytes of a PNG file of `image`, uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
+    """Return a PNG file of `image`, uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
     height, width, channels = image.shape
     rows = image.reshape(height, width * channels)
     filtered = np.empty((height, 1 + width * channels), np.uint8)
     filtered[:, 0] = _FILTER_UP
     filtered[0, 1:] = rows[0]
-    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # modulo 256, as the standard has it
+    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # modulo 256, as in the standard
     header = struct.pack(">IIBBBBB", width, height, 8, _COLOR_TYPES[channels], 0, 0, 0)
     data = zlib.compress(filtered.tobytes(), _LEVEL)
     return join_png_chunks([(b"IHDR", header), (b"IDAT", data), (b"IEND", b"")])
 
 
-def decode_png(content: bytes) -> npt.NDArray[np.uint8]:
-    """The picture in a file that `encode_png` has made, of any size: uint8 [h, w, 3] or [h, w, 4].
+def decode_png(png: bytes) -> npt.NDArray[np.uint8]:
+    """Return the picture in a file from `encode_png`, of any size: uint8 [h, w, 3] or [h, w, 4].
 
-    Raises ValueError with what is wrong; other kinds of PNG files are, too.
+    Raises ValueError with the reason, also for other kinds of PNG files.
     """
-    chunks = png_chunks(content)
+    chunks = png_chunks(png)
     header = chunks[0][1]
     height, width, channels = _shape_in(header)
     if [name for name, _ in chunks] != [b"IHDR", b"IDAT", b"IEND"] or any(header[10:]) or not (height and width):
         raise ValueError("of another kind")
     row_bytes = width * channels
-    filtered = np.frombuffer(_unpacked(chunks[1][1], height * (1 + row_bytes)), np.uint8).reshape(height, 1 + row_bytes)
+    filtered = np.frombuffer(_decompress(chunks[1][1], height * (1 + row_bytes)), np.uint8).reshape(
+        height, 1 + row_bytes
+    )
     if (filtered[:, 0] != _FILTER_UP).any():
         raise ValueError("of another kind")
     rows = np.empty((height, row_bytes), np.uint8)
     rows[0] = filtered[0, 1:]
-    for row in range(1, height):  # on whole rows faster than a cumulative sum, which numpy takes column by column
+    for row in range(1, height):  # faster than a cumulative sum, which numpy computes column by column
         np.add(rows[row - 1], filtered[row, 1:], out=rows[row])
     return rows.reshape(height, width, channels)
 
 
-def _unpacked(data: bytes, num_bytes: int) -> bytes:
-    """What is compressed in `data`, if it is so many bytes. Raises ValueError, before more of them are in memory."""
+def _decompress(data: bytes, num_bytes: int) -> bytes:
+    """Decompress exactly `num_bytes`. Raises ValueError for other lengths, before more of them are in memory."""
     if num_bytes > _MAX_DEFLATE_RATIO * len(data):
         raise ValueError("cut off")
     unpacker = zlib.decompressobj()
     try:
-        content = unpacker.decompress(data, num_bytes + 1)  # one more than there is, to see the end
+        content = unpacker.decompress(data, num_bytes + 1)  # one more, to detect the end
     except zlib.error as error:
         raise ValueError("damaged") from error
     if len(content) != num_bytes or not unpacker.eof or unpacker.unused_data:
@@ -72,7 +74,7 @@ def _unpacked(data: bytes, num_bytes: int) -> bytes:
 
 
 def join_png_chunks(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
-    """A file of these chunks, each a name and its content."""
+    """Return a PNG file of these chunks, each a name and its content."""
     return _SIGNATURE + b"".join(_chunk(name, content) for name, content in chunks)
 
 
@@ -81,9 +83,9 @@ def _chunk(name: bytes, content: bytes) -> bytes:
 
 
 def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
-    """Name and content of every chunk of a file, from IHDR to IEND; all checksums are right.
+    """Return name and content of every chunk of a file, from IHDR to IEND, and check all checksums.
 
-    Raises ValueError with what is wrong.
+    Raises ValueError with the reason if the file is damaged.
     """
     if not content.startswith(_SIGNATURE):
         raise ValueError("not a PNG file")
@@ -108,9 +110,9 @@ def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
 
 
 def png_shape(content: bytes) -> tuple[int, int, int]:
-    """(height, width, channels) of the picture in a file such as `encode_png` makes, once all of it was looked through.
+    """Return (height, width, channels) of the picture in a file from `encode_png`, after checking all its checksums.
 
-    Raises ValueError with what is wrong.
+    Raises ValueError with the reason if the file is damaged.
     """
     return _shape_in(png_chunks(content)[0][1])
 

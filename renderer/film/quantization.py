@@ -1,4 +1,4 @@
-"""Float images to 8 bits: the only place where a picture loses precision, and it does so once."""
+"""Round float images to 8 bits: the only place where a picture loses precision, and it does so once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from renderer.errors import RenderError
 from renderer.jit import jit
 from renderer.scene import Color
 
-# float32 throughout: numba would go on in float64 from a plain number.
+# In float32, because numba continues in float64 after a Python number.
 _ZERO, _HALF, _ONE, _LARGEST = (np.float32(value) for value in (0.0, 0.5, 1.0, 255.0))
 
 
@@ -21,21 +21,23 @@ def quantize(image: npt.NDArray[np.float32], background: Color | None) -> npt.ND
     image: float32 [h, w, 4], premultiplied RGBA.
     background: the colour behind it, or None for a transparent picture.
 
-    Returns uint8 [h, w, 3]; without a background [h, w, 4] with straight (not premultiplied) alpha, colour 0 where the
-    alpha written is 0. A value that is not finite raises RenderError.
+    Returns uint8 [h, w, 3]; without a background [h, w, 4] with straight (not premultiplied) alpha, and colour 0 where
+    the rounded alpha is 0. Raises RenderError for a value that is not finite.
     """
     require_finite(image)
     result = np.empty((*image.shape[:2], 4 if background is None else 3), np.uint8)
     if background is None:
         _unpremultiply(image, result)
     else:
-        _over(np.ascontiguousarray(image), np.array(background, np.float32), result)
+        _composite_over(np.ascontiguousarray(image), np.array(background, np.float32), result)
     return result
 
 
 @jit
-def _over(image: npt.NDArray[np.float32], background: npt.NDArray[np.float32], result: npt.NDArray[np.uint8]) -> None:
-    """[h, w, 4] premultiplied over a colour: `c + (1 - a) b`. Flat, for only so it is compiled to vectors."""
+def _composite_over(
+    image: npt.NDArray[np.float32], background: npt.NDArray[np.float32], result: npt.NDArray[np.uint8]
+) -> None:
+    """Composite [h, w, 4], premultiplied, over a colour: `c + (1 - a) b`. Only a flat loop compiles to vectors."""
     pixels, values = image.reshape(-1), result.reshape(-1)
     red, green, blue = background[0], background[1], background[2]
     for k in range(values.size // 3):
@@ -47,7 +49,7 @@ def _over(image: npt.NDArray[np.float32], background: npt.NDArray[np.float32], r
 
 @jit
 def _unpremultiply(image: npt.NDArray[np.float32], result: npt.NDArray[np.uint8]) -> None:
-    """[h, w, 4] premultiplied to straight: `c / a`."""
+    """Convert [h, w, 4] from premultiplied to straight alpha: `c / a`."""
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):
             alpha = image[row, column, 3]
@@ -60,12 +62,12 @@ def _unpremultiply(image: npt.NDArray[np.float32], result: npt.NDArray[np.uint8]
 
 @jit
 def _to_8_bits(scaled: np.float32) -> Any:
-    """`floor(scaled + 1/2)` in [0, 255], the floor being left to the conversion."""
+    """Return `floor(scaled + 1/2)` in [0, 255]; the conversion takes the floor."""
     return np.uint8(min(max(scaled + _HALF, _ZERO), _LARGEST))
 
 
 def require_finite(image: npt.NDArray[np.floating[Any]]) -> None:
-    """Raise RenderError where a pixel of an image [h, w, channels] is not a number, naming the first one."""
+    """Raise RenderError, naming the first bad pixel, if an image [h, w, channels] has values that are not finite."""
     finite = np.isfinite(image)
     if finite.all():
         return

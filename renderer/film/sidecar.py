@@ -1,4 +1,4 @@
-"""The JSON file beside an output that says how it came to be."""
+"""Write the sidecar: the JSON file beside an output that records how it was made."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import numpy as np
 from renderer.film.atomic import write_staged
 
 
-def write_sidecar(path: Path, data: Mapping[str, Any], within: Path | None = None) -> None:
-    """Write `data` as JSON, complete or not at all; `within` as for `renderer.film.atomic.staged`.
+def write_sidecar(path: Path, data: Mapping[str, Any], folder: Path | None = None) -> None:
+    """Write `data` as JSON, whole or not at all; `folder` as in `renderer.film.atomic.staging`.
 
     Keys keep their order and floats their value. Paths become strings, numpy's scalars and arrays numbers and lists.
-    Raises ValueError for numbers that JSON does not have (NaN, infinities), TypeError for other objects, InputError or
-    RenderError when the file cannot be written.
+    Raises ValueError for numbers that JSON lacks (NaN, infinities), TypeError for other objects, InputError or
+    RenderError if the file cannot be written.
     """
-    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=_plain)
-    # Bytes of a file name that are no UTF-8 are surrogates in Python, and become escapes that JSON has.
-    write_staged(path, f"{text}\n".encode(errors="backslashreplace"), within)
+    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=_to_json_value)
+    # File names that are not UTF-8 have surrogates in Python, which become escapes in JSON.
+    write_staged(path, f"{text}\n".encode(errors="backslashreplace"), folder)
 
 
-def _plain(value: object) -> object:
+def _to_json_value(value: object) -> object:
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, (np.generic, np.ndarray)):

@@ -1,4 +1,4 @@
-"""The end of what a child process says: read all the time, so that it is never blocked, and kept in bounded memory."""
+"""Keep the end of a child's output: read all the time, so that the child never blocks, in bounded memory."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import threading
 from typing import IO
 
 _NUM_BYTES = 2000
-# A stream ends with its writer, but where that has left it to a child of its own.
-_LONGEST_END_S = 1.0
+# A stream ends with its writer, unless the writer left it to another process.
+_MAX_WAIT_S = 1.0
 
 
 class StreamTail:
-    """The last bytes of a stream, which it takes over: they are read in the background until the stream ends."""
+    """The last bytes of a stream, which a background thread reads until the stream ends, and closes."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream, self._tail = stream, b""
@@ -21,11 +21,11 @@ class StreamTail:
 
     def _drain(self) -> None:
         with self._stream:
-            while words := os.read(self._stream.fileno(), 1 << 16):
-                self._tail = (self._tail + words)[-_NUM_BYTES:]
+            while block := os.read(self._stream.fileno(), 1 << 16):
+                self._tail = (self._tail + block)[-_NUM_BYTES:]
 
     def lines(self) -> list[str]:
-        """The last lines, without those that are empty; to be asked for once the writer has ended."""
-        self._thread.join(_LONGEST_END_S)
+        """Return the last lines that are not empty. Call it after the writer has ended."""
+        self._thread.join(_MAX_WAIT_S)
         lines = self._tail.decode("utf-8", "replace").splitlines()
         return [line.strip() for line in lines if line.strip()]

@@ -11,7 +11,7 @@ import pytest
 
 from renderer.errors import HsplatError, InputError, RenderError
 from renderer.film import open_film, write_staged
-from renderer.film.atomic import staged_file
+from renderer.film.atomic import staging
 from renderer.film.encode import gif_options, mp4_options, open_encoder
 from renderer.scene import OutputSpec
 
@@ -160,13 +160,18 @@ def test_a_folder_in_the_place_of_the_film_is_told_at_once(tmp_path: Path) -> No
 
 
 def test_a_name_that_is_too_long(tmp_path: Path) -> None:
-    with pytest.raises(RenderError, match="File name too long"), staged_file(tmp_path / ("x" * 300)):
-        pytest.fail("found out too late")
+    with staging() as stage, pytest.raises(RenderError, match="File name too long"):
+        stage(tmp_path / ("x" * 300))
 
 
 def test_an_error_of_the_block_is_not_taken_for_one_of_the_output(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError), staged_file(tmp_path / "file"):
-        (tmp_path / "absent").read_bytes()
+    def read() -> None:
+        with staging() as stage:
+            stage(tmp_path / "file")
+            (tmp_path / "absent").read_bytes()
+
+    with pytest.raises(FileNotFoundError):
+        read()
 
 
 def test_files_get_the_usual_permissions(tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def reopened(folder: Path, output: OutputSpec, cause: dict[str, Any] = CAUSE, **
 def keep(folder: Path, output: OutputSpec, *numbers: int, cause: dict[str, Any] = CAUSE) -> FrameCheckpoint:
     kept = reopened(folder, output, cause)
     for number in numbers:
-        kept.keep(number, png(number), record(number))
+        kept.save_frame(number, png(number), record(number))
     return kept
 
 
@@ -111,7 +111,7 @@ def test_a_record_of_garbage(folder: Path, output: OutputSpec, garbage: bytes) -
     (folder / "000001.json").write_bytes(garbage)
     kept = reopened(folder, output)
     assert set(kept.records) == {0}
-    kept.keep(1, png(1), record(1))
+    kept.save_frame(1, png(1), record(1))
     assert set(reopened(folder, output).records) == {0, 1}
 
 
@@ -223,7 +223,7 @@ def test_another_cause(folder: Path, output: OutputSpec) -> None:
     assert kept.former_fingerprint == {"scene": {"size": [6, 4]}, "versions": {"numpy": "2.0"}}
     assert kept.num_outdated == 3
     assert list(folder.iterdir()) == []
-    kept.keep(1, png(1), record(1))
+    kept.save_frame(1, png(1), record(1))
     again = reopened(folder, output, other)
     assert (set(again.records), again.former_fingerprint, again.num_outdated) == ({1}, None, 0)
 
@@ -248,7 +248,7 @@ def test_a_long_cause_is_kept_once(folder: Path, output: OutputSpec) -> None:
 
 def test_afresh(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2)
-    kept = reopened(folder, output, afresh=True)
+    kept = reopened(folder, output, discard_existing=True)
     assert (kept.records, kept.former_fingerprint, kept.num_outdated) == ({}, None, 0)
     assert list(folder.iterdir()) == []
     assert reopened(folder, output).records == {}
@@ -258,7 +258,7 @@ def test_pictures_under_their_final_names_are_never_removed(folder: Path, output
     keep(folder, output, 0, 1)
     finals = [path for path in folder.parent.rglob("*.png") if path.parent != folder]
     reopened(folder, output, {"other": 1})
-    reopened(folder, output, afresh=True)
+    reopened(folder, output, discard_existing=True)
     remove_checkpoint_frames(folder, output, NUMBERS)
     assert all(path.is_file() for path in finals)
     assert len(finals) == (0 if output.file.suffix == ".mp4" else 2)
@@ -270,8 +270,8 @@ def test_jobs_with_other_frames_share_nothing(folder: Path, tmp_path: Path) -> N
     first = FrameCheckpoint(folder, output, [0, 1], CAUSE)
     second = FrameCheckpoint(folder, output, [2, 3], {"other": 1})
     for i in (0, 1):
-        first.keep(i, png(i), record(i))
-        second.keep(i + 2, png(i + 2), record(i + 2))
+        first.save_frame(i, png(i), record(i))
+        second.save_frame(i + 2, png(i + 2), record(i + 2))
     remove_checkpoint_frames(folder, output, [0, 1])
     assert set(FrameCheckpoint(folder, output, [2, 3], {"other": 1}).records) == {2, 3}
     assert FrameCheckpoint(folder, output, [0, 1], {"other": 1}).num_outdated == 0
@@ -281,7 +281,7 @@ def test_frames_of_another_cause_need_not_be_forgotten(folder: Path, output: Out
     keep(folder, output, 0)
     other = FrameCheckpoint(folder, output, [1, 2], {"other": 1})
     for number in (1, 2):
-        other.keep(number, png(number), record(number))
+        other.save_frame(number, png(number), record(number))
     (folder / "000003.png").write_bytes(b"no record came")
     remove_checkpoint_frames(folder, output, NUMBERS, CAUSE)
     assert not list(folder.glob("00000[03].*"))
@@ -307,7 +307,7 @@ def test_a_folder_that_vanishes(folder: Path, output: OutputSpec) -> None:
     kept = keep(folder, output, 0)
     shutil.rmtree(folder)
     with pytest.raises(RenderError, match="the folder of the output is gone"):
-        kept.keep(1, png(1), record(1))
+        kept.save_frame(1, png(1), record(1))
     assert not folder.exists()
     remove_checkpoint_frames(folder, output, NUMBERS)
 
@@ -325,7 +325,7 @@ def test_a_full_disk(folder: Path, output: OutputSpec, monkeypatch: pytest.Monke
     write = Path.write_bytes
 
     def full(path: Path, content: bytes) -> int:
-        if f"{suffix}{staging._MARK}" in path.name:
+        if f"{suffix}{staging._PARTIAL_TAG}" in path.name:
             write(path, content[:10])
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return write(path, content)
@@ -333,11 +333,11 @@ def test_a_full_disk(folder: Path, output: OutputSpec, monkeypatch: pytest.Monke
     with monkeypatch.context() as patch:
         patch.setattr(Path, "write_bytes", full)
         with pytest.raises(RenderError, match="the disk is full"):
-            kept.keep(1, png(1), record(1))
+            kept.save_frame(1, png(1), record(1))
     assert set(kept.records) == {0}
     assert set(reopened(folder, output).records) == {0}
-    assert not [path for path in folder.iterdir() if staging._MARK in path.name]
-    kept.keep(1, png(1), record(1))
+    assert not [path for path in folder.iterdir() if staging._PARTIAL_TAG in path.name]
+    kept.save_frame(1, png(1), record(1))
     assert set(reopened(folder, output).records) == {0, 1}
 
 
@@ -354,12 +354,12 @@ def test_frames_that_another_place_tells_of(folder: Path, output: OutputSpec) ->
 
 def test_frames_that_are_not_wanted_after_all(folder: Path, output: OutputSpec) -> None:
     kept = keep(folder, output, 0, 1, 2)
-    kept.drop(lambda told: told["frame"] == 1)
+    kept.retain(lambda told: told["frame"] == 1)
     assert set(kept.records) == {1}
 
 
 def test_digests_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("renderer.film.kept_frames._BLOCK", 7)
+    monkeypatch.setattr("renderer.film.checkpoint._BLOCK_BYTES", 7)
     for length in (0, 1, 6, 7, 8, 14, 100):
         content = bytes(range(length))
         (tmp_path / "file").write_bytes(content)
@@ -399,8 +399,8 @@ def test_a_kill_between_any_two_steps(
         for owner, name in ((os, "replace"), (Path, "touch"), (Path, "write_bytes"), (Path, "unlink"), (Path, "mkdir")):
             patch.setattr(owner, name, counted(getattr(owner, name)))
         try:
-            before.keep(1, png(1), record(1))
-            before.keep(2, png(2), record(2))
+            before.save_frame(1, png(1), record(1))
+            before.save_frame(2, png(2), record(2))
         except Killed:
             pass
     kept = reopened(folder, output)

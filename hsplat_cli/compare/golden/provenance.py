@@ -51,7 +51,7 @@ _DIGEST = re.compile("[0-9a-f]{32}")
 
 @dataclass(frozen=True)
 class Golden:
-    """A golden frame: its number, the name of its file, and the digest of that, as `renderer.film.kept_frames` has it.
+    """A golden frame: its number, the name of its file, and the digest of that, as `renderer.film.checkpoint` has it.
 
     date: of its picture, as whoever drew it gave it.
     """

@@ -79,7 +79,7 @@ def _encode(
 ) -> Sequence[str]:
     """Encode the film from the pictures; return notes about it."""
     numbers = [frame.number for frame in picked]
-    with open_film(output, numbers, within=folder, finishing=finishing) as film:
+    with open_film(output, numbers, staging_folder=folder, before_rename=finishing) as film:
         for frame, content in _read_frames(picked, output, reporter):
             try:
                 pixels = Picture(png=content).pixels
