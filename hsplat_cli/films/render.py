@@ -176,7 +176,9 @@ class _FilmRenderer:
         with contextlib.ExitStack() as stack:
             film = None
             if checkpoint is None or not has_frame_files(output):
-                film = stack.enter_context(open_film(output, job.frames, staging_folder=self._folder, before_rename=finishing))
+                film = stack.enter_context(
+                    open_film(output, job.frames, staging_folder=self._folder, before_rename=finishing)
+                )
                 notes = film.notes
             bar = stack.enter_context(self._reporter.progress(len(missing), label=label))
             drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
