@@ -1,7 +1,7 @@
-"""A transfer function that suits a volume.
+"""Suggest a transfer function that shows what is in a volume.
 
-In: a volume's histogram, background, noise and edges. Out: `Suggestion`: the kind of data, control points and opacities
-that show what is inside. Thresholds by Otsu 1979.
+In: a volume and its statistics. Out: `Suggestion`: the kind of data, and control points and opacities that show it.
+Thresholds by Otsu 1979.
 """
 
 import lazy_loader

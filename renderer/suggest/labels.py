@@ -1,4 +1,4 @@
-"""Volumes whose values are names: masks, segmentations, connected components."""
+"""Recognise volumes whose values are labels (masks, segmentations, connected components), and colour them."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from renderer.suggest.presets import CRISP_SURFACE_DEPTH, OPAQUE_COVERAGE, TRANS
 from renderer.volume import Volume, iter_slabs
 
 _MAX_LABELS = 4096
-# Up to so many values are labels wherever they are; more are if that part of the neighbours of voxels, those of the
-# background aside, are like them.
+# Up to this many values are always labels. More are, if at least this part of the neighbours of voxels outside the
+# background have the voxel's own value.
 _MAX_CERTAIN_LABELS, _MIN_EQUAL_NEIGHBOURS = 3, 0.75
-# More than so many values, of which that part of unequal neighbours are one or two apart, are a smooth field.
+# More values than this are a smooth field if this part of the unequal neighbours differ by one or two.
 _MAX_GRADED_LABELS, _MAX_SMALL_STEPS = 16, 0.6
-# Where more of the values than this are but passed through, an image has been clipped, or an edge smoothed.
+# If more of the values than this only occur in transitions, the data are a clipped image or a smoothed edge.
 _MAX_TRANSITION_FRACTION = 0.5
 
 _PALETTE: tuple[Color, ...] = (
@@ -49,10 +49,10 @@ _PALETTE: tuple[Color, ...] = (
     (0.79, 0.60, 0.42),
 )
 _BLACK: Color = (0.0, 0.0, 0.0)
-# Where there are more labels: 256 colours as different as can be.
+# For more labels: 256 colours that are as different as possible.
 _MANY_LABELS_COLORMAP = "glasbey"
 
-# A label hides the smaller ones if it covers this part of what they cover, from all three sides.
+# A label encloses smaller ones if it covers this part of their projections, along all three axes.
 _ENCLOSING_COVERAGE = 0.85
 
 Shadow = npt.NDArray[np.bool_]
@@ -60,26 +60,24 @@ Steps = tuple[tuple[float, float], ...]
 
 
 def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) -> list[float] | None:
-    """The values of a volume of labels, ascending; None for other volumes."""
-    if len(np.unique(sample.normalized)) > _MAX_CERTAIN_LABELS and not _is_piecewise_constant(sample):
+    """Return the values of a volume of labels, ascending; None for other volumes."""
+    is_piecewise = _is_piecewise_constant(sample)
+    if len(np.unique(sample.normalized)) > _MAX_CERTAIN_LABELS and not is_piecewise:
         return None
     found = _distinct_values(volume, statistics)
     if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
         return None
-    if len(found) > _MAX_CERTAIN_LABELS and (
-        not _is_piecewise_constant(sample) or transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION
-    ):
-        return None
-    two_levels = 2.5 / (found[-1] - found[0])
-    return (
-        None
-        if len(found) > _MAX_GRADED_LABELS and small_step_fraction(sample, two_levels) > _MAX_SMALL_STEPS
-        else found
-    )
+    if len(found) > _MAX_CERTAIN_LABELS:
+        if not is_piecewise or transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION:
+            return None
+        two_levels = 2.5 / (found[-1] - found[0])
+        if len(found) > _MAX_GRADED_LABELS and small_step_fraction(sample, two_levels) > _MAX_SMALL_STEPS:
+            return None
+    return found
 
 
 def label_reason(sample: VoxelSample, values: Sequence[float], outside: float) -> str:
-    """By which signs they are labels, a clause."""
+    """Return the signs by which the values are labels, a clause."""
     pieces = ", in large pieces" if _is_piecewise_constant(sample) else ""
     return f"there are {len(values)} values{pieces}, and {format_number(outside)} is the background"
 
@@ -89,7 +87,7 @@ def _is_piecewise_constant(sample: VoxelSample) -> bool:
 
 
 def _distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
-    """Every value that there is in the range of the statistics, ascending; None if there are too many."""
+    """Return every value in the range of the statistics, ascending; None if there are too many."""
     if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
         found = set(statistics.bins[statistics.counts > 0].tolist())
         return sorted(found) if len(found) <= _MAX_LABELS else None
@@ -105,7 +103,7 @@ def _distinct_values(volume: Volume, statistics: Statistics) -> list[float] | No
 
 
 def background_label(sample: VoxelSample, values: Sequence[float]) -> float:
-    """The label of what is around the object: the most frequent one at the volume's border."""
+    """Return the label around the object: the most frequent one at the volume's border."""
     at = sample.denormalize(_border_mode(sample))
     return min(values, key=lambda value: abs(value / 2 - at / 2))
 
@@ -118,13 +116,14 @@ def _border_mode(sample: VoxelSample) -> float:
 def label_mapping(
     sample: VoxelSample, values: Sequence[float], outside: float, colormap: str | None
 ) -> tuple[tuple[ControlPoint, ...] | ColormapSpec, tuple[str, ...], float]:
-    """A colour and an opacity for each label but `outside`, with steps half-way between the labels; a word about each
-    point; the unit of the opacities.
+    """Return the points or the colormap, a comment for each point, and the unit of the opacities.
+
+    Every label but `outside` has a colour and an opacity, with steps half-way between the labels.
     """
     unit = opacity_unit_length(sample.diagonal)
     ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]
     between = dict(zip(values, pairwise(ends), strict=True))
-    # In shares, where the outermost labels have no end on one side.
+    # Normalised; the outermost labels have no end on one side.
     regions = {
         value: (sample.normalize(low) - (value == values[0]), sample.normalize(high) + (value == values[-1]))
         for value, (low, high) in between.items()
@@ -148,7 +147,7 @@ def label_mapping(
 
 
 def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list[Layer]:
-    """A layer for each label, from its (low, high) shares: solid, but glass where it lies around smaller ones."""
+    """Return a layer for each label from its (low, high), normalised: opaque, but translucent around smaller labels."""
     shadows = []
     for low, high in regions:
         part = (sample.normalized > low) & (sample.normalized < high)
@@ -158,23 +157,19 @@ def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list
     for (low, high), own, area in zip(regions, shadows, areas, strict=True):
         smaller = [other for other, other_area in zip(shadows, areas, strict=True) if 0 < other_area < area]
         is_around = bool(smaller) and all(_covers(own[axis], [other[axis] for other in smaller]) for axis in range(3))
-        knots = ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0))
-        layers.append(
-            Layer("", knots, TRANSLUCENT_COVERAGE, 0.0)
-            if is_around
-            else Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
-        )
+        coverage, min_depth = (TRANSLUCENT_COVERAGE, 0.0) if is_around else (OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
+        layers.append(Layer("", ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0)), coverage, min_depth))
     return layers
 
 
 def _covers(shadow: Shadow, others: Sequence[Shadow]) -> bool:
-    """Whether a shadow holds most of what any of the others do."""
+    """Return whether a projection covers most of the union of the others."""
     together = np.any(others, axis=0)
     return int((shadow & together).sum()) > _ENCLOSING_COVERAGE * int(together.sum())
 
 
 def _drop_redundant_points(steps: Sequence[tuple[float, float]]) -> Steps:
-    """Without those in the middle of three of one opacity."""
+    """Drop the middle of three points of one opacity."""
     inner = (
         step
         for before, step, after in zip(steps, steps[1:], steps[2:], strict=False)

@@ -1,7 +1,7 @@
-"""Whether a field is a level set: one whose surface at 0 is what it was made for, as a signed distance's is.
+"""Recognise level sets: fields made for their surface at 0, such as signed distances.
 
-That a field has one sign at the border and some of the other within says little: a temperature with one cold place and
-a scan with an edge that overshoots have that, too.
+One sign at the border and some of the other inside is not enough: a temperature field with one cold place and a scan
+    with an overshooting edge have that, too.
 """
 
 from __future__ import annotations
@@ -11,39 +11,39 @@ import numpy as np
 from renderer.suggest.features import Mask, VoxelSample, coherence
 from renderer.volume import Float64
 
-# The border of a level set has one sign, here and there excepted.
+# The border of a level set has one sign, with few exceptions.
 _MIN_ONE_SIGN_FRACTION = 0.97
-# Noise that crosses 0 does so in single voxels; the neighbours of a ball's voxels are mostly in it from 4 voxels on.
-_COHERENT = 0.5
-# A distance changes alike wherever it is measured, but near what is equally far from two surfaces: its gradients'
-# quartiles have a ratio near 1, where those of a smooth random field have one of 1.8. It is no steeper inside, either:
-# a room that gets warmer upwards may have a place with ice in it.
+# Noise crosses 0 in single voxels. The neighbours of a ball's voxels are mostly inside it from a radius of 4 voxels on.
+_MIN_COHERENCE = 0.5
+# A distance has the same gradient everywhere, except where two surfaces are equally far: the ratio of its gradients'
+# quartiles is near 1; that of a smooth random field is 1.8. A distance is not steeper inside, but a room that gets
+# warmer upwards may have ice in it.
 _MAX_GRADIENT_RATIO, _MAX_INNER_STEEPNESS = 1.4, 2.0
-# Other fields must have that part of their voxels inside, and so many times more often than at the border: the valleys
-# of a random field are as frequent there as anywhere.
-_LEAST_INSIDE, _MIN_INSIDE_RATIO = 0.03, 4.0
-# And they must be as deep inside, in the median, by what they are outside: an edge that overshoots does so by 9% at
-# most (Gibbs), and by half of that in the median.
-_LEAST_DEPTH = 0.05
+# Other fields must have this part of their voxels inside, and this many times more often than at the border: the
+# valleys of a random field are as frequent there as elsewhere.
+_MIN_INSIDE_FRACTION, _MIN_INSIDE_RATIO = 0.03, 4.0
+# The median depth inside, divided by that outside, must reach this: an edge overshoots by 9% at most (Gibbs), and by
+# half of that in the median.
+_MIN_INSIDE_DEPTH = 0.05
 
 
 def is_level_set_interior(sample: VoxelSample, border: float) -> bool:
-    """Whether the voxels above the share `border` are the inside of a level set, which the others are around."""
+    """Return whether the voxels above `border` are the inside of a level set, which the others surround."""
     within, around = (sample.normalized > border) & sample.is_valid, (sample.normalized <= border) & sample.is_valid
     if not within.any() or not around.any():
         return False
     at_border, share = float(np.mean(sample.border_values() > border)), float(np.mean(within))
-    if at_border >= 1 - _MIN_ONE_SIGN_FRACTION or coherence(sample, border) < _COHERENT:
+    if at_border >= 1 - _MIN_ONE_SIGN_FRACTION or coherence(sample, border) < _MIN_COHERENCE:
         return False
     if _is_distance(sample, within):
         return True
     deep = float(np.median(sample.normalized[within])) - border
     high = border - float(np.median(sample.normalized[around]))
-    return share >= max(_LEAST_INSIDE, _MIN_INSIDE_RATIO * at_border) and deep >= _LEAST_DEPTH * high
+    return share >= max(_MIN_INSIDE_FRACTION, _MIN_INSIDE_RATIO * at_border) and deep >= _MIN_INSIDE_DEPTH * high
 
 
 def _is_distance(sample: VoxelSample, within: Mask) -> bool:
-    """Whether the values change alike everywhere, for lengths in world units or in voxels."""
+    """Return whether the gradient is even, for lengths in world units or in voxels."""
     axes = [axis for axis in range(3) if sample.normalized.shape[axis] > 1]
     changes = {axis: np.gradient(sample.normalized, axis=axis) for axis in axes}
     return any(

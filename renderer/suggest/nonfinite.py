@@ -1,4 +1,4 @@
-"""What voxels that are no numbers are to be, so that a suggested transfer function does not show them."""
+"""Choose the value that stands for NaN and infinities, so that a suggested transfer function does not show it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from renderer.volume import Volume
 
 
 def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | None:
-    """The value for NaN and infinities, found from the others; None where the lowest of these serves, which all have
-    in a `volume` as it is read with `nonfinite: lowest`."""
+    """Return the value for NaN and infinities, from the statistics of the others; None if the lowest value serves.
+
+    volume: read with `nonfinite: lowest`.
+    """
     statistics = statistics.without_outliers or statistics
     low, high = float(statistics.minimum), float(statistics.maximum)
     if low == high:  # a mask by NaN
@@ -32,7 +34,7 @@ def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | No
 
 
 def _nonfinite_label(sample: VoxelSample, low: float) -> float | None:
-    """The label around the others where there is more of it at the border than of NaN; else one that is not there."""
+    """Return the label at the border if it has more voxels there than NaN has; else a label that no voxel has."""
     is_known = faces(sample.is_valid)
     values, counts = np.unique(faces(sample.normalized)[is_known], return_counts=True)
     if counts.max(initial=0) > np.count_nonzero(~is_known):

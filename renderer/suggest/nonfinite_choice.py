@@ -17,10 +17,10 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class VolumeSuggestion:
-    """A suggestion for a volume, whose voxels are in memory no longer.
+    """A suggestion for a volume whose voxels are no longer in memory.
 
-    volume: which voxels, and what stands for NaN and infinities. is_float: whether its voxels can have these.
-    nonfinite: how many voxels have, and what is drawn for them; None if every voxel is finite.
+    volume: which voxels, and what stands for NaN and infinities. is_float: whether its dtype has NaN and infinities.
+    nonfinite: how many voxels are NaN or infinite, and what is drawn for them; None if every voxel is finite.
     """
 
     volume: VolumeSpec
@@ -39,14 +39,14 @@ def suggest_for(
     """Read a volume and suggest how to show it.
 
     read: reads the voxels, perhaps twice.
-    hides_nonfinite: where `volume` asks for the `lowest` value in place of NaN and infinities, and another value is
-        less visible, the suggestion has that one.
+    hides_nonfinite: if `volume` asks for the `lowest` value for NaN and infinities, and another value is less visible,
+        take that one.
     Raises InputError for a volume that cannot be read or drawn.
     """
     tried = _attempt(volume, read, colormap)
-    if hides_nonfinite and tried.unseen is not None:
-        other = _attempt(replace(volume, nonfinite=tried.unseen), read, colormap)
-        # That is another volume, in which the value may show against all expectation.
+    if hides_nonfinite and tried.fill is not None:
+        other = _attempt(replace(volume, nonfinite=tried.fill), read, colormap)
+        # The fill value changes the volume, so it may show after all.
         if tried.shows or not other.shows:
             return other.result
     return tried.result
@@ -54,10 +54,11 @@ def suggest_for(
 
 @dataclass(frozen=True)
 class _Attempt:
-    """unseen: the value to try for NaN and infinities, or None. shows: whether what they are now is visible."""
+    """A suggestion for one fill value. fill: the value to try next, or None. shows: whether the present one is
+    visible."""
 
     result: VolumeSuggestion
-    unseen: float | None = None
+    fill: float | None = None
     shows: bool = False
 
 
@@ -72,17 +73,17 @@ def _attempt(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: s
     is_lowest = spec.nonfinite == "lowest"
     transfer = make_transfer_function(result.suggestion.transfer, volume.finest_spacing)
     shows = bool(transfer.classify(np.array([volume.nonfinite_fill_value]))[1][0] > 0)
-    told = (
+    note = (
         f"{volume.num_nonfinite} of {volume.values.size} voxels are NaN or infinite; they are drawn as "
         f"{'the lowest value, ' if is_lowest else ''}{volume.nonfinite_fill_value:.7g}, which "
         f"{'can be seen' if shows else 'is not seen'}"
     )
-    unseen = suggest_nonfinite_fill(volume, statistics) if is_lowest else None
-    return _Attempt(replace(result, nonfinite=told), unseen, shows)
+    fill = suggest_nonfinite_fill(volume, statistics) if is_lowest else None
+    return _Attempt(replace(result, nonfinite=note), fill, shows)
 
 
 def _with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
-    """Round the colours to `#rrggbb`, as a scene file has them: what is drawn is the same with and without a file."""
+    """Round the colours to `#rrggbb`, as a scene file has them, so that both draw the same."""
     mapping = suggestion.transfer.mapping
     if isinstance(mapping, ColormapSpec):
         return suggestion

@@ -1,7 +1,7 @@
-"""Which value has a rank among all the values of a volume: exact, in a few passes and bounded memory.
+"""Find the values at given ranks among all values of a volume: exact, in a few passes and in bounded memory.
 
-Integers and IEEE floats are unsigned numbers in the same order, once their signs are turned. Their 16 upper bits that
-differ at all are counted by one pass, and by each further pass the next 16 of those that may have a wanted rank.
+Integers and IEEE floats, with their signs turned, are unsigned integers in the same order. The first pass counts the 16
+upper bits that differ. Each further pass counts the next 16 bits of the values that may have a wanted rank.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ _BITS = 16
 
 @dataclass(frozen=True)
 class OrderedKeys:
-    """How values are numbered: by their keys, less that of the smallest, without their `shift` lower bits.
+    """Unsigned keys in the order of the values.
 
-    dtype: of the values. low: the key of the smallest one. num: of these numbers, at most 2**16.
+    dtype: of the values. low: the key of the smallest value, subtracted from all. shift: lower bits left out in
+        `count`. num: counted numbers, at most 2**16.
     """
 
     dtype: np.dtype[np.generic]
@@ -33,17 +34,17 @@ class OrderedKeys:
     num: int
 
     def keys(self, chunk: Array) -> Array:
-        """Unsigned numbers in the order of the values, from 0; as many."""
+        """Return the keys of values of any shape: unsigned, from 0, in the order of the values."""
         keys = _sortable_bits(chunk)
         return np.asarray(keys - keys.dtype.type(self.low))
 
     def count(self, chunk: Array) -> Counts:
-        """How many values of a chunk have each number; [num]."""
+        """Return how many values have each number; int64 [num]."""
         keys = self.keys(chunk)
         return np.bincount((keys >> keys.dtype.type(self.shift)).astype(np.int64), minlength=self.num)
 
     def value(self, key: int) -> int | float:
-        """The value that has a key."""
+        """Return the value of a key."""
         ordered, sign = key + self.low, 1 << (8 * self.dtype.itemsize - 1)
         if self.dtype.kind == "i":
             ordered ^= sign
@@ -54,7 +55,7 @@ class OrderedKeys:
 
 
 def make_ordered_keys(dtype: np.dtype[np.generic], minimum: float, maximum: float) -> OrderedKeys:
-    """Of values of a native integer or float type that have this range."""
+    """Make the keys for values of a native integer or float type with this range."""
     low, high = (int(_sortable_bits(np.array([end], dtype))[0]) for end in (minimum, maximum))
     shift = max(0, (high - low).bit_length() - _BITS)
     return OrderedKeys(dtype, low, shift, (high - low >> shift) + 1)
@@ -63,9 +64,10 @@ def make_ordered_keys(dtype: np.dtype[np.generic], minimum: float, maximum: floa
 def values_at_ranks(
     ranks: Iterable[int], counts: Counts, ordered_keys: OrderedKeys, chunks: Chunks
 ) -> dict[int, int | float]:
-    """The value of each rank, from 0 for the smallest. counts: of all values, as `OrderedKeys.count` gives them.
+    """Return the value of each rank, from 0 for the smallest.
 
-    chunks: begins a pass over all values; there is none where these numbers are the values, and 3 at most.
+    counts: of all values, from `OrderedKeys.count`. chunks: begins a pass over all values; called at most three times,
+        and not at all if the counted numbers are the values.
     """
     wanted = sorted(set(ranks))
     before = np.concatenate([[0], np.cumsum(counts)])
@@ -86,7 +88,7 @@ def values_at_ranks(
 def _count_next(
     prefixes: Sequence[int], step: int, shift: int, first: Array, ordered_keys: OrderedKeys, chunks: Chunks
 ) -> dict[int, Counts]:
-    """How many keys that begin with a prefix, before their `shift` lower bits, go on with each of 2**step numbers.
+    """Count the next 2**step numbers in keys that begin with a prefix, before their `shift` lower bits.
 
     first: which of the first pass's numbers are of interest.
     """
@@ -106,7 +108,7 @@ def _count_next(
 
 
 def _sortable_bits(chunk: Array) -> Array:
-    """Unsigned numbers of the same size and in the same order; -0 is 0."""
+    """Return unsigned integers of the same size in the order of the values; -0 is 0."""
     size, kind = chunk.dtype.itemsize, chunk.dtype.kind
     unsigned = np.dtype(f"u{size}")
     sign = unsigned.type(1 << (8 * size - 1))

@@ -1,7 +1,7 @@
-"""What a kind of data should look like: layers of values, and colours. One function for each kind.
+"""Presets: the layers of values and the colours that suit a kind of data, one function for each kind.
 
-Values are shares of the volume's range, as in `renderer.suggest.features`; amounts are left to
-`renderer.suggest.opacity`.
+Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.opacity` finds how
+dense the layers are.
 """
 
 from __future__ import annotations
@@ -16,40 +16,43 @@ from renderer.suggest.features import Background, OtsuThreshold, VoxelSample, co
 from renderer.suggest.opacity import Layer, covered_ray_fraction
 from renderer.volume import Float64
 
-# Mean opacities of rays through a layer: one that is hardly there, one to look through, one to look at; and of those
-# through a field, which is dense here and thin there.
+# Mean opacities of the rays through a layer: a faint one, a translucent one, an opaque one, and a field that is dense
+# in some places and thin in others.
 FAINT_COVERAGE, TRANSLUCENT_COVERAGE, OPAQUE_COVERAGE, _FIELD_COVERAGE = 0.25, 0.5, 0.85, 0.65
-# Optical depth of 1% of the diagonal at which a surface is crisp.
+# A surface looks crisp from this optical depth for 1% of the diagonal.
 CRISP_SURFACE_DEPTH = 0.8
 
 # Colours of a scan's layers, from the thinnest to the densest material.
 _VEIL_COLOR, _GLASS_COLOR, _CORE_COLOR = (0.30, 0.48, 0.75), (0.95, 0.62, 0.38), (1.0, 0.93, 0.80)
 _HULL_COLOR, _FLESH_COLOR = (0.46, 0.58, 0.92), (0.80, 0.62, 0.54)
 
-# A smooth field, from where it is hardly visible on: the lowest part of this colormap is too dark to be seen on black.
+# The lowest part of this colormap is too dark to be seen on black, so smooth fields begin above it.
 _FIELD_COLORMAP, _DARKEST = "inferno", 0.3
 _NUM_STEPS = 8
 
 _NEGATIVE, _POSITIVE = ((0.16, 0.40, 0.92), (0.62, 0.87, 1.0)), ((0.90, 0.25, 0.16), (1.0, 0.85, 0.55))
 
 
-# Half of the light comes from everywhere, so that what turns away from the lamp is still seen; the lamp hangs above
-# and in front, on the side that a turntable shows first. Where surfaces of both signs are lit by it, less of it.
+# Half of the light is ambient, so that surfaces that face away from the lamp stay visible. The lamp is above and in
+# front, on the side that a turntable shows first. Fields with two signs get less directed light.
 SHADING = ShadingSpec(ambient=0.5, diffuse=0.6, light=(0.5, -0.8, 1.0))
 _FAINT_SHADING = replace(SHADING, ambient=0.75, diffuse=0.35)
 
 
 @dataclass(frozen=True)
 class Preset:
-    """layers: their sum is the extinction. colors: (share, colour), ascending; linear between. shading: or None where
-    there are no surfaces."""
+    """Layers and colours for a kind of data.
+
+    layers: their sum is the extinction. colors: (normalised value, colour), ascending; linear between. shading: None
+        where the data have no surfaces.
+    """
 
     layers: tuple[Layer, ...]
     colors: tuple[tuple[float, Color], ...]
     shading: ShadingSpec | None = SHADING
 
     def with_inverted_range(self) -> Preset:
-        """The same for values with high for low."""
+        """Return the preset for values with the range inverted."""
         layers = tuple(
             replace(layer, knots=tuple((1 - at, weight) for at, weight in reversed(layer.knots)))
             for layer in self.layers
@@ -59,12 +62,12 @@ class Preset:
 
 
 def flip_light(shading: ShadingSpec) -> ShadingSpec:
-    """The same light for surfaces inside of which values are lower: gradients point the other way there."""
+    """Return the light for surfaces with lower values inside, where gradients point the other way."""
     x, y, z = shading.light
     return replace(shading, light=(-x, -y, -z))
 
 
-# Computed tomography, in Hounsfield units. Soft tissue is glass around solid bone; lungs and air are left out.
+# Computed tomography, in Hounsfield units: translucent soft tissue around opaque bone, without lungs and air.
 
 _TISSUE = ((-300.0, 0.0), (-100.0, 0.5), (30.0, 1.0), (140.0, 1.0), (300.0, 0.0))
 _BONE = ((150.0, 0.0), (350.0, 0.6), (900.0, 1.0))
@@ -77,13 +80,13 @@ _CT_COLORS = (
     (900.0, (1.0, 0.98, 0.94)),
 )
 _BONE_THRESHOLD = 250.0
-# Bone, metal or a contrast agent is there from this part of the voxels on.
-_LEAST_BONE = 3e-4
+# A scan has bone, metal or a contrast agent if at least this part of its voxels is so dense.
+_MIN_BONE_FRACTION = 3e-4
 
 
 def ct_preset(sample: VoxelSample, zero: float) -> Preset:
-    """A CT scan; `zero` is the data value of 0 Hounsfield units."""
-    has_bone = float(np.mean(sample.normalized > sample.normalize(_BONE_THRESHOLD + zero))) > _LEAST_BONE
+    """Return the preset of a CT scan; `zero` is the stored value of 0 Hounsfield units."""
+    has_bone = float(np.mean(sample.normalized > sample.normalize(_BONE_THRESHOLD + zero))) > _MIN_BONE_FRACTION
 
     def at(hounsfield: float) -> float:
         return sample.normalize(hounsfield + zero)
@@ -98,22 +101,23 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
 
 # Scans: materials that stand out from a background.
 
-# Values beyond this percentile are outliers.
-_TOP = 99.99
-# A veil of thin material must be that coherent, have that many voxels by those inside of it (edges have fewer), and be
-# that well told from what is below.
+# Values above this percentile are outliers.
+_TOP_PERCENTILE = 99.99
+# A veil of thin material has at least this coherence, this many voxels for each one inside it (edges have fewer), and
+# this separation from what is below.
 _VEIL_COHERENCE, _VEIL_SHARE, _VEIL_SEPARATION = 0.8, 0.3, 0.72
 
 
 # A denser material that covers this part of the thinner one, with less than this part of its voxels, is a shell around
-# it, such as the fat around a head in an MRI: it is to be seen through.
-_SHELL_COVERAGE, _THIN, _SHELL = 0.75, 0.8, 0.65
+# it, such as the fat around a head in an MRI. It gets this coverage, to be seen through.
+_SHELL_COVERAGE, _MAX_SHELL_VOXEL_RATIO, _SHELL_LAYER_COVERAGE = 0.75, 0.8, 0.65
 
 
 def materials_preset(sample: VoxelSample, background: Background) -> Preset:
-    """Two materials above a background, or one, and around them a veil of thinner material where there is some."""
+    """Return the preset of one or two materials above a background, and of a veil of thinner material around them,
+    if any."""
     shares = sample.normalized
-    top = float(np.percentile(shares, _TOP))
+    top = float(np.percentile(shares, _TOP_PERCENTILE))
     found = otsu_threshold(shares, float(shares.min()), top)
     first = max(found.threshold if found else 0.0, background.high)
     top = max(top, first + 1e-6)
@@ -132,7 +136,7 @@ def materials_preset(sample: VoxelSample, background: Background) -> Preset:
     ]
     hull = _HULL_COLOR if veil is None else _GLASS_COLOR
     if _is_shell(sample, first, upper.threshold, layers):
-        layers[1], hull = replace(layers[1], coverage=_SHELL, min_depth=0.0), _FLESH_COLOR
+        layers[1], hull = replace(layers[1], coverage=_SHELL_LAYER_COVERAGE, min_depth=0.0), _FLESH_COLOR
     colors = [(first, hull), (upper.threshold, hull), (core, _CORE_COLOR)]
     if veil is not None:
         middle = _median(shares, veil.threshold, first)
@@ -144,11 +148,12 @@ def materials_preset(sample: VoxelSample, background: Background) -> Preset:
 
 
 def _is_shell(sample: VoxelSample, first: float, second: float, layers: Sequence[Layer]) -> bool:
+    """Return whether the denser material is a shell around the thinner one."""
     inner = int(np.count_nonzero((sample.normalized >= first) & (sample.normalized < second)))
     outer = int(np.count_nonzero(sample.normalized >= second))
-    return outer < _THIN * inner and covered_ray_fraction(sample, layers[1]) > _SHELL_COVERAGE * covered_ray_fraction(
-        sample, layers[0]
-    )
+    return outer < _MAX_SHELL_VOXEL_RATIO * inner and covered_ray_fraction(
+        sample, layers[1]
+    ) > _SHELL_COVERAGE * covered_ray_fraction(sample, layers[0])
 
 
 def _one_material(shares: Float64, first: float) -> Preset:
@@ -160,6 +165,7 @@ def _one_material(shares: Float64, first: float) -> Preset:
 
 
 def _veil(sample: VoxelSample, background: Background, first: float) -> OtsuThreshold | None:
+    """Return the threshold of a veil around what is above `first`, or None."""
     found = otsu_threshold(sample.normalized, float(sample.normalized.min()), first)
     if found is None or found.threshold <= background.high or found.separation < _VEIL_SEPARATION:
         return None
@@ -169,7 +175,7 @@ def _veil(sample: VoxelSample, background: Background, first: float) -> OtsuThre
 
 
 def _median(shares: Float64, low: float, high: float) -> float:
-    """Of the values from `low` to `high`, and between them."""
+    """Return the median of the values from `low` to `high`, kept away from both ends."""
     inside = shares[(shares >= low) & (shares <= high)]
     middle = float(np.median(inside)) if inside.size else (low + high) / 2
     return min(max(middle, low + 0.05 * (high - low)), high - 0.05 * (high - low))
@@ -177,13 +183,12 @@ def _median(shares: Float64, low: float, high: float) -> float:
 
 # Fields: no materials, but values that rise from the background to a peak.
 
-# From the middle of the object to its top there are so many times more than from the background to the middle: then
-# the steps of the ramp are even in ratio.
+# Ramps with a larger tail ratio have knots at equal ratios.
 _LONG_TAIL = 12.0
 
 
 def ramp_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
-    """Ever denser and brighter from the share `first` on. `origin` is the value from which ratios are counted."""
+    """Return the preset of a field that gets denser and brighter from `first` on; ratios are counted from `origin`."""
     shares = sample.normalized
     visible = shares[shares > first]
     top = float(np.percentile(visible, 99.8)) if visible.size else 1.0
@@ -204,41 +209,42 @@ def ramp_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
 
 
 def tail_ratio(sample: VoxelSample, first: float, *, origin: float) -> float:
-    """How far the values above the share `first` reach from `origin`, by how far their median does."""
+    """Return the distance of the largest values above `first` from `origin`, divided by that of their median."""
     visible = sample.normalized[sample.normalized > first] - origin
     if visible.size == 0 or float(np.median(visible)) <= 0:
         return 1.0
     return float(np.percentile(visible, 99.8)) / float(np.median(visible))
 
 
-# Of what is on both sides of a value, nothing is seen up to this part of the way to the strongest.
+# Values nearer to the middle than this part of the largest distance are transparent.
 _MIN_DEAD_ZONE = 0.15
 
 
-def diverging_preset(sample: VoxelSample, middle: float, quiet: float) -> Preset:
-    """Both sides of the share `middle`, blue and red; up to `quiet` away from it nothing is visible."""
+def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Preset:
+    """Return the preset of values on both sides of `middle`, blue below and red above, transparent within
+    `dead_zone` of it."""
     distance = np.abs(sample.normalized - middle)
-    loud = distance[distance > quiet]
-    top = max(float(np.percentile(loud, 99.5)) if loud.size else 1.0, quiet * 1.01 + 1e-6)
-    quiet = max(quiet, _MIN_DEAD_ZONE * top)
-    away = np.linspace(quiet, top, 5)
+    visible = distance[distance > dead_zone]
+    top = max(float(np.percentile(visible, 99.5)) if visible.size else 1.0, dead_zone * 1.01 + 1e-6)
+    dead_zone = max(dead_zone, _MIN_DEAD_ZONE * top)
+    away = np.linspace(dead_zone, top, 5)
     weights = np.linspace(0.0, 1.0, 5) ** 2
     below = [(middle - d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
     above = [(middle + d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
     layer = Layer("strong values on either side", (*reversed(below), *above), _FIELD_COVERAGE)
-    colors = [(middle - top, _NEGATIVE[1]), (middle - quiet, _NEGATIVE[0])]
-    colors += [(middle + quiet, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
+    colors = [(middle - top, _NEGATIVE[1]), (middle - dead_zone, _NEGATIVE[0])]
+    colors += [(middle + dead_zone, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
     return Preset((layer,), tuple(colors), _FAINT_SHADING)
 
 
 def level_set_preset(border: float) -> Preset:
-    """All that is above a share, solid."""
+    """Return the preset of an opaque inside: all values above `border`."""
     layer = Layer("inside", ((border, 0.0), (min(border + 0.02, 1.0), 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
     return Preset((layer,), ((border, _CORE_COLOR),))
 
 
 def two_phase_preset(sample: VoxelSample, found: OtsuThreshold) -> Preset:
-    """The upper of two phases that fill the volume."""
+    """Return the preset of the upper of two phases that fill the volume."""
     upper = _median(sample.normalized, found.threshold, 1.0)
     layer = Layer("the upper phase", ((found.threshold, 0.0), (upper, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
     return Preset((layer,), ((found.threshold, _GLASS_COLOR), (upper, _CORE_COLOR)))

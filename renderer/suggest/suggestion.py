@@ -1,8 +1,8 @@
-"""A volume to a transfer function that shows what is in it, and the reason in words.
+"""Choose a transfer function that shows what is in a volume, and give the reason in words.
 
-First the kind of data is recognised, by the values alone: labels, computed tomography in Hounsfield units, values on
-both sides of a background, an object brighter or darker than its background, a volume that is filled. Each has its
-preset (`renderer.suggest.presets`), whose amounts are exposed like a photograph (`renderer.suggest.opacity`).
+The kind of data is recognised from the values alone: labels, computed tomography in Hounsfield units, values on both
+    sides of a background, an object brighter or darker than its background, or a volume filled to its border. Each kind
+    has a preset (`renderer.suggest.presets`), whose opacities are then calibrated (`renderer.suggest.opacity`).
 """
 
 from __future__ import annotations
@@ -37,11 +37,15 @@ from renderer.volume import Float64, Volume
 
 @dataclass(frozen=True)
 class Suggestion:
-    """kind: what the data are taken for. reason: by which signs, a clause without a full stop.
-    transfer: the transfer function, with its unit. notes: a word about each of its points, mostly empty.
-    shading: or None where there are no surfaces.
-    is_categorical: the values are names, and none is between two of them. splat: how to draw; None as ever.
-    far: of each value that is far from all others and is not shown, what it was taken for, a clause."""
+    """A transfer function that shows what is in a volume, and why it was chosen.
+
+    kind: the kind of data. reason: the signs by which it was recognised, a clause without a full stop.
+    transfer: the transfer function, with its unit. notes: a comment for each of its points, mostly empty.
+    shading: None where the data have no surfaces.
+    is_categorical: the values are labels, and no value between two labels means anything. splat: how to draw; None
+        for the default.
+    outlier_notes: a clause for each outlier or nodata value that is not shown.
+    """
 
     kind: str
     reason: str
@@ -54,13 +58,14 @@ class Suggestion:
 
 
 def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
-    """A transfer function for a volume whose statistics (`renderer.suggest.histogram.compute_statistics`) are known.
+    """Return a transfer function for a volume.
 
-    colormap: a name to take the colours from, in place of those that suit the kind of data.
+    statistics: of the volume (`renderer.suggest.histogram.compute_statistics`).
+    colormap: the name of a colormap that replaces the colours of the preset.
     """
     if statistics.minimum == statistics.maximum:
-        return _constant(volume, float(statistics.minimum), colormap)
-    if all(0 <= far.value < _MAX_OUTLYING_LABEL for far in statistics.outliers):
+        return _with_colormap(_constant_suggestion(volume, float(statistics.minimum)), colormap)
+    if all(0 <= outlier.value < _MAX_OUTLYING_LABEL for outlier in statistics.outliers):
         sample = sample_volume(volume, statistics)
         if statistics.without_outliers is None or label_values(volume, statistics, sample) is not None:
             return _suggest_from(volume, statistics, sample, colormap)
@@ -74,44 +79,45 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
 
 
 def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, colormap: str | None) -> Suggestion:
-    """statistics: of what is to be seen. sample: with that in its range."""
+    """Return a suggestion from the statistics of the values to show and a sample of their range."""
     values = label_values(volume, statistics, sample)
     if values is not None:
-        outside = background_label(sample, values)
-        mapping, notes, unit = label_mapping(sample, values, outside, colormap)
-        reason = label_reason(sample, values, outside)
-        shading = presets.flip_light(presets.SHADING) if outside == values[-1] else presets.SHADING
-        transfer = TransferSpec(mapping, unit)
-        if len(values) == 2:
-            return Suggestion("mask", reason, transfer, notes, shading)
-        # What stays in its file may be larger than memory, which splats would need.
-        splat = None
-        if volume.source is None or volume.values.nbytes <= _MOST_BYTES_OF_SPLATS:
-            splat = SplatSpec(footprint="gaussian")
-        return Suggestion("labels", reason, transfer, notes, shading, is_categorical=True, splat=splat)
+        return _label_suggestion(volume, sample, values, colormap)
     zero = hounsfield_zero(statistics)
     if zero is not None:
-        where = "" if zero == 0 else f", stored with {zero:g} added"
-        reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{where}"
-        preset = presets.ct_preset(sample, zero)
-        return _suggestion_from_preset("CT in Hounsfield units", reason, sample, preset, colormap)
-    kind, reason, preset = _recognise(volume, statistics, sample, find_background(sample))
-    return _suggestion_from_preset(kind, reason, sample, preset, colormap)
+        offset = "" if zero == 0 else f", stored with {zero:g} added"
+        reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{offset}"
+        kind, preset = "CT in Hounsfield units", presets.ct_preset(sample, zero)
+    else:
+        kind, reason, preset = _recognise(volume, statistics, sample, find_background(sample))
+    return _with_colormap(_preset_suggestion(kind, reason, sample, preset), colormap)
+
+
+def _label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float], colormap: str | None) -> Suggestion:
+    outside = background_label(sample, values)
+    mapping, notes, unit = label_mapping(sample, values, outside, colormap)
+    reason = label_reason(sample, values, outside)
+    shading = presets.flip_light(presets.SHADING) if outside == values[-1] else presets.SHADING
+    if len(values) == 2:
+        return Suggestion("mask", reason, TransferSpec(mapping, unit), notes, shading)
+    # A volume that stays in its file may be larger than memory, and splats would need it there.
+    has_splats = volume.source is None or volume.values.nbytes <= _MAX_BYTES_FOR_SPLATS
+    splat = SplatSpec(footprint="gaussian") if has_splats else None
+    return Suggestion("labels", reason, TransferSpec(mapping, unit), notes, shading, is_categorical=True, splat=splat)
 
 
 # Signs of the other kinds
 
-# Labels are smaller than this, and not negative, where they are far from all others.
+# Outlying labels are smaller than this, and not negative.
 _MAX_OUTLYING_LABEL = 2**16
 # Of volumes in files; splats of larger ones would take several times as much.
-_MOST_BYTES_OF_SPLATS = 1 << 30
+_MAX_BYTES_FOR_SPLATS = 1 << 30
 
-# Fields are smoother than this; real numbers are more often computed than measured.
+# Fields have a smaller ratio of second to first differences. Floats are more often computed than measured.
 _SMOOTH, _SMOOTH_FLOAT = 0.45, 0.8
-# Real numbers of such a tail spread over orders of magnitude.
+# Floats with such a tail spread over orders of magnitude.
 _HEAVY_TAIL = 25.0
-# Two phases have at least this part of the variance between them: 0.64 for one normal distribution, 0.75 for even
-# values.
+# Two phases have at least this part of the variance between them: a normal distribution has 0.64, a uniform one 0.75.
 _TWO_PHASE_SEPARATION = 0.85
 # A filled volume shows values above this percentile.
 _FILLED_PERCENTILE = 60.0
@@ -120,6 +126,7 @@ _FILLED_PERCENTILE = 60.0
 def _recognise(
     volume: Volume, statistics: Statistics, sample: VoxelSample, background: Background
 ) -> tuple[str, str, Preset]:
+    """Return the kind, the reason and the preset of data that are neither labels nor Hounsfield units."""
     if not background.is_there or background.above + background.below == 0:
         return _filled_volume_preset(statistics, sample)
     if has_much_below(background) and background.above > ONE_SIDED_RATIO * background.below:
@@ -135,7 +142,7 @@ def _recognise(
 
 
 def _object_preset(volume: Volume, sample: VoxelSample, background: Background) -> tuple[str, str, Preset]:
-    """What stands out above the background."""
+    """Return the kind, the reason and the preset of an object brighter than its background."""
     rough = second_difference_ratio(sample, background.high)
     near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
     is_float = volume.values.dtype.kind == "f"
@@ -153,7 +160,7 @@ def _object_preset(volume: Volume, sample: VoxelSample, background: Background) 
 
 
 def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> tuple[str, str, Preset]:
-    """No background: the volume is full to its border."""
+    """Return the kind, the reason and the preset of a volume without a background."""
     low, high = float(statistics.minimum), float(statistics.maximum)
     if low < 0 < high and is_about_zero(sample):
         preset = presets.diverging_preset(
@@ -185,16 +192,15 @@ def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> tuple[
 
 # Computed tomography
 
-# What CT scanners write as 0 Hounsfield units: 0, or what makes their 12 bits positive.
+# The stored value of 0 Hounsfield units: 0, or an offset that makes 12 bits positive.
 _HOUNSFIELD_ZEROS = (0.0, 1024.0, 1000.0)
 
 
 def hounsfield_zero(statistics: Statistics) -> float | None:
-    """The data value of water if the values are those of a CT scan in Hounsfield units, stored as they are or with 1000
-    or 1024 added; else None.
+    """Return the stored value of water if the values are Hounsfield units, perhaps with 1000 or 1024 added; else None.
 
-    Of a scan, air and lungs (-1100 to -700) and soft tissue (-150 to 150) are much more frequent than what is between
-    (-600 to -300), and there is something denser. What lies below -1100 is padding around the scanner's circle.
+    In a scan, air and lungs (-1100 to -700) and soft tissue (-150 to 150) are much more frequent than the values
+    between them (-600 to -300), and something is denser. Values below -1100 are padding around the scanner's circle.
     """
     low, high = float(statistics.minimum), float(statistics.maximum)
     for zero in _HOUNSFIELD_ZEROS:
@@ -215,49 +221,52 @@ def hounsfield_zero(statistics: Statistics) -> float | None:
 
 
 def _is_narrow(statistics: Statistics, values: Float64) -> bool:
-    """Whether soft tissue has a narrow peak, as only an absolute scale gives it: half of -300 to 300 within 150."""
+    """Return whether soft tissue has a narrow peak, as on an absolute scale: half of -300 to 300 lies within 150."""
     counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
     widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
     return widest > 0.5 * sum(counts) > 0
 
 
-# Values that are far from all others
+# Outliers and nodata values
 
-# Of the range of the others, beyond which nothing is shown.
+# Values further from the range of the others than this part of the range are transparent.
 _OUTLIER_MARGIN = 0.02
 
 
 def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelSample) -> Suggestion:
-    """The suggestion for the others, of which `sample` is, with nothing shown where the far values are."""
-    ends = [sample.round_value(sample.denormalize(share)) for share in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN)]
-    values = [far.value for far in statistics.outliers]
+    """Return a suggestion for the values without outliers, with the outliers transparent.
+
+    statistics: of all values. sample: with the range of the values without outliers.
+    """
+    ends = [sample.round_value(sample.denormalize(end)) for end in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN)]
+    values = [outlier.value for outlier in statistics.outliers]
     below = ends[0] if min(values) < ends[0] else None
     above = ends[1] if max(values) > ends[1] else None
     num = int(statistics.counts.sum())
-    told = tuple(
-        f"{far.num} of {num} voxels {'is' if far.num == 1 else 'are'} {format_number(far.value)}, far from all others: "
-        f"taken for {'a fill value' if far.is_nodata else 'an outlier'}, and transparent"
-        for far in statistics.outliers
+    outlier_notes = tuple(
+        f"{outlier.num} of {num} voxels {'is' if outlier.num == 1 else 'are'} {format_number(outlier.value)}, far from "
+        f"all others: taken for {'a fill value' if outlier.is_nodata else 'an outlier'}, and transparent"
+        for outlier in statistics.outliers
     )
-    mapping = suggestion.transfer.mapping
+    mapping, notes = suggestion.transfer.mapping, suggestion.notes
     if isinstance(mapping, ColormapSpec):
-        steps = _cut([ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity], below, above)
-        cut = replace(mapping, opacity=tuple((point.value, point.opacity) for point in steps))
-        return replace(suggestion, transfer=replace(suggestion.transfer, mapping=cut), outlier_notes=told)
-    points = _cut(mapping, below, above)
-    named = dict(zip(mapping, suggestion.notes, strict=False))
-    notes = tuple(named.get(point, "") for point in points)
-    return replace(
-        suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points)), notes=notes, outlier_notes=told
-    )
+        points = [ControlPoint(value, (0.0, 0.0, 0.0), opacity) for value, opacity in mapping.opacity]
+        opacity = tuple((point.value, point.opacity) for point in _transparent_outside(points, below, above))
+        mapping = replace(mapping, opacity=opacity)
+    else:
+        named = dict(zip(mapping, notes, strict=False))
+        mapping = tuple(_transparent_outside(mapping, below, above))
+        notes = tuple(named.get(point, "") for point in mapping)
+    transfer = replace(suggestion.transfer, mapping=mapping)
+    return replace(suggestion, transfer=transfer, notes=notes, outlier_notes=outlier_notes)
 
 
-def _cut(points: Sequence[ControlPoint], below: float | None, above: float | None) -> list[ControlPoint]:
-    """The points with an opacity of 0 below and above these values."""
-    cut = list(points) if above is None else _transparent_above(points, above)
-    if below is None:
-        return cut
-    return _mirrored(_transparent_above(_mirrored(cut), -below))
+def _transparent_outside(
+    points: Sequence[ControlPoint], below: float | None, above: float | None
+) -> list[ControlPoint]:
+    """Return the points with an opacity of 0 below and above these values."""
+    inside = list(points) if above is None else _transparent_above(points, above)
+    return inside if below is None else _mirrored(_transparent_above(_mirrored(inside), -below))
 
 
 def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
@@ -265,82 +274,65 @@ def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
 
 
 def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[ControlPoint]:
-    kept = [point for point in points if point.value < end]
-    later = points[len(kept) :]
-    if not any(point.opacity for point in (*kept[-1:], *later)):
-        return kept or [replace(points[0], value=end)]
-    before, after = kept[-1] if kept else later[0], later[0] if later else kept[-1]
-    way = (end - before.value) / (after.value - before.value) if after.value > before.value else 0.0
-    r, g, b = (float(u + (v - u) * way) for u, v in zip(before.color, after.color, strict=True))
-    opacity = float(f"{before.opacity + (after.opacity - before.opacity) * way:.3g}")
-    return [*kept, ControlPoint(end, (r, g, b), opacity), ControlPoint(end, (r, g, b), 0.0)]
+    below = [point for point in points if point.value < end]
+    above = points[len(below) :]
+    if not any(point.opacity for point in (*below[-1:], *above)):
+        return below or [replace(points[0], value=end)]
+    before, after = below[-1] if below else above[0], above[0] if above else below[-1]
+    fraction = (end - before.value) / (after.value - before.value) if after.value > before.value else 0.0
+    r, g, b = (float(u + (v - u) * fraction) for u, v in zip(before.color, after.color, strict=True))
+    opacity = float(f"{before.opacity + (after.opacity - before.opacity) * fraction:.3g}")
+    return [*below, ControlPoint(end, (r, g, b), opacity), ControlPoint(end, (r, g, b), 0.0)]
 
 
 # From a preset to a transfer function
 
-# About two thirds of a diagonal's light are held back.
+# A ray along the diagonal is covered by about two thirds.
 _CONSTANT_OPACITY = 0.02
 
 
-def _constant(volume: Volume, value: float, colormap: str | None) -> Suggestion:
+def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
     unit = opacity_unit_length(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
     reason = f"every voxel is {format_number(value)}, so that there is nothing to tell apart"
-    points = [ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)]
-    return _from_points("constant volume", reason, Preset((), (), None), points, ("",), unit, colormap)
+    point = ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)
+    return Suggestion("constant volume", reason, TransferSpec((point,), unit), ("",), None)
 
 
-def _suggestion_from_preset(
-    kind: str, reason: str, sample: VoxelSample, preset: Preset, colormap: str | None
-) -> Suggestion:
+def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Preset) -> Suggestion:
     unit = opacity_unit_length(sample.diagonal)
     knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
     depths = np.zeros(len(knots))
     for layer in preset.layers:
-        at, weights = np.array(layer.knots, np.float64).T
-        depths += calibrate_layer_depth(sample, layer) * np.interp(knots, at, weights)
-    if not depths.max() > 0:  # nothing that was looked for is in the sample
+        depths += calibrate_layer_depth(sample, layer) * layer.weights(np.array(knots))
+    if not depths.max() > 0:  # no sampled voxel is in a layer: show everything
         low, high = sorted((sample.minimum, sample.maximum))
-        plain = Preset((), (), None)
-        return _from_points(kind, reason, plain, _ramp_over(low, high), ("", ""), unit, colormap)
+        ramp = (ControlPoint(low, (0.0, 0.0, 0.0), 0.0), ControlPoint(high, (1.0, 0.93, 0.80), 0.3))
+        return Suggestion(kind, reason, TransferSpec(ramp, unit), ("", ""), None)
     where, colors = [at for at, _ in preset.colors], np.array([color for _, color in preset.colors])
-    points: dict[float, ControlPoint] = {}
-    notes: dict[float, str] = {}
+    points: dict[float, tuple[ControlPoint, str]] = {}
     gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
-    nearest = np.minimum(gaps[:-1], gaps[1:])
-    for at, depth, gap in zip(knots, depths.tolist(), nearest.tolist(), strict=True):
+    for at, depth, gap in zip(knots, depths.tolist(), np.minimum(gaps[:-1], gaps[1:]).tolist(), strict=True):
         value = sample.round_value(sample.denormalize(at), gap)
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
-        points[value] = ControlPoint(value, (r, g, b), opacity_from_depth(depth, unit, sample.diagonal))
+        point = ControlPoint(value, (r, g, b), opacity_from_depth(depth, unit, sample.diagonal))
         starting = [layer.name for layer in preset.layers if layer.name and _peak_position(layer.knots) == at]
-        notes[value] = ", ".join(starting)
-    ordered = sorted(points)
-    told = tuple(notes[value] for value in ordered)
-    return _from_points(kind, reason, preset, [points[value] for value in ordered], told, unit, colormap)
+        points[value] = point, ", ".join(starting)
+    mapping, notes = zip(*(points[value] for value in sorted(points)), strict=True)
+    return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, preset.shading)
 
 
-def _ramp_over(low: float, high: float) -> list[ControlPoint]:
-    """For values so odd that no sign of theirs led anywhere."""
-    return [ControlPoint(low, (0.0, 0.0, 0.0), 0.0), ControlPoint(high, (1.0, 0.93, 0.80), 0.3)]
-
-
-def _from_points(
-    kind: str,
-    reason: str,
-    preset: Preset,
-    points: Sequence[ControlPoint],
-    notes: tuple[str, ...],
-    unit: float,
-    colormap: str | None,
-) -> Suggestion:
-    if colormap is None:
-        return Suggestion(kind, reason, TransferSpec(tuple(points), unit), notes, preset.shading)
+def _with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
+    """Return the suggestion with its points replaced by a colormap with the same opacities."""
+    points = suggestion.transfer.mapping
+    if colormap is None or isinstance(points, ColormapSpec):
+        return suggestion
     low, high = points[0].value, points[-1].value
     span = (low, high) if low < high else (low - max(1.0, abs(low)), low + max(1.0, abs(low)))
     mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in points))
-    return Suggestion(kind, reason, TransferSpec(mapping, unit), (), preset.shading)
+    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=mapping), notes=())
 
 
 def _peak_position(knots: tuple[tuple[float, float], ...]) -> float:
-    """Where a layer first has all its weight."""
-    most = max(weight for _, weight in knots)
-    return next(at for at, weight in knots if weight == most)
+    """Return where a layer first has its largest weight."""
+    largest = max(weight for _, weight in knots)
+    return next(at for at, weight in knots if weight == largest)

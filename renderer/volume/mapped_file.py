@@ -110,10 +110,10 @@ def backing_file(values: Array) -> MappedFile | None:
     )
 
 
-def iter_slabs(values: Array, source: MappedFile | None) -> Iterator[Array]:
+def iter_slabs(values: Array, source: MappedFile | None, num_bytes: int = _SLAB_BYTES) -> Iterator[Array]:
     """The values [z, y, x], some planes at a time; the file that they are mapped from is looked at before each, and at
     the end."""
-    num = max(1, _SLAB_BYTES // values[0].nbytes)
+    num = max(1, num_bytes // values[0].nbytes)
     for first in range(0, len(values), num):
         if source is not None:
             source.require_unchanged()
