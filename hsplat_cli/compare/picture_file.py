@@ -18,7 +18,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.film import Pixels, join_png_chunks, png_chunks
-from renderer.scene import nearest_file_hint
+from renderer.scene import nearest_file_hint, read_bounded
 
 # A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 4096, which with alpha
 # take 2 GB to compare.
@@ -66,14 +66,7 @@ def read_picture(path: Path) -> Pixels:
 def file_content(path: Path) -> bytes:
     """What is in a file of at most MAX_FILE_BYTES. Raises InputError."""
     require_file(path, _EXPECTED)
-    try:
-        with path.open("rb") as file:
-            content = file.read(MAX_FILE_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    if len(content) > MAX_FILE_BYTES:
-        raise InputError("too large a file", where=str(path), expected=f"at most {MAX_FILE_BYTES} bytes")
-    return content
+    return read_bounded(path, MAX_FILE_BYTES, "a picture or film")
 
 
 def require_file(path: Path, expected: str) -> None:

@@ -36,7 +36,7 @@ from renderer.scene import (
     join_keys,
     number_field,
     parse_yaml_file,
-    read_content,
+    read_bounded,
     read_fields,
     section_field,
     source_excerpt,
@@ -205,9 +205,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     if not os.path.lexists(path):
         return Rules()
     require_file(path, "a file of limits")
-    content = read_content(path)
-    if len(content) > MAX_SCENE_BYTES:
-        raise InputError("too large", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
+    content = read_bounded(path, MAX_SCENE_BYTES, "a file of limits")
     tree, lines = parse_yaml_file(content, path)
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}

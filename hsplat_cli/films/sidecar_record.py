@@ -15,6 +15,7 @@ from renderer.scene import (
     OutputSpec,
     TimeBudget,
     format_value,
+    printable_text,
     schedule_to_dict,
     scheduled_value,
 )
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 # A frame is in time when its seconds differ from its budget by no more than this fraction.
 TIME_BUDGET_MARGIN = 0.2
-
-_MAX_NAME_LENGTH = 200
 
 
 # Frames
@@ -129,7 +128,7 @@ def rerender_notes(job: Job, driver: str) -> list[str]:
         notes.append(f"the original film did not meet what was requested: {requested}")
     before, now = original.tool_versions, package_versions() | {"GL": driver, "sources": sources_digest()}
     changed = [
-        f"{name} {printable_name(now[name])}, which was {printable_name(before[name])}"
+        f"{name} {printable_text(now[name])}, which was {printable_text(before[name])}"
         for name in now
         if name in before and before[name] != now[name]
     ]
@@ -138,15 +137,9 @@ def rerender_notes(job: Job, driver: str) -> list[str]:
     return notes
 
 
-def printable_name(value: object) -> str:
-    """Return a value from a file that anybody may have written, safe for the terminal."""
-    is_plain = isinstance(value, str) and value.isprintable() and len(value) <= _MAX_NAME_LENGTH
-    return str(value) if is_plain else format_value(value)
-
-
 def driver_notes(drivers: Sequence[str]) -> list[str]:
     """Return a note where frames were drawn by different drivers: kept frames, or workers that differ."""
-    names = " and ".join(map(printable_name, drivers))
+    names = " and ".join(map(printable_text, drivers))
     return [f"bytes may differ from frame to frame, drawn by different drivers: {names}"] * (len(drivers) > 1)
 
 

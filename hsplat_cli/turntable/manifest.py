@@ -20,6 +20,7 @@ import click
 from hsplat_cli.scenes import is_shallow
 from renderer.errors import RenderError
 from renderer.film import exclusive_lock, translate_os_errors, write_staged
+from renderer.scene import read_json_object
 
 Record = dict[str, Any]
 
@@ -160,14 +161,8 @@ def _read(folder: Path) -> tuple[dict[str, Record], dict[str, Any]]:
 
     Nothing where the file is damaged, or is something else of that name.
     """
-    path = folder / FILE
-    try:
-        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-            return {}, {}
-        data = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}, {}
-    if not isinstance(data, dict):
+    data = read_json_object(folder / FILE, _MOST_BYTES)
+    if data is None:
         return {}, {}
     films = data.pop("films", None)
     records = filter(_is_record, films if isinstance(films, list) else [])

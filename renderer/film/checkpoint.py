@@ -21,7 +21,7 @@ from renderer.film.atomic import translate_os_errors, write_staged
 from renderer.film.names import frame_path, has_frame_files, is_numbered, picture_shape
 from renderer.film.picture import Picture
 from renderer.film.png import decode_png, png_shape
-from renderer.scene import OutputSpec
+from renderer.scene import OutputSpec, read_json_object
 
 Record = Mapping[str, Any]
 
@@ -75,7 +75,9 @@ class FrameCheckpoint:
             self.adopt_records([record])
             return
         if self.former_fingerprint is None:
-            self.former_fingerprint = _read_json_object(_fingerprint_path(self._folder, fingerprint_digest)) or {}
+            self.former_fingerprint = (
+                read_json_object(_fingerprint_path(self._folder, fingerprint_digest), _MAX_JSON_BYTES) or {}
+            )
         self.num_outdated += 1
         with contextlib.suppress(OSError):
             for suffix in ("json", "png"):
@@ -224,19 +226,8 @@ def _fingerprint_path(folder: Path, fingerprint_digest: str) -> Path:
 
 def _read_frame_record(path: Path) -> tuple[str, Record] | None:
     """Return the digest of the fingerprint and the record of a frame, if the file is complete."""
-    data = _read_json_object(path)
+    data = read_json_object(path, _MAX_JSON_BYTES)
     if data is None or not is_frame_record(data.get("record")):
         return None
     digest = data.get("cause")
     return (digest, data["record"]) if isinstance(digest, str) and _DIGEST_PATTERN.fullmatch(digest) else None
-
-
-def _read_json_object(path: Path) -> Record | None:
-    """Return the JSON object in a file, if it is complete and of a plausible size."""
-    try:
-        if not path.is_file() or path.stat().st_size > _MAX_JSON_BYTES:
-            return None
-        data = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return None
-    return data if isinstance(data, dict) else None

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import InputError
-from renderer.scene import format_value
+from renderer.scene import printable_text
 
 # Where a file says how far apart pixels are, down and across: PixelSpacing and, for some kinds of images,
 # ImagerPixelSpacing, NominalScannedPixelSpacing and ImagePlanePixelSpacing.
@@ -71,7 +71,7 @@ def _missing_spacing(reader: Any, path: Path, spacing: tuple[float, ...]) -> str
     if not reader.HasMetaDataKey(_PIXEL_SPACING):
         return "no PixelSpacing"
     text = reader.GetMetaData(_PIXEL_SPACING).strip()
-    return f"PixelSpacing = {text if text.isprintable() else format_value(text)}"
+    return f"PixelSpacing = {printable_text(text)}"
 
 
 def _lengths(reader: Any, key: str) -> list[float]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import StoredVoxels, require_exists
-from renderer.scene import format_value
+from renderer.scene import format_value, printable_text
 
 # No header comes near this, even if it lists a file for each slice; a file without the end-of-header mark is not read
 # whole in search of it.
@@ -45,7 +45,6 @@ _MOST_DIMENSIONS = 10  # of MetaImage, and of what SimpleITK reads of NRRD
 # messages of a fixed size: with SimpleITK 2.5.7 lines from 994 bytes on and paths from 1036 bytes on ended the process.
 _LONGEST_NRRD = 900
 _NRRD_DIMENSION = re.compile(r"dimension: (.*)", re.IGNORECASE)
-_LONGEST_SHOWN = 200  # a matrix with all its digits
 _FLATTEST = 1e-6  # the volume of what axes of length 1 span
 
 # DICOM in little-endian order (PS3.5): the tag (7fe0,0010) of the pixels; type and undefined length of pixels that are
@@ -99,7 +98,7 @@ def _check_nrrd_line(line: str, where: str) -> None:
         raise InputError(
             "this NRRD header has a dimension that cannot be read",
             where=where,
-            got=_shown(dimension),
+            got=printable_text(dimension),
             expected=f"a whole number from 1 to {_MOST_DIMENSIONS}",
             hint="correct that line, or save the file anew",
         )
@@ -243,7 +242,7 @@ def _check_scale(fields: dict[str, str], path: Path) -> None:
             raise InputError(
                 "MetaImage voxels that are to be scaled cannot be read",
                 where=str(path),
-                got=f"{key} = {_shown(text)}",
+                got=f"{key} = {printable_text(text)}",
                 expected=f"{key} = {neutral}",
                 hint="correct that line to have the values as they are in the file, or save scaled ones",
             )
@@ -266,7 +265,7 @@ def _check_numbers(header: bytes, path: Path) -> None:
             raise InputError(
                 "a line of this MetaImage header does not have the numbers that belong there",
                 where=str(path),
-                got=f"{key} = {_shown(text)}",
+                got=f"{key} = {printable_text(text)}",
                 expected=f"{key} = {expected}",
                 hint="correct that line, or save the file anew",
             )
@@ -285,10 +284,6 @@ def _check_numbers(header: bytes, path: Path) -> None:
     require("CenterOfRotation", n, f"{n} numbers", is_finite)
     expected = f"{n * n} numbers, {n} rows of which none follows from the others"
     require("TransformMatrix Rotation Orientation", n * n, expected, _are_independent)
-
-
-def _shown(text: str) -> str:
-    return text if text.isprintable() and len(text) <= _LONGEST_SHOWN else format_value(text)
 
 
 def _words(header: bytes) -> dict[str, list[str]]:

@@ -11,13 +11,22 @@ from .input_file import (
     is_same_file as is_same_file,
     may_be_json as may_be_json,
     nearest_file_hint as nearest_file_hint,
+    read_bounded as read_bounded,
     read_content as read_content,
+    read_json_object as read_json_object,
 )
 from .limits import (
     camera_problems as camera_problems,
     raise_problems as raise_problems,
     volume_extent as volume_extent,
     volume_problems as volume_problems,
+)
+from .message_text import (
+    did_you_mean as did_you_mean,
+    format_value as format_value,
+    join_keys as join_keys,
+    join_words as join_words,
+    printable_text as printable_text,
 )
 from .metric_target import MetricTarget as MetricTarget
 from .parse import (
@@ -51,12 +60,8 @@ from .schema import (
     FieldType as FieldType,
     TreeNode as TreeNode,
     choice_field as choice_field,
-    did_you_mean as did_you_mean,
-    format_value as format_value,
     has_unexpanded_tilde as has_unexpanded_tilde,
     integer_field as integer_field,
-    join_keys as join_keys,
-    join_words as join_words,
     number_field as number_field,
     read_fields as read_fields,
     section_field as section_field,

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import Problem, SceneError
+from renderer.scene.message_text import format_value, join_keys
 from renderer.scene.parse import parse_scene
-from renderer.scene.schema import format_value, join_keys
 from renderer.scene.spec import Scene
 from renderer.scene.yaml_tree import NotYamlError, TextPosition, YamlTree, format_location, parse_yaml, source_excerpt
 
@@ -19,33 +19,14 @@ _SOURCES = ("file", "raw", "procedural")
 
 @dataclass(frozen=True)
 class _Option:
-    """An option of the command line as it was written, and its number among them."""
+    """A command-line option as text, and its number among the options."""
 
     number: int
     text: str
 
 
-@dataclass(frozen=True)
-class _Located:
-    """A problem and its place: a mark in the file, or an option, or neither."""
-
-    problem: Problem
-    mark: TextPosition | None = None
-    option: _Option | None = None
-
-    @property
-    def order(self) -> tuple[int, int, int]:
-        """Sorts by line and column, options after that."""
-        if self.option is not None:
-            return 1, self.option.number, 0
-        return (0, self.mark.line, self.mark.column) if self.mark else (0, 0, 0)
-
-    def located_problem(self, path: Path, lines: Sequence[str]) -> Problem:
-        """The problem with its place and, if that is in the file, the line that it is about."""
-        if self.option is not None:
-            return replace(self.problem, location=self.option.text)
-        what = self.problem.what + source_excerpt(lines, self.mark)
-        return replace(self.problem, location=format_location(path, self.mark), what=what)
+# Where the value with a problem was written: in the file, by an option, or unknown.
+_Origin = TextPosition | _Option | None
 
 
 class SceneEditor:
@@ -70,7 +51,7 @@ class SceneEditor:
     ) -> None:
         self.tree = tree
         self._path, self._lines, self._path_prefix, self._hints = path, lines, path_prefix, hints or {}
-        self._problems = [_Located(problem, mark) for mark, problem in tree.problems]
+        self._problems: list[tuple[_Origin, Problem]] = [*tree.problems]
         self._options: dict[str, _Option] = {}
         self._num_options = 0
 
@@ -93,14 +74,13 @@ class SceneEditor:
 
         Raises SceneError with all complaints, in their order in the file, those about the command line last.
         """
-        problems = [*self._problems, *(_Located(problem) for problem in extra_problems)]
+        problems = [*self._problems, *((None, problem) for problem in extra_problems)]
         try:
             scene = parse_scene(self.tree.data, base=self._path.parent.absolute(), is_single_frame=is_single_frame)
         except SceneError as error:
-            problems += [self._located(problem) for problem in error.problems]
+            problems += [self._with_origin(problem) for problem in error.problems]
         if problems:
-            ordered = sorted(problems, key=lambda item: item.order)
-            raise SceneError([item.located_problem(self._path, self._lines) for item in ordered])
+            raise SceneError([self._located(*item) for item in sorted(problems, key=_sort_key)])
         return scene
 
     def _option(self, text: str) -> _Option:
@@ -184,17 +164,32 @@ class SceneEditor:
         self._options[path] = option
 
     def _complain(self, option: _Option, problem: Problem) -> None:
-        self._problems.append(_Located(problem, option=option))
+        self._problems.append((option, problem))
 
-    def _located(self, problem: Problem) -> _Located:
-        """The problem at the place of its path or, if that is nowhere, of the nearest part around it."""
+    def _with_origin(self, problem: Problem) -> tuple[_Origin, Problem]:
+        """Return the problem with the origin of its path or, if that is unknown, of the nearest part around it."""
         path, is_around = problem.path, False
         while path and path not in self._options and path not in self.tree.locations:
             path, is_around = path.rpartition(".")[0], True
         if path in self._options:
-            return _Located(problem, option=self._options[path])
+            return self._options[path], problem
         if not path:
             keys = ".".join(filter(None, (self._path_prefix, problem.path)))
-            return _Located(replace(problem, path=keys, hint=self._hints.get(problem.path, problem.hint)))
-        place = self.tree.locations[path]
-        return _Located(problem, place.key if problem.at_key or is_around else place.value)
+            return None, replace(problem, path=keys, hint=self._hints.get(problem.path, problem.hint))
+        location = self.tree.locations[path]
+        return location.key if problem.at_key or is_around else location.value, problem
+
+    def _located(self, origin: _Origin, problem: Problem) -> Problem:
+        """Return the problem with its location and, if that is in the file, the line itself."""
+        if isinstance(origin, _Option):
+            return replace(problem, location=origin.text)
+        what = problem.what + source_excerpt(self._lines, origin)
+        return replace(problem, location=format_location(self._path, origin), what=what)
+
+
+def _sort_key(item: tuple[_Origin, Problem]) -> tuple[int, int, int]:
+    """Sort problems by line and column, and those of options after them."""
+    origin, _ = item
+    if isinstance(origin, _Option):
+        return 1, origin.number, 0
+    return (0, origin.line, origin.column) if origin else (0, 0, 0)

@@ -1,50 +1,78 @@
-"""The content of a file that a command is told to work on: a scene in YAML, or a sidecar in JSON."""
+"""Read files that a command is given, within bounds: scenes in YAML, sidecars in JSON."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, BinaryIO
 
 from renderer.errors import InputError, closest_match
 
 MAX_SCENE_BYTES = 2**20
-# The longest film that a scene can ask for has a million frames, and a sidecar some 500 bytes for each.
+# The longest film has a million frames, and a sidecar some 500 bytes for each.
 MAX_SIDECAR_BYTES = 2**29
 
 _VOLUME_HINT = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
 _UTF8_HINT = "save it in UTF-8"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
-# How the headers of NRRD and VTK begin, and a line without which MetaImage has none.
+# The first bytes of NRRD and VTK headers, and a line that every MetaImage header has.
 _VOLUME_HEADER = re.compile(rb"NRRD000|# vtk DataFile|(?:.*\n)*?ElementDataFile[ \t]*=", re.IGNORECASE)
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
+def read_bounded(path: Path, max_bytes: int, what: str) -> bytes:
+    """Return the content of a file of at most `max_bytes`; `what` it should be, for messages. Raises InputError."""
+    with _open(path, what) as file:
+        content = file.read(max_bytes + 1)
+    if len(content) > max_bytes:
+        raise InputError(f"too large for {what}", where=str(path), expected=f"at most {max_bytes} bytes")
+    return content
+
+
 def read_content(path: Path) -> bytes:
-    """What is in a file, or so much of it that it shows to be too large. Raises InputError."""
+    """Return the content of a scene file or a sidecar, or one byte more than it may have. Raises InputError."""
+    with _open(path, "a scene file") as file:
+        content = file.read(MAX_SCENE_BYTES + 1)
+        return content + file.read(MAX_SIDECAR_BYTES - MAX_SCENE_BYTES) if may_be_json(content) else content
+
+
+@contextmanager
+def _open(path: Path, what: str) -> Iterator[BinaryIO]:
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_SCENE_BYTES + 1)
-            if may_be_json(content):
-                content += file.read(MAX_SIDECAR_BYTES - MAX_SCENE_BYTES)
-            return content
+            yield file
     except FileNotFoundError as error:
         raise InputError("no such file", where=str(path), hint=nearest_file_hint(path)) from error
     except IsADirectoryError as error:
-        raise InputError("a folder", where=str(path), expected="a scene file") from error
+        raise InputError("a folder", where=str(path), expected=what) from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else None
         raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
 
 
+def read_json_object(path: Path, max_bytes: int) -> dict[str, Any] | None:
+    """Return the JSON object in a regular file of at most `max_bytes`; None for anything else."""
+    try:
+        if not path.is_file() or path.stat().st_size > max_bytes:
+            return None
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return data if isinstance(data, dict) else None
+
+
 def may_be_json(content: bytes) -> bool:
-    """Whether a file that begins like this may hold an object of JSON."""
+    """Return whether a file with this beginning may hold a JSON object."""
     return content.removeprefix(_BYTE_ORDER_MARK).lstrip(b" \t\r\n").startswith(b"{")
 
 
 def decode_utf8(content: bytes, path: Path) -> str:
-    """The text that a file holds in UTF-8. Raises InputError."""
+    """Return the text of a UTF-8 file. Raises InputError with the line of the first wrong byte."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -58,13 +86,13 @@ def decode_utf8(content: bytes, path: Path) -> str:
 
 
 def reject_volume_header(content: bytes, path: Path) -> None:
-    """Raise InputError for the header of a volume, which is text, in the place of a scene."""
+    """Raise InputError if a file is the text header of a volume and not a scene."""
     if b"\0" not in content and _VOLUME_HEADER.match(content):
         raise InputError("a volume, not a scene", where=str(path), expected="a scene file", hint=_VOLUME_HINT)
 
 
 def is_same_file(path: Path, other: Path) -> bool:
-    """Whether both names are there and lead to one file, whatever links and folders are on the way."""
+    """Return whether both paths exist and lead to one file, through any links and folders."""
     try:
         return os.path.samefile(path, other)
     except (OSError, ValueError):
@@ -72,8 +100,9 @@ def is_same_file(path: Path, other: Path) -> bool:
 
 
 def nearest_file_hint(path: Path) -> str | None:
-    """A hint that names another file of nearly this name, or None; just this name has a link to nothing."""
+    """Return a hint with the file of the most similar name in the folder, or None."""
     try:
+        # The name itself may be there: as a link that leads nowhere.
         names = sorted({entry.name for entry in path.parent.iterdir()} - {path.name})
     except OSError:
         return None

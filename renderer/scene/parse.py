@@ -14,27 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import Problem, SceneError
+from renderer.scene import schema
 from renderer.scene.limits import proportion_problems
+from renderer.scene.message_text import format_value
 from renderer.scene.parse_camera import CAMERA_SECTION, direction_field
 from renderer.scene.parse_error_schedule import ERROR_SECTION, check_scheduled_frames
 from renderer.scene.parse_output import OUTPUT_SECTION, check_frame_field
 from renderer.scene.parse_transfer import TRANSFER_FUNCTION_SECTION
 from renderer.scene.parse_volume import volume_field_type
-from renderer.scene.schema import (
-    BOOLEAN_FIELD,
-    INVALID,
-    FieldTable,
-    FieldType,
-    TreeNode,
-    choice_field,
-    format_value,
-    integer_field,
-    number_field,
-    parse_whole_number,
-    section_field,
-    sequence_field,
-    valid_keys,
-)
+from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.spec import (
     AccuracyGoal,
     ArraySource,
@@ -87,8 +75,8 @@ _MISPLACED_KEY_HINTS = {
 }
 
 
-def _scene_field_type(base: Path, is_single_frame: bool) -> FieldType[Scene]:
-    table: FieldTable = {
+def _scene_field_type(base: Path, is_single_frame: bool) -> schema.FieldType[Scene]:
+    table: schema.FieldTable = {
         "version": _VERSION,
         "volume": volume_field_type(base),
         "transfer_function": TRANSFER_FUNCTION_SECTION,
@@ -97,11 +85,11 @@ def _scene_field_type(base: Path, is_single_frame: bool) -> FieldType[Scene]:
         "error": ERROR_SECTION,
         "pyramid": _PYRAMID,
         "splat": _SPLAT,
-        "overlay": choice_field("none", "octree"),
+        "overlay": schema.choice_field("none", "octree"),
         "output": OUTPUT_SECTION,
     }
     required = ("volume", "transfer_function", "camera", "output")
-    return section_field(
+    return schema.section_field(
         table,
         lambda node, given: _build_scene(node, given, is_single_frame),
         required=required,
@@ -110,12 +98,12 @@ def _scene_field_type(base: Path, is_single_frame: bool) -> FieldType[Scene]:
 
 
 def _parse_version(node: TreeNode) -> int:
-    if parse_whole_number(node.value) == VERSION:
+    if schema.parse_whole_number(node.value) == VERSION:
         return VERSION
     return _VERSION.reject(node, "unknown version of the scene format")
 
 
-_VERSION = FieldType(str(VERSION), _parse_version)
+_VERSION = schema.FieldType(str(VERSION), _parse_version)
 
 
 def _build_scene(node: TreeNode, given: dict[str, Any], is_single_frame: bool) -> Scene:
@@ -128,17 +116,17 @@ def _build_scene(node: TreeNode, given: dict[str, Any], is_single_frame: bool) -
     return scene
 
 
-_SHADING = section_field(
+_SHADING = schema.section_field(
     {
-        "ambient": number_field(minimum=0, maximum=1),
-        "diffuse": number_field(minimum=0, maximum=1),
+        "ambient": schema.number_field(minimum=0, maximum=1),
+        "diffuse": schema.number_field(minimum=0, maximum=1),
         "light": direction_field("[x, y, z], not all 0: from the object to the light"),
     },
     lambda node, given: ShadingSpec(**given),
 )
 
-_PYRAMID = section_field(
-    {"average": choice_field("extinction", "opacity"), "precision": choice_field("half", "single")},
+_PYRAMID = schema.section_field(
+    {"average": schema.choice_field("extinction", "opacity"), "precision": schema.choice_field("half", "single")},
     lambda node, given: PyramidSpec(**given),
 )
 
@@ -153,11 +141,13 @@ _HINTS_INTEGRATED = _HINTS_GOURAUD | {
     "order": "what it draws does not overlap, so that there is one order, which is exact",
 }
 _ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
-_WEIGHT = number_field(minimum=0, maximum=1)
+_WEIGHT = schema.number_field(minimum=0, maximum=1)
 # Weights are divided by the largest ones.
 MIN_PROFILE_WEIGHT = 1e-6
 _PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
-_PROFILE = sequence_field(sequence_field(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS)
+_PROFILE = schema.sequence_field(
+    schema.sequence_field(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS
+)
 
 
 def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
@@ -166,7 +156,7 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
         return Scene.splat
     footprint = given.get("footprint", SplatSpec.footprint)
     hints = _unused_splat_keys(footprint)
-    for key in valid_keys(given, *hints):
+    for key in schema.valid_keys(given, *hints):
         if "footprint" in given:
             node.key(key).add_problem(f"contradicts footprint: {footprint}", hint=hints[key])
         else:  # nobody has written what it contradicts
@@ -206,15 +196,15 @@ def _profile_at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) 
         yield before + (after - before) * ((radius - first) / (end - first))
 
 
-_SPLAT = section_field(
+_SPLAT = schema.section_field(
     {
-        "footprint": choice_field("gaussian", "gouraud", "integrated", aliases=_ALIASES),
-        "sigma": number_field(minimum=0.38, maximum=2),
-        "angular": integer_field(minimum=3, maximum=64),
-        "radial": integer_field(minimum=1, maximum=32),
+        "footprint": schema.choice_field("gaussian", "gouraud", "integrated", aliases=_ALIASES),
+        "sigma": schema.number_field(minimum=0.38, maximum=2),
+        "angular": schema.integer_field(minimum=3, maximum=64),
+        "radial": schema.integer_field(minimum=1, maximum=32),
         "profile": _PROFILE,
-        "opacity_correction": BOOLEAN_FIELD,
-        "order": choice_field("depth", "unmixed", "boxes"),
+        "opacity_correction": schema.BOOLEAN_FIELD,
+        "order": schema.choice_field("depth", "unmixed", "boxes"),
     },
     _build_splat,
 )
@@ -255,10 +245,12 @@ def _plain(value: Any) -> Any:
 def _plain_dataclass(value: Any) -> dict[str, Any]:
     plain = _plain_fields(value)
     if isinstance(value, VolumeSpec):
-        return _plain_source(plain.pop("source"), value) | plain
+        source: dict[str, Any] = plain.pop("source")
+        return (source if isinstance(value.source, FileSource) else {_SOURCE_KEYS[type(value.source)]: source}) | plain
     if isinstance(value, TransferSpec):
         mapping = plain.pop("mapping")
-        return (_plain_colormap(mapping) if isinstance(value.mapping, ColormapSpec) else {"points": mapping}) | plain
+        has_colormap = isinstance(value.mapping, ColormapSpec)
+        return ({"colormap": mapping.pop("name")} | mapping if has_colormap else {"points": mapping}) | plain
     if isinstance(value, ErrorSpec):
         return schedule_to_dict(value) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
     if isinstance(value, SplatSpec):
@@ -269,19 +261,9 @@ def _plain_dataclass(value: Any) -> dict[str, Any]:
 
 
 def _plain_fields(value: Any) -> dict[str, Any]:
-    """Fields that are None are left out: None stands for a key that is not given."""
+    """Return the fields without those that are None, which stands for a key that is not given."""
     pairs = ((field.name, getattr(value, field.name)) for field in dataclass_fields(value))
     return {name: _plain(item) for name, item in pairs if item is not None}
-
-
-def _plain_source(plain: dict[str, Any], volume: VolumeSpec) -> dict[str, Any]:
-    if isinstance(volume.source, FileSource):
-        return plain
-    return {_SOURCE_KEYS[type(volume.source)]: plain}
-
-
-def _plain_colormap(plain: dict[str, Any]) -> dict[str, Any]:
-    return {"colormap": plain.pop("name")} | plain
 
 
 def splat_section_without_defaults(plain: Mapping[str, Any]) -> dict[str, Any]:

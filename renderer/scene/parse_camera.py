@@ -6,23 +6,9 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
-from renderer.scene.schema import (
-    BOOLEAN_FIELD,
-    COORDINATE_FIELD,
-    INVALID,
-    LENGTH_FIELD,
-    FieldTable,
-    FieldType,
-    TreeNode,
-    choice_field,
-    format_value,
-    integer_field,
-    join_words,
-    number_field,
-    read_fields,
-    section_field,
-    sequence_field,
-)
+from renderer.scene import schema
+from renderer.scene.message_text import format_value, join_words
+from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.spec import (
     MAX_WORLD_LENGTH,
     MIN_WORLD_LENGTH,
@@ -35,7 +21,7 @@ from renderer.scene.spec import (
 )
 
 MAX_FRAMES = 10**6
-FRAME_NUMBER_FIELD = integer_field(minimum=0, maximum=MAX_FRAMES - 1)
+FRAME_NUMBER_FIELD = schema.integer_field(minimum=0, maximum=MAX_FRAMES - 1)
 
 # Degrees: thousands of turns, of which float64 keeps the direction to 1e-10 degrees.
 MAX_ANGLE = 1e6
@@ -53,19 +39,19 @@ AXES: dict[str, Vector] = {
 }
 
 
-def direction_field(expected: str) -> FieldType[Vector]:
+def direction_field(expected: str) -> schema.FieldType[Vector]:
     """Three coordinates that are not all 0, nor as good as that."""
 
     def parse(node: TreeNode) -> Vector:
         vector = numbers.read(node)
         if isinstance(vector, tuple) and INVALID not in vector and all(abs(part) < MIN_WORLD_LENGTH for part in vector):
             hint = None if not any(vector) else f"a component of at least {MIN_WORLD_LENGTH:g}"
-            return kind.reject(node, "no direction", hint=hint)
+            return field.reject(node, "no direction", hint=hint)
         return vector  # type: ignore[return-value]  # three, or INVALID
 
-    numbers = sequence_field(COORDINATE_FIELD, expected, count=3)
-    kind: FieldType[Vector] = FieldType(expected, parse)
-    return kind
+    numbers = schema.sequence_field(schema.COORDINATE_FIELD, expected, count=3)
+    field = schema.FieldType(expected, parse)
+    return field
 
 
 _AXIS_WORDS = "x, y, z, -x, -y, -z or a direction [x, y, z], not all 0"
@@ -79,36 +65,40 @@ def _parse_axis(node: TreeNode) -> Vector:
     return axis or _AXIS.reject(node, "not an axis")
 
 
-_AXIS = FieldType(_AXIS_WORDS, _parse_axis)
-_ANGLE = number_field(minimum=-MAX_ANGLE, maximum=MAX_ANGLE)
-_ELEVATION = number_field(minimum=-90, maximum=90)
+_AXIS = schema.FieldType(_AXIS_WORDS, _parse_axis)
+_ANGLE = schema.number_field(minimum=-MAX_ANGLE, maximum=MAX_ANGLE)
+_ELEVATION = schema.number_field(minimum=-90, maximum=90)
 
-_KEY_FIELDS: FieldTable = {
+_KEY_FIELDS: schema.FieldTable = {
     "frame": FRAME_NUMBER_FIELD,
     "azimuth": _ANGLE,
     "elevation": _ELEVATION,
-    "zoom": number_field(minimum=MIN_ZOOM, maximum=MAX_ZOOM),
+    "zoom": schema.number_field(minimum=MIN_ZOOM, maximum=MAX_ZOOM),
 }
-_KEY = section_field(_KEY_FIELDS, lambda node, given: Keyframe(**given), required=("frame", "azimuth", "elevation"))
+_KEY = schema.section_field(
+    _KEY_FIELDS, lambda node, given: Keyframe(**given), required=("frame", "azimuth", "elevation")
+)
 
 _PATHS: dict[str, type[TurntablePath | RockerPath | KeyframePath]] = {
     "turntable": TurntablePath,
     "rocker": RockerPath,
     "keyframes": KeyframePath,
 }
-_COMMON: dict[str, FieldType[Any]] = {
-    "type": choice_field(*_PATHS),
-    "frames": integer_field(minimum=1, maximum=MAX_FRAMES),
+_COMMON: dict[str, schema.FieldType[Any]] = {
+    "type": schema.choice_field(*_PATHS),
+    "frames": schema.integer_field(minimum=1, maximum=MAX_FRAMES),
     "axis": _AXIS,
 }
-_PATH_FIELDS: dict[str, dict[str, FieldType[Any]]] = {
+_PATH_FIELDS: dict[str, dict[str, schema.FieldType[Any]]] = {
     "turntable": _COMMON | {"start": _ANGLE, "elevation": _ELEVATION},
-    "rocker": _COMMON | {"swing": number_field(above=0, maximum=360), "start": _ANGLE, "elevation": _ELEVATION},
+    "rocker": _COMMON | {"swing": schema.number_field(above=0, maximum=360), "start": _ANGLE, "elevation": _ELEVATION},
     "keyframes": _COMMON
     | {
-        "keys": sequence_field(_KEY, "a list of {frame: ..., azimuth: ..., elevation: ..., zoom: ...}, one or more"),
-        "loop": BOOLEAN_FIELD,
-        "easing": choice_field("smooth", "linear"),
+        "keys": schema.sequence_field(
+            _KEY, "a list of {frame: ..., azimuth: ..., elevation: ..., zoom: ...}, one or more"
+        ),
+        "loop": schema.BOOLEAN_FIELD,
+        "easing": schema.choice_field("smooth", "linear"),
     },
 }
 # What to say about a key of another type of path.
@@ -127,7 +117,7 @@ def _parse_path(node: TreeNode) -> Any:
     if name is INVALID:  # which keys are legal depends on it
         return INVALID
     required = ("frames", "keys") if name == "keyframes" else ("frames",)
-    given = read_fields(node, _PATH_FIELDS[name], required=required, misplaced_hints=_OWNERS)
+    given = schema.read_fields(node, _PATH_FIELDS[name], required=required, misplaced_hints=_OWNERS)
     if name == "keyframes":
         _check_keys(node.child("keys"), given["keys"], given["frames"])
     return _PATHS[name](**{key: value for key, value in given.items() if key != "type"})
@@ -144,23 +134,27 @@ def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
     for index, (before, frame) in enumerate(pairwise(frames), start=1):
         if isinstance(frame, int) and isinstance(before, int) and frame <= before:
             node.child(index).child("frame").add_problem(
-                "keys out of order", got=format_value(frame), expected=f"a frame after {before}, that of the key before"
+                "keys out of order",
+                got=format_value(frame),
+                expected=f"a frame after {before}, that of the key before",
             )
 
 
-_PATH = FieldType(f"a mapping with type: {join_words(_PATHS)}, and frames", _parse_path)
+_PATH = schema.FieldType(f"a mapping with type: {join_words(_PATHS)}, and frames", _parse_path)
 
 _TARGET_WORDS = "[x, y, z] in world units, or visible"
-_TARGET_NUMBERS = sequence_field(COORDINATE_FIELD, _TARGET_WORDS, count=3)
-_TARGET = FieldType(_TARGET_WORDS, lambda node: "visible" if node.value == "visible" else _TARGET_NUMBERS.read(node))
+_TARGET_NUMBERS = schema.sequence_field(schema.COORDINATE_FIELD, _TARGET_WORDS, count=3)
+_TARGET = schema.FieldType(
+    _TARGET_WORDS, lambda node: "visible" if node.value == "visible" else _TARGET_NUMBERS.read(node)
+)
 
-_FIELDS: FieldTable = {
-    "projection": choice_field("perspective", "orthographic"),
-    "field_of_view": number_field(minimum=MIN_FIELD_OF_VIEW, maximum=MAX_FIELD_OF_VIEW),
+_FIELDS: schema.FieldTable = {
+    "projection": schema.choice_field("perspective", "orthographic"),
+    "field_of_view": schema.number_field(minimum=MIN_FIELD_OF_VIEW, maximum=MAX_FIELD_OF_VIEW),
     "target": _TARGET,
-    "distance": LENGTH_FIELD,
-    "near": number_field(minimum=0, maximum=MAX_WORLD_LENGTH),
+    "distance": schema.LENGTH_FIELD,
+    "near": schema.number_field(minimum=0, maximum=MAX_WORLD_LENGTH),
     "path": _PATH,
 }
 
-CAMERA_SECTION = section_field(_FIELDS, lambda node, given: CameraSpec(**given), required=("path",))
+CAMERA_SECTION = schema.section_field(_FIELDS, lambda node, given: CameraSpec(**given), required=("path",))

@@ -7,18 +7,10 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+from renderer.scene import schema
+from renderer.scene.message_text import format_value, join_words
 from renderer.scene.parse_camera import FRAME_NUMBER_FIELD
-from renderer.scene.schema import (
-    INVALID,
-    FieldType,
-    TreeNode,
-    choice_field,
-    format_value,
-    integer_field,
-    join_words,
-    number_field,
-    section_field,
-)
+from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.spec import MIN_TOLERANCE, AccuracyGoal, ByFrame, ErrorSpec, SplatBudget, TimeBudget
 
 # Cells of this level would be wider than any volume is long: indices of voxels along an axis are int32.
@@ -33,7 +25,9 @@ MIN_SECONDS, LONGEST_S = 1e-4, 86400.0
 MAX_PSNR_DB = 200.0
 
 
-def _by_frame(value: FieldType[Any], example: str, at_frame: FieldType[Any] | None = None) -> FieldType[ByFrame]:
+def _by_frame(
+    value: schema.FieldType[Any], example: str, at_frame: schema.FieldType[Any] | None = None
+) -> schema.FieldType[ByFrame]:
     """A constant, or values by frame in ascending order."""
     item = at_frame or value
 
@@ -41,7 +35,7 @@ def _by_frame(value: FieldType[Any], example: str, at_frame: FieldType[Any] | No
         if not isinstance(node.value, Mapping):
             return ((0, value.read(node)),)
         if not node.value:
-            return kind.reject(node, "empty", got="")
+            return field.reject(node, "empty", got="")
         found: list[tuple[int, float]] = []
         for key, written in node.value.items():
             frame = FRAME_NUMBER_FIELD.read(node.key(key))  # text, too: JSON has no other keys
@@ -51,8 +45,8 @@ def _by_frame(value: FieldType[Any], example: str, at_frame: FieldType[Any] | No
                 found.append((frame, at))
         return tuple(found) or INVALID
 
-    kind: FieldType[ByFrame] = FieldType(f"{value.expected}, or by frame, such as {example}", parse)
-    return kind
+    field = schema.FieldType(f"{value.expected}, or by frame, such as {example}", parse)
+    return field
 
 
 def _require_ascending(key: TreeNode, frame: int, found: list[tuple[int, float]]) -> None:
@@ -63,7 +57,7 @@ def _require_ascending(key: TreeNode, frame: int, found: list[tuple[int, float]]
         key.add_problem("frames out of order", got=f"{frame} after {last}", expected="frames in ascending order")
 
 
-def _not_zero(kind: FieldType[Any], what: str, hint: str) -> FieldType[Any]:
+def _not_zero(kind: schema.FieldType[Any], what: str, hint: str) -> schema.FieldType[Any]:
     """The same kind, none of which is 0, with a hint to who writes it nevertheless."""
 
     def parse(node: TreeNode) -> Any:
@@ -96,32 +90,32 @@ def _parse_tolerance_at_frame(node: TreeNode) -> float:
     return value
 
 
-_TOLERANCE = number_field(minimum=0)
-_AT_FRAME = FieldType(f"0, or a number of at least {format_value(MIN_TOLERANCE)}", _parse_tolerance_at_frame)
+_TOLERANCE = schema.number_field(minimum=0)
+_AT_FRAME = schema.FieldType(f"0, or a number of at least {format_value(MIN_TOLERANCE)}", _parse_tolerance_at_frame)
 _TOLERANCES = _by_frame(_TOLERANCE, "{0: 0.5, 60: 0.02}", _AT_FRAME)
 _NUM_SPLATS = _not_zero(
-    integer_field(minimum=1, maximum=MAX_SPLATS),
+    schema.integer_field(minimum=1, maximum=MAX_SPLATS),
     "a budget of 0",
     "1 is the whole volume as one splat; tolerance: 0 has no limit",
 )
 _SECONDS = _not_zero(
-    number_field(minimum=MIN_SECONDS, maximum=LONGEST_S),
+    schema.number_field(minimum=MIN_SECONDS, maximum=LONGEST_S),
     "a budget of 0",
     "it is the time for each frame; the quickest is splats: 1",
 )
 
 # What an `error` may have one of.
-_SCHEDULES: dict[str, FieldType[Any]] = {
+_SCHEDULES: dict[str, schema.FieldType[Any]] = {
     "tolerance": replace(_TOLERANCES, parse=_parse_tolerance),
     "splats": _by_frame(_NUM_SPLATS, "{0: 1000, 60: 100000}"),
     "seconds": _by_frame(_SECONDS, "{0: 0.1, 60: 2}"),
     "psnr": _not_zero(
-        number_field(above=0, maximum=MAX_PSNR_DB),
+        schema.number_field(above=0, maximum=MAX_PSNR_DB),
         "an accuracy of 0",
         "it is in decibels, the more the better: at 30 flaws are seen, at 40 hardly any",
     ),
     "rmse": _not_zero(
-        number_field(above=0, maximum=1),
+        schema.number_field(above=0, maximum=1),
         "an accuracy of 0",
         "nothing is as exact as that; tolerance: 0 draws every voxel",
     ),
@@ -158,12 +152,12 @@ def _schedule(given: dict[str, Any], name: str = "") -> dict[str, Any]:
     return {"goal": SplatBudget(value) if name == "splats" else TimeBudget(value)}
 
 
-ERROR_SECTION = section_field(
+ERROR_SECTION = schema.section_field(
     _SCHEDULES
     | {
-        "measure": choice_field("optical", "rms"),
-        "of": choice_field("classified", "scalar"),
-        "finest_level": integer_field(minimum=0, maximum=MAX_LEVEL),
+        "measure": schema.choice_field("optical", "rms"),
+        "of": schema.choice_field("classified", "scalar"),
+        "finest_level": schema.integer_field(minimum=0, maximum=MAX_LEVEL),
     },
     _build_error,
 )

@@ -6,21 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
+from renderer.scene import schema
+from renderer.scene.message_text import format_value
 from renderer.scene.parse_transfer import COLOR_FIELD
-from renderer.scene.schema import (
-    INVALID,
-    TILDE_HINT,
-    FieldTable,
-    FieldType,
-    TreeNode,
-    format_value,
-    has_unexpanded_tilde,
-    integer_field,
-    number_field,
-    section_field,
-    sequence_field,
-    valid_keys,
-)
+from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.spec import FRAME_FIELD, OutputSpec
 
 MAX_SIDE = 16384
@@ -34,8 +23,8 @@ _FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one 
 def _parse_file(node: TreeNode) -> Path:
     if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
         return OUTPUT_FILE_FIELD.reject(node, "not a file name")
-    if has_unexpanded_tilde(node.value):
-        return OUTPUT_FILE_FIELD.reject(node, "a folder named ~", hint=TILDE_HINT)
+    if schema.has_unexpanded_tilde(node.value):
+        return OUTPUT_FILE_FIELD.reject(node, "a folder named ~", hint=schema.TILDE_HINT)
     name = PurePath(node.value).name
     suffix = PurePath(name).suffix.lower()
     if suffix not in _SUFFIXES or node.value.endswith(("/", "\\")):
@@ -51,22 +40,24 @@ def _parse_file(node: TreeNode) -> Path:
 
 
 _SUFFIXES = (".mp4", ".gif", ".png")
-OUTPUT_FILE_FIELD = FieldType(_FILE_WORDS, _parse_file)
-_SIZE = sequence_field(
-    integer_field(minimum=1, maximum=MAX_SIDE), f"[width, height]: two whole numbers from 1 to {MAX_SIDE}", count=2
+OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file)
+_SIZE = schema.sequence_field(
+    schema.integer_field(minimum=1, maximum=MAX_SIDE),
+    f"[width, height]: two whole numbers from 1 to {MAX_SIDE}",
+    count=2,
 )
-_BACKGROUND = FieldType(
+_BACKGROUND = schema.FieldType(
     COLOR_FIELD.expected + ", or transparent",
     lambda node: None if node.value == "transparent" else COLOR_FIELD.read(node),
     COLOR_FIELD.empty_hint,
 )
 
-_FIELDS: FieldTable = {
+_FIELDS: schema.FieldTable = {
     "file": OUTPUT_FILE_FIELD,
     "size": _SIZE,
-    "frames_per_second": number_field(minimum=0.01, maximum=1000),
+    "frames_per_second": schema.number_field(minimum=0.01, maximum=1000),
     "background": _BACKGROUND,
-    "quality": number_field(minimum=0, maximum=10),
+    "quality": schema.number_field(minimum=0, maximum=10),
 }
 
 
@@ -87,7 +78,7 @@ def _build_output(node: TreeNode, given: dict[str, Any]) -> OutputSpec:
             expected="even numbers",
             hint=f"the nearest is {legal}",
         )
-    if suffix == ".gif" and valid_keys(given, "frames_per_second") and given["frames_per_second"] > MAX_GIF_RATE:
+    if suffix == ".gif" and schema.valid_keys(given, "frames_per_second") and given["frames_per_second"] > MAX_GIF_RATE:
         node.child("frames_per_second").add_problem(
             "too fast for a GIF",
             got=format_value(given["frames_per_second"]),
@@ -96,7 +87,7 @@ def _build_output(node: TreeNode, given: dict[str, Any]) -> OutputSpec:
     return OutputSpec(**given)
 
 
-OUTPUT_SECTION = section_field(_FIELDS, _build_output, required=("file",))
+OUTPUT_SECTION = schema.section_field(_FIELDS, _build_output, required=("file",))
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:

@@ -6,20 +6,10 @@ import re
 from itertools import pairwise
 from typing import Any
 
+from renderer.scene import schema
 from renderer.scene.colormaps import is_colormap, nearest_colormap
-from renderer.scene.schema import (
-    INVALID,
-    LENGTH_FIELD,
-    FieldTable,
-    FieldType,
-    TreeNode,
-    did_you_mean,
-    format_value,
-    number_field,
-    section_field,
-    sequence_field,
-    valid_keys,
-)
+from renderer.scene.message_text import did_you_mean, format_value
+from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.spec import Color, ColormapSpec, ControlPoint, TransferSpec
 
 COLOR_NAMES = {
@@ -46,7 +36,7 @@ COLOR_NAMES = {
 }
 
 _HEX = re.compile(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
-_PART = number_field(minimum=0, maximum=1)
+_PART = schema.number_field(minimum=0, maximum=1)
 
 
 def _parse_color(node: TreeNode) -> Color:
@@ -57,7 +47,10 @@ def _parse_color(node: TreeNode) -> Color:
     text = COLOR_NAMES.get(node.value.lower(), node.value)
     if not _HEX.fullmatch(text):
         return COLOR_FIELD.reject(
-            node, "not a color", got=format_value(node.value), hint=did_you_mean(text.lower(), COLOR_NAMES)
+            node,
+            "not a color",
+            got=format_value(node.value),
+            hint=did_you_mean(text.lower(), COLOR_NAMES),
         )
     digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
     red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
@@ -69,10 +62,10 @@ def _parse_rgb(node: TreeNode) -> Color:
     if len(parts) == 3 and all(isinstance(part, int) for part in parts) and 1 < max(parts) <= 255 and min(parts) >= 0:
         hint = f'write it as "#{parts[0]:02x}{parts[1]:02x}{parts[2]:02x}"'
         return COLOR_FIELD.reject(node, "not a color", hint=hint)
-    return sequence_field(_PART, COLOR_FIELD.expected, count=3).read(node)  # type: ignore[return-value]  # three, or INVALID
+    return schema.sequence_field(_PART, COLOR_FIELD.expected, count=3).read(node)  # type: ignore[return-value]  # three, or INVALID
 
 
-COLOR_FIELD = FieldType(
+COLOR_FIELD = schema.FieldType(
     'a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white',
     _parse_color,
     'a color that begins with # needs quotes: "#ff8800"',
@@ -89,29 +82,29 @@ def _parse_colormap(node: TreeNode) -> str:
     return node.value
 
 
-_COLORMAP = FieldType("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
+_COLORMAP = schema.FieldType("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
 
-_POINT_FIELDS: FieldTable = {"value": number_field(), "color": COLOR_FIELD, "opacity": _PART}
-_POINT = section_field(_POINT_FIELDS, lambda node, given: ControlPoint(**given), required=tuple(_POINT_FIELDS))
-_VALUE_RANGE = sequence_field(number_field(), "[low, high]: two numbers, low less than high", count=2)
+_POINT_FIELDS: schema.FieldTable = {"value": schema.number_field(), "color": COLOR_FIELD, "opacity": _PART}
+_POINT = schema.section_field(_POINT_FIELDS, lambda node, given: ControlPoint(**given), required=tuple(_POINT_FIELDS))
+_VALUE_RANGE = schema.sequence_field(schema.number_field(), "[low, high]: two numbers, low less than high", count=2)
 
 
 def _parse_opacity_point(node: TreeNode) -> tuple[float, float]:
     if not isinstance(node.value, (list, tuple)) or len(node.value) != 2:
         return _OPACITY_POINT.reject(node, "not a pair")
     value, opacity = node.value
-    return number_field().read(node.child(0, value)), _PART.read(node.child(1, opacity))
+    return schema.number_field().read(node.child(0, value)), _PART.read(node.child(1, opacity))
 
 
-_OPACITY_POINT = FieldType("[value, opacity]: a number, and a number from 0 to 1", _parse_opacity_point)
+_OPACITY_POINT = schema.FieldType("[value, opacity]: a number, and a number from 0 to 1", _parse_opacity_point)
 
 
-_FIELDS: FieldTable = {
-    "unit": LENGTH_FIELD,
-    "points": sequence_field(_POINT, "a list of {value: ..., color: ..., opacity: ...}, one or more"),
+_FIELDS: schema.FieldTable = {
+    "unit": schema.LENGTH_FIELD,
+    "points": schema.sequence_field(_POINT, "a list of {value: ..., color: ..., opacity: ...}, one or more"),
     "colormap": _COLORMAP,
     "range": _VALUE_RANGE,
-    "opacity": sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
+    "opacity": schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
 }
 _COLORMAP_KEYS = ("colormap", "range", "opacity")
 
@@ -120,7 +113,7 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
     of_colormap = [key for key in _COLORMAP_KEYS if key in given]
     if "points" in given:
-        for key in valid_keys(given, *_COLORMAP_KEYS):
+        for key in schema.valid_keys(given, *_COLORMAP_KEYS):
             expected = "either points, or colormap with range and opacity"
             node.key(key).add_problem(f"contradicts {node.path}.points", expected=expected)
         points = given["points"] if isinstance(given["points"], tuple) else ()
@@ -176,4 +169,4 @@ def _check_visible(node: TreeNode, opacities: list[Any]) -> None:
         node.add_problem("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
 
 
-TRANSFER_FUNCTION_SECTION = section_field(_FIELDS, _build_transfer)
+TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _build_transfer)

@@ -6,22 +6,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from renderer.scene.schema import (
-    INVALID,
-    LENGTH_FIELD,
-    TILDE_HINT,
-    FieldTable,
-    FieldType,
-    TreeNode,
-    choice_field,
-    did_you_mean,
-    format_value,
-    integer_field,
-    number_field,
-    section_field,
-    sequence_field,
-    valid_keys,
-)
+from renderer.scene import schema
+from renderer.scene.message_text import did_you_mean, format_value
+from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.spec import (
     MAX_WORLD_LENGTH,
     MIN_WORLD_LENGTH,
@@ -32,19 +19,8 @@ from renderer.scene.spec import (
     VolumeSpec,
 )
 
-ITEM_SIZES = {
-    "uint8": 1,
-    "int8": 1,
-    "uint16": 2,
-    "int16": 2,
-    "uint32": 4,
-    "int32": 4,
-    "uint64": 8,
-    "int64": 8,
-    "float16": 2,
-    "float32": 4,
-    "float64": 8,
-}
+ITEM_SIZES = {f"{kind}{8 * size}": size for size in (1, 2, 4, 8) for kind in ("uint", "int")}
+ITEM_SIZES |= {f"float{8 * size}": size for size in (2, 4, 8)}
 _ALIASES = {
     "byte": "uint8",
     "uchar": "uint8",
@@ -69,61 +45,63 @@ _NONFINITE_WORDS = ("error", "lowest")
 def _parse_nonfinite(node: TreeNode) -> Any:
     if isinstance(node.value, str) and node.value in _NONFINITE_WORDS:
         return node.value
-    value = number_field().parse(TreeNode(node.value, node.path, problems=[]))
+    value = schema.number_field().parse(TreeNode(node.value, node.path, problems=[]))
     if value is INVALID:
         hint = did_you_mean(node.value, _NONFINITE_WORDS)
         return _NONFINITE.reject(node, "unknown value", hint=hint)
     return value
 
 
-_NONFINITE = FieldType("error, lowest or a finite number", _parse_nonfinite)
+_NONFINITE = schema.FieldType("error, lowest or a finite number", _parse_nonfinite)
 
 _HEADERLESS = (".raw", ".bin", ".dat")
 
 
-def _triple(item: FieldType[Any], words: str) -> FieldType[Any]:
-    return sequence_field(item, f"[x, y, z]: {words}", count=3)
+def _triple(item: schema.FieldType[Any], words: str) -> schema.FieldType[Any]:
+    return schema.sequence_field(item, f"[x, y, z]: {words}", count=3)
 
 
-_SHAPE = _triple(integer_field(minimum=1, maximum=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
-_SPACING = _triple(LENGTH_FIELD, f"three lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}")
-_SUBSET_INDEX = integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
-_CROP = sequence_field(
-    sequence_field(
-        integer_field(minimum=0, maximum=MAX_AXIS), "[first, end]: whole numbers with first less than end", count=2
+_SHAPE = _triple(schema.integer_field(minimum=1, maximum=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
+_SPACING = _triple(schema.LENGTH_FIELD, f"three lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}")
+_SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+_CROP = schema.sequence_field(
+    schema.sequence_field(
+        schema.integer_field(minimum=0, maximum=MAX_AXIS),
+        "[first, end]: whole numbers with first less than end",
+        count=2,
     ),
     "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last",
     count=3,
 )
 
 
-def volume_field_type(base: Path) -> FieldType[VolumeSpec]:
+def volume_field_type(base: Path) -> schema.FieldType[VolumeSpec]:
     """The kind of `volume`; its files are relative to the folder `base`."""
-    raw: FieldTable = {
+    raw: schema.FieldTable = {
         "file": _file_field_type(base, folder=False),
         "shape": _SHAPE,
-        "dtype": choice_field(*ITEM_SIZES, aliases=_ALIASES),
-        "byte_order": choice_field("little", "big"),
+        "dtype": schema.choice_field(*ITEM_SIZES, aliases=_ALIASES),
+        "byte_order": schema.choice_field("little", "big"),
         "spacing": _SPACING,
-        "offset": integer_field(minimum=0, maximum=2**40),
+        "offset": schema.integer_field(minimum=0, maximum=2**40),
     }
-    procedural: FieldTable = {
-        "name": choice_field(*PROCEDURAL_NAMES),
+    procedural: schema.FieldTable = {
+        "name": schema.choice_field(*PROCEDURAL_NAMES),
         "shape": _SHAPE,
-        "seed": integer_field(minimum=0, maximum=2**32 - 1),
+        "seed": schema.integer_field(minimum=0, maximum=2**32 - 1),
         "spacing": _SPACING,
     }
-    table: FieldTable = {
+    table: schema.FieldTable = {
         "file": _file_field_type(base, folder=True),
-        "raw": section_field(raw, _build_raw, required=("file", "shape", "dtype")),
-        "procedural": section_field(procedural, _build_procedural, required=("name", "shape")),
+        "raw": schema.section_field(raw, _build_raw, required=("file", "shape", "dtype")),
+        "procedural": schema.section_field(procedural, _build_procedural, required=("name", "shape")),
         "spacing": _SPACING,
         "time": _SUBSET_INDEX,
         "component": _SUBSET_INDEX,
         "crop": _CROP,
         "nonfinite": _NONFINITE,
     }
-    return section_field(table, _build_volume)
+    return schema.section_field(table, _build_volume)
 
 
 def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
@@ -139,7 +117,7 @@ def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
         if "spacing" in given:
             what, place = f"a {sources[0]} volume says its spacing itself", f"{node.path}.{sources[0]}.spacing"
             node.key("spacing").add_problem(what, hint=f"give {place} instead")
-        for key in valid_keys(given, "time", "component"):
+        for key in schema.valid_keys(given, "time", "component"):
             node.key(key).add_problem(
                 f"a {sources[0]} volume has neither time steps nor components", hint="remove the key"
             )
@@ -149,15 +127,15 @@ def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
 
 
 def _build_procedural(node: TreeNode, given: dict[str, Any]) -> ProceduralSource:
-    if valid_keys(given, "shape"):
+    if schema.valid_keys(given, "shape"):
         _check_total(node.child("shape"), given["shape"])
     return ProceduralSource(**given)
 
 
 def _build_raw(node: TreeNode, given: dict[str, Any]) -> RawSource:
-    if not (valid_keys(given, "shape") and _check_total(node.child("shape"), given["shape"])):
+    if not (schema.valid_keys(given, "shape") and _check_total(node.child("shape"), given["shape"])):
         return RawSource(**given)
-    if len(valid_keys(given, "file", "dtype")) == 2 and isinstance(given.get("offset", 0), int):
+    if len(schema.valid_keys(given, "file", "dtype")) == 2 and isinstance(given.get("offset", 0), int):
         shape, offset = given["shape"], given.get("offset", 0)
         expected = offset + math.prod(shape) * ITEM_SIZES[given["dtype"]]
         found = given["file"].stat().st_size
@@ -201,31 +179,31 @@ def _check_crop(node: TreeNode, crop: Any, shape: Any) -> None:
             )
 
 
-def _file_field_type(base: Path, *, folder: bool) -> FieldType[Path]:
+def _file_field_type(base: Path, *, folder: bool) -> schema.FieldType[Path]:
     """An existing file (or folder), relative to `base`."""
 
     def parse(node: TreeNode) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
-            return kind.reject(node, "not a file name")
+            return field.reject(node, "not a file name")
         path = base / node.value
         got = str(path) if str(path).isprintable() else repr(str(path))
         try:
             is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
         except OSError as error:  # a folder without permission, a name that is too long
-            return kind.reject(node, f"cannot be read: {error.strerror}", got=format_value(str(path)))
+            return field.reject(node, f"cannot be read: {error.strerror}", got=format_value(str(path)))
         if folder and is_file and path.suffix.lower() in _HEADERLESS:
             hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
-            return kind.reject(node, "a file without a header", got=got, hint=hint)
+            return field.reject(node, "a file without a header", got=got, hint=hint)
         if is_folder and not folder:
-            return kind.reject(node, "a folder", got=got)
+            return field.reject(node, "a folder", got=got)
         if is_file or is_folder:
             return path
         if is_other:
-            return kind.reject(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
-        return kind.reject(node, "no such file", got=got, hint=_missing_file_hint(path))
+            return field.reject(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
+        return field.reject(node, "no such file", got=got, hint=_missing_file_hint(path))
 
-    kind: FieldType[Path] = FieldType(_VOLUME_FILE_WORDS if folder else "a file of voxels without a header", parse)
-    return kind
+    field = schema.FieldType(_VOLUME_FILE_WORDS if folder else "a file of voxels without a header", parse)
+    return field
 
 
 _VOLUME_FILE_WORDS = "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices"
@@ -236,5 +214,5 @@ def _missing_file_hint(path: Path) -> str | None:
     try:
         others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
     except (OSError, ValueError):
-        return TILDE_HINT if "~" in path.parts else "its folder is not there, either"
+        return schema.TILDE_HINT if "~" in path.parts else "its folder is not there, either"
     return did_you_mean(path.name, others)

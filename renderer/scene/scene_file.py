@@ -11,7 +11,7 @@ from pathlib import Path
 from renderer.errors import InputError
 from renderer.scene.editor import SceneEditor
 from renderer.scene.input_file import MAX_SCENE_BYTES, read_content, reject_volume_header
-from renderer.scene.schema import format_value
+from renderer.scene.message_text import format_value
 from renderer.scene.spec import Scene
 from renderer.scene.yaml_tree import parse_yaml_file
 

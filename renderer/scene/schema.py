@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from renderer.errors import Problem, closest_match
+from renderer.scene.message_text import did_you_mean, format_value, join_keys, join_words
 from renderer.scene.spec import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH
 
 T = TypeVar("T")
@@ -30,14 +31,6 @@ INVALID: Any = _Invalid()
 
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
-_MAX_SHOWN = 60
-_MAX_KEY = 255  # as long as the name of a file can be
-
-
-def join_keys(path: str, key: object) -> str:
-    """The dotted path of what lies at `key` (a mapping's key or a list's index) below `path`."""
-    name = key if isinstance(key, str) and len(key) <= _MAX_KEY and key.isprintable() else format_value(key)
-    return f"{path}.{name}" if path else name
 
 
 @dataclass(frozen=True)
@@ -106,42 +99,7 @@ class FieldType(Generic[T]):
         return invalid
 
 
-def format_value(value: object) -> str:
-    """A value as a user would write it, on one line and cut to a readable length."""
-    text = _flow(value, depth=0)
-    return text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
-
-
-def _flow(value: object, depth: int) -> str:
-    if not isinstance(value, (list, tuple, Mapping)):
-        return _scalar(value)
-    if depth == 3:
-        return "..."
-    if isinstance(value, Mapping):
-        pairs = [f"{join_keys('', key)}: {_flow(item, depth + 1)}" for key, item in list(value.items())[:_MAX_SHOWN]]
-        return "{" + ", ".join(pairs) + "}"
-    return "[" + ", ".join(_flow(item, depth + 1) for item in value[:_MAX_SHOWN]) + "]"
-
-
-def _scalar(value: object) -> str:
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int) and value.bit_length() > 4 * _MAX_SHOWN:  # Python refuses to spell very large ones
-        return "a huge number"
-    if isinstance(value, float):
-        return repr(value).removesuffix(".0") if math.isfinite(value) else f".{value}"
-    return repr(value[:_MAX_SHOWN] if isinstance(value, str) else value)
-
-
 FieldTable = Mapping[str, FieldType[Any]]
-
-
-def join_words(names: Iterable[object], last: str = "or") -> str:
-    """`a, b or c`."""
-    *others, final = [str(name) for name in names]
-    return f"{', '.join(others)} {last} {final}" if others else final
 
 
 TILDE_HINT = "~ is not expanded: write the whole path"
@@ -152,59 +110,73 @@ def has_unexpanded_tilde(name: str) -> bool:
     return name == "~" or name.startswith("~/")
 
 
-def did_you_mean(name: object, names: Iterable[str]) -> str | None:
-    """A hint that names the nearest of `names`, or None."""
-    close = closest_match(name, names) if isinstance(name, str) else None
-    return f"did you mean {close}?" if close else None
-
-
 # Scalars
 
 
-def number_field(
-    *,
-    minimum: float | None = None,
-    maximum: float | None = None,
-    above: float | None = None,
-    below: float | None = None,
-) -> FieldType[float]:
-    """A finite number in a range: `minimum` and `maximum` belong to it, `above` and `below` do not.
+@dataclass(frozen=True)
+class _Range:
+    """Bounds of a number: `minimum` and `maximum` belong to the range, `above` and `below` do not."""
+
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    below: float | None = None
+
+    def __contains__(self, value: float) -> bool:
+        return (
+            (self.minimum is None or value >= self.minimum)
+            and (self.maximum is None or value <= self.maximum)
+            and (self.above is None or value > self.above)
+            and (self.below is None or value < self.below)
+        )
+
+    def __str__(self) -> str:
+        if self.minimum is not None and self.maximum is not None:
+            return f" from {format_value(self.minimum)} to {format_value(self.maximum)}"
+        parts = {
+            "of at least": self.minimum,
+            "greater than": self.above,
+            "less than": self.below,
+            "at most": self.maximum,
+        }
+        words = [f"{word} {format_value(bound)}" for word, bound in parts.items() if bound is not None]
+        return f" {join_words(words, 'and')}" if words else ""
+
+
+def number_field(**bounds: float) -> FieldType[float]:
+    """Return the type of a finite number; `minimum` and `maximum` are allowed, `above` and `below` are not.
 
     Text that spells a number is taken as one, because YAML 1.1 reads `1e-3` as text.
     """
+    allowed = _Range(**bounds)
 
     def parse(node: TreeNode) -> float:
         value = _as_float(node.value)
         if value is None:
-            return kind.reject(node, "not a number", hint=_decimal_point_hint(node.value))
+            return field.reject(node, "not a number", hint=_decimal_point_hint(node.value))
         if not math.isfinite(value):
-            return kind.reject(node, "not a finite number")
+            return field.reject(node, "not a finite number")
         if isinstance(node.value, str) and underflows(node.value):
             hint = "the smallest number above 0 is 5e-324; for zero write 0"
-            return kind.reject(node, "too small a number to tell from 0", hint=hint)
-        if not _within(value, minimum, maximum, above, below):
-            return kind.reject(node, "out of range")
-        return value
+            return field.reject(node, "too small a number to tell from 0", hint=hint)
+        return value if value in allowed else field.reject(node, "out of range")
 
-    kind: FieldType[float] = FieldType("a number" + _range(minimum, maximum, above, below), parse)
-    return kind
+    field = FieldType(f"a number{allowed}", parse)
+    return field
 
 
 def integer_field(*, minimum: int, maximum: int) -> FieldType[int]:
-    """A whole number from `minimum` to `maximum`; `1e3` and `120.0` are whole, and so is text that spells one."""
+    """Return the type of a whole number; `1e3` and `120.0` are whole, and so is text that spells one."""
+    allowed = _Range(minimum, maximum)
 
     def parse(node: TreeNode) -> int:
         value = parse_whole_number(node.value)
         if value is None:
-            return kind.reject(
-                node, "not a whole number", got=format_value(node.value), hint=_decimal_point_hint(node.value)
-            )
-        if not _within(value, minimum, maximum, None, None):
-            return kind.reject(node, "out of range")
-        return value
+            return field.reject(node, "not a whole number", hint=_decimal_point_hint(node.value))
+        return value if value in allowed else field.reject(node, "out of range")
 
-    kind: FieldType[int] = FieldType("a whole number" + _range(minimum, maximum, None, None), parse)
-    return kind
+    field = FieldType(f"a whole number{allowed}", parse)
+    return field
 
 
 def _decimal_point_hint(value: object) -> str | None:
@@ -241,43 +213,21 @@ def parse_whole_number(value: object) -> int | None:
     return int(as_float)
 
 
-def _within(
-    value: float, minimum: float | None, maximum: float | None, above: float | None, below: float | None
-) -> bool:
-    return (
-        (minimum is None or value >= minimum)
-        and (maximum is None or value <= maximum)
-        and (above is None or value > above)
-        and (below is None or value < below)
-    )
-
-
-def _range(minimum: float | None, maximum: float | None, above: float | None, below: float | None) -> str:
-    if minimum is not None and maximum is not None:
-        return f" from {format_value(minimum)} to {format_value(maximum)}"
-    parts = (("of at least", minimum), ("greater than", above), ("less than", below), ("at most", maximum))
-    words = [f"{word} {format_value(bound)}" for word, bound in parts if bound is not None]
-    return f" {join_words(words, 'and')}" if words else ""
-
-
 LENGTH_FIELD: FieldType[float] = number_field(minimum=MIN_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
 COORDINATE_FIELD: FieldType[float] = number_field(minimum=-MAX_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
 
 
-def _parse_boolean(node: TreeNode) -> bool:
-    if isinstance(node.value, bool):
-        return node.value
-    return BOOLEAN_FIELD.reject(node, "not true or false")
+def _instance_field(cls: type[T], expected: str, what: str) -> FieldType[T]:
+    def parse(node: TreeNode) -> T:
+        return node.value if isinstance(node.value, cls) else field.reject(node, what)
+
+    field = FieldType(expected, parse)
+    return field
 
 
-BOOLEAN_FIELD = FieldType("true or false", _parse_boolean)
-
-
-def _parse_text(node: TreeNode) -> str:
-    return node.value if isinstance(node.value, str) else TEXT_FIELD.reject(node, "not text")
-
-
-TEXT_FIELD = FieldType("text", _parse_text)
+BOOLEAN_FIELD = _instance_field(bool, "true or false", "not true or false")
+TEXT_FIELD = _instance_field(str, "text", "not text")
+MAPPING_FIELD: FieldType[dict[str, Any]] = _instance_field(dict, "a mapping", "not a mapping")
 
 
 def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> FieldType[Any]:
@@ -288,20 +238,13 @@ def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> Field
             return node.value
         meant = (aliases or {}).get(node.value) if isinstance(node.value, str) else None
         hint = f"did you mean {meant}?" if meant else did_you_mean(node.value, names)
-        return kind.reject(node, "unknown value", hint=hint)
+        return field.reject(node, "unknown value", hint=hint)
 
-    kind: FieldType[str] = FieldType(join_words(names), parse)
-    return kind
+    field = FieldType(join_words(names), parse)
+    return field
 
 
 # Lists and mappings
-
-
-def _parse_mapping(node: TreeNode) -> dict[str, Any]:
-    return node.value if isinstance(node.value, dict) else MAPPING_FIELD.reject(node, "not a mapping")
-
-
-MAPPING_FIELD = FieldType("a mapping", _parse_mapping)
 
 
 def sequence_field(item: FieldType[T], expected: str, *, count: int | None = None) -> FieldType[tuple[T, ...]]:
@@ -309,13 +252,13 @@ def sequence_field(item: FieldType[T], expected: str, *, count: int | None = Non
 
     def parse(node: TreeNode) -> tuple[T, ...]:
         if not isinstance(node.value, (list, tuple)):
-            return kind.reject(node, "not a list")
+            return field.reject(node, "not a list")
         if len(node.value) != count if count else not node.value:
-            return kind.reject(node, "wrong number of items")
+            return field.reject(node, "wrong number of items")
         return tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
 
-    kind: FieldType[tuple[T, ...]] = FieldType(expected, parse)
-    return kind
+    field = FieldType(expected, parse)
+    return field
 
 
 def section_field(

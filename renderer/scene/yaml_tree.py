@@ -16,7 +16,8 @@ import yaml
 
 from renderer.errors import InputError, Problem
 from renderer.scene.input_file import decode_utf8
-from renderer.scene.schema import format_value, join_keys, underflows
+from renderer.scene.message_text import format_value, join_keys
+from renderer.scene.schema import underflows
 
 # A scene has a few hundred values in three or four levels; what is far beyond that is a mistake or an attack.
 MAX_NODES = 20_000
@@ -125,11 +126,11 @@ class _Loader(yaml.SafeLoader):
         if parent is None or index is not None:  # the others are keys
             self._num_values += 1
         if self._num_values > MAX_NODES:
-            raise _too_many()
+            raise _limit_error(f"{MAX_NODES} values")
         self._depth += 1
         if self._depth > MAX_DEPTH:
             mark: yaml.Mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
-            raise _too_much(f"more than {MAX_DEPTH} levels", mark)
+            raise _limit_error(f"{MAX_DEPTH} levels", mark)
         node: yaml.Node | None = super().compose_node(parent, index)
         self._depth -= 1
         return node
@@ -155,14 +156,14 @@ class _Builder:
     def build(self, node: yaml.Node, path: str, *, key: yaml.Node | None, depth: int) -> Any:
         self.num_nodes += 1
         if self.num_nodes > MAX_NODES:
-            raise _too_many()
+            raise _limit_error(f"{MAX_NODES} values")
         if depth > MAX_DEPTH:  # an anchor that contains itself
-            raise _too_much(f"more than {MAX_DEPTH} levels", node.start_mark)
+            raise _limit_error(f"{MAX_DEPTH} levels", node.start_mark)
         at_key = _mark((key or node).start_mark)
         is_block = isinstance(node, yaml.CollectionNode) and not node.flow_style
         self.tree.locations[path] = SourceLocation(at_key, at_key if is_block else _mark(node.start_mark))
         if isinstance(node, yaml.CollectionNode) and node.tag not in (f"{_TAG}map", f"{_TAG}seq"):
-            self._refuse_tag(node, path)
+            self._reject_tag(node, path)
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path, depth)
         if isinstance(node, yaml.SequenceNode):
@@ -178,13 +179,13 @@ class _Builder:
         for key_node, value_node in node.value:
             mark = _mark(key_node.start_mark)
             if not isinstance(key_node, yaml.ScalarNode):
-                self._note(mark, Problem(path, "a key that is a list or a mapping", expected="text or a number"))
+                self._add_problem(mark, Problem(path, "a key that is a list or a mapping", expected="text or a number"))
                 continue
             key = self._scalar(key_node, path)
             place = join_keys(path, key)
             if key in lines:
                 hint = f"it is in line {lines[key]}, too" if lines[key] != mark.line else None
-                self._note(mark, Problem(place, "the same key twice", hint=hint))
+                self._add_problem(mark, Problem(place, "the same key twice", hint=hint))
                 continue
             lines[key] = mark.line
             data[key] = self.build(value_node, place, key=key_node, depth=depth + 1)
@@ -203,14 +204,14 @@ class _Builder:
         except (KeyError, ValueError):  # an explicit tag on something else
             kind = "?"
         if kind != "str":
-            self._refuse_tag(node, path)
+            self._reject_tag(node, path)
         return text
 
-    def _refuse_tag(self, node: yaml.Node, path: str) -> None:
+    def _reject_tag(self, node: yaml.Node, path: str) -> None:
         problem = Problem(path, "tags are not used here", got=format_value(node.tag), hint="remove what begins with !")
-        self._note(_mark(node.start_mark), problem)
+        self._add_problem(_mark(node.start_mark), problem)
 
-    def _note(self, mark: TextPosition, problem: Problem) -> None:
+    def _add_problem(self, mark: TextPosition, problem: Problem) -> None:
         self.tree.problems.append((mark, problem))
 
 
@@ -225,16 +226,12 @@ def _mark(mark: yaml.Mark) -> TextPosition:
     return TextPosition(mark.line + 1, mark.column + 1)
 
 
-def _too_many() -> yaml.MarkedYAMLError:
-    return _too_much(f"more than {MAX_NODES} values", None)
-
-
-def _too_much(problem: str, mark: yaml.Mark | None) -> yaml.MarkedYAMLError:
-    return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
+def _limit_error(limit: str, mark: yaml.Mark | None = None) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=f"more than {limit}", problem_mark=mark)
 
 
 # What PyYAML says (a beginning of it), the same for somebody who has not read its source, and what to do.
-_WORDS = (
+_PYYAML_MESSAGES = (
     ("found character '\\t'", "a tab", "indent with spaces"),
     (
         "expected <block end>",
@@ -269,7 +266,7 @@ def _plain_error(error: yaml.MarkedYAMLError, text: str) -> NotYamlError:
     begin = error.context_mark.line + 1 if error.context_mark else None
     hint = "it belongs to what begins in line {begin}" if begin and mark and begin != mark.line else None
     unquoted = _missing_quotes_hint(text, mark) if problem.startswith("expected") else None
-    for beginning, words, advice in _WORDS:
+    for beginning, words, advice in _PYYAML_MESSAGES:
         if problem.startswith(beginning):
             problem, hint = words, advice
     return NotYamlError(f"not valid YAML: {problem}", mark, unquoted or (hint.format(begin=begin) if hint else None))

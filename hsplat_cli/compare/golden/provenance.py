@@ -7,6 +7,7 @@ also that nothing in it disturbs a terminal, and that no name leads out of the f
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -27,6 +28,8 @@ from renderer.scene import (
     format_value,
     integer_field,
     may_be_json,
+    printable_text,
+    read_bounded,
     read_fields,
     section_field,
     sequence_field,
@@ -108,7 +111,7 @@ def origin_from_sidecar(sidecar: Mapping[str, Any]) -> dict[str, Any]:
 
 def to_single_line(text: str) -> str:
     """Text that may come from anywhere, such as the name of a file, as a line for terminals and reports."""
-    return text if _is_single_line(text) else format_value(text)
+    return printable_text(text) or format_value(text)
 
 
 def _is_single_line(text: str) -> bool:
@@ -155,11 +158,9 @@ def parse_date(text: str | None) -> str | None:
 def read_provenance(folder: Path) -> Provenance:
     """What the golden.json in a folder tells. Raises InputError, SceneError with all that is wrong in it."""
     path = folder / PROVENANCE_FILE
-    content = _read(path)
-    if len(content) > MAX_PROVENANCE_BYTES:
-        raise InputError(
-            f"too large for a {PROVENANCE_FILE}", where=str(path), expected=f"at most {MAX_PROVENANCE_BYTES} bytes"
-        )
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise InputError("not a file", where=str(path))
+    content = read_bounded(path, MAX_PROVENANCE_BYTES, f"a {PROVENANCE_FILE}")
     data = load_json_object(decode_utf8(content, path), path, kind=PROVENANCE_FILE) if may_be_json(content) else {}
     if data.get("format") != FORMAT:
         raise InputError(
@@ -176,17 +177,6 @@ def read_provenance(folder: Path) -> Provenance:
     volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
     origin = {"volume": volume} | {part: given[part] for part in _PARTS if part != "volume"}
     return Provenance(origin, given["frames"])
-
-
-def _read(path: Path) -> bytes:
-    """The content of a file, or so much of it that it shows to be too large."""
-    try:
-        if path.exists() and not path.is_file():
-            raise InputError("not a file", where=str(path))
-        with path.open("rb") as file:
-            return file.read(MAX_PROVENANCE_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
 
 
 # What it may say

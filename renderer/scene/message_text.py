@@ -1,0 +1,67 @@
+"""Format values, keys and names for messages: on one line, printable, and of a readable length."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from renderer.errors import closest_match
+
+_MAX_VALUE_LENGTH = 60
+_MAX_TEXT_LENGTH = 200  # a matrix with all its digits
+_MAX_KEY_LENGTH = 255  # the longest name of a file
+
+
+def format_value(value: object) -> str:
+    """Return a value as a user would write it, on one line and cut to a readable length."""
+    text = _flow(value, depth=0)
+    return text if len(text) <= _MAX_VALUE_LENGTH else text[: _MAX_VALUE_LENGTH - 3] + "..."
+
+
+def _flow(value: object, depth: int) -> str:
+    if not isinstance(value, (list, tuple, Mapping)):
+        return _scalar(value)
+    if depth == 3:
+        return "..."
+    if isinstance(value, Mapping):
+        pairs = [
+            f"{join_keys('', key)}: {_flow(item, depth + 1)}" for key, item in list(value.items())[:_MAX_VALUE_LENGTH]
+        ]
+        return "{" + ", ".join(pairs) + "}"
+    return "[" + ", ".join(_flow(item, depth + 1) for item in value[:_MAX_VALUE_LENGTH]) + "]"
+
+
+def _scalar(value: object) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int) and value.bit_length() > 4 * _MAX_VALUE_LENGTH:  # Python refuses to spell very large ones
+        return "a huge number"
+    if isinstance(value, float):
+        return repr(value).removesuffix(".0") if math.isfinite(value) else f".{value}"
+    return repr(value[:_MAX_VALUE_LENGTH] if isinstance(value, str) else value)
+
+
+def printable_text(value: object, max_length: int = _MAX_TEXT_LENGTH) -> str:
+    """Return text from anywhere unchanged if it is printable and short; else as `format_value` does."""
+    is_printable = isinstance(value, str) and value.isprintable() and len(value) <= max_length
+    return str(value) if is_printable else format_value(value)
+
+
+def join_keys(path: str, key: object) -> str:
+    """Return the dotted path of a mapping's key or a list's index below `path`."""
+    name = printable_text(key, _MAX_KEY_LENGTH)
+    return f"{path}.{name}" if path else name
+
+
+def join_words(names: Iterable[object], last: str = "or") -> str:
+    """Return the names as `a, b or c`."""
+    *others, final = [str(name) for name in names]
+    return f"{', '.join(others)} {last} {final}" if others else final
+
+
+def did_you_mean(name: object, names: Iterable[str]) -> str | None:
+    """Return a hint with the closest match among `names`, or None."""
+    close = closest_match(name, names) if isinstance(name, str) else None
+    return f"did you mean {close}?" if close else None
