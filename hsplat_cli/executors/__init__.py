@@ -1,6 +1,7 @@
-"""Who draws a frame: this process, workers on this machine, or a cluster.
+"""Draws the frames of a film: in this process, with workers on this machine, or on a cluster.
 
-In: a plan and frame numbers. Out: drawn frames in order, from whichever executor; the same bytes from all.
+In: a plan and frame numbers. Out: `FrameResult`s in order, the same bytes from every executor. `open_executor` is the
+entrance; `schedule.py` decides which worker draws which frame, for `workers/` and `cluster/` alike.
 """
 
 import lazy_loader

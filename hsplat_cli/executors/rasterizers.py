@@ -1,4 +1,4 @@
-"""What the commands draw with, on as many threads as this process may use."""
+"""Opens the rasterisers of the commands, on as many threads as this process may use."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Files and options to a `Job`.
+"""Turns files and options into a `Job`.
 
-In: a scene file, a sidecar, or a volume and options. Out: `Job`: a scene, its frames and its output; or a suggested
-scene as text.
+In: a scene file, a sidecar, or a volume and options. Out: `Job`, which is a scene with its frames and its output; or a
+suggested scene as text. Also declares the click options that several commands share.
 """
 
 import lazy_loader

@@ -5,7 +5,6 @@ from .film_arguments import (
     film_options as film_options,
 )
 from .job import Job as Job, load_job as load_job
-from .patterns import expand_pattern as expand_pattern
 from .scene_text import (
     FilmOptions as FilmOptions,
     transfer_dict as transfer_dict,
@@ -33,6 +32,7 @@ from .volume_arguments import (
 from .volume_names import (
     NamedVolume as NamedVolume,
     base_name as base_name,
+    expand_pattern as expand_pattern,
     expand_volumes as expand_volumes,
     name_volumes as name_volumes,
 )

@@ -1,4 +1,4 @@
-"""What a command is to draw: a scene, and which frames of it."""
+"""Loads what a command draws: a scene, and which frames of it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from renderer.scene import (
     tolerance_at,
 )
 
-# What to do about volumes that are no longer there. These keys say where the voxels are, and change no film.
+# Hints for a volume that is gone. These keys say where the voxels are, and change no film.
 _MOVED_FILE_HINTS = {
     "volume.file": "if it was moved, --volume names it",
     "volume.raw.file": "if it was moved, --set volume.raw.file=FILE names it",
@@ -35,9 +35,10 @@ _MOVED_FILE_HINTS = {
 
 @dataclass(frozen=True)
 class Job:
-    """frames: their numbers, ascending.
-    requested_error: how exact, as a section `error` says it: `{"splats": 100000}`.
-    original: the film that is made again, if it is one.
+    """A scene, and what to draw of it.
+
+    frames: their numbers, ascending. requested_error: the accuracy, as a section `error`: `{"splats": 100000}`.
+    original: the film that is made again, if any.
     """
 
     scene: Scene
@@ -55,10 +56,10 @@ def load_job(
     output: Path | None = None,
     draws: Literal["film", "passes", "nothing"] = "film",
 ) -> Job:
-    """The job that a scene file or a sidecar describes, with what the options of the command line change in it.
+    """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
-    That of a sidecar is to make its film again, or another one elsewhere. draws: what appears under the name of the
-    output, the film at once, or passes that are coarser at first. Raises InputError, and SceneError as `load_scene`.
+    The job of a sidecar makes its film again, or another one elsewhere. draws: what appears under the name of the
+    output: the film at once, or coarser passes first. Raises InputError, and SceneError as `load_scene`.
     """
     content = read_content(path)
     still = is_one_frame(frames)
@@ -105,19 +106,19 @@ def _require_no_input(path: Path, scene: Scene, frames: Sequence[int], *sidecar:
 
 
 def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:
-    """Whether the recorded scene has the tolerances at which the frames were drawn, and not others put in by hand."""
+    """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
     drawn = zip(sidecar.frames, sidecar.tolerances, strict=True)
     return scene.error.goal is None and all(tolerance_at(scene.error, frame) == told for frame, told in drawn)
 
 
 def _has_whole_schedule(sidecar: Sidecar, editor: SceneEditor) -> bool:
-    """Whether the scene says how exact all frames of the path are, not only those that were drawn."""
+    """Return whether the scene has the accuracy of all frames of the path, not only of the drawn ones."""
     is_new = any(key == "error" or key.startswith("error.") for key in editor.overridden_paths)
     return is_new or sidecar.original.requested_error.goal is None
 
 
 def _editor(sidecar: Sidecar) -> SceneEditor:
-    """The recorded scene, with an output that is the film beside the sidecar, wherever they are now."""
+    """Return an editor of the recorded scene; its output is the film beside the sidecar, wherever they are now."""
     scene, path = sidecar.scene, sidecar.original.path
     output = scene.get("output")
     if isinstance(output, dict) and isinstance(output.get("file"), str):

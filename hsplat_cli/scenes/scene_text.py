@@ -1,4 +1,4 @@
-"""A scene file as a person would write it: in the order of thought, with comments, to be changed by hand."""
+"""Writes a scene file as a person would: in a natural order, with comments, to be changed by hand."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from renderer.scene import (
 if TYPE_CHECKING:
     from renderer.suggest import Suggestion
 
-# Where comments begin, if the line is not longer.
+# Comments begin here, unless the line is longer.
 _COMMENT_COLUMN = 30
 # The last characters of Latin 1 and of the basic plane.
 _MAX_LATIN_1, _MAX_BMP = 0xFF, 0xFFFF
@@ -31,7 +31,7 @@ _MAX_LATIN_1, _MAX_BMP = 0xFF, 0xFFFF
 
 @dataclass(frozen=True)
 class FilmOptions:
-    """What a turntable is asked for besides its volume. background: as in a scene, a colour or `transparent`."""
+    """The options of a turntable besides its volume. background: a colour or `transparent`."""
 
     frames: int = 120
     elevation: float = 20.0
@@ -52,11 +52,11 @@ def scene_text(
     is_float: bool,
     nonfinite: str | None = None,
 ) -> str:
-    """The YAML of a turntable.
+    """Return the YAML of a turntable.
 
-    volume: as it was read, its file relative to the current folder. folder: where the scene will lie, to which the
-    scene's volume is relative. output: as in the scene, relative to the current folder.
-    is_float: whether NaN and infinities are possible. nonfinite: what becomes of those that there are.
+    volume: as it was read, its file relative to the current folder. folder: of the scene's file, to which the scene's
+    volume is relative. output: relative to the current folder. is_float: whether NaN and infinities are possible.
+    nonfinite: a sentence on what replaces them.
     """
     lines = [
         f"# A turntable of {plain_text(volume_file(volume).name)}: {suggestion.kind};",
@@ -74,24 +74,25 @@ def scene_text(
         "",
         "camera:",
         "  target: visible             # the middle of what can be seen; from as near as shows all of it",
-        f"  path: {{type: turntable, frames: {film.frames}, elevation: {number(film.elevation)}, axis: {film.axis}}}",
+        f"  path: {{type: turntable, frames: {film.frames}, elevation: {number_text(film.elevation)}, axis: {film.axis}}}",
         "",
         "error:",
         _with_comment(
-            f"  tolerance: {number(film.tolerance)}", "smaller is more exact and slower, 0 draws every visible voxel"
+            f"  tolerance: {number_text(film.tolerance)}",
+            "smaller is more exact and slower, 0 draws every visible voxel",
         ),
         "",
         "output:",
-        _with_comment(f"  file: {quoted(output)}", "relative to the current folder"),
+        _with_comment(f"  file: {yaml_string(output)}", "relative to the current folder"),
         f"  size: [{film.size[0]}, {film.size[1]}]",
-        f"  frames_per_second: {number(film.fps)}",
-        f"  background: {quoted(film.background)}",
+        f"  frames_per_second: {number_text(film.fps)}",
+        f"  background: {yaml_string(film.background)}",
     ]
     return "\n".join(lines) + "\n"
 
 
 def volume_file(volume: VolumeSpec) -> Path:
-    """The file or folder that a volume is read from."""
+    """Return the file or folder of a volume."""
     file = getattr(volume.source, "file", None)
     assert isinstance(file, Path), volume.source
     return file
@@ -103,10 +104,10 @@ def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool, nonfinite: s
     yield "volume:"
     source = volume.source
     if isinstance(source, RawSource):
-        yield f"  raw: {{file: {quoted(place)}, shape: {list(source.shape)}, dtype: {quoted(source.dtype)},"
+        yield f"  raw: {{file: {yaml_string(place)}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
         yield f"        byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
-        yield _with_comment(f"  file: {quoted(place)}", "relative to this file")
+        yield _with_comment(f"  file: {yaml_string(place)}", "relative to this file")
         if isinstance(source, FileSource) and source.spacing is not None:
             yield _with_comment(f"  spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's")
     if volume.time is not None:
@@ -116,33 +117,33 @@ def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool, nonfinite: s
     if nonfinite is not None:
         yield f"  # {nonfinite}."
     if is_float:
-        instead = volume.nonfinite if isinstance(volume.nonfinite, str) else number(volume.nonfinite)
+        instead = volume.nonfinite if isinstance(volume.nonfinite, str) else number_text(volume.nonfinite)
         yield _with_comment(
             f"  nonfinite: {instead}", "NaN and infinities: error, lowest, as the lowest finite value, or a number"
         )
 
 
 def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterator[str]:
-    """The section `transfer_function`, one line for each point, with a note behind it."""
+    """Yield the section `transfer_function`, one line for each point, with a note behind it."""
     yield "transfer_function:"
     if transfer.unit is not None:
-        yield f"  unit: {number(transfer.unit)}"
+        yield f"  unit: {number_text(transfer.unit)}"
     mapping = transfer.mapping
     if isinstance(mapping, ColormapSpec):
-        yield f"  colormap: {quoted(mapping.name)}"
+        yield f"  colormap: {yaml_string(mapping.name)}"
         yield f"  range: {_list(mapping.range)}"
         yield "  opacity:"
         yield from (f"    - {_list(pair)}" for pair in mapping.opacity)
         return
     yield "  points:"
     for k, point in enumerate(mapping):
-        value, color, opacity = number(point.value), hex_color(point.color), number(point.opacity)
+        value, color, opacity = number_text(point.value), hex_color(point.color), number_text(point.opacity)
         note = f"  # {notes[k]}" if k < len(notes) and notes[k] else ""
         yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'
 
 
 def transfer_dict(transfer: TransferSpec) -> dict[str, Any]:
-    """The same as plain data."""
+    """Return a transfer function as plain data."""
     mapping: Mapping[str, Any]
     if isinstance(transfer.mapping, ColormapSpec):
         points = [list(pair) for pair in transfer.mapping.opacity]
@@ -150,7 +151,7 @@ def transfer_dict(transfer: TransferSpec) -> dict[str, Any]:
     else:
         mapping = {
             "points": [
-                {"value": short(point.value), "color": hex_color(point.color), "opacity": point.opacity}
+                {"value": plain_number(point.value), "color": hex_color(point.color), "opacity": point.opacity}
                 for point in transfer.mapping
             ]
         }
@@ -163,7 +164,7 @@ def _shading_lines(shading: ShadingSpec | None) -> Iterator[str]:
     yield ""
     yield "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
     yield (
-        f"shading: {{ambient: {number(shading.ambient)}, diffuse: {number(shading.diffuse)}, "
+        f"shading: {{ambient: {number_text(shading.ambient)}, diffuse: {number_text(shading.diffuse)}, "
         f"light: {_list(shading.light)}}}"
     )
 
@@ -187,32 +188,32 @@ def _with_comment(line: str, comment: str) -> str:
 
 
 def _list(numbers: Sequence[float]) -> str:
-    return f"[{', '.join(map(number, numbers))}]"
+    return f"[{', '.join(map(number_text, numbers))}]"
 
 
 def hex_color(color: Color) -> str:
-    """`#rrggbb`."""
+    """Return `#rrggbb`."""
     return "#" + "".join(f"{round(255 * part):02x}" for part in color)
 
 
-def short(value: float) -> int | float:
-    """A whole number as one, where that is exact."""
+def plain_number(value: float) -> int | float:
+    """Return a whole number as an integer, where that is exact."""
     return int(value) if abs(value) < 2**53 and value == int(value) else value
 
 
-def number(value: float) -> str:
-    """As YAML reads it back: an exponent needs a point and a sign."""
-    text = repr(short(value))
+def number_text(value: float) -> str:
+    """Return a number as YAML reads it back: an exponent needs a point and a sign."""
+    text = repr(plain_number(value))
     mantissa, mark, exponent = text.partition("e")
     if not mark:
         return text
     return f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent if exponent[0] in '+-' else '+' + exponent}"
 
 
-def quoted(text: str | Path) -> str:
-    """A string as YAML reads it back, in double quotes where it would be something else without.
+def yaml_string(text: str | Path) -> str:
+    """Return a string as YAML reads it back, in double quotes where needed.
 
-    Bytes of a file name that are no UTF-8, which are surrogates in Python, are escapes, and so are control characters.
+    Control characters, and bytes of a file name that are not UTF-8 (surrogates in Python), become escapes.
     """
     plain = str(text)
     if all(char.isascii() and (char.isalnum() or char in "._-/") for char in plain) and _reads_as(plain, plain):
@@ -239,5 +240,5 @@ def _escaped(char: str) -> str:
 
 
 def plain_text(text: str) -> str:
-    """Text for a comment: on one line, and of characters that can be written."""
+    """Return text for a comment: one line of printable characters."""
     return "".join(char if char == " " or char.isprintable() else "?" for char in text)

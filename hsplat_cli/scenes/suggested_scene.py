@@ -1,4 +1,4 @@
-"""A volume to the text of a scene that shows it."""
+"""Suggests a scene, as text, that shows a volume."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from renderer.scene import (
     parse_scene_content,
 )
 
-# Where the values of a scene came from.
+# The option that each value of a scene came from.
 _OPTIONS = {
     "volume.spacing": "--spacing",
     "volume.raw.spacing": "--spacing",
@@ -43,7 +43,7 @@ class SuggestedScene:
     outlier_notes: tuple[str, ...] = ()
 
     def summary_lines(self) -> list[str]:
-        """What is said about the volume, a line each."""
+        """Return what there is to say about the volume, one line each."""
         return [
             f"{self.kind}; {self.reason}",
             *self.outlier_notes,
@@ -74,13 +74,11 @@ def suggest_scene(
     output: Path,
     hides_nonfinite: bool = False,
 ) -> SuggestedScene:
-    """The scene to be written to the file `scene`.
+    """Return a scene for the file `scene`.
 
-    hides_nonfinite: where `volume` asks for the `lowest` value in the places of NaN and infinities, and another one is
-    better hidden, they get that.
-
-    Raises InputError for a volume that cannot be read or drawn, and SceneError where an option, such as the background,
-    cannot be in a scene.
+    hides_nonfinite: where `volume` has the `lowest` value for NaN and infinities, and another value is less visible,
+    use that. Raises InputError for a volume that cannot be read or drawn, and SceneError for an option, such as the
+    background, that cannot be in a scene.
     """
     require_colormap(colormap)
     from renderer.suggest import suggest_for
@@ -103,8 +101,10 @@ def suggest_scene(
 
 
 def _check(text: str, scene: Path) -> None:
-    """Raise SceneError for values that cannot be in a scene, such as odd sizes of an MP4, with the options that they
-    came from. Nothing has been written yet, so that there is no line to show."""
+    """Raise SceneError, with the options, for values that cannot be in a scene, such as odd sizes of an MP4.
+
+    Nothing is written yet, so no line can be shown.
+    """
     try:
         parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, is_single_frame=False)
     except SceneError as error:

@@ -1,12 +1,11 @@
-"""Files that become shorter while voxels are mapped from them: zeros in place of a signal that kills.
+"""Guards mapped volumes against files that become shorter: zeros are read, in place of a signal that kills.
 
-A page beyond the end of a file cannot be read, and the kernel tells by SIGBUS, in the middle of whatever compiled loop
-reads it. The handler here gives the rest of the array memory of zeros, so that the loop ends; `renderer` looks at the
-file after everything that it reads of it, and raises InputError. All that is not the loss of such a file, as a disk
-that cannot be read or shared memory that has run out, is left to what handled the signal before: it kills as ever.
+A read beyond the end of a mapped file raises SIGBUS, in the middle of a compiled loop. The handler maps zeros there, so
+that the loop ends; `renderer` checks the file after it has read, and raises InputError. Other causes of SIGBUS, such as
+a broken disk, go to the former handler: they still kill.
 
-The handler is compiled, for Python's own run between two bytecodes, and none of them comes before the loop goes on. It
-calls nothing but lseek, mmap, sigaction and raise. It is there on Linux of 64 bits only, whose structures it knows.
+The handler is compiled, because handlers in Python run between two bytecodes, and the loop has none. It calls only
+lseek, mmap, sigaction and raise. It exists on 64-bit Linux alone, whose structures it knows.
 """
 
 from __future__ import annotations
@@ -31,23 +30,23 @@ from renderer.volume import MappedFile, Volume
 
 Array = npt.NDArray[Any]
 
-# Arrays that are guarded at once; more are not.
+# Arrays that can be guarded at once.
 _MOST = 64
-# Not in Python's modules; of sigaction(2), and of mmap(2), the last one without room set aside for what is not written.
+# Constants of sigaction(2) and mmap(2) that Python lacks; the last one reserves no memory for what is not written.
 _SA_SIGINFO, _MAP_FIXED, _MAP_NORESERVE = 4, 0x10, 0x4000
-# Of siginfo_t.si_code, the lower half of a word: of a fault it is positive and small, of what was sent it is not.
+# siginfo_t.si_code is the lower half of a word: positive and small for a fault, but not for a signal that was sent.
 _LOW_BITS, _MAX_FAULT_CODE = 0xFFFFFFFF, 0xFFFF
 
 
 def read_volume_guarded(spec: VolumeSpec) -> Volume:
-    """As `read_volume`; where the volume's file becomes shorter, now or later, that is an InputError and no signal."""
+    """Read a volume as `read_volume`; a file that becomes shorter, now or later, is an InputError and no signal."""
     return read_volume(spec, on_mapped=guard_mapping)
 
 
 def guard_mapping(file: MappedFile, values: Array) -> None:
-    """Read zeros where the file that `values`, of any strides, are mapped from has lost them, for as long as they live.
+    """Make `values`, of any strides, read as zeros where their file has become shorter, for as long as they live.
 
-    Where that cannot be had, nothing is done.
+    Does nothing on systems without such a handler.
     """
     if not (sys.platform == "linux" and platform.machine() in ("x86_64", "aarch64") and sys.maxsize > 1 << 32):
         return
@@ -57,16 +56,16 @@ def guard_mapping(file: MappedFile, values: Array) -> None:
         return
     try:
         descriptor = os.open(file.path, os.O_RDONLY)
-    except OSError:  # gone, which the next look tells
+    except OSError:  # gone, which the next check finds
         return
     status = os.fstat(descriptor)
-    if (status.st_dev, status.st_ino) != (file.device, file.inode):  # replaced, which it tells, too
+    if (status.st_dev, status.st_ino) != (file.device, file.inode):  # replaced, which it finds, too
         os.close(descriptor)
         return
     begin, end = np.lib.array_utils.byte_bounds(values)
     region = regions[free[0]]
     region[[0, 2, 3]] = begin & -mmap.PAGESIZE, descriptor, file.num_bytes
-    region[1] = -(-end // mmap.PAGESIZE) * mmap.PAGESIZE  # last: the handler takes what has an end
+    region[1] = -(-end // mmap.PAGESIZE) * mmap.PAGESIZE  # last: the handler uses regions with an end
     root: Any = values
     while isinstance(root, np.ndarray):
         root = root.base
@@ -80,11 +79,11 @@ def _release_region(region: Array) -> None:
 
 @dataclass(frozen=True)
 class _InstalledHandler:
-    """What the handler needs as long as the process lives.
+    """What the handler needs while the process lives.
 
     regions: int64 [_MOST, 4]: addresses of the first byte and beyond the last, whole pages, 0 for none; descriptor and
         length of the file.
-    before: the action that was there, as sigaction(2) has it.
+    before: the former action, as sigaction(2) has it.
     """
 
     regions: Array
@@ -94,9 +93,9 @@ class _InstalledHandler:
 
 @cache
 def _install_handler() -> _InstalledHandler:
-    """Compile the handler and make it that of the process, once."""
+    """Compile and install the handler, once."""
     regions = np.zeros((_MOST, 4), np.int64)
-    # The structure on both processors: the function, 128 bytes of a mask of signals, flags, and a function of libc's.
+    # The structure on both processors: the function, a mask of 128 bytes, flags, and a function of libc.
     before, action = np.zeros(19, np.int64), np.zeros(19, np.int64)
     handler = _compile_handler(regions.ctypes.data, before.ctypes.data)
     action[0] = handler.address
@@ -108,7 +107,7 @@ def _install_handler() -> _InstalledHandler:
 
 
 def _libc_function(name: str, num_arguments: int, result: Any = ctypes.c_int64) -> Any:
-    """A function all of whose arguments are given as integers of 64 bits, which these processors allow for shorter."""
+    """Return a function of libc that takes 64-bit integers, which these processors allow for shorter ones."""
     function = getattr(ctypes.CDLL(None), name)
     function.argtypes, function.restype = (ctypes.c_int64,) * num_arguments, result
     return function
@@ -144,7 +143,7 @@ def _compile_handler(regions_address: int, before_address: int) -> Any:
             if regions[index] <= fault < regions[index + 1]:
                 length = lseek(regions[index + 2], 0, to_end)
                 if 0 <= length < regions[index + 3]:
-                    # To the end: what is behind has gone, too, and a page at a time may be more maps than there can be.
+                    # To the end, which is gone, too: single pages could exceed the number of maps.
                     first = fault & -page
                     if map_memory(first, regions[index + 1] - first, readable, zeros, -1, 0) == first:
                         return

@@ -1,18 +1,18 @@
-"""Names of volumes on a command line: which files are meant, and what their films are called."""
+"""Finds the volumes that a command line names, and names their films."""
 
 from __future__ import annotations
 
+import glob
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hsplat_cli.scenes.patterns import expand_pattern
 from renderer.errors import InputError
 from renderer.film import header_data_files
 
-# Endings of volumes; of a name such as scan.v2.nii.gz the last one only is taken away.
+# Endings of volumes; only the last one of a name such as scan.v2.nii.gz is removed.
 _ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|mha|mhd|raw|tiff?|npy|dcm|vtk|mrc)(\.gz|\.bz2)?$", re.IGNORECASE)
 
 
@@ -25,28 +25,43 @@ class NamedVolume:
 
 
 def base_name(volume: Path) -> str:
-    """What the film of a volume is called: its name without its ending, safe as the name of a file."""
+    """Return the name of a volume's film: its name without its ending, safe as a file name."""
     return _safe(_ENDINGS.sub("", _own_name(volume)))
 
 
 def _own_name(volume: Path) -> str:
-    """`scan` for `scan/`, `.` or `..`, too."""
+    """Return the name of a file or folder, also for `scan/`, `.` and `..`."""
     return volume.name if volume.name not in ("", "..") else volume.resolve().name
 
 
 def _safe(name: str) -> str:
-    """Without control characters, and without what a template or a command line would take for its own."""
+    """Return a name without control characters, and without the syntax of templates and command lines."""
     text = "".join("_" if char in "{}/\\" or not (char == " " or char.isprintable()) else char for char in name)
     text = re.sub(r"^[-.]+", "_", text).strip()
     return text or "volume"
 
 
-def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """The volumes that are meant, each once, in the order given, and what is to be said about those left out.
+def expand_pattern(name: str) -> list[Path]:
+    """Return what a pattern such as `scans/**/*.nrrd` matches, sorted; a file that exists, or another name, as it is.
 
-    A pattern that the shell did not expand is expanded here, sorted. Data files are left out where their headers are
-    among the volumes. A pattern that matches nothing is a volume that is not there, which is said when its turn comes.
-    Raises InputError for the slices of a DICOM series one by one.
+    Raises InputError for a pattern that matches nothing.
+    """
+    if Path(name).exists() or not glob.has_magic(name):
+        return [Path(name)]
+    found = sorted(glob.glob(name, recursive=True))
+    if not found:
+        hint = None if Path(name).is_absolute() else f"it is relative to {Path.cwd()}"
+        raise InputError("no file matches this pattern", where=name, hint=hint)
+    return [Path(path) for path in found]
+
+
+def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """Return the volumes, each once, in the order given, and notes about those left out.
+
+    Expands patterns that the shell did not, sorted. Leaves out data files whose headers are among the volumes. A pattern
+    that matches nothing stays, as a missing volume, which is an error when it is read.
+
+    Raises InputError for single slices of a DICOM series.
     """
     found: dict[Path, Path] = {}
     for text in arguments:
@@ -74,30 +89,29 @@ def _refuse_slices(volumes: Sequence[Path]) -> None:
 
 
 def name_volumes(volumes: Sequence[Path]) -> list[NamedVolume]:
-    """Each volume with a name of its own, also where upper and lower case are the same.
+    """Give each volume a unique name, also on systems that ignore case.
 
-    `scan`; where there are several of them, with the folder `a_scan`, or else with the ending `scan.nrrd`, or else with
-    a number.
+    `scan`; for several of them with the folder, `a_scan`, else with the ending, `scan.nrrd`, else with a number.
     """
     alike: dict[str, list[Path]] = {}
     for volume in volumes:
         alike.setdefault(base_name(volume).lower(), []).append(volume)
     form = {base: _distinguishing_form(group) for base, group in alike.items()}
-    taken: set[str] = set()
+    used_names: set[str] = set()
     result = []
     for volume in volumes:
         name = wanted = form[base_name(volume).lower()](volume)
         number = 1
-        while name.lower() in taken:
+        while name.lower() in used_names:
             number += 1
             name = f"{wanted}-{number}"
-        taken.add(name.lower())
+        used_names.add(name.lower())
         result.append(NamedVolume(volume, name))
     return result
 
 
 def _distinguishing_form(group: Sequence[Path]) -> Callable[[Path], str]:
-    """The first way to name volumes that tells these apart."""
+    """Return the first form of names that differ for these volumes."""
     forms = (base_name, _with_folder, _with_ending, _with_both)
     return next((form for form in forms if len({form(volume).lower() for volume in group}) == len(group)), _with_folder)
 

@@ -1,1 +1,1 @@
-"""Frames drawn by many machines: those of a Dask cluster, or processes on this one that stand in for it."""
+"""Draws frames on a Dask cluster, or on processes of this machine that stand in for one."""

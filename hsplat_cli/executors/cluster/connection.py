@@ -1,4 +1,4 @@
-"""From an address to a connection with a Dask cluster, or to a cluster of processes on this machine."""
+"""Connects to a Dask cluster at an address, or starts one of processes on this machine."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from renderer.errors import InputError, RenderError
 if TYPE_CHECKING:
     from distributed import Client
 
-# Of the scheduler, to answer at all.
+# Time for the scheduler to answer.
 _CONNECT_TIMEOUT_S = 6.0
-# For clients and processes, to end in peace.
+# Time for clients and processes to end by themselves.
 _CLOSE_TIMEOUT_S = 2.0
 
 
 @contextlib.contextmanager
 def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
-    """A connection with the scheduler at an address, or with one of this process's own at `local`.
+    """Connect to the scheduler at an address, or to one that this process starts at `local`.
 
-    num_workers: processes at `local`, one for each core where it is not given; they end with the block, and with this
-    process, however it ends. Raises InputError where the address is none or nobody answers, within some ten seconds.
+    num_workers: processes at `local`, one for each core by default; they end with the block, and with this process,
+    however it ends. Raises InputError for a wrong address, or where nobody answers within some ten seconds.
     """
     require_address(address)
     with contextlib.ExitStack() as stack:
@@ -53,12 +53,12 @@ def _client(target: Any) -> Client:
 
 
 def _require_scheduler(address: str) -> None:
-    """Raise InputError unless a scheduler answers: for a server that says nothing a Client would wait without end."""
+    """Raise InputError unless a scheduler answers: a Client would wait without end for a server that is silent."""
     nobody, other = "nobody answers at this address", "what answers at this address is no Dask scheduler"
     hint = "`dask scheduler` starts one, and says its address"
     try:
         kind = asyncio.run(asyncio.wait_for(_kind_of_server(address), _CONNECT_TIMEOUT_S))
-    except Exception as error:  # Dask may take the words of another kind of server for anything
+    except Exception as error:  # Dask fails in many ways on the answer of another kind of server
         what = nobody if isinstance(error, (OSError, asyncio.TimeoutError)) else other
         raise InputError(what, where=f"--scheduler {address}", expected=ADDRESSES, hint=hint) from error
     if kind != "Scheduler":
@@ -66,7 +66,7 @@ def _require_scheduler(address: str) -> None:
 
 
 async def _kind_of_server(address: str) -> str:
-    """`Scheduler`, `Worker` or `Nanny`."""
+    """Return `Scheduler`, `Worker` or `Nanny`."""
     from distributed import Security
     from distributed.comm import connect
     from distributed.core import send_recv
@@ -80,19 +80,19 @@ async def _kind_of_server(address: str) -> str:
 
 @contextlib.contextmanager
 def _local_cluster(num_workers: int) -> Iterator[Any]:
-    """Processes of one thread each."""
+    """Start processes of one thread each."""
     from distributed import LocalCluster
 
     with contextlib.ExitStack() as stack:
         with deferrable_interrupts() as defer_interrupts, _sigint_blocked_in_children():
-            defer_interrupts()  # a cluster that is half there cannot be ended
+            defer_interrupts()  # a cluster that is half started cannot be ended
             try:
                 cluster = LocalCluster(
                     n_workers=num_workers,
                     threads_per_worker=1,
                     processes=True,
-                    memory_limit=0,  # none: nothing is to be written to disk, and no process to be ended for its size
-                    dashboard_address="127.0.0.1:0",  # not the port that everybody takes
+                    memory_limit=0,  # no limit: no spilling to disk, no process ended for its size
+                    dashboard_address="127.0.0.1:0",  # not the default port, which may be in use
                     silence_logs=logging.CRITICAL,
                 )
             except (OSError, RuntimeError) as error:
@@ -109,11 +109,11 @@ def _close(cluster: Any) -> None:
 
 @contextlib.contextmanager
 def _sigint_blocked_in_children() -> Iterator[None]:
-    """Ctrl-C reaches all processes of a terminal; those of threads that begin in this block do not notice.
+    """Block SIGINT in processes that start in this block.
 
-    They would end, and be replaced, while this process ends them.
+    Ctrl-C reaches all processes of a terminal: they would end, and be replaced, while this process ends them.
     """
-    resource_tracker.ensure_running()  # or it would unblock the signal when it is started
+    resource_tracker.ensure_running()  # it would unblock the signal if it started later
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -123,7 +123,7 @@ def _sigint_blocked_in_children() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _silenced_logs() -> Iterator[None]:
-    """No log lines of Dask's and of what it stands on: what matters to a user is an error or a note of ours."""
+    """Silence the logs of Dask and of what it uses: what matters to users is reported as an error or a note."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
@@ -131,7 +131,7 @@ def _silenced_logs() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
-        # What has ended may complain until Python does.
+        # Ended clients may log until Python ends.
         for name in list(logging.root.manager.loggerDict):
             if name.partition(".")[0] in _NOISY_LOGGERS:
                 logging.getLogger(name).disabled = True

@@ -1,4 +1,4 @@
-"""Which workers a cluster has, and which of them can draw: they come and go, and may have another hsplat or none."""
+"""Keeps track of the workers of a cluster: they come and go, and may have another hsplat, or none."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from renderer.errors import RenderError
 if TYPE_CHECKING:
     from distributed import Client
 
-# Workers are looked for so often.
+# Time between two looks for workers.
 _CHECK_INTERVAL_S = 1.0
 _HINT = "`dask worker ADDRESS` starts one"
 
 
 class WorkerRegistry:
-    """The workers of a cluster that can draw, by their addresses.
+    """The workers of a cluster that can draw, as `usable_workers`, by their addresses.
 
     address: of the scheduler, for messages. max_wait_s: the longest time without any worker at all.
     """
@@ -39,12 +39,15 @@ class WorkerRegistry:
         self._excluded[worker] = why
 
     def recheck(self, worker: str) -> None:
-        """Do not use this worker, which may be gone, or the scheduler with it, before it was looked at again: soon."""
+        """Do not use this worker, which may be gone, until the next update has checked it, at once."""
         self.usable_workers.discard(worker)
         self._next_check = time.monotonic()
 
     def update_workers(self) -> None:
-        """Find out, if it is time, who has come and who is gone. Raises RenderError when nobody is left."""
+        """Find out which workers have come and gone, if it is time.
+
+        Raises RenderError where none that can draw is left.
+        """
         if time.monotonic() < self._next_check:
             return
         present = set(self._ask(self._client.nthreads))
@@ -79,7 +82,7 @@ class WorkerRegistry:
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know about it."""
+        """Return what the user should know."""
         if not self._excluded:
             return []
         return [f"workers that could not draw were not used: {_reason_counts_text(list(self._excluded.values()))}"]
@@ -100,11 +103,11 @@ class WorkerRegistry:
                 self._excluded[worker] = str(answer)
 
     def _version_mismatch(self, answer: dict[str, Any]) -> str | None:
-        """Which one a worker has that draws otherwise than the one here may."""
+        """Return the hsplat of a worker if its pictures may differ from those of the one here."""
         if answer["hsplat"] != self._here["hsplat"]:
             return f"hsplat {answer['hsplat']}"
-        # Checkouts are installed under the version of their release, whatever is changed in them.
-        if answer.get("sources") != self._here["sources"]:  # older ones do not tell
+        # A changed checkout has the version of its release.
+        if answer.get("sources") != self._here["sources"]:
             return f"hsplat {answer['hsplat']} of other sources"
         return None
 
@@ -120,23 +123,18 @@ class WorkerRegistry:
             ) from error
 
     def _ask(self, question: Any) -> Any:
-        """The scheduler's answer."""
+        """Return the scheduler's answer; raises RenderError where it does not answer any more."""
         try:
             return question()
         except OSError as error:  # of Dask's, too
-            raise scheduler_is_gone(self._address) from error
-
-
-def scheduler_is_gone(address: str) -> RenderError:
-    """What to say when it no longer answers."""
-    return RenderError("the scheduler no longer answers", where=f"--scheduler {address}")
+            raise RenderError("the scheduler no longer answers", where=f"--scheduler {self._address}") from error
 
 
 def _is_missing(answer: object) -> bool:
-    """Whether a worker's answer is that it has no such module; Dask sends some exceptions as their text."""
+    """Return whether a worker's answer says that a module is missing; Dask sends some exceptions as text."""
     return isinstance(answer, ImportError) or "ModuleNotFoundError" in str(answer) or "ImportError" in str(answer)
 
 
 def _reason_counts_text(reasons: list[str]) -> str:
-    """`2 with hsplat 0.1.0, 1 without hsplat`."""
+    """Return `2 x hsplat 0.1.0; 1 x without hsplat`."""
     return "; ".join(f"{num} x {why}" for why, num in sorted(Counter(reasons).items()))

@@ -1,7 +1,6 @@
-"""What a worker of a cluster does: it gets a film's parcel once, makes a stage of it, and draws frame after frame.
+"""Runs on the workers of a cluster: a worker gets the serialised stage once, and draws frame after frame.
 
-Nothing here needs a file of the client's. The client imports this module, too, and so does the scheduler, which passes
-its functions on by their names.
+Needs no file of the client. The client and the scheduler import this module, too: they pass its functions on by name.
 """
 
 from __future__ import annotations
@@ -24,10 +23,10 @@ from renderer.versions import package_versions, sources_digest
 
 
 class RenderThread:
-    """A stage and a GL context to draw it with, in a thread of their own: GL contexts belong to threads.
+    """A thread with a stage and an OpenGL context: contexts belong to threads.
 
-    num_threads: of the software renderer, unless LP_NUM_THREADS is set.
-    tool_versions: what the pictures depend on, by name: versions, and the OpenGL as `GL`.
+    num_threads: of the software renderer, unless LP_NUM_THREADS is set. tool_versions: what the pictures depend on, by
+    name: versions, and OpenGL as `GL`.
     """
 
     def __init__(self, content: memoryview, num_threads: int) -> None:
@@ -46,20 +45,20 @@ class RenderThread:
         self.tool_versions = package_versions() | {"GL": self._rasterizer.renderer_name}
 
     def draw(self, number: int) -> FrameResult:
-        """One frame, once those that other threads have asked for are done."""
+        """Draw a frame, after those that other threads have requested."""
         return self._thread.submit(lambda: next(self._executor.draw([number]))).result()
 
     def close(self) -> None:
-        """Let the GL context go; does not wait for it."""
+        """Release the OpenGL context; does not wait for it."""
         self._thread.submit(self._rasterizer.release)
         self._thread.shutdown(wait=False)
 
 
 class SerializedStage:
-    """The bytes of a stage, as `renderer.frame.transport` packs them, and in a worker the studio that draws it.
+    """The bytes of a stage, as `renderer.frame.transport` writes them, and in a worker the thread that draws it.
 
-    Dask keeps one of them in each worker's memory for as long as the client needs it. So that is how long the studio
-    lives, whether the client lets it go or is killed. Copies that are sent to other workers are without it.
+    Dask keeps one in each worker's memory for as long as the client needs it, and the thread lives as long, even if the
+    client is killed. Copies for other workers come without the thread.
 
     content: uint8 [num_bytes].
     """
@@ -75,17 +74,17 @@ class SerializedStage:
         return self._content.nbytes
 
     def render_thread(self, num_threads: int) -> RenderThread:
-        """Made when it is first asked for."""
+        """Return the thread; the first call starts it."""
         with self._lock:
             if self._render_thread is None:
                 content = self._content if self._content.flags.writeable else self._content.copy()
                 self._render_thread = RenderThread(content.data, num_threads)
                 self._closing = weakref.finalize(self, self._render_thread.close)
-                self._closing.atexit = False  # when threads have ended
+                self._closing.atexit = False  # threads have ended by then
             return self._render_thread
 
     def discard_thread(self, thread: RenderThread) -> None:
-        """Make a new one when it is asked for again."""
+        """Close a thread whose context is lost; the next call of `render_thread` starts another."""
         with self._lock:
             if self._render_thread is thread:
                 self._render_thread = None
@@ -95,19 +94,16 @@ class SerializedStage:
 
 
 def describe_worker() -> dict[str, Any]:
-    """The versions in this process, and as `sources` the digest of what draws: checkouts may have one version.
-
-    That this can be called tells that hsplat is installed.
-    """
+    """Return the versions in this process, and as `sources` the digest of what draws: checkouts may share a version."""
     return package_versions() | {"sources": _sources_digest()}
 
 
-# As they are when this process has loaded them: it goes on with those if a checkout is changed.
+# Once, for the sources that this process has loaded: a checkout may change later.
 _sources_digest = functools.cache(sources_digest)
 
 
 def draw_on_worker(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
-    """A frame's PNG file, what its film's sidecar tells of it, and what it was made with."""
+    """Draw a frame; return its PNG file, its record for the sidecar, and the versions that made it."""
     from distributed import get_worker
 
     thread = stage_data.render_thread(get_worker().state.nthreads)

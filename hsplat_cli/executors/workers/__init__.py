@@ -1,9 +1,9 @@
-"""Drawing by several processes: `open_pool` is the door, `worker` the program of the children.
+"""Draws with several processes: `open_pool` starts them, `worker` is their program.
 
     the parent                                                       each worker
-    stage -> parcel -> memory without a name, mapped by all  . . . . maps the same pages, makes a GL context
-    pool: hands out numbers of frames, keeps the order  <- messages -> draws, encodes, sends record, PNG and pixels
-    lifeline: a pipe that only the parent can close  . . . . . . . . ends at once when it closes
+    stage -> serialised in memory without a name  . . . . . . . . .  maps the same pages, opens OpenGL
+    pool: sends numbers of frames, keeps the order  <-- messages --> draws, encodes, sends record, PNG and pixels
+    child processes: a pipe that only the parent can close  . . . .  ends at once when it closes
 
-Nothing here has a name in a file system, so that nothing is left however a process ends.
+Nothing has a name in a file system, so nothing remains, however a process ends.
 """

@@ -1,14 +1,12 @@
-"""Children that end when their parent does, however it ends, and when it wants them to.
+"""Starts child processes that end when their parent does, however it ends, and when it wants them to.
 
-The parent keeps the one end of a pipe for writing, into which nothing is ever written; the child holds the other. When
-the parent closes its end, or is gone, SIGKILL included, the pipe breaks. A thread of the child waits for that and ends
-it. It comes to its turn when no other thread has Python's lock, which some calls of libraries keep for long:
-therefore Linux is asked to send the child SIGKILL as well. (That a parent's death sends a signal, PR_SET_PDEATHSIG,
-Linux has too, but for the death of the thread that started the child, and not for a pipe that is closed.)
+The parent keeps the writing end of a pipe and never writes; the child has the reading end. When the parent closes its
+end, or dies, even by SIGKILL, the pipe breaks. A thread of the child waits for that and ends the child. The thread
+needs Python's lock, which some libraries keep for long, so Linux is asked to send the child SIGKILL as well.
+(PR_SET_PDEATHSIG would not do: it is about the thread that started the child, and not about a pipe.)
 
-This file is also the program that children are started with, `python lifeline.py ...`: it takes hold of the pipe and
-becomes the module that is wanted. It is not run by `-m`, which would look for modules in the current folder first, with
-whatever is there in the place of ours: the child gets the parent's `sys.path`.
+This file is also the program of the children, `python child_processes.py ...`: it takes the pipe and runs the module.
+`python -m` would look for modules in the current folder first; the child gets the parent's `sys.path` instead.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ _SET_SIGNAL = "F_SETSIG"
 
 
 class ChildProcesses:
-    """Starts children that end with this process, and at the end of the block at the latest."""
+    """Starts children that end with this process, or at the end of the block."""
 
     def __init__(self) -> None:
         self._ends: dict[subprocess.Popen[bytes], int] = {}
@@ -53,12 +51,12 @@ class ChildProcesses:
         stdout: int | IO[bytes] | None = None,
         stderr: int | IO[bytes] | None = None,
     ) -> subprocess.Popen[bytes]:
-        """A child that runs a Python module as `python -m` does, with our modules and nothing on its standard input.
+        """Start a child that runs a Python module as `python -m` does, with our modules and no standard input.
 
-        It is in a session of its own: Ctrl-C in the terminal is for us, and we end it. pass_fds: file descriptors that
-        it inherits, under the same numbers; there are no others. Raises OSError where it cannot be started.
+        It is in another session: Ctrl-C in the terminal reaches only this process, which ends it. pass_fds: the file
+        descriptors that it inherits, under the same numbers. Raises OSError where it cannot be started.
         """
-        child_end, parent_end = os.pipe()  # one for each: who gets a signal is a property of a pipe's end
+        child_end, parent_end = os.pipe()  # one for each child: the pipe's end says who gets a signal
         command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(sys.path)), *sys.path]
         try:
             child = subprocess.Popen(
@@ -79,25 +77,25 @@ class ChildProcesses:
         return child
 
     def end_child(self, child: subprocess.Popen[bytes]) -> None:
-        """End a child if it has not ended; it is not waited for. For a second time this does nothing."""
+        """End a child, without waiting for it; does nothing the second time."""
         end = self._ends.pop(child, None)
         if end is not None:
             os.close(end)
 
     def end_all(self) -> None:
-        """End all children that there still are; they are not waited for."""
+        """End all children, without waiting for them."""
         for child in list(self._ends):
             self.end_child(child)
 
 
 def exit_with_parent(descriptor: int) -> None:
-    """End this process as soon as the pipe breaks, of which this is the end for reading."""
+    """End this process as soon as the pipe breaks. descriptor: its reading end."""
     if hasattr(fcntl, _SET_SIGNAL):
-        with contextlib.suppress(OSError):  # a kernel that passes for Linux
+        with contextlib.suppress(OSError):  # not quite Linux
             fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
             fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
             fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
-    # On Linux, too: for a pipe that broke before.
+    # Also on Linux: the pipe may have broken before.
     threading.Thread(target=_end_when_broken, args=(descriptor,), daemon=True).start()
 
 
@@ -107,7 +105,7 @@ def _end_when_broken(descriptor: int) -> None:
 
 
 def _main() -> None:
-    """Arguments: the pipe, how many folders the parent looks for modules in, these, the module and its arguments."""
+    """Run a module. Arguments: the pipe, the length of the parent's `sys.path`, its items, the module and its own."""
     exit_with_parent(int(sys.argv[1]))
     num_folders = int(sys.argv[2])
     sys.path[:] = sys.argv[3 : 3 + num_folders]

@@ -1,8 +1,8 @@
-"""Messages between the pool and its workers: plain data and buffers of bytes, over a pair of sockets.
+"""Sends messages between the pool and its workers: plain data and buffers of bytes, over a pair of sockets.
 
     length of the text, uint32 little-endian | text, JSON: [content, lengths of the buffers] | the buffers
 
-Whoever reads them checks nothing: both ends are of one version, and nobody else has them.
+Readers check nothing: both ends have the same version, and nobody else has them.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Plain = dict[str, Any]
 
 @dataclass(frozen=True)
 class Message:
-    """content: plain data for JSON. buffers: what is too long for it, or not text."""
+    """A message. content: plain data for JSON. buffers: what is too long for that, or not text."""
 
     content: Plain
     buffers: tuple[bytes, ...] = ()
 
 
 def send(end: socket.socket, message: Message) -> None:
-    """Send a message, however long it takes until there is room. Raises OSError when nobody reads any more."""
+    """Send a message; waits for room. Raises OSError when nobody reads any more."""
     text = json.dumps([message.content, [len(buffer) for buffer in message.buffers]]).encode("ascii")
     end.sendall(_LENGTH.pack(len(text)) + text)
     for buffer in message.buffers:
@@ -38,17 +38,16 @@ def send(end: socket.socket, message: Message) -> None:
 
 
 def receive(end: socket.socket) -> Message:
-    """Wait for the next message. Raises EOFError, or OSError, when there will be none."""
+    """Wait for the next message. Raises EOFError or OSError where none will come."""
     message = next(_incoming(end, 0))
     assert message is not None
     return message
 
 
 def receive_available(end: socket.socket) -> Iterator[Message | None]:
-    """The messages that come, each once it is whole, and None wherever more has to be waited for.
+    """Yield each message once it is whole, and None where more has to be waited for; never waits.
 
-    So nobody has to wait for a sender that has stopped half way through. Raises EOFError, or OSError, when there will
-    be no more.
+    Raises EOFError or OSError where no more will come.
     """
     return _incoming(end, socket.MSG_DONTWAIT)
 
@@ -82,12 +81,12 @@ _KINDS: dict[str, type[HsplatError]] = {kind.__name__: kind for kind in (InputEr
 
 
 def error_to_plain(error: HsplatError) -> Plain:
-    """An error as plain data. One of many complaints at once becomes one of a single text."""
+    """Return an error as plain data; the problems of a SceneError become one text."""
     kind = "InputError" if isinstance(error, InputError) else "RenderError"
     parts = {name: getattr(error, name) for name in ("what", "where", "got", "expected", "hint")}
     return {"kind": kind} | parts
 
 
 def error_from_plain(plain: Plain) -> HsplatError:
-    """The error again, without its traceback."""
+    """Return the error, without its traceback."""
     return _KINDS[plain["kind"]](**{name: text for name, text in plain.items() if name != "kind"})

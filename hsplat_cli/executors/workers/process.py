@@ -1,4 +1,4 @@
-"""A worker as the pool sees it: a child process, the messages to and from it, and how it ended."""
+"""Runs a worker as a child process: messages to and from it, whether it hangs, and how it ended."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ from hsplat_cli.executors.workers.messages import Message, receive_available, se
 from renderer.errors import RenderError
 from renderer.film import StreamTail
 
-# Of a worker's standard error stream, what a message can show.
+# Lines of a worker's standard error stream that a message shows.
 _NUM_LAST_LINES = 5
 
-# A process that has closed its socket is about to end; one that does not is killed. One that is killed ends as soon as
-# the kernel can let go of it, which may be never, where a device or a file system does not answer.
+# A process that has closed its socket is about to end; else it is killed. A killed process may never end, where the
+# kernel waits for a device or a file system.
 _EXIT_TIMEOUT_S, _KILL_TIMEOUT_S = 1.0, 5.0
 
 
 @dataclass(frozen=True)
 class HangPolicy:
-    """A worker is looked at each `check_interval_s` seconds; one that was idle at
-    `max_idle_checks` of them in a row hangs.
+    """A worker that is idle at `max_idle_checks` checks in a row, each `check_interval_s` seconds, hangs.
 
-    It is looks that count, and not the time: where the machine sleeps, or this process is stopped, all that is one.
+    Checks count, not time: a sleep of the machine, or a stop of this process, is one check.
     """
 
     check_interval_s: float = 5.0
@@ -38,7 +37,7 @@ class HangPolicy:
 
     @property
     def hang_text(self) -> str:
-        """On one that hangs."""
+        """Return the reason why a worker counts as hung."""
         return f"no processor time for {self.check_interval_s * self.max_idle_checks:g} s"
 
 
@@ -82,23 +81,23 @@ class WorkerProcess:
         self._incoming = receive_available(self._socket)
 
     def fileno(self) -> int:
-        """To wait for messages with."""
+        """Return the descriptor to wait for messages with."""
         return self._socket.fileno()
 
     @property
     def is_ready(self) -> bool:
-        """Whether it can be given tasks."""
+        """Whether it can draw."""
         return self.renderer_name is not None
 
     def send(self, message: Message) -> None:
-        """A few of them never have to wait. That it has died is seen when its messages end, and not here."""
+        """Send a message, which does not wait for a few of them; that it has died shows when its messages end."""
         with suppress(OSError):
             send(self._socket, message)
 
     def receive(self) -> Message | None:
-        """Read what it has sent, up to the end of a message, which is returned; None if there is only part of one.
+        """Return the next message that it has sent; None for only part of one.
 
-        Raises EOFError when there will be none, for it has ended.
+        Raises EOFError where it has ended.
         """
         self._num_idle_checks = 0
         try:
@@ -124,7 +123,7 @@ class WorkerProcess:
             self._killed_at = time.monotonic()
 
     def close(self) -> None:
-        """Wait for its end, which has come or is near; one that does not even end when it is killed is left alone."""
+        """Wait for its end, and kill it if it does not end; give up on one that survives that."""
         if self._killed_at is None and not self._ends_within(_EXIT_TIMEOUT_S):
             self.kill()
         if self._killed_at is not None:
@@ -141,16 +140,16 @@ class WorkerProcess:
 
     @property
     def is_still_alive(self) -> bool:
-        """Whether, after `close`, it is still there."""
+        """Whether it survived `close`."""
         return self._process.returncode is None
 
     @property
     def was_killed(self) -> bool:
-        """Whether it ended by a signal, or would have."""
+        """Whether a signal ended it, or should have."""
         return self.is_still_alive or self._process.returncode < 0
 
     def exit_error(self) -> RenderError:
-        """How it ended, after `close`, and what it said last."""
+        """Return how it ended, after `close`, and what it printed last."""
         status = self._process.returncode
         if self.is_hung:
             how = self._hang_policy.hang_text
@@ -169,12 +168,12 @@ class WorkerProcess:
 
 
 def worker_environment(threads_per_worker: int) -> dict[str, str]:
-    """Ours, with so many threads for Mesa's software renderer unless the user has said how many."""
+    """Return our environment, with this number of threads for Mesa's software renderer unless the user has set it."""
     return {"LP_NUM_THREADS": str(threads_per_worker)} | os.environ
 
 
 def _processor_time(process: int) -> int | None:
-    """Of all its threads, in the kernel's ticks; None where the system does not tell."""
+    """Return the processor time of all threads of a process, in ticks; None where the system does not tell."""
     try:
         text = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:

@@ -1,4 +1,4 @@
-"""A stage in memory that several processes map: it has no name, and is gone when the last of them is."""
+"""Shares a stage between processes, in memory without a name, which is freed with the last of them."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from hsplat_cli.scenes import guard_mapping
 from renderer.errors import RenderError
 from renderer.frame import Stage, deserialize_stage, serialize_stage
 
-# What some systems write at most at once.
+# The most that some systems write at once.
 _MAX_WRITE_BYTES = 1 << 30
 
 
 class SharedStage:
-    """A stage that other processes can have by a file descriptor that they inherit; to be closed.
+    """A stage that other processes map by an inherited file descriptor; to be closed.
 
-    stage: the stage, with arrays in the shared memory. Whoever goes on with this one and lets go of the one that it was
-    made from has the volume in memory once. One whose voxels are mapped from a file leaves them there.
+    stage: the stage, with arrays in the shared memory. Callers that use it, and drop the original, have the volume in
+    memory once. Voxels that are mapped from a file stay there.
     """
 
     def __init__(self, stage: Stage) -> None:
@@ -31,21 +31,20 @@ class SharedStage:
             raise
 
     def close(self) -> None:
-        """Let go of the descriptor; stages that were mapped stay."""
+        """Close the descriptor; mapped stages stay."""
         os.close(self.descriptor)
 
 
 def map_stage(descriptor: int) -> Stage:
-    """The stage that a descriptor of shared memory leads to, without reading it; the descriptor can then be closed.
+    """Map the stage of a descriptor of shared memory, without reading it; the descriptor can then be closed.
 
-    Whether its arrays can be written to is as it was. Nobody writes, so that pages stay shared: it would be seen by the
-    writer alone.
+    Nobody writes to its arrays, so pages stay shared.
     """
     return deserialize_stage(memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY)), guard_mapping)
 
 
 def _anonymous_file() -> int:
-    """In memory where the system can, otherwise on disk, under no name."""
+    """Open a file without a name, in memory where the system can, else on disk."""
     try:
         if hasattr(os, "memfd_create"):
             return os.memfd_create("hsplat-stage", os.MFD_CLOEXEC)
@@ -56,7 +55,7 @@ def _anonymous_file() -> int:
 
 
 def _write(descriptor: int, stage: Stage) -> None:
-    """Written and not mapped and then filled: where there is no room that is an error, and not a signal that kills."""
+    """Write a stage. Mapped memory that has no room would be a signal that kills; here it is an error."""
     try:
         for piece in serialize_stage(stage, without_files=False):
             rest = piece

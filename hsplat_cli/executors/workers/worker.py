@@ -1,7 +1,7 @@
-"""A process that draws frames for a pool: `hsplat_cli.executors.workers.worker SOCKET STAGE`, two file descriptors.
+"""Draws frames for a pool: `hsplat_cli.executors.workers.worker SOCKET STAGE`, two file descriptors.
 
-It says that it is ready, and then answers each `{"draw": number, "pixels": bool}` by the frame's record, with its PNG
-file and, if asked for, its pixels. A context that is lost, or an error, is the last thing that it says.
+It sends that it is ready, and answers each `{"draw": number, "pixels": bool}` with the frame's record, its PNG file
+and, on request, its pixels. A lost context or an error is its last message.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from renderer.frame import Rasterizer, Stage, Stopwatch, draw_frame, make_draw_l
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Serve until nobody asks any more."""
+    """Draw until the pool closes the socket."""
     end, descriptor = socket.socket(fileno=int(arguments[0])), int(arguments[1])
     with end:
         try:
@@ -50,7 +50,7 @@ def _serve(end: socket.socket, descriptor: int) -> None:
 
 
 def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
-    """Draw the whole volume as one splat: kernels are loaded, and shaders compiled, before the first frame."""
+    """Draw the whole volume as one splat, to load kernels and compile shaders before the first frame."""
     watch = Stopwatch(time.perf_counter)
     lod = make_primitive(stage).make_lod(math.inf, watch.lap)
     draw_frame(stage, make_draw_list(stage, lod, 0, watch), rasterizer, watch)
