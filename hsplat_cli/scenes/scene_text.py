@@ -58,6 +58,7 @@ def scene_text(
     volume is relative. output: relative to the current folder. is_float: whether NaN and infinities are possible.
     nonfinite: a sentence on what replaces them.
     """
+    elevation = number_text(film.elevation)
     lines = [
         f"# A turntable of {plain_text(volume_file(volume).name)}: {suggestion.kind};",
         f"# {suggestion.reason}.",
@@ -74,7 +75,7 @@ def scene_text(
         "",
         "camera:",
         "  target: visible             # the middle of what can be seen; from as near as shows all of it",
-        f"  path: {{type: turntable, frames: {film.frames}, elevation: {number_text(film.elevation)}, axis: {film.axis}}}",
+        f"  path: {{type: turntable, frames: {film.frames}, elevation: {elevation}, axis: {film.axis}}}",
         "",
         "error:",
         _with_comment(

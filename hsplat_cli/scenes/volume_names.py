@@ -58,8 +58,8 @@ def expand_pattern(name: str) -> list[Path]:
 def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     """Return the volumes, each once, in the order given, and notes about those left out.
 
-    Expands patterns that the shell did not, sorted. Leaves out data files whose headers are among the volumes. A pattern
-    that matches nothing stays, as a missing volume, which is an error when it is read.
+    Expands patterns that the shell did not, sorted. Leaves out data files whose headers are among the volumes. A
+    pattern that matches nothing stays, as a missing volume, which is an error when it is read.
 
     Raises InputError for single slices of a DICOM series.
     """

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from hsplat_cli.scenes import FilmOptions
-from hsplat_cli.scenes.scene_text import number, plain_text, quoted, scene_text
+from hsplat_cli.scenes.scene_text import number_text, plain_text, scene_text, yaml_string
 from renderer.scene import (
     ColormapSpec,
     ControlPoint,
@@ -180,10 +180,10 @@ def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: Sp
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_numbers(value: float) -> None:
-    assert parse_yaml(f"a: {number(value)}").data == {"a": value}
+    assert parse_yaml(f"a: {number_text(value)}").data == {"a": value}
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
 def test_texts(text: str) -> None:
-    assert parse_yaml(f"a: {quoted(text)}").data == {"a": text}
+    assert parse_yaml(f"a: {yaml_string(text)}").data == {"a": text}
     assert parse_yaml(f"a: 1 # {plain_text(text)}").data == {"a": 1}
