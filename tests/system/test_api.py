@@ -1,0 +1,277 @@
+"""The Python API draws what the command draws, writes what it writes, and leaves the same things alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_scene import small_scene
+
+import renderer
+from hsplat_cli import main
+from renderer.film import encode_png
+from renderer.scene import parse_scene_content
+
+NUM_FRAMES = 3
+# The default footprint first.
+ERRORS = [(None, None), (None, "splats: 4"), (None, "psnr: 30"), ("gaussian", None), ("gaussian", "splats: 200")]
+NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere", "PYTHONPATH": str(Path(main.__file__).parents[1])}
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_scene()
+
+
+def write_scene(footprint: str | None = None, error: str | None = None) -> None:
+    Path("scene.yaml").write_text(small_scene(frames=NUM_FRAMES, error=error, footprint=footprint), encoding="utf-8")
+
+
+def command(*options: str, scene: str = "scene.yaml") -> None:
+    assert main.run(["render", scene, "--quiet", *options]) == 0
+
+
+def sidecar_of(path: Path) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(path.read_bytes())
+    return data
+
+
+def blob() -> np.ndarray[Any, np.dtype[np.float32]]:
+    """A soft ball with a wave in it."""
+    z, y, x = np.meshgrid(*(np.linspace(-1, 1, num) for num in (12, 14, 16)), indexing="ij")
+    values: np.ndarray[Any, np.dtype[np.float32]] = (200 * np.exp(-4 * (x * x + y * y + z * z)) + 20 * x).astype("f4")
+    return values
+
+
+@pytest.mark.parametrize(("footprint", "error"), ERRORS)
+def test_frames_are_those_of_the_command(footprint: str | None, error: str | None) -> None:
+    write_scene(footprint, error)
+    command("--output", "{frame}.png", "--frames", "1")
+    image = renderer.render_frame("scene.yaml", 1)
+    assert (image.dtype, image.shape) == (np.uint8, (32, 32, 3))
+    assert image.max() > 100
+    assert image._repr_png_() == Path("1.png").read_bytes()
+    np.testing.assert_array_equal(renderer.render_frame(renderer.load_scene("scene.yaml"), 1 - NUM_FRAMES), image)
+
+
+@pytest.mark.parametrize(("footprint", "error"), ERRORS)
+def test_a_film_is_that_of_the_command(footprint: str | None, error: str | None) -> None:
+    write_scene(footprint, error)
+    film = renderer.render("scene.yaml")
+    assert (film.path, film.frames, film.sidecar) == (Path("film.mp4"), (0, 1, 2), Path("film.mp4.json"))
+    made, sidecar = film.path.read_bytes(), sidecar_of(film.sidecar)
+    assert sorted(os.listdir()) == ["film.mp4", "film.mp4.json", "scene.yaml"]
+    command("--force")
+    told = sidecar_of(film.sidecar)
+    assert film.path.read_bytes() == made
+    for key in ("scene", "volume", "camera", "pyramid", "gl", "versions", "notes"):
+        assert sidecar[key] == told[key], key
+    assert sidecar["schedule"].items() <= told["schedule"].items()
+    for frame, other in zip(sidecar["frames"], told["frames"], strict=True):
+        assert frame.pop("seconds").keys() <= other.pop("seconds").keys()
+        assert frame.items() <= other.items()  # which tells the digest of its picture, too
+
+
+def test_the_command_draws_a_film_again_from_its_sidecar() -> None:
+    film = renderer.render("scene.yaml", output="film.gif")
+    made = film.path.read_bytes()
+    film.path.unlink()
+    command(scene=str(film.sidecar))
+    assert film.path.read_bytes() == made
+
+
+@pytest.mark.parametrize("frames", [slice(None, None, 2), [0, 2], range(0, 3, 2), [0, -1]])
+def test_numbered_pictures_of_some_frames(frames: Any) -> None:
+    film = renderer.render("scene.yaml", output="{frame:02}.png", frames=frames)
+    assert film.frames == (0, 2)
+    command("--output", "other/{frame:02}.png", "--frames", "::2")
+    for name in ("00.png", "02.png"):
+        assert Path(name).read_bytes() == Path("other", name).read_bytes()
+    assert f"frames.{film.sidecar.name.partition('.')[2]}" == film.sidecar.name
+    assert "image/png" in film._repr_html_() and "2 frames" in film._repr_html_()
+
+
+def test_a_still() -> None:
+    film = renderer.render("scene.yaml", output="still.png", frames=-1)
+    assert film.frames == (2,)
+    assert film.path.read_bytes() == renderer.render_frame("scene.yaml", 2)._repr_png_()
+
+
+@pytest.mark.parametrize("footprint", [None, "gaussian"])
+def test_an_array_is_drawn_like_its_file(footprint: str | None) -> None:
+    """Also where the scene is what `hsplat init` suggests: `suggest_scene` reads the file or takes the array."""
+    array = blob()
+    np.save("scan.npy", array)
+    assert main.run(["init", "scan.npy", "--size", "48x32", "--frames", "120", "--output", "init.yaml"]) == 0
+    suggested = renderer.load_scene("init.yaml")
+    of_file = renderer.suggest_scene("scan.npy", size=(48, 32), output="scan.mp4")
+    assert replace(of_file, volume=suggested.volume) == suggested
+    if footprint is not None:
+        of_file = renderer.load_scene("init.yaml", overrides=[f"splat.footprint={footprint}"])
+        of_array = replace(renderer.suggest_scene(array, size=(48, 32)), splat=of_file.splat)
+    else:
+        of_array = renderer.suggest_scene(array, size=(48, 32))
+    image = renderer.render_frame(of_array, 40)
+    assert image.max() > 50
+    np.testing.assert_array_equal(image, renderer.render_frame(of_file, 40))
+
+
+def test_what_is_suggested_hides_what_is_no_number() -> None:
+    array = blob()
+    array[0] = np.nan
+    np.save("scan.npy", array)
+    assert main.run(["init", "scan.npy", "--size", "32", "--output", "init.yaml"]) == 0
+    expected = renderer.render_frame("init.yaml", 7)
+    np.testing.assert_array_equal(renderer.render_frame(array, 7, size=(32, 32)), expected)
+    assert np.isnan(array[0]).all()
+
+
+@pytest.mark.parametrize(
+    "change", [lambda a: a, lambda a: a[::-1, :, ::2], lambda a: a.astype(">i2"), np.asfortranarray]
+)
+def test_arrays_are_never_changed(change: Any) -> None:
+    array = change(blob())
+    array.flags.writeable = True
+    before = array.copy()
+    renderer.render_frame(array, size=(16, 16))
+    assert array.flags.writeable
+    np.testing.assert_array_equal(array, before)
+
+
+def test_spacing_stretches_an_array() -> None:
+    """By twice along x: the same as twice the voxels of a field that is constant along it."""
+    array = np.zeros((9, 9, 9), np.uint8)
+    array[2:7, 2:7] = 200
+    options: dict[str, Any] = {"transfer_function": [(100, "red", 0), (150, "white", 0.5)], "size": (40, 30)}
+    stretched = renderer.render_frame(array, 0, spacing=(2, 1, 1), **options)
+    np.testing.assert_array_equal(stretched.shape, (30, 40, 3))
+    wide = renderer.render_frame(np.repeat(array, 2, axis=2), 0, **options)
+    assert np.mean(np.abs(stretched.astype(float) - wide)) < 3
+
+
+def test_options_take_the_place_of_what_a_scene_says() -> None:
+    command("--output", "a.png", "--frames", "1", "--set", "error.tolerance=2", "--set", "output.size=[20, 31]")
+    image = renderer.render_frame("scene.yaml", 1, tolerance=2, size=(20, 31))
+    assert image._repr_png_() == Path("a.png").read_bytes()
+    clear = renderer.render_frame("scene.yaml", 1, background="transparent")
+    assert clear.shape == (32, 32, 4) and clear[0, 0, 3] == 0
+    scene = renderer.load_scene("scene.yaml")
+    assert np.array_equal(renderer.render_frame(scene, 1, camera=scene.camera), renderer.render_frame(scene, 1))
+    near = renderer.render_frame(scene, 1, camera={"field_of_view": 60, "distance": 10})
+    assert not np.array_equal(near, renderer.render_frame(scene, 1))
+
+
+@pytest.mark.parametrize("output", ["film.gif", "link.gif"])
+def test_a_film_never_takes_the_place_of_a_volume(output: str) -> None:
+    content = (np.indices((6, 6, 6)).sum(axis=0) * 16).astype(np.uint8).tobytes()
+    Path("film.gif").write_bytes(content)
+    Path("link.gif").symlink_to("film.gif")
+    text = Path("scene.yaml").read_text(encoding="utf-8")
+    text = text.replace(
+        "procedural: {name: engine_block, shape: [24, 24, 12]}",
+        "raw: {file: film.gif, shape: [6, 6, 6], dtype: uint8}",
+    )
+    Path("scene.yaml").write_text(text, encoding="utf-8")
+    for scene in ("scene.yaml", renderer.load_scene("scene.yaml")):
+        with pytest.raises(renderer.InputError, match="this output is an input"):
+            renderer.render(scene, output=output)
+    assert Path("film.gif").read_bytes() == content
+    assert sorted(os.listdir()) == ["film.gif", "link.gif", "scene.yaml"]
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_a_film_is_whole_or_not_at_all(output: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    renderer.render("scene.yaml", output=output)
+    before = {path.name: path.read_bytes() for path in Path().iterdir()}
+
+    def interrupted(*arguments: Any, **options: Any) -> Any:
+        frames = drawn(*arguments, **options)
+        yield next(frames)
+        raise KeyboardInterrupt
+
+    from renderer import api
+
+    drawn = api.render_frames
+    monkeypatch.setattr(api, "render_frames", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        renderer.render("scene.yaml", output=output)
+    assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
+
+
+def test_an_accuracy_that_cannot_be_had() -> None:
+    write_scene(error="psnr: 150")
+    with pytest.raises(renderer.RenderError, match="the accuracy that is wanted is beyond full resolution"):
+        renderer.render("scene.yaml")
+    assert Path("film.mp4").exists()
+    film = renderer.render("scene.yaml", best_effort=True)
+    told = sidecar_of(film.sidecar)["schedule"]
+    assert not told["met"] and told["asked"] == {"psnr": 150.0} and "beyond full resolution" in told["shortfall"]
+
+
+def test_another_job_is_writing_the_film() -> None:
+    hold = (
+        "import sys; from pathlib import Path; from renderer.film import locked_output; import renderer\n"
+        "scene = renderer.load_scene('scene.yaml')\n"
+        "with locked_output(scene.output, range(3), Path('film.mp4.json')):\n"
+        "    print('held', flush=True); sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", hold], env=os.environ | {"PYTHONPATH": NO_OPENGL["PYTHONPATH"]},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as other:  # fmt: skip
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        with pytest.raises(renderer.OutputLockedError, match="another job is writing this output"):
+            renderer.render("scene.yaml")
+        other.communicate()
+    assert renderer.render("scene.yaml").path.exists()
+
+
+def test_without_opengl() -> None:
+    """Bricks are drawn; splats and overlays say what is missing."""
+    program = (
+        "import renderer\n"
+        "scene = renderer.load_scene('scene.yaml')\n"
+        "assert renderer.render_frame(scene).max() > 100\n"
+        "for change in ('splat.footprint=gaussian', 'overlay=octree'):\n"
+        "    try:\n"
+        "        renderer.render_frame(renderer.load_scene('scene.yaml', overrides=[change]))\n"
+        "    except renderer.RenderError as error:\n"
+        "        print(error)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True, env=os.environ | NO_OPENGL
+    )
+    assert result.stdout.count("OpenGL") >= 2, result.stdout
+
+
+def test_the_truth_is_what_pictures_come_near_to() -> None:
+    scene = renderer.load_scene("scene.yaml")
+    truth = renderer.integrate(scene, 1)
+    assert (truth.dtype, truth.shape) == (np.float32, (32, 32, 3))
+    psnr = [
+        -10 * np.log10(np.mean((renderer.render_frame(scene, 1, tolerance=tolerance) / 255 - truth) ** 2))
+        for tolerance in (20, 0.1)
+    ]
+    assert psnr[0] < 40 < psnr[1]
+    text = small_scene(frames=NUM_FRAMES, footprint=None).replace("size: [32, 32]", "size: [8, 8]\n  background: white")
+    white = parse_scene_content(
+        text.encode(), Path("white.yaml"), overrides=(), volume=None, output=None, is_single_frame=False
+    )
+    assert renderer.integrate(white).max() == 1.0
+
+
+def test_a_picture_is_an_array_that_notebooks_display() -> None:
+    image = renderer.render_frame("scene.yaml")
+    assert isinstance(image, np.ndarray)
+    assert type(np.asarray(image)) is np.ndarray
+    assert image[4:8, ::2]._repr_png_() == encode_png(np.ascontiguousarray(image[4:8, ::2]))
+    assert image[..., 0]._repr_png_() is None
+    assert (image / 255)._repr_png_() is None
