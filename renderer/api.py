@@ -380,8 +380,9 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
         tree["volume"]["spacing"] = given["spacing"]
     if "camera" in given:
         camera = given["camera"]
-        tree["camera"] = tree["camera"] | camera if isinstance(camera, dict) else camera
-        tree["camera"] = {key: value for key, value in tree["camera"].items() if value is not None}
+        if isinstance(camera, dict):
+            camera = {key: value for key, value in (tree["camera"] | camera).items() if value is not None}
+        tree["camera"] = camera
     if "tolerance" in given:
         rest = {key: value for key, value in tree["error"].items() if key in ("measure", "of", "finest_level")}
         tree["error"] = rest | {"tolerance": given["tolerance"]}

@@ -1,0 +1,132 @@
+"""The door of the library: light to import, complete in its errors, and described by docs/api.md as it is."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from api_page import PAGE, api_page
+
+import renderer
+from hsplat_cli import main
+from renderer.api import Film
+
+ARRAY = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
+
+
+def test_the_page_is_made_from_the_docstrings() -> None:
+    assert PAGE.read_text("utf-8") == api_page(), "python tests/support/api_page.py writes it"
+
+
+def test_importing_the_door_loads_no_array_library() -> None:
+    program = "import sys, renderer; dir(renderer); sys.exit(any(m in sys.modules for m in ('numpy', 'numba', 'yaml')))"
+    environment = os.environ | {"PYTHONPATH": str(Path(main.__file__).parents[1])}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
+
+
+def test_every_function_has_parameters_returns_errors_and_an_example() -> None:
+    for name in ("render", "render_frame", "load_scene", "suggest_scene", "integrate"):
+        text = getattr(renderer, name).__doc__
+        assert all(word in text for word in ("Parameters\n", "Returns ", "Raises ", "Example\n", ">>> ")), name
+
+
+def problem(**options: Any) -> str:
+    with pytest.raises(renderer.InputError) as error:
+        renderer.suggest_scene(ARRAY, **options)
+    return str(error.value)
+
+
+def test_all_mistakes_are_told_at_once_by_the_names_of_the_parameters() -> None:
+    told = problem(spacing=(1, 0, 2), size=(3, "x"), transfer_function="virids", tolerance=-1, background="blu")
+    assert told == (
+        "transfer_function.colormap: unknown colormap\n"
+        "  got: 'virids'\n"
+        "  expected: a name such as viridis, gray, cividis_r or crameri:batlow\n"
+        "  hint: did you mean viridis?\n"
+        "tolerance: out of range\n"
+        "  got: -1\n"
+        "  expected: a number of at least 0\n"
+        "size.1: not a whole number\n"
+        "  got: 'x'\n"
+        "  expected: a whole number from 1 to 16384\n"
+        "background: not a color\n"
+        "  got: 'blu'\n"
+        '  expected: a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white\n'
+        "  hint: did you mean blue?\n"
+        "spacing.1: out of range\n"
+        "  got: 0\n"
+        "  expected: a number from 1e-30 to 1e+30"
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "place"),
+    [
+        ({"transfer_function": [(1, "red", 0.5), (0, "red", 0.5)]}, "transfer_function.points.1.value"),
+        ({"transfer_function": [(1, "red")]}, "transfer_function.points.0"),
+        ({"transfer_function": {"colormap": "gray"}}, "transfer_function.range"),
+        ({"camera": {"path": {"type": "spiral"}}}, "camera.path.type"),
+        ({"camera": 3}, "camera"),
+        ({"size": (33, 32)}, "size"),
+        ({"background": "transparent"}, "background"),
+        ({"output": "film.avi"}, "output"),
+        ({"spacing": 2}, "spacing"),
+        ({"spacing": (1, 1, 1e20)}, "spacing"),
+    ],
+)
+def test_where_a_mistake_is(options: dict[str, Any], place: str) -> None:
+    assert problem(**options).startswith(f"{place}: ")
+
+
+def test_what_is_no_volume() -> None:
+    with pytest.raises(renderer.InputError) as error:
+        renderer.render_frame(ARRAY[0])
+    assert str(error.value) == (
+        "the array does not have the axes of a volume\n  got: shape [4, 5]\n  expected: three axes, [z, y, x]"
+    )
+    with pytest.raises(renderer.InputError, match="the array: voxels of this type cannot be rendered"):
+        renderer.render_frame(ARRAY.astype(complex))
+    with pytest.raises(renderer.InputError, match="the array: no voxel is finite"):
+        renderer.render_frame(np.full((3, 3, 3), np.nan))
+    with pytest.raises(renderer.InputError, match="the array: 1 of 60 voxels are NaN or infinite"):
+        renderer.render_frame(np.where(ARRAY == 7, np.inf, ARRAY), transfer_function=[(0, "red", 0.5)])
+    with pytest.raises(renderer.SceneError, match=r"volume: no such file"):
+        renderer.suggest_scene("missing.nrrd")
+    with pytest.raises(renderer.InputError, match=r"missing.yaml: no such file"):
+        renderer.load_scene("missing.yaml")
+
+
+@pytest.mark.parametrize("frames", [120, -121, [], [3, 3], [3, 2], "0:3", 1.5, [0.5], range(5, 5), slice(200, None)])
+def test_frames_that_are_not_on_the_path(frames: Any) -> None:
+    scene = renderer.suggest_scene(ARRAY)
+    with pytest.raises(renderer.InputError) as error:
+        renderer.render(scene, frames=frames)
+    assert str(error.value).startswith("frames: no such frames\n  got: ")
+    assert "expected: numbers from 0 to 119, ascending, or from -1 for the last one" in str(error.value)
+    assert not Path("film.mp4").exists()
+
+
+def test_scenes_of_arrays_and_colormaps() -> None:
+    scene = renderer.suggest_scene(ARRAY, spacing=np.array([1, 2, 3], np.float32), camera={"field_of_view": 40})
+    assert scene.volume.source.spacing == (1.0, 2.0, 3.0)
+    assert (scene.camera.path.frames, scene.camera.target, scene.camera.field_of_view) == (120, "visible", 40.0)
+    assert scene.splat.footprint == "integrated"
+    exact = renderer.suggest_scene(ARRAY, camera=scene.camera, transfer_function=scene.transfer_function)
+    assert (exact.camera, exact.transfer_function) == (scene.camera, scene.transfer_function)
+    gray = renderer.suggest_scene(ARRAY, transfer_function="gray").transfer_function
+    assert gray != scene.transfer_function
+    assert renderer.suggest_scene(ARRAY > 30).volume.source.values.dtype == np.uint8
+    assert renderer.suggest_scene(ARRAY.tolist()).volume.source.shape == (5, 4, 3)
+
+
+@pytest.mark.parametrize(("name", "tag"), [("a.mp4", "<video"), ("a.gif", "<img"), ("a&{frame:02}.png", "<img")])
+def test_films_in_a_notebook(name: str, tag: str, tmp_path: Path) -> None:
+    (tmp_path / name.format(frame=3)).write_bytes(b"film")
+    shown = Film(tmp_path / name, (3, 4), tmp_path / "a.json", ("one < two",))._repr_html_()
+    assert tag in shown and "base64,ZmlsbQ==" in shown and "2 frames" in shown and shown.endswith("</figure>")
+    assert "one &lt; two" in shown and ("a&amp;{frame:02}.png" in shown) == name.endswith(".png")
