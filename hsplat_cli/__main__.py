@@ -1,4 +1,4 @@
-"""Where the program starts, as `hsplat` or as `python -m hsplat_cli`."""
+"""Starts the program, as `hsplat` or as `python -m hsplat_cli`."""
 
 import sys
 
@@ -6,7 +6,7 @@ import sys
 def main() -> None:
     """Run the command line of the process, and exit."""
     try:
-        # Imported here, so that Ctrl-C in the meantime is a message and not a traceback.
+        # Imported here: Ctrl-C during the import is a message and not a traceback.
         from hsplat_cli.main import main as run
 
         run()

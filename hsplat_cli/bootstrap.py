@@ -1,12 +1,12 @@
-"""Everything from a fresh checkout to a first film or a test run: `python3 -m hsplat_cli.bootstrap demo` or `test`.
+"""Takes a fresh checkout to a first film or a test run: `python3 -m hsplat_cli.bootstrap demo` or `test`.
 
-1. Python's venv is looked for, and for the tests OpenGL without a screen, which the demo does not need. On Debian and
-   its kin, root installs what is missing; anybody else is told the line that an administrator has to run.
-2. `.venv` is made, and hsplat installed into it as a wheel, unless it holds these very sources already.
-3. The demo is rendered to `demo.mp4`, or the tests are run, both with the installed wheel and not the checkout.
+1. Checks for Python's venv and, for the tests, OpenGL without a screen. On Debian and its relatives root installs what
+   is missing; other users get the line that an administrator has to run.
+2. Makes `.venv` and installs hsplat into it as a wheel, unless it has these sources already.
+3. Renders the demo to `demo.mp4`, or runs the tests, both with the installed wheel and not the checkout.
 
-Standard library only. It must also parse and explain itself on a Python that is too old for hsplat, down to 3.6: no
-newer syntax here, and annotations that need a newer Python stay in quotes (a test says so).
+Uses the standard library alone. It must parse and explain itself on a Python that is too old for hsplat, down to 3.6:
+no newer syntax, and annotations that need a newer Python in quotes.
 """
 
 import hashlib
@@ -21,14 +21,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
-MARK = VENV / "hsplat-bootstrap.json"  # written by this module only; says what was installed
+INSTALL_RECORD = VENV / "hsplat-bootstrap.json"  # only this module writes it
 SOURCES = ("pyproject.toml", "README.md", "LICENSE", "hsplat_cli", "renderer")
 MIN_PYTHON = (3, 10)
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
 
 
 class SetupError(Exception):
-    """Something that the user has to put right; the text says what and how."""
+    """A problem that the user has to solve; the text says which and how."""
 
 
 def main(arguments: "list[str]") -> int:
@@ -54,7 +54,7 @@ def main(arguments: "list[str]") -> int:
 
 
 def demo() -> int:
-    """Render the demo, which needs no data, and say where the film is."""
+    """Render the demo, which needs no data, and print where the film is."""
     film = ROOT / "demo.mp4"
     say("rendering configs/demo.yaml")
     status = run(VENV / "bin" / "hsplat", "render", ROOT / "configs" / "demo.yaml", "--output", film)
@@ -65,28 +65,29 @@ def demo() -> int:
 
 def test() -> int:
     """Run the tests on the installed wheel."""
-    # Not `python -m pytest`: that would put the checkout before the wheel. Several at once, a file's tests by one.
+    # Not `python -m pytest`, which would import the checkout. Up to four processes; each takes whole files.
     lanes = ("--numprocesses=auto", "--maxprocesses=4", "--dist=loadfile")
     return run(VENV / "bin" / "pytest", *lanes, HSPLAT_TEST_INSTALLED="1")
 
 
 def require_python(version: "tuple[int, ...]", executable: str) -> None:
-    """Raise SetupError on a Python that hsplat does not run on."""
+    """Raise SetupError for a Python that is too old."""
     if tuple(version) < MIN_PYTHON:
         raise SetupError(
-            f"Python {dotted(MIN_PYTHON)} or newer is needed, and {executable} is Python {dotted(version)}.\n"
+            f"Python {version_text(MIN_PYTHON)} or newer is needed, "
+            f"and {executable} is Python {version_text(version)}.\n"
             "Run this command again with a newer one, for example `python3.12 -m hsplat_cli.bootstrap`."
         )
 
 
 def require_checkout() -> None:
-    """Raise SetupError where there are no sources to install."""
+    """Raise SetupError where the sources are missing."""
     if not (ROOT / "pyproject.toml").is_file():
         raise SetupError(f"{ROOT} is not a checkout of hsplat: it has no pyproject.toml.")
 
 
 def require_system_packages(*, needs_opengl: bool) -> None:
-    """Look for what pip cannot install; install it where that is possible, else raise SetupError with the way to."""
+    """Install what is missing and pip cannot install; raise SetupError with instructions where that is not possible."""
     problems = find_system_problems(needs_opengl=needs_opengl)
     if not problems:
         return
@@ -104,8 +105,8 @@ def require_system_packages(*, needs_opengl: bool) -> None:
             f"  apt-get update && {' '.join(command)}\n\nThen run this command again."
         )
     say(f"installing {' '.join(packages)}")
-    # The lists of packages may be absent or name versions that are gone. A foreign repository that fails is no reason
-    # to give up: whether the packages can be had, the second command tells.
+    # The lists of packages may be absent or old. A foreign repository may fail: the second command tells whether the
+    # packages can be installed.
     run("apt-get", "update", DEBIAN_FRONTEND="noninteractive")
     if run(*command, DEBIAN_FRONTEND="noninteractive") != 0:
         raise SetupError(f"`{' '.join(command)}` failed; its reason is above.")
@@ -115,26 +116,26 @@ def require_system_packages(*, needs_opengl: bool) -> None:
 
 
 def find_system_problems(*, needs_opengl: bool) -> "list[tuple[str, tuple[str, ...]]]":
-    """What is missing, each with the Debian packages that provide it."""
+    """Return what is missing, each with the Debian packages that provide it."""
     problems: list[tuple[str, tuple[str, ...]]] = []
     if importlib.util.find_spec("venv") is None or importlib.util.find_spec("ensurepip") is None:
-        version = dotted(sys.version_info[:2])
+        version = version_text(sys.version_info[:2])
         problems.append((f"Python {version} without its venv module", (f"python{version}-venv",)))
     if not needs_opengl:
         return problems
     probe = Path(__file__).with_name("gl_probe.py")
-    # In a process of its own: libraries that have just been installed are found, and a driver may crash.
+    # In a new process: it finds libraries that were just installed, and a driver may crash.
     result = subprocess.run([sys.executable, str(probe)], stderr=subprocess.PIPE, check=False)
     if result.returncode != 0:
-        # Drivers may complain before the probe has its say.
+        # Drivers may print before the probe does.
         words = result.stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit status {result.returncode}"]
         problems.append((f"OpenGL without a screen: {words[-1]}", GL_PACKAGES))
     return problems
 
 
 def install(extra: str) -> None:
-    """Make `.venv` hold a wheel of these sources with the `extra` (such as `[test]`) and its libraries."""
-    python = f"{dotted(sys.version_info[:2])} of {sys.base_prefix}"
+    """Install a wheel of these sources with the `extra` (such as `[test]`) and its libraries into `.venv`."""
+    python = f"{version_text(sys.version_info[:2])} of {sys.base_prefix}"
     wanted = {"python": python, "sources": digest(), "extra": extra}
     present = read_install_record()
     if VENV.exists() and present is None:
@@ -142,14 +143,14 @@ def install(extra: str) -> None:
     if present is None or present.get("python") != python or not is_python_usable():
         make_venv()
         present = {}
-    # What has the libraries of the tests can also render the demo.
+    # An installation for the tests can also render the demo.
     if present.get("sources") == wanted["sources"] and present.get("extra") in (extra, "[test]"):
         return
-    # No more than this holds while pip is at work.
+    # While pip runs, only the Python is known.
     write_install_record({"python": python})
     say("installing hsplat and its libraries into .venv")
     with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
-        # A copy, because building leaves folders beside the sources, from which the next build takes stale files.
+        # A copy: building leaves folders beside the sources, and the next build would take stale files from them.
         copy_sources(Path(folder))
         if run(VENV / "bin" / "python", "-m", "pip", "install", folder + extra, PIP_USER="0") != 0:
             raise SetupError("pip could not install hsplat; its reason is above.")
@@ -157,7 +158,7 @@ def install(extra: str) -> None:
 
 
 def make_venv() -> None:
-    """Make an empty `.venv` anew; the mark comes first, so that one left half made is known as ours."""
+    """Make an empty `.venv` again; the record comes first, so that a half-made one is known as ours."""
     say("making .venv")
     try:
         if VENV.exists():
@@ -171,7 +172,7 @@ def make_venv() -> None:
 
 
 def is_python_usable() -> bool:
-    """Whether the Python of `.venv` is still there."""
+    """Return whether the Python of `.venv` still works."""
     try:
         return run(VENV / "bin" / "python", "-c", "import pip") == 0
     except SetupError:
@@ -179,7 +180,7 @@ def is_python_usable() -> bool:
 
 
 def digest() -> str:
-    """A fingerprint of names and contents of all that goes into the wheel."""
+    """Return a digest of the names and contents of all that goes into the wheel."""
     result = hashlib.sha256()
     for name in SOURCES:
         for path in sorted([ROOT / name, *(ROOT / name).rglob("*")]):
@@ -201,24 +202,24 @@ def copy_sources(folder: Path) -> None:
 
 
 def read_install_record() -> "dict[str, str] | None":
-    """What `.venv` says to hold; None if it was not made here."""
+    """Return the record of what `.venv` has; None if this module did not make it."""
     try:
-        mark = json.loads(MARK.read_text(encoding="utf-8"))
+        record = json.loads(INSTALL_RECORD.read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except ValueError:
-        return {}  # cut off while it was written
-    return dict(mark)
+        return {}  # the write was interrupted
+    return dict(record)
 
 
-def write_install_record(mark: "dict[str, str]") -> None:
-    """Say what `.venv` holds."""
-    MARK.write_text(json.dumps(mark, indent=2) + "\n", encoding="utf-8")
+def write_install_record(record: "dict[str, str]") -> None:
+    """Record what `.venv` has."""
+    INSTALL_RECORD.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
 
 
 def run(*command: object, **variables: str) -> int:
     """Run a program in the checkout and return its exit status; `variables` join its environment."""
-    # PYTHONPATH and PYTHONHOME would put other code before what is installed in .venv.
+    # PYTHONPATH and PYTHONHOME would put other code before that of .venv.
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
     environment.update(variables)
     words = [str(word) for word in command]
@@ -228,13 +229,13 @@ def run(*command: object, **variables: str) -> int:
         raise SetupError(f"{words[0]} cannot be run: {error.strerror}.") from error
 
 
-def dotted(version: "tuple[int, ...]") -> str:
-    """(3, 10) as `3.10`."""
+def version_text(version: "tuple[int, ...]") -> str:
+    """Return (3, 10) as `3.10`."""
     return ".".join(str(number) for number in version)
 
 
 def say(text: str) -> None:
-    """Tell the user which step is being done."""
+    """Print the current step."""
     print(f"hsplat: {text}", flush=True)
 
 

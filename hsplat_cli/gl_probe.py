@@ -1,7 +1,7 @@
-"""Whether OpenGL without a screen works here: exit status 0, or 1 and one line on the standard error stream.
+"""Tests whether OpenGL without a screen works: exit status 0, or 1 and one line on the standard error stream.
 
-Standard library only, because it runs before anything is installed, in a process of its own, because a broken driver
-may crash, and written for Python 3.6. It goes the way that moderngl goes: EGL, a device, its display.
+Uses the standard library alone, because it runs before anything is installed, in Python 3.6 too. It is a separate
+process, because a broken driver may crash. Like moderngl it opens EGL, a device, and its display.
 """
 
 import ctypes
@@ -12,7 +12,7 @@ _MAX_DEVICES = 16
 
 
 def main() -> int:
-    """The exit status."""
+    """Print the problem, if any, and return the exit status."""
     problem = find_problem()
     if problem:
         print(problem, file=sys.stderr)
@@ -20,7 +20,7 @@ def main() -> int:
 
 
 def find_problem() -> str:
-    """What is missing, or an empty string."""
+    """Return what is missing, or an empty string."""
     try:
         ctypes.CDLL("libGL.so.1")
         egl = ctypes.CDLL("libEGL.so.1")

@@ -1,7 +1,7 @@
-"""The command `hsplat`: finds the subcommand, and is the one place where errors become messages and exit codes.
+"""Runs the command `hsplat`: finds the subcommand, and alone turns errors into messages and exit codes.
 
-0: done. 1: the render failed, or the program did. 2: the input was wrong. 130: interrupted. Of `compare` 1 says that
-frames differ, and whatever keeps it from knowing is 2.
+0: done. 1: the render or the program failed. 2: the input was wrong. 130: interrupted. With `compare`, 1 says that
+frames differ, and 2 that they could not be compared.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ import click
 
 from renderer.errors import HsplatError, InputError, closest_match, format_message
 
-# Module and summary of each command; a command is the function of its own name in its module, which is imported only
-# when the command is called. Help would be slow if it had to ask the modules.
+# The module and summary of each command, which is the function of the same name. A module is imported only when its
+# command is called, so help is quick.
 COMMANDS = {
     "render": ("hsplat_cli.commands.render", "Render a scene to a film or to numbered frames."),
     "assemble": ("hsplat_cli.commands.assemble", "Make one film of frames that were drawn in parts."),
@@ -37,7 +37,7 @@ COMMANDS = {
 }
 
 
-# Of the loader of libraries and of Python's threads.
+# What the loader of libraries and Python's threads say.
 _OUT_OF_MEMORY_TEXTS = ("failed to map segment", "annot allocate memory", "can't start new thread")
 
 
@@ -91,38 +91,38 @@ def hsplat() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line, by default that of the process, and exit."""
+    """Run a command line, by default that of the process, and exit."""
     _replace_closed_streams()
-    for stream in (sys.stdout, sys.stderr):  # a file name may hold what the terminal's encoding does not
+    for stream in (sys.stdout, sys.stderr):  # a file name may have characters that the terminal's encoding lacks
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a command line and return the exit code; every error has become a message on the standard error stream."""
+    """Run a command line and return the exit code; print errors on the standard error stream."""
     failed = 2 if list(arguments[:1]) == ["compare"] else 1
     try:
         return _invoke(arguments)
     except HsplatError as error:
-        _complain(str(error))
+        _print_error(str(error))
         return 2 if isinstance(error, InputError) else failed
     except (KeyboardInterrupt, click.Abort):
-        _complain("hsplat: interrupted")
+        _print_error("hsplat: interrupted")
         return 130
-    except Exception as error:  # the last resort: whatever it was, no traceback reaches a user
+    except Exception as error:  # the last resort: no traceback reaches a user
         if _is_out_of_memory(error):
-            _complain(format_message("hsplat: out of memory", hint=_address_space_hint()))
+            _print_error(format_message("hsplat: out of memory", hint=_address_space_hint()))
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
-            _complain(f"hsplat: what is printed cannot be written: {error.strerror}")
+            _print_error(f"hsplat: what is printed cannot be written: {error.strerror}")
         elif not (isinstance(error, BrokenPipeError) and _is_stdout_broken()):
             what = " ".join(f"{type(error).__name__}: {error}".split())
-            _complain(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
+            _print_error(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
         return failed
 
 
 def _invoke(arguments: Sequence[str]) -> int:
-    # Not click's own main(), which would take an EOFError for an interrupt and any broken pipe for that of stdout.
+    # click's own main() takes an EOFError for an interrupt, and any broken pipe for that of stdout.
     code = 0
     try:
         with hsplat.make_context("hsplat", list(arguments)) as context:
@@ -137,13 +137,13 @@ def _invoke(arguments: Sequence[str]) -> int:
 
 
 def _replace_closed_streams() -> None:
-    """Where standard streams are closed, as by `>&-`, files that are opened later must not take their places."""
+    """Open standard streams that are closed, as by `>&-`: files opened later must not get their descriptors."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  they stay
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  for the whole run
 
 
-def _complain(text: str) -> None:
+def _print_error(text: str) -> None:
     with contextlib.suppress(OSError):  # nobody reads it, or the disk is full
         print(text, file=sys.stderr)
         if os.environ.get("HSPLAT_DEBUG") == "1":
@@ -151,7 +151,7 @@ def _complain(text: str) -> None:
 
 
 def _is_out_of_memory(error: BaseException) -> bool:
-    """Whether memory was missing, or room for it: libraries and threads that find none are errors of other kinds."""
+    """Return whether memory or address space ran out, which libraries and threads report as errors of other kinds."""
     chain: list[BaseException] = []
     each: BaseException | None = error
     while each is not None and each not in chain:
@@ -169,7 +169,7 @@ def _is_out_of_memory(error: BaseException) -> bool:
 
 
 def _address_space_hint() -> str | None:
-    """A hint, where there is a limit that may be the cause."""
+    """Return a hint where a limit may be the cause."""
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
         return None
@@ -177,11 +177,11 @@ def _address_space_hint() -> str | None:
 
 
 def _is_stdout_broken() -> bool:
-    """Whether nobody reads the standard output any more, as in `hsplat ... | head`; if so, let Python exit in peace."""
+    """Return whether nobody reads the standard output any more, as in `hsplat ... | head`; Python can then exit."""
     poll = select.poll()
     try:
         poll.register(sys.stdout.fileno(), 0)
-    except OSError:  # not a file at all
+    except OSError:  # not a file
         return False
     is_gone = any(event & select.POLLERR for _, event in poll.poll(0))
     if is_gone:

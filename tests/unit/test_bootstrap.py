@@ -22,7 +22,11 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / package / "__init__.py").write_text("")
         (tmp_path / package / "__pycache__" / "cached.pyc").write_text("")
     (tmp_path / "pyproject.toml").write_text("[project]")
-    for name, value in (("ROOT", tmp_path), ("VENV", tmp_path / ".venv"), ("MARK", tmp_path / ".venv" / "mark.json")):
+    for name, value in (
+        ("ROOT", tmp_path),
+        ("VENV", tmp_path / ".venv"),
+        ("INSTALL_RECORD", tmp_path / ".venv" / "mark.json"),
+    ):
         monkeypatch.setattr(bootstrap, name, value)
     return tmp_path
 
