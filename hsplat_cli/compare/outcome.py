@@ -20,7 +20,7 @@ class Outcome:
 
     name: of the pair, as the files have it, or `frame 12` of a film.
     why: one sentence; every number in it with its figure, its unit and its limit.
-    figures: by name, as `renderer.study.frame_difference.COMPARISON_METRICS`; none where there is nothing to compare.
+    figures: by name, as `renderer.study.comparison.COMPARISON_METRICS`; none where there is nothing to compare.
     limits: that this frame had. exceeded: figures that are over theirs, the first of them the reason.
     bias: mean signed error of each channel, in levels, actual minus golden.
     number: of the frame, where its name tells.

@@ -1,6 +1,10 @@
-from .frame_difference import (
+from .comparison import (
     COMPARISON_METRICS as COMPARISON_METRICS,
+    STRICTNESS_LEVELS as STRICTNESS_LEVELS,
     FrameDifference as FrameDifference,
+    Limits as Limits,
+    exceeded_limits as exceeded_limits,
+    severity as severity,
 )
 from .metrics import (
     METRICS as METRICS,
@@ -22,29 +26,23 @@ from .plan import (
     unreachable_accuracy_error as unreachable_accuracy_error,
 )
 from .results import Study as Study, TruthRecord as TruthRecord
-from .strictness import (
-    STRICTNESS_LEVELS as STRICTNESS_LEVELS,
-    Limits as Limits,
-    exceeded_limits as exceeded_limits,
-    severity as severity,
-)
 from .sweep import (
     FRAME_STAGES as FRAME_STAGES,
     FrameMeasurement as FrameMeasurement,
     Measurement as Measurement,
+    PlannedSetting as PlannedSetting,
     Setting as Setting,
     measure_setting as measure_setting,
-    pyramid_seconds as pyramid_seconds,
+    plan_sweep as plan_sweep,
     splat_setting as splat_setting,
 )
-from .sweep_plan import PlannedSetting as PlannedSetting, plan_sweep as plan_sweep
 from .thumbnails import (
     DIFFERENCE_GAIN as DIFFERENCE_GAIN,
     difference_picture as difference_picture,
     difference_thumbnail as difference_thumbnail,
     thumbnail as thumbnail,
 )
-from .trials import (
+from .tolerance_search import (
     ToleranceSearchResult as ToleranceSearchResult,
     Trial as Trial,
     TruthOf as TruthOf,

@@ -1,8 +1,7 @@
-"""How far a picture is from the truth, by the metrics of the field.
+"""Measure how far a picture is from the truth, by RMSE, PSNR, SSIM, FLIP and Delta-E.
 
-Pictures are compared as they are seen: over the scene's background, clipped to [0, 1], before quantisation. They are
-display-referred, so that the metrics of perception take them as sRGB. The packages that compute those (the extra
-`measure`) are imported when they are used.
+Pictures are compared over the scene's background, clipped to [0, 1], before quantisation. They are display-referred:
+perceptual metrics take them as sRGB. The packages that compute those (the extra `measure`) are imported on use.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ _Map = npt.NDArray[Any]
 FLIP_PIXELS_PER_DEGREE = 0.7 * 3840 / 0.7 * math.pi / 180
 # The just noticeable colour difference in CIE 1976 L*a*b* (Mahy, Van Eycken, Oosterlinck 1994).
 NOTICEABLE_DELTA_E = 2.3
-# Of Wang et al. 2004; the window is what scikit-image makes of it, 3.5 deviations to each side.
+# From Wang et al. 2004; the window of scikit-image reaches 3.5 deviations to each side.
 _SSIM_SIGMA_PX = 1.5
 SSIM_WINDOW_PX = 11
-# How many rows or columns off a pixel still changes what SSIM or FLIP says of another: the widest of their filters is
-# FLIP's for blue and yellow, which ends after 3 deviations of sqrt(0.04 / (2 pi^2)) degrees.
+# The reach of SSIM and FLIP in rows and columns. The widest of their filters is FLIP's for blue and yellow, which ends
+# after 3 deviations of sqrt(0.04 / (2 pi^2)) degrees.
 REACH_PX = 10
 
 
@@ -66,12 +65,12 @@ METRICS = (
 
 @dataclass(frozen=True)
 class ErrorMetrics:
-    """A picture against the truth, over some pixels; NaN for what is not defined there (SSIM of a tiny picture).
+    """The metrics of a picture against the truth over some pixels; NaN where one is undefined.
 
     rmse: root of the mean squared difference of the RGB channels. max_error: largest difference of a channel.
     psnr: `-20 log10 rmse`, dB; infinite for equal pictures.
-    ssim: mean structural similarity (Wang et al. 2004) of the channels, over all pixels: at the border the pictures are
-        mirrored. NaN for a picture smaller than the window of 11 pixels.
+    ssim: mean structural similarity (Wang et al. 2004) of the channels. The pictures are mirrored at the border. NaN
+        for a picture smaller than the window of 11 pixels.
     flip, flip_p99: mean and 99th percentile of the perceived difference (Andersson et al. 2020), 0 to 1, at
         FLIP_PIXELS_PER_DEGREE.
     delta_e_share: share of the pixels whose CIE 1976 colour difference is over 2.3, the just noticeable one.
@@ -88,18 +87,18 @@ class ErrorMetrics:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """A picture against the truth: over all pixels, and over those in which the truth has anything of the volume."""
+    """The metrics over all pixels, and over those in which the truth shows anything of the volume."""
 
     everywhere: ErrorMetrics
     on_volume: ErrorMetrics
 
 
 def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color | None) -> FloatImage:
-    """The picture that is compared: `c + (1 - a) b`, clipped to [0, 1].
+    """Return the picture that metrics compare: `c + (1 - a) b`, clipped to [0, 1].
 
     radiance: [h, w, 4], premultiplied RGBA. background: None, for a transparent film, counts as black.
 
-    Returns float64 [h, w, 3]. A value that is not finite raises RenderError.
+    Returns float64 [h, w, 3]. Raises RenderError for a value that is not finite.
     """
     require_finite(radiance)
     picture = np.empty((*radiance.shape[:2], 3))
@@ -110,48 +109,52 @@ def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color |
 
 
 def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Mask) -> Accuracy:
-    """All metrics, over all pixels and over those of a mask.
+    """Compute all metrics, over all pixels and over those of a mask.
 
-    picture, truth: float [h, w, 3] in [0, 1], sRGB where a metric models the eye. on_volume: bool [h, w]; where it is
-        empty its figures are NaN. SSIM and FLIP look at surroundings, which may reach beyond the mask.
+    picture, truth: float [h, w, 3] in [0, 1], sRGB where a metric models the eye. on_volume: bool [h, w]; metrics over
+        an empty mask are NaN. SSIM and FLIP depend on surroundings, which may reach beyond the mask.
 
-    Needs the packages that `require_measuring_packages` asks for. Raises RenderError for a value that is not finite, of
-    which FLIP would make a perfect 0.
+    Needs the packages of `require_measuring_packages`. Raises RenderError for a value that is not finite, which FLIP
+    would rate as a perfect 0.
     """
     _require_images(picture, truth)
     assert on_volume.shape == picture.shape[:2], (on_volume.shape, picture.shape)
-    maps = {make_map: make_map(picture, truth) for make_map in dict.fromkeys(make for make, _ in _FIGURES.values())}
+    maps = {
+        make_map: make_map(picture, truth) for make_map in dict.fromkeys(make for make, _ in _METRIC_FUNCTIONS.values())
+    }
 
     def difference(pixels: Any) -> ErrorMetrics:
-        return ErrorMetrics(**{name: _figure(of, maps[make_map][pixels]) for name, (make_map, of) in _FIGURES.items()})
+        return ErrorMetrics(
+            **{name: _reduce(of, maps[make_map][pixels]) for name, (make_map, of) in _METRIC_FUNCTIONS.items()}
+        )
 
     return Accuracy(difference(np.ones_like(on_volume)), difference(on_volume))
 
 
 def compute_metric(name: str, picture: FloatImage, truth: FloatImage) -> float:
-    """One metric of METRICS over all pixels, at its own price; parameters and errors are those of `compare`."""
+    """Compute one metric of METRICS over all pixels; parameters and errors as in `measure_accuracy`."""
     _require_images(picture, truth)
-    make_map, of = _FIGURES[name]
-    return _figure(of, make_map(picture, truth))
+    make_map, of = _METRIC_FUNCTIONS[name]
+    return _reduce(of, make_map(picture, truth))
 
 
 def metric_map(name: str, picture: FloatImage, truth: FloatImage) -> FloatImage:
-    """What a metric of METRICS takes the mean of, for each pixel, float64 [h, w]: of `ssim` or `flip`.
+    """Return the value of `ssim` or `flip` at each pixel, float64 [h, w], whose mean is the metric.
 
-    It depends on what is at most REACH_PX away, in rows and in columns. Parameters and errors are those of `compare`.
+    It depends on pixels at most REACH_PX rows and columns away. Parameters and errors as in `measure_accuracy`.
     """
     _require_images(picture, truth)
-    make_map, of = _FIGURES[name]
+    make_map, of = _METRIC_FUNCTIONS[name]
     assert of is np.mean, name
     return make_map(picture, truth)
 
 
 def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
-    """The accuracy of several frames of one size: RMSE from the mean of the squares, PSNR from that, the largest error
-    of all, and the means of the others. Every frame counts alike, however many of its pixels show the volume.
+    """Return the accuracy of several frames of one size, each with equal weight.
 
-    Frames without a figure (NaN) are left out of it, as one that shows nothing of the volume has no pixel on it to add;
-    it is NaN where no frame has one.
+    RMSE is from the mean of the squares, PSNR from that; errors have their maximum, other metrics their mean. A frame
+    whose metric is NaN, such as one that shows nothing of the volume, is left out of it. If all are NaN, so is the
+    result.
     """
     return Accuracy(
         _pool_metrics([each.everywhere for each in accuracies]), _pool_metrics([each.on_volume for each in accuracies])
@@ -159,15 +162,14 @@ def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
 
 
 def _pool_metrics(differences: list[ErrorMetrics]) -> ErrorMetrics:
-    def figures(name: str) -> npt.NDArray[np.float64]:
+    def defined(name: str) -> npt.NDArray[np.float64]:
         values = np.array([getattr(each, name) for each in differences], np.float64)
         return values[~np.isnan(values)]
 
-    rmse = _figure(_root_mean_square, figures("rmse"))
-    result = {field.name: _figure(np.mean, figures(field.name)) for field in fields(ErrorMetrics)}
-    return ErrorMetrics(
-        **{**result, "rmse": rmse, "psnr": _psnr_of(rmse), "max_error": _figure(np.max, figures("max_error"))}
-    )
+    rmse = _reduce(_root_mean_square, defined("rmse"))
+    means = {field.name: _reduce(np.mean, defined(field.name)) for field in fields(ErrorMetrics)}
+    max_error = _reduce(np.max, defined("max_error"))
+    return ErrorMetrics(**means | {"rmse": rmse, "psnr": _psnr_of(rmse), "max_error": max_error})
 
 
 def _require_images(*pictures: FloatImage) -> None:
@@ -178,27 +180,27 @@ def _require_images(*pictures: FloatImage) -> None:
 
 
 def require_measuring_packages() -> None:
-    """Raise InputError if a package is missing without which not all metrics can be taken."""
+    """Raise InputError if a package that a metric needs is missing."""
     for package in ("skimage", "flip_evaluator"):
         require_package(package, extra="measure")
 
 
-# Maps: what a metric says of each pixel, from a picture and the truth.
+# Maps: the value of a metric at each pixel, from a picture and the truth.
 
 
 def _error_map(picture: FloatImage, truth: FloatImage) -> _Map:
-    """[h, w, 3]: the difference of each channel, without its sign."""
+    """Return the absolute difference of each channel, [h, w, 3]."""
     return np.abs(picture - truth)
 
 
 def _ssim_map(picture: FloatImage, truth: FloatImage) -> _Map:
-    """[h, w]: structural similarity, mean of the channels."""
+    """Return the structural similarity, mean of the channels, [h, w]."""
     from skimage.metrics import structural_similarity
 
     if min(picture.shape[:2]) < SSIM_WINDOW_PX:
         return np.full(picture.shape[:2], np.nan)
     total = np.zeros(picture.shape[:2])
-    # Channel by channel in one piece: the filters take twice as long along strided rows.
+    # Contiguous channels: the filters take twice as long along strided rows.
     for channel in range(3):
         _, similarity = structural_similarity(
             np.ascontiguousarray(picture[..., channel]),
@@ -214,7 +216,7 @@ def _ssim_map(picture: FloatImage, truth: FloatImage) -> _Map:
 
 
 def _flip_map(picture: FloatImage, truth: FloatImage) -> _Map:
-    """[h, w]: the perceived difference."""
+    """Return the perceived difference, [h, w]."""
     import flip_evaluator
 
     difference, _, _ = flip_evaluator.evaluate(
@@ -230,22 +232,22 @@ def _flip_map(picture: FloatImage, truth: FloatImage) -> _Map:
 
 
 def _for_flip(picture: FloatImage) -> npt.NDArray[np.float32]:
-    """A copy of the only kind that flip_evaluator takes without a complaint: float32, in one piece, writable."""
+    """Return a copy as flip_evaluator needs it: float32, contiguous, writable."""
     return np.array(picture, np.float32, order="C")
 
 
 def _delta_e_map(picture: FloatImage, truth: FloatImage) -> _Map:
-    """[h, w]: CIE 1976 colour difference."""
+    """Return the CIE 1976 colour difference, [h, w]."""
     from skimage.color import deltaE_cie76, rgb2lab
 
     # float32 resolves a colour difference to 1e-4, and takes half the time.
     return np.asarray(deltaE_cie76(*(rgb2lab(each.astype(np.float32)) for each in (truth, picture))))
 
 
-# Figures: what remains of a map, or of the part of it under a mask.
+# Reductions: from a map, or the part of it under a mask, to a number.
 
 
-def _figure(of: Callable[[_Map], Any], values: _Map) -> float:
+def _reduce(of: Callable[[_Map], Any], values: _Map) -> float:
     return float(of(values)) if values.size else math.nan
 
 
@@ -269,8 +271,8 @@ def _noticeable_share(values: _Map) -> float:
     return float(np.mean(values > NOTICEABLE_DELTA_E))
 
 
-# The map and the figure that make a field of Difference.
-_FIGURES: dict[str, tuple[Callable[[FloatImage, FloatImage], _Map], Callable[[_Map], Any]]] = {
+# The map and the reduction of each field of ErrorMetrics.
+_METRIC_FUNCTIONS: dict[str, tuple[Callable[[FloatImage, FloatImage], _Map], Callable[[_Map], Any]]] = {
     "rmse": (_error_map, _root_mean_square),
     "max_error": (_error_map, np.max),
     "psnr": (_error_map, _psnr),

@@ -1,4 +1,4 @@
-"""The price of accuracy: which settings no other one beats, and what lies between them."""
+"""Find the settings that no other one beats in accuracy and cost, and interpolate between them."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 
 def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Indices of the points than which no other one is as cheap and as exact (and better in one), by rising cost.
+    """Return the indices of the points that no other point beats in cost or error without losing in the other.
 
-    Of several equal points the first is kept; points with a NaN are never on the front.
+    They are sorted by rising cost. The first of equal points is kept; points with a NaN are never on the front.
     """
     order = sorted(
         (i for i in range(len(costs)) if not (math.isnan(costs[i]) or math.isnan(errors[i]))),
@@ -23,9 +23,9 @@ def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
 
 
 def cost_at_psnr(psnrs: Sequence[float], costs: Sequence[float], wanted: float) -> float:
-    """The cost of reaching a PSNR (dB) on the front of some points, log-linear between its settings.
+    """Return the cost of reaching a PSNR (dB) on the Pareto front of some points, log-linear between them.
 
-    The cheapest point's cost where that is exact enough already, infinity where no point is.
+    The cost of the cheapest point if that is accurate enough, infinity if no point is.
     """
     front = pareto_front(costs, [-psnr for psnr in psnrs])
     if not front or psnrs[front[-1]] < wanted:
@@ -39,6 +39,6 @@ def cost_at_psnr(psnrs: Sequence[float], costs: Sequence[float], wanted: float) 
 
 
 def find_regressions(values: Sequence[float], *, higher_is_better: bool, least: float) -> list[int]:
-    """Where a row of values that should get better gets worse by `least` or more: the indices of the worse ones."""
+    """Return the indices at which values that should improve get worse than the one before by `least` or more."""
     sign = 1.0 if higher_is_better else -1.0
     return [i for i in range(1, len(values)) if sign * (values[i - 1] - values[i]) >= least]

@@ -28,7 +28,7 @@ from renderer.scene import (
 )
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
-    from renderer.study.trials import ToleranceSearchResult
+    from renderer.study.tolerance_search import ToleranceSearchResult
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _MAX_TRIAL_FRACTION = 0.3

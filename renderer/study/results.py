@@ -1,4 +1,4 @@
-"""A whole study: everything that `hsplat measure` found out about a scene, for its report."""
+"""Hold the results of a study: everything that `hsplat measure` found out about a scene."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from renderer.truth import Convergence
 
 @dataclass(frozen=True)
 class TruthRecord:
-    """How the truth of one frame came about.
+    """How the truth of one frame was computed.
 
-    seconds: what it took. convergence: how the image settled as the step was halved.
-    share_on_volume: the part of the pixels in which the volume is seen.
+    seconds: the time that it took. convergence: the changes as the step was halved.
+    share_on_volume: the share of pixels that show the volume.
     picture: uint8 [h, w, 3], small.
     """
 
@@ -31,12 +31,12 @@ class TruthRecord:
 
 @dataclass(frozen=True)
 class Study:
-    """name: of the scene, as its file is called.
-    measurements: in the order in which they were planned; those of a peer last.
+    """The results of one study.
 
-    scene: with all defaults, as `scene_to_dict` gives it. volume: name, fingerprint, dtype, shape.
-    machine: processor, cores, system, driver, commit, versions: what the numbers depend on; and, where there is a peer,
-        `peer`: its name, version and driver.
+    name: of the scene file. scene: with all defaults, from `scene_to_dict`. volume: name, fingerprint, dtype, shape.
+    machine: what the numbers depend on: processor, cores, system, driver, commit, versions; and `peer`, with name,
+        version and driver, if there is one.
+    measurements: in the planned order; those of a peer last.
     notes: what a reader must know: where an error is not monotonic, what was left out, whether it was interrupted.
     """
 

@@ -1,4 +1,4 @@
-"""What a film costs and how near it comes to the truth, at each of many settings.
+"""Measure the cost and the accuracy of a film at each of many settings, and plan which settings to measure.
 
 Every setting is drawn by the loop that makes films. A first pass over the frames warms up (shaders, buffers, caches)
 and gives the pictures; the passes after it are timed.
@@ -7,29 +7,37 @@ and gives the pictures; the passes after it are timed.
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.frame import Clock, Frame, Rasterizer, Stage, render_frames
-from renderer.scene import ErrorSpec, SplatSpec
+from renderer.frame import Clock, Frame, Rasterizer, Stage, make_primitive, render_frames
+from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
 from renderer.study.metrics import Accuracy, measure_accuracy, over_background, pool_accuracies
 from renderer.study.thumbnails import difference_thumbnail, thumbnail
+from renderer.study.tolerance_search import spread_tolerances
 from renderer.study.truths import Truth
 
-# What is timed once a frame, and once a cut, which stays while the tolerance does.
+# The number of tolerances of a series, unless they are given.
+_MAX_TOLERANCES = 10
+# Seconds on a software renderer with two cores. Only ratios matter, for the time remaining.
+_PER_SPLAT, _PER_TRIANGLE, _PER_SAMPLE, _PER_PICTURE = 1e-6, 1.2e-7, 1e-7, 0.4
+# Stages that are timed once a frame, and once a cut.
 FRAME_STAGES = ("order", "draw", "quantize")
 _CUT_STAGES = ("cut", "splats")
-# A setting is not drawn again once it took this long: the median of fewer repetitions will do.
-_PATIENCE_S = 4.0
+# After this time a setting is not drawn again.
+_REPEAT_LIMIT_S = 4.0
 
 
 class MemoryMeter(Protocol):
-    """Tells the most memory that the process held since it was last reset, where the system knows; `trim` first gives
-    back what was freed but is still held."""
+    """Measures the peak memory of the process since the last reset, if the system knows it.
+
+    trim: return freed memory to the system.
+    """
 
     def trim(self) -> None: ...
     def reset(self) -> None: ...
@@ -40,9 +48,9 @@ class MemoryMeter(Protocol):
 class Setting:
     """One way to draw the film: a point of a series.
 
-    series: the curve that it belongs to: "gaussian, optical", "gouraud 8x3, rms, uncorrected", "vtk gpu".
-    label: which point of it: "tolerance 0.1", "step 0.5".
-    options: the choices by name, numbers and short words, for tables: tool, tolerance, footprint, ...
+    series: the curve, such as "gaussian, optical", "gouraud 8x3, rms, uncorrected", "vtk gpu".
+    label: the point, such as "tolerance 0.1", "step 0.5".
+    options: the choices by name, for tables: tool, tolerance, footprint, ...
     """
 
     series: str
@@ -54,8 +62,8 @@ class Setting:
 class FrameMeasurement:
     """One frame at one setting.
 
-    num_splats: those that the frame can show; None for a peer, and for bricks, of which one does the work of many.
-    seconds: by stage, one for each repetition, warm.
+    num_splats: those that the frame can show; None for a peer, and for bricks, which do not compare with splats.
+    seconds: by stage, one for each warm repetition.
     """
 
     frame: int
@@ -65,7 +73,7 @@ class FrameMeasurement:
 
     @property
     def frame_seconds(self) -> tuple[float, ...]:
-        """All stages of the frame together, for each repetition."""
+        """The sum of all stages, for each repetition."""
         return tuple(map(sum, zip(*self.seconds.values(), strict=True)))
 
 
@@ -73,14 +81,13 @@ class FrameMeasurement:
 class Measurement:
     """One setting on some frames.
 
-    num_cells: of its cut, which may be bricks; None for a peer.
-    pyramid_seconds: what building its pyramid, and bricks, took, once; None for a peer.
-    seconds: what is done once for many frames (cut, splats), by stage, one for each repetition; empty for a peer.
-    frames: one for each frame.
+    num_cells: cells or bricks in the cut; None for a peer.
+    pyramid_seconds: the time to build the pyramid and bricks, once; None for a peer.
+    seconds: of the stages that serve many frames (cut, splats), one for each repetition; empty for a peer.
     overall: the accuracy over all frames together.
-    peak_bytes: the most memory that the process held meanwhile; None where the system does not tell.
-    picture, difference: uint8 [h, w, 3], the first frame and its difference from the truth times DIFFERENCE_GAIN, at
-        most THUMBNAIL_PX wide and high.
+    peak_bytes: the peak memory of the process; None if the system does not know it.
+    picture, difference: uint8 [h, w, 3], thumbnails of the first frame and of its difference from the truth, times
+        DIFFERENCE_GAIN.
     """
 
     setting: Setting
@@ -95,18 +102,18 @@ class Measurement:
 
     @property
     def frame_seconds(self) -> float:
-        """Median time of a frame, over frames and repetitions."""
+        """The median time of a frame, over frames and repetitions."""
         return statistics.median(self._all_frame_seconds)
 
     @property
     def frame_seconds_spread(self) -> tuple[float, float]:
-        """First and third quartile of the time of a frame, over frames and repetitions."""
+        """The first and third quartile of the time of a frame, over frames and repetitions."""
         low, high = np.quantile(self._all_frame_seconds, [0.25, 0.75])
         return float(low), float(high)
 
     @property
     def num_splats(self) -> float | None:
-        """Mean over the frames."""
+        """The mean number over the frames; None if no frame has one."""
         counts = [sample.num_splats for sample in self.frames if sample.num_splats is not None]
         return statistics.fmean(counts) if counts else None
 
@@ -116,7 +123,7 @@ class Measurement:
 
 
 def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
-    """What hsplat draws at a constant tolerance, named by what differs between series."""
+    """Return the setting of a scene with a constant tolerance, named by what differs between series."""
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
     tolerance = error.tolerance[0][1]
@@ -133,15 +140,10 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
 
 
-def pyramid_seconds(stage: Stage) -> float:
-    """What building the pyramid of a stage took, and its bricks."""
-    return stage.seconds["pyramid"]
-
-
 def measure_setting(
     stage: Stage, truths: Sequence[Truth], rasterizer: Rasterizer, *, clock: Clock, memory: MemoryMeter, repeats: int
 ) -> Measurement:
-    """The film's own constant tolerance and splats, on the frames of the truths."""
+    """Measure the scene's constant tolerance and splats, on the frames of the truths."""
     numbers = [truth.frame for truth in truths]
     background = stage.scene.output.background
     peaks: list[int] = []
@@ -162,7 +164,7 @@ def measure_setting(
     return Measurement(
         setting=splat_setting(stage.scene.error, stage.scene.splat),
         num_cells=first_pass[0].num_cells,
-        pyramid_seconds=pyramid_seconds(stage),
+        pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([frames[0] for frames in passes], _CUT_STAGES),
         frames=tuple(
             FrameMeasurement(
@@ -183,17 +185,17 @@ def measure_setting(
 def _timed_passes(
     stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Frame]
 ) -> list[list[Frame]]:
-    """Up to `repeats` passes over the frames, all warm.
+    """Return up to `repeats` warm passes over the frames.
 
-    Where the first pass alone tries the reader's patience, its first frame is drawn again; the others were warm.
+    If the first pass takes too long to repeat, only its first frame is drawn again; the others were warm.
     """
     spent = sum(sum(frame.seconds.values()) for frame in first_pass)
-    if spent > _PATIENCE_S:
-        (again,) = render_frames(stage, numbers[:1], rasterizer, clock=clock)
-        return [[_without_pictures(again), *first_pass[1:]]]
+    if spent > _REPEAT_LIMIT_S:
+        (warm,) = render_frames(stage, numbers[:1], rasterizer, clock=clock)
+        return [[_without_pictures(warm), *first_pass[1:]]]
     passes: list[list[Frame]] = []
     start = clock()
-    while len(passes) < repeats and (not passes or clock() - start < _PATIENCE_S):
+    while len(passes) < repeats and (not passes or clock() - start < _REPEAT_LIMIT_S):
         frames = render_frames(stage, numbers, rasterizer, clock=clock)
         passes.append([_without_pictures(frame) for frame in frames])
     return passes
@@ -204,9 +206,83 @@ def _without_pictures(frame: Frame) -> Frame:
 
 
 def _repetitions(frames: Sequence[Frame], stages: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """Seconds by stage, one for each repetition of the same frame; stages that the film does not have are left out."""
+    """Return the seconds by stage of repetitions of a frame; stages that the film lacks are left out."""
     return {
         name: tuple(frame.seconds[name] for frame in frames)
         for name in stages
         if all(name in f.seconds for f in frames)
     }
+
+
+@dataclass(frozen=True)
+class PlannedSetting:
+    """One setting to measure: the scene with its constant tolerance and splats, and its work, as in Primitive."""
+
+    scene: Scene
+    work: float
+
+    @property
+    def tolerance(self) -> float:
+        """The constant tolerance."""
+        return self.scene.error.tolerance[0][1]
+
+    def picture_key(self) -> Hashable:
+        """Return a key that is equal for equal pictures: single voxels need no correction and have no error."""
+        error, splat = self.scene.error, self.scene.splat
+        if self.tolerance == 0 and error.finest_level == 0 and splat.footprint != "integrated":
+            return replace(splat, opacity_correction=True)
+        return error, splat
+
+    def predicted_seconds(self, num_frames: int, repeats: int) -> float:
+        """Estimate the time to measure it."""
+        splat, each = self.scene.splat, _PER_SPLAT
+        if splat.footprint == "gouraud":
+            each += _PER_TRIANGLE * splat.angular * (2 * splat.radial - 1)
+        elif splat.footprint == "integrated":
+            each = _PER_SAMPLE
+        pass_seconds = num_frames * self.work * each
+        passes = 1 + repeats if pass_seconds * repeats < 4.0 else 1
+        return num_frames * _PER_PICTURE + passes * pass_seconds
+
+
+def plan_sweep(
+    scene: Scene,
+    stage_of: Callable[[Scene], Stage],
+    errors: Sequence[ErrorSpec],
+    splats: Sequence[SplatSpec],
+    tolerances: Sequence[float] | None,
+) -> list[PlannedSetting]:
+    """Plan every error measure, with all splats, at all tolerances, from coarse to fine.
+
+    stage_of: prepares a scene; called once for each measure, and once more for bricks.
+    tolerances: None for a spread that suits each pyramid, including the scene's own first tolerance, if it has one.
+    """
+    plan: list[PlannedSetting] = []
+    for error in errors:
+        splats_by_kind: dict[bool, list[SplatSpec]] = {}
+        for splat in splats:
+            splats_by_kind.setdefault(splat.footprint == "integrated", []).append(splat)
+        for alike in splats_by_kind.values():
+            base_scene = replace(scene, error=error, splat=alike[0])
+            is_own = (error.measure, error.of) == (scene.error.measure, scene.error.of) and scene.error.goal is None
+            works = _work_by_tolerance(
+                stage_of(base_scene), tolerances, scene.error.tolerance[0][1] if is_own else None
+            )
+            plan += [
+                PlannedSetting(with_tolerance(replace(base_scene, splat=splat), tolerance), work)
+                for splat in alike
+                for tolerance, work in works.items()
+            ]
+    return plan
+
+
+def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
+    """Return the tolerances to measure on a stage, and how much is drawn at each, from coarse to fine.
+
+    own: a tolerance to include among those that are chosen.
+    """
+    work = cache(make_primitive(stage).work)
+    if tolerances is None:
+        tolerances = spread_tolerances(stage.pyramid, work, _MAX_TOLERANCES)
+        tolerances += () if own is None else (own,)
+    return {tolerance: work(tolerance) for tolerance in sorted(set(tolerances), reverse=True)}

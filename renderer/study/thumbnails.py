@@ -1,4 +1,4 @@
-"""Small pictures for a report."""
+"""Make small pictures, and pictures of differences, for a report."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import numpy.typing as npt
 
 from renderer.study.metrics import FloatImage
 
-# Longest side of the small pictures that are kept of each setting.
+# The longest side of a thumbnail.
 THUMBNAIL_PX = 256
-# Differences from the truth are shown this many times as large.
+# The amplification of differences from the truth.
 DIFFERENCE_GAIN = 8.0
 
 
 def thumbnail(picture: FloatImage) -> npt.NDArray[np.uint8]:
-    """uint8 [h, w, 3], at most THUMBNAIL_PX wide and high: means over square blocks of a picture in [0, 1]."""
+    """Average square blocks of a picture in [0, 1]; return uint8 [h, w, 3], at most THUMBNAIL_PX wide and high."""
     height, width = picture.shape[:2]
     block = -(-max(height, width) // THUMBNAIL_PX)
     padded = np.pad(picture, ((0, -height % block), (0, -width % block), (0, 0)), mode="edge")
@@ -23,12 +23,12 @@ def thumbnail(picture: FloatImage) -> npt.NDArray[np.uint8]:
 
 
 def difference_thumbnail(picture: FloatImage, truth: FloatImage) -> npt.NDArray[np.uint8]:
-    """The same of the absolute difference, times DIFFERENCE_GAIN."""
+    """Return the thumbnail of the absolute difference, times DIFFERENCE_GAIN."""
     return thumbnail(_amplified(picture, truth))
 
 
 def difference_picture(picture: FloatImage, truth: FloatImage) -> npt.NDArray[np.uint8]:
-    """uint8 [h, w, 3], as large as the pictures: the absolute difference, times DIFFERENCE_GAIN."""
+    """Return the absolute difference, times DIFFERENCE_GAIN, at full size, uint8 [h, w, 3]."""
     return _rounded(_amplified(picture, truth))
 
 

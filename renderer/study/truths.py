@@ -1,4 +1,4 @@
-"""The truth of a frame, as pictures are compared with it; and which frames are worth comparing."""
+"""Compute the truth of a frame, and choose the frames that are worth comparing."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from renderer.study.metrics import FloatImage, Mask, over_background
 from renderer.transfer import make_transfer_function
 from renderer.truth import Convergence, Progress, converged_image
 
-# How well a truth converges, in every channel: to a thousandth of the RMSE of a picture with 40 dB.
+# The convergence of a truth in every channel: a thousandth of the RMSE of a picture with 40 dB.
 TRUTH_TOLERANCE = 1e-5
 
-# A pixel is covered by the volume when it has this opacity, the least that 8 bits show.
+# The opacity from which a pixel counts as covered: the smallest that 8 bits show.
 _MIN_COVERED_OPACITY = 1 / 255
 
 
@@ -26,7 +26,7 @@ class Truth:
     """The converged ray integral of one frame.
 
     picture: float64 [h, w, 3], over the scene's background, clipped to [0, 1].
-    on_volume: where anything of the volume is seen.
+    on_volume: bool [h, w], where anything of the volume is visible.
     """
 
     frame: int
@@ -38,9 +38,9 @@ class Truth:
 def compute_truth(
     stage: Stage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress | None = None
 ) -> Truth:
-    """The truth of a frame to `tolerance` in every channel. Raises RenderError where it does not converge.
+    """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
 
-    on_progress: told the share of the work that is done, in (0, 1].
+    on_progress: called with the finished share of the work, in (0, 1].
     """
     scene = stage.scene
     transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
@@ -57,38 +57,38 @@ def compute_truth(
 
 
 class TruthCache:
-    """The truth of any frame, found when it is first asked for and kept.
+    """Truths by frame, computed on first use.
 
-    Pictures are kept in float32, 12 bytes a pixel, and handed out `round_to_float32`.
+    Pictures are cached in float32, 12 bytes a pixel, and returned as from `round_to_float32`.
     """
 
     def __init__(self, find: Callable[[int], Truth]) -> None:
         self._find = find
-        self._kept: dict[int, tuple[npt.NDArray[np.float32], Mask, Convergence]] = {}
+        self._cache: dict[int, tuple[npt.NDArray[np.float32], Mask, Convergence]] = {}
 
     def __call__(self, frame: int) -> Truth:
-        if frame not in self._kept:
+        if frame not in self._cache:
             truth = self._find(frame)
-            self._kept[frame] = truth.picture.astype(np.float32), truth.on_volume, truth.convergence
-        picture, on_volume, convergence = self._kept[frame]
+            self._cache[frame] = truth.picture.astype(np.float32), truth.on_volume, truth.convergence
+        picture, on_volume, convergence = self._cache[frame]
         return Truth(frame, picture.astype(np.float64), on_volume, convergence)
 
 
 def round_to_float32(picture: FloatImage) -> FloatImage:
-    """A picture to be compared with those of `TruthCache`, rounded as they are, so that what is equal stays equal.
+    """Round a picture as `TruthCache` does, so that equal pictures stay equal.
 
-    Values change by 3e-8 at most, a three hundredth of TRUTH_TOLERANCE, and an RMSE by 6e-8: 0.005 dB at 80 dB.
+    Values change by at most 3e-8, a three hundredth of TRUTH_TOLERANCE, and an RMSE by 6e-8: 0.005 dB at 80 dB.
     """
     return picture.astype(np.float32).astype(np.float64)
 
 
 def is_loop(path: TurntablePath | RockerPath | KeyframePath) -> bool:
-    """Whether the last frame of a path leads back to the first."""
+    """Return whether the last frame of a path leads back to the first."""
     return not isinstance(path, KeyframePath) or path.loop
 
 
 def spread_frames(frames: Sequence[int], num: int, *, is_loop: bool) -> list[int]:
-    """At most `num` of the frames, evenly spread: over a loop, whose last frame is near the first, or to both ends."""
+    """Return at most `num` evenly spread frames: around a loop, or with both ends of another path."""
     num = min(num, len(frames))
     span = len(frames) if is_loop or num == 1 else len(frames) - 1
     return [frames[i * span // (num if is_loop or num == 1 else num - 1)] for i in range(num)]
@@ -97,9 +97,9 @@ def spread_frames(frames: Sequence[int], num: int, *, is_loop: bool) -> list[int
 def extreme_coverage_frames(
     stage: Stage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock
 ) -> tuple[int, int]:
-    """The frames on which the volume covers the smallest and the largest part of the picture.
+    """Return the frames on which the volume covers the smallest and the largest part of the picture.
 
-    Found by drawing them all at a (coarse) tolerance. The first of several equal ones.
+    All frames are drawn, at a (coarse) tolerance. The first of equal frames is returned.
     """
     coarse = replace(stage, scene=with_tolerance(stage.scene, tolerance))
     covered = [

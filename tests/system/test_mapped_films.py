@@ -64,13 +64,13 @@ def test_a_file_that_shrinks_in_the_middle_of_a_film(
 ) -> None:
     """When the first frame has been finished it loses what is left of it."""
     whole = (folder / "large.raw").stat().st_size
-    keep = FrameCheckpoint.keep
+    keep = FrameCheckpoint.save_frame
 
     def shrink(*arguments: object, **options: object) -> object:
         os.truncate(folder / "large.raw", 1000)
         return keep(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(FrameCheckpoint, "keep", shrink)
+    monkeypatch.setattr(FrameCheckpoint, "save_frame", shrink)
     assert run(["render", "scene.yaml", "--workers", workers, "--quiet"]) == 2
     said = capsys.readouterr().err
     assert f"{folder / 'large.raw'}: the volume's file became shorter while it was in use\n" in said

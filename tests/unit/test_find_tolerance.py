@@ -31,7 +31,7 @@ from renderer.scene import (
 )
 from renderer.splats import SplatBatch
 from renderer.study import ToleranceSearchResult, Trial, Truth, TruthCache, find_tolerance
-from renderer.study.tolerances import two_digit_numbers
+from renderer.study.tolerance_search import two_digit_numbers
 from renderer.study.truths import round_to_float32
 from renderer.truth import Convergence
 from renderer.view import View

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.study import COMPARISON_METRICS, SSIM_WINDOW_PX, FrameDifference, compute_metric, frame_difference
-from renderer.study.frame_difference import WINDOW_PX
+from renderer.study import COMPARISON_METRICS, SSIM_WINDOW_PX, FrameDifference, comparison, compute_metric
+from renderer.study.comparison import WINDOW_PX
 from renderer.study.metrics import REACH_PX, metric_map
 
 Pixels = npt.NDArray[np.uint8]
@@ -55,13 +55,13 @@ def test_levels_are_subtracted_as_numbers_and_not_modulo_256() -> None:
 @pytest.mark.parametrize("name", ["flip", "ssim"])
 @pytest.mark.parametrize("share", [1.0, 0.0])
 def test_square_by_square_is_as_the_whole_picture(name: str, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame_difference, "_BLOCK_PX", 32)
+    monkeypatch.setattr(comparison, "_BLOCK_PX", 32)
     golden, other = noise((65, 100, 3)), noise((65, 100, 3), 1)
     spoiled = np.random.default_rng(2).random((65, 100)) < share
     spoiled[31, 63] = spoiled[64, 0] = True  # at corners of squares, the second in one of a single row
     actual = np.where(spoiled[..., None], other, golden)
     expected = compute_metric(name, actual / 255, golden / 255)
-    assert FrameDifference(golden, actual).perceived(name) == pytest.approx(expected, abs=1e-12)
+    assert FrameDifference(golden, actual).perceptual_metric(name) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["flip", "ssim"])

@@ -10,8 +10,13 @@ from hypothesis import given, strategies as st
 
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid, root_error
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
-from renderer.study.search import find_coarsest_passing
-from renderer.study.tolerances import distinct_tolerances, round_tolerances, spread_tolerances, two_digit_numbers
+from renderer.study.tolerance_search import (
+    distinct_tolerances,
+    find_coarsest_passing,
+    round_tolerances,
+    spread_tolerances,
+    two_digit_numbers,
+)
 from renderer.transfer import make_transfer_function
 from renderer.volume import make_volume
 

@@ -8,8 +8,7 @@ from typing import Any, cast
 import pytest
 from hypothesis import given, strategies as st
 
-from renderer.study.tolerances import two_digit_numbers
-from renderer.study.trials import coarsest_tolerance
+from renderer.study.tolerance_search import coarsest_tolerance, two_digit_numbers
 
 RUNGS = [float(f"{digit}e{exponent}") for exponent in range(1, -5, -1) for digit in (5, 2, 1)]
 

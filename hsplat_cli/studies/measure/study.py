@@ -36,7 +36,6 @@ from renderer.study import (
     is_loop,
     measure_setting,
     plan_sweep,
-    pyramid_seconds,
     require_measuring_packages,
     splat_setting,
     spread_frames,
@@ -174,7 +173,7 @@ def _measure_hsplat(
                     stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
                 )
         setting = splat_setting(scene.error, scene.splat)
-        yield replace(measured[key], setting=setting, pyramid_seconds=pyramid_seconds(stage))
+        yield replace(measured[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
 
 
 def _pyramid_key(scene: Scene) -> Hashable:
