@@ -1,7 +1,7 @@
 """Measure how far changes that a comparison must accept are from those that it must reject.
 
 `python tests/golden/separation.py [FILE]` measures every figure on both, for several scenes, and writes
-docs/benchmarks/goldens.md. The limits of renderer/study/strictness.py come from it.
+docs/benchmarks/goldens.md. The limits of renderer/study/comparison.py come from it.
 
 Drivers that a machine has beside its own are named with what makes a program load them:
 
@@ -106,7 +106,7 @@ again when figures, limits or the drawing of splats change, and with another ver
 
 [Golden frames](../golden-frames.md) says what the figures and the levels are. This page measures every figure on
 changes that must pass and on defects that must not, in frames of several kinds. The limits in
-`renderer/study/strictness.py` are chosen from these tables. Levels are of 255.
+`renderer/study/comparison.py` are chosen from these tables. Levels are of 255.
 
 Defects are injected where they would arise: into the scene, the cut, the splats, their order or the view, and into
 the pixels where only the picture is wrong. For a defect that has a place, such as one splat missing, the first
