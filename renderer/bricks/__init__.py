@@ -1,7 +1,8 @@
 """The volume in bricks of 16^3 cells, for the integrated footprint.
 
-In: `Volume` and `Pyramid`. Out: `Bricks`, their errors and texels; `BrickBatch`, the cut with a step length for each
-brick. The field is interpolated inside a brick and integrated along each ray (Max 1995).
+In: `Volume`, `TransferFunction`. Out: `Bricks` of every level, with their pyramid; `BrickCut`, those drawn at a
+tolerance; `BrickBatch`, the cut with a step length for each brick; their texels. The field is interpolated inside a
+brick and integrated along each ray (Max 1995).
 """
 
 import lazy_loader

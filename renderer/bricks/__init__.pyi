@@ -1,6 +1,4 @@
 from .bricks import (
-    BRICK_LEVELS as BRICK_LEVELS,
-    HALO as HALO,
     RAY_ERROR_FACTOR as RAY_ERROR_FACTOR,
     BrickCut as BrickCut,
     BrickLevel as BrickLevel,
@@ -10,7 +8,12 @@ from .bricks import (
     num_bricks_at as num_bricks_at,
 )
 from .cut_size import brick_cut_sizes as brick_cut_sizes
-from .kernels import BRICK_SIZE as BRICK_SIZE, PADDED_BRICK_SIZE as PADDED_BRICK_SIZE
+from .kernels import (
+    BRICK_LEVELS as BRICK_LEVELS,
+    BRICK_SIZE as BRICK_SIZE,
+    HALO as HALO,
+    PADDED_BRICK_SIZE as PADDED_BRICK_SIZE,
+)
 from .means import (
     MAX_CACHE_BYTES as MAX_CACHE_BYTES,
     MIN_BRICKS_PER_THREAD as MIN_BRICKS_PER_THREAD,
@@ -22,6 +25,5 @@ from .sampling import (
     BrickBatch as BrickBatch,
     ScreenSampling as ScreenSampling,
     make_brick_batch as make_brick_batch,
-    toward_light as toward_light,
 )
 from .texels import mean_texels as mean_texels, scalar_texels as scalar_texels

@@ -1,9 +1,8 @@
-"""Compiled inner loops of the bricks: where in them something may be seen, and what their cells' nodes add up to.
+"""Compiled loops over bricks: fill their halo, find what is visible in them, add up the errors of their nodes.
 
-Which scalars are visible is told by *flips*, the ascending scalars at which that changes: one is visible where an odd
-number of flips is at or below it. All that lies between two scalars is then invisible if, and only if, both have the
-same even number. So the numbers of a dual cell's eight corners tell whether anything in it may be seen, however thin a
-peak of the transfer function is, and no cell of a brick need be looked at where all its numbers are equal.
+The min-max test of `renderer.transfer` is applied to dual cells, whose corners are eight voxels: nothing in a dual cell
+is visible if, and only if, an equal and even number of visibility breakpoints is at or below each corner's scalar.
+Where that number is the same in a whole brick, no dual cell has to be looked at.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.transfer import RawVoxels
+from renderer.transfer import RawVoxels, count_breakpoints, scalar_at
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -28,71 +27,82 @@ BRICK_SIZE = 1 << BRICK_LEVELS
 HALO = 1
 PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO
 
-# The bit of odd numbers, and the number of flips of corners whose numbers differ.
+# The bit of odd numbers, and the number of a dual cell whose corners differ.
 _VISIBLE_BIT = np.uint32(1)
 
 
 @jit
-def find_voxel_bounds(raw: RawVoxels, numbers: UInt32 | None, flips: Float64, bricks: Int32, boxes: Float32) -> None:
-    """Write the boxes of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `boxes` [z, y, x, 2, 3], which is 0.
+def fill_padded(raw: RawVoxels, by_pattern: Any, brick: Int32, out: Array) -> None:
+    """Write the scalars of a brick of voxels and its halo to `out` [n, n, n], n = BRICK_SIZE + 2 halo.
 
-    numbers: uint32 by bit pattern, of flips at or below the scalar; None where voxels are scalars themselves.
+    Beyond the volume's border the nearest voxel is repeated. brick: [3] (x, y, z). by_pattern: the numbers to write, by
+    bit pattern; None where voxels are scalars themselves.
     """
-    field = np.empty((PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE), np.uint32)
+    num_z, num_y, num_x = raw.shape
+    halo = (out.shape[0] - BRICK_SIZE) // 2
+    x0, y0, z0 = BRICK_SIZE * brick[0] - halo, BRICK_SIZE * brick[1] - halo, BRICK_SIZE * brick[2] - halo
+    for t in range(out.shape[0]):
+        z = min(max(z0 + t, 0), num_z - 1)
+        for u in range(out.shape[1]):
+            y = min(max(y0 + u, 0), num_y - 1)
+            for v in range(out.shape[2]):
+                out[t, u, v] = scalar_at(raw, by_pattern, z, y, min(max(x0 + v, 0), num_x - 1))
+
+
+@jit
+def find_voxel_bounds(
+    raw: RawVoxels, counts_by_pattern: UInt32 | None, breakpoints: Float64, bricks: Int32, bounds: Float32
+) -> None:
+    """Write the visible bounds of bricks of voxels, at `bricks` [n, 3] (x, y, z), to `bounds` [z, y, x, 2, 3].
+
+    bounds: as in BrickLevel, 0 before. counts_by_pattern: breakpoints at or below the scalar of a bit pattern; None
+    where voxels are scalars themselves.
+    """
+    shape = (PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE)
+    counts, scalars = np.empty(shape, np.uint32), np.empty(shape)
     low, high, end = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3)
     for i in range(len(bricks)):
         x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
-        is_uniform = _count_breakpoints(raw, numbers, flips, x, y, z, field)
-        if is_uniform and field[0, 0, 0] & _VISIBLE_BIT == 0:
+        if counts_by_pattern is not None:
+            fill_padded(raw, counts_by_pattern, bricks[i], counts)
+        else:
+            fill_padded(raw, None, bricks[i], scalars)
+            _count_in_field(breakpoints, scalars, counts)
+        is_uniform = _is_uniform(counts)
+        if is_uniform and counts[0, 0, 0] & _VISIBLE_BIT == 0:
             continue
         for axis in range(3):
             end[axis] = min(raw.shape[2 - axis] - BRICK_SIZE * bricks[i, axis], BRICK_SIZE)
             low[axis], high[axis] = 0, int(end[axis])  # dual cell t lies between the centres of texels t and t + 1
         if not is_uniform:
-            _to_dual_cells(field)
-            _shrink_to_visible(field, low, high)
+            _to_dual_cells(counts)
+            _shrink_to_visible(counts, low, high)
         for axis in range(3):
-            boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
-            boxes[z, y, x, 1, axis] = min(high[axis] + 0.5, end[axis])
+            bounds[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
+            bounds[z, y, x, 1, axis] = min(high[axis] + 0.5, end[axis])
 
 
 @jit
-def _count_breakpoints(
-    raw: RawVoxels, numbers: UInt32 | None, flips: Float64, i: int, j: int, k: int, field: UInt32
-) -> bool:
-    """Numbers of flips of a brick's voxels with its apron [18, 18, 18], the nearest voxels beyond the border; whether
-    they are all the same."""
-    num_z, num_y, num_x = raw.shape
+def _count_in_field(breakpoints: Float64, scalars: Float64, counts: UInt32) -> None:
+    for t in range(PADDED_BRICK_SIZE):
+        for u in range(PADDED_BRICK_SIZE):
+            for v in range(PADDED_BRICK_SIZE):
+                counts[t, u, v] = count_breakpoints(breakpoints, scalars[t, u, v])
+
+
+@jit
+def _is_uniform(counts: UInt32) -> bool:
     differ = np.uint32(0)
     for t in range(PADDED_BRICK_SIZE):
-        z = min(max(BRICK_SIZE * k - HALO + t, 0), num_z - 1)
         for u in range(PADDED_BRICK_SIZE):
-            y = min(max(BRICK_SIZE * j - HALO + u, 0), num_y - 1)
             for v in range(PADDED_BRICK_SIZE):
-                x = min(max(BRICK_SIZE * i - HALO + v, 0), num_x - 1)
-                if numbers is not None:
-                    field[t, u, v] = numbers[raw[z, y, x]]
-                else:
-                    field[t, u, v] = _num_at_or_below(flips, float(raw[z, y, x]))
-                differ |= field[t, u, v] ^ field[0, 0, 0]
+                differ |= counts[t, u, v] ^ counts[0, 0, 0]
     return bool(differ == 0)
 
 
 @jit
-def _num_at_or_below(flips: Float64, scalar: float) -> int:
-    low, high = 0, len(flips)
-    while low < high:
-        middle = (low + high) >> 1
-        if flips[middle] <= scalar:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@jit
 def _to_dual_cells(field: UInt32) -> None:
-    """From numbers at centres to numbers of dual cells, in place: odd where anything may be seen."""
+    """Turn numbers at voxel centres into numbers of dual cells, in place: odd where anything is visible."""
     for z in range(PADDED_BRICK_SIZE):
         for y in range(PADDED_BRICK_SIZE):
             for x in range(PADDED_BRICK_SIZE - 1):
@@ -109,15 +119,9 @@ def _to_dual_cells(field: UInt32) -> None:
 
 @jit
 def _shrink_to_visible(field: UInt32, low: Array, high: Array) -> None:
-    """Shrink low..high (x, y, z, both included) to what is odd, of which there must be some."""
-    x0, y0, z0, x1, y1, z1 = (
-        PADDED_BRICK_SIZE,
-        PADDED_BRICK_SIZE,
-        PADDED_BRICK_SIZE,
-        -PADDED_BRICK_SIZE,
-        -PADDED_BRICK_SIZE,
-        -PADDED_BRICK_SIZE,
-    )
+    """Shrink low..high (x, y, z, both included) to the visible dual cells; at least one is visible."""
+    x0 = y0 = z0 = PADDED_BRICK_SIZE
+    x1 = y1 = z1 = -1
     for z in range(high[2] + 1):
         for y in range(high[1] + 1):
             for x in range(high[0] + 1):
@@ -129,14 +133,13 @@ def _shrink_to_visible(field: UInt32, low: Array, high: Array) -> None:
 
 
 @jit
-def find_node_bounds(bounds_by_neighbour: UInt8, extents: Float64, boxes: Float32) -> None:
-    """Write the boxes of all bricks of a level, with `bounds_by_neighbour` [z, y, x, 3, 3, 3, 2, 3] as in
-    NodeStatistics, to `boxes`
-    [z, y, x, 2, 3], which is 0.
+def find_node_bounds(bounds_by_neighbour: UInt8, extents: Float64, bounds: Float32) -> None:
+    """Write the visible bounds of all bricks of a level to `bounds` [z, y, x, 2, 3], 0 before.
 
-    extents: float64 [3], the volume's along x, y, z in cells.
+    bounds_by_neighbour: [z, y, x, 3, 3, 3, 2, 3], as in NodeStatistics. extents: float64 [3], the volume's x, y, z in
+    cells.
     """
-    num_z, num_y, num_x = boxes.shape[:3]
+    num_z, num_y, num_x = bounds.shape[:3]
     low, high, brick = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
     for z in range(num_z):
         for y in range(num_y):
@@ -146,12 +149,12 @@ def find_node_bounds(bounds_by_neighbour: UInt8, extents: Float64, boxes: Float3
                 for k in range(max(z - 1, 0), min(z + 2, num_z)):
                     for j in range(max(y - 1, 0), min(y + 2, num_y)):
                         for i in range(max(x - 1, 0), min(x + 2, num_x)):
-                            bounds = bounds_by_neighbour[k, j, i, z - k + 1, y - j + 1, x - i + 1]
-                            _extend_bounds(bounds, i - x, j - y, k - z, low, high)
+                            of_neighbour = bounds_by_neighbour[k, j, i, z - k + 1, y - j + 1, x - i + 1]
+                            _extend_bounds(of_neighbour, i - x, j - y, k - z, low, high)
                 if low[0] <= high[0]:
-                    for axis in range(3):  # cell k is seen from the centre of k - 1 to that of k + 1
-                        boxes[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
-                        boxes[z, y, x, 1, axis] = min(
+                    for axis in range(3):  # cell k is visible from the centre of k - 1 to that of k + 1
+                        bounds[z, y, x, 0, axis] = max(low[axis] - 0.5, 0.0)
+                        bounds[z, y, x, 1, axis] = min(
                             high[axis] + 1.5, BRICK_SIZE, extents[axis] - BRICK_SIZE * brick[axis]
                         )
 
@@ -168,7 +171,7 @@ def _extend_bounds(bounds: UInt8, dx: int, dy: int, dz: int, low: Array, high: A
 
 @jit
 def slot_at(slots: Int32, x: int, y: int, z: int) -> int:
-    """The slot of a brick, -1 also outside of the volume."""
+    """Return the slot of a brick in `slots` [z, y, x], -1 if it has none or is outside the volume."""
     if x < 0 or y < 0 or z < 0 or z >= slots.shape[0] or y >= slots.shape[1] or x >= slots.shape[2]:
         return -1
     return int(slots[z, y, x])
@@ -176,7 +179,7 @@ def slot_at(slots: Int32, x: int, y: int, z: int) -> int:
 
 @jit
 def halo_span(step: int) -> tuple[int, int]:
-    """Return the first and last cell, from -1 to BRICK_SIZE, that the neighbour at -1, 0, 1 fills."""
+    """Return the first and last cell, from -1 to BRICK_SIZE, that the neighbour at -1, 0 or 1 fills."""
     if step < 0:
         return -HALO, -1
     return (0, BRICK_SIZE - 1) if step == 0 else (BRICK_SIZE, BRICK_SIZE + HALO - 1)
@@ -184,7 +187,7 @@ def halo_span(step: int) -> tuple[int, int]:
 
 @jit
 def scatter(items: Array, cells: Int32, slots: Int32, out: Array) -> None:
-    """Put nodes, items [n], at `cells` [n, 3] (x, y, z) into bricks [., BRICK_SIZE, BRICK_SIZE, BRICK_SIZE]."""
+    """Copy packed nodes [n] at `cells` [n, 3] (x, y, z) into bricks [., BRICK_SIZE, BRICK_SIZE, BRICK_SIZE]."""
     inside = BRICK_SIZE - 1
     for i in range(len(items)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
@@ -194,7 +197,7 @@ def scatter(items: Array, cells: Int32, slots: Int32, out: Array) -> None:
 
 @jit
 def accumulate_max(errors: Float64, cells: Int32, shift: int, largest: Float64) -> None:
-    """The largest of errors [n] of nodes at `cells` [n, 3] (x, y, z) in bricks [z, y, x] of 2^shift nodes a side."""
+    """Raise `largest` [z, y, x], of bricks of 2^shift nodes a side, to the errors [n] of nodes at `cells` [n, 3]."""
     for i in range(len(errors)):
         x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
         largest[z, y, x] = max(largest[z, y, x], errors[i])
@@ -202,9 +205,11 @@ def accumulate_max(errors: Float64, cells: Int32, shift: int, largest: Float64) 
 
 @jit
 def accumulate_by_neighbour(errors: Float64, depths: Array, cells: Int32, largest: Float64, bounds: UInt8) -> None:
-    """The largest of errors [n] of nodes at `cells` [n, 3] (x, y, z), and the bounds of those with depths [n] above 0,
-    by the neighbours whose apron the nodes are in: [z, y, x, 3, 3, 3] and [z, y, x, 3, 3, 3, 2, 3], as in
-    NodeStatistics."""
+    """Add nodes at `cells` [n, 3] (x, y, z) to the largest errors and to the bounds of visible nodes, by the neighbours
+    in whose halo they are: [z, y, x, 3, 3, 3] and [z, y, x, 3, 3, 3, 2, 3], as in NodeStatistics.
+
+    errors: [n]. depths: [n], above 0 where a node is visible.
+    """
     inside = BRICK_SIZE - 1
     for i in range(len(errors)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
@@ -225,7 +230,10 @@ def accumulate_by_neighbour(errors: Float64, depths: Array, cells: Int32, larges
 def accumulate_squares(
     errors: Float64, sizes: npt.NDArray[np.int64], cells: Int32, shift: int, largest: Float64, sums: Float64
 ) -> None:
-    """Sums of the squares of errors [n] over the brick's largest, times sizes [n]: they neither overflow nor vanish."""
+    """Add the squares of errors [n], times sizes [n], to the bricks' sums [z, y, x].
+
+    Errors are divided by the brick's largest, so that squares neither overflow nor vanish.
+    """
     for i in range(len(errors)):
         x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
         if errors[i] > 0:
@@ -236,23 +244,23 @@ def accumulate_squares(
 @jit
 def split_bricks(
     cells: Int32,
-    brick_errors: Float64,
-    boxes: Float32,
+    errors: Float64,
+    bounds: Float32,
     tolerance: float,
     shape_below: tuple[int, int, int],
     drawn: Int32,
     children: Int32,
 ) -> tuple[int, int]:
-    """Those of some bricks of a level, `cells` [n, 3] (x, y, z), whose errors are below the tolerance are appended to
-    `drawn` [n, 3] if they show anything; the children of the others, in Morton order, to `children` [8 n, 3].
+    """Split the bricks of a level at `cells` [n, 3] (x, y, z) whose error is not below the tolerance.
 
-    shape_below: bricks along z, y, x on the level below. How many of each there are.
+    Append their children to `children` [8 n, 3], in Morton order, and the others, where visible, to `drawn` [n, 3];
+    return how many of either there are. shape_below: bricks along z, y, x on the level below.
     """
     num_drawn = num_children = 0
     for i in range(len(cells)):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        if brick_errors[z, y, x] < tolerance:
-            if boxes[z, y, x, 1, 0] > boxes[z, y, x, 0, 0]:
+        if errors[z, y, x] < tolerance:
+            if bounds[z, y, x, 1, 0] > bounds[z, y, x, 0, 0]:
                 drawn[num_drawn, 0], drawn[num_drawn, 1], drawn[num_drawn, 2] = x, y, z
                 num_drawn += 1
             continue
@@ -262,17 +270,3 @@ def split_bricks(
                 children[num_children, 0], children[num_children, 1], children[num_children, 2] = x1, y1, z1
                 num_children += 1
     return num_drawn, num_children
-
-
-@jit
-def copy_bounds_and_errors(
-    cells: Int32, boxes: Float32, roughness: Float64, width: float, bounds_out: Float64, step_errors_out: Float64
-) -> None:
-    """Of bricks `cells` [n, 3] (x, y, z) the boxes [n, 2, 3] in index coordinates, a cell being `width` voxels wide,
-    and the roughness [n]."""
-    for i in range(len(cells)):
-        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        step_errors_out[i] = roughness[z, y, x]
-        for axis in range(3):
-            for end in range(2):
-                bounds_out[i, end, axis] = (BRICK_SIZE * cells[i, axis] + boxes[z, y, x, end, axis]) * width - 0.5

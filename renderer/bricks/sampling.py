@@ -1,24 +1,24 @@
-"""Bricks as a rasteriser takes them, before any view is chosen: boxes, steps, and what may be spared at a tolerance.
+"""Bricks as a rasteriser takes them, before a view is chosen: bounds, steps, and what a tolerance allows to save.
 
-What both rasterisers draw. The ray through a pixel's centre meets a brick's box from t0 to t1, world lengths, beyond
-the near plane. In index space, in cells of the brick, that way is L long, and is cut into
+Both rasterisers draw this. The ray through a pixel's centre meets a brick's visible bounds from t0 to t1, world
+lengths, beyond the near plane. In index space, in cells of the brick, that stretch has the length L. It is divided into
 
-    n = max(1, floor(L / step * (1 + DITHER * (phase - 1/2)) + 1/2 + phase))
+    n = max(1, floor(L / step * (1 + DITHER * (jitter - 1/2)) + 1/2 + jitter))
 
-equal parts of the world length h; one more where that is a multiple of four: a brick is 16 cells wide, and along an
-axis with 8, 16 or 32 parts all their middles would lie alike in their cells, in brick after brick. The phase, from 0 to
-1, is the pixel's own, (column, row) . JITTER_PER_PX without its whole part: what parts leave out is noise, of a level
-or less, and not rings where n changes, or whole bricks that are off alike. In the middle of each part the field is
-looked up, linear between the centres of cells:
+segments of equal world length h, or one more where n is a multiple of four: a brick is 16 cells wide, and 8, 16 or 32
+samples along an axis would lie alike in their cells, in brick after brick. The jitter, from 0 to 1, differs from pixel
+to pixel: it is the fraction of (column, row) . JITTER_PER_PX. Errors are then noise, of a level or less, and neither
+rings where n changes nor whole bricks that are off alike. In the middle of each segment is a sample of the field,
+interpolated linearly between the centres of cells:
 
-    level 0     u, a scalar; then c and tau of u, each linear in the pieces of the transfer function; with light, c
-                times the factor of the interpolated gradient
+    level 0     u, a scalar; then c and tau of u, each piecewise linear; with light, c times the factor of the
+                interpolated gradient
     above       (tau c, tau)
 
-both with tau times the finest spacing; and a part has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Parts,
-and bricks, are composited front to back.
+both with tau times the finest spacing. A segment has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Segments
+and bricks are composited front to back.
 
-M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences" (2018): phases that are even over any block of
+M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences" (2018): jitter that is even over any block of
 pixels, from powers of the plastic number.
 """
 
@@ -32,43 +32,38 @@ import numpy.typing as npt
 
 from renderer.bricks.bricks import BrickCut, Bricks
 from renderer.scene import ShadingSpec
-from renderer.transfer import PiecewiseTransfer
 
 Float64 = npt.NDArray[np.float64]
 
-# Steps, in cells: the longest are for bricks in which nothing changes. At the least, which tolerance 0 has, errors are
-# about 1/256 of the roughness, or of 1 where a cell is an optical depth above 1, down to the shortest of all.
+# Steps, in cells. MAX_STEP is for bricks in which nothing changes. Tolerance 0 has ZERO_TOLERANCE_STEP, with errors of
+# about 1/256 of the step error estimate, or of 1 where a cell has an optical depth above 1; no step is below MIN_STEP.
 ZERO_TOLERANCE_STEP, MIN_STEP, MAX_STEP = 1 / 16, 1 / 128, 4.0
-# A step is one cell where the roughness is this many tolerances: with 1 thin structures (bonsai) lose 1 to 5 dB of the
-# same time, with 0.3 smooth ones (engine).
+# A step is one cell where the step error estimate is 1 / UNIT_STEP_ERROR tolerances. With 1, thin structures (bonsai)
+# lose 1 to 5 dB in the same time; with 0.3, smooth ones (engine).
 UNIT_STEP_ERROR = 0.5
-# Errors grow with roughness * step^2, samples with 1 / step: of all choices with the same sum of squared errors the one
-# with the fewest samples has step^5 ~ 1 / roughness^2.
+# Errors grow with step_error * step^2, samples with 1 / step. Of all choices with the same sum of squared errors, that
+# with the fewest samples has step^5 ~ 1 / step_error^2.
 STEP_EXPONENT = 0.4
 
-# From which tolerance on which lattices of pixels are drawn. Below all of them every pixel is: next to all blocks of a
-# finer lattice differ there, and what is thin must not fall between nodes.
+# Subsampled pixel grids from a tolerance on. Below all of them every pixel is drawn: next to all blocks of a finer grid
+# differ there, and thin structures must not fall between its nodes.
 STRIDES = ((2.0, (8, 4)), (1.0, (4, 2)), (0.15, (4, 1)))
-# Nodes of the first lattice lie no further apart than so many of the finest cells for each STRIDE_TOLERANCE_UNIT of the
-# tolerance, four of them at 0.3, and no further than this share of the volume's thinnest side. What is thinner may fall
+# Nodes of the first grid are at most MAX_STRIDE_CELLS of the finest cells apart for each STRIDE_TOLERANCE_UNIT of the
+# tolerance, four of them at 0.3, and at most this share of the volume's thinnest side. Thinner structures may fall
 # between them: a sheet seen edge-on, or what a steep transfer function cuts out of a cell.
 MAX_STRIDE_CELLS, STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
-# In tolerances: how much nodes may differ that are interpolated, and the transmittance behind which nothing is drawn.
+# In tolerances: how much nodes may differ that are interpolated, and the transmittance at which a ray ends.
 # With a third, pictures are as exact as those of all pixels, within 2 dB at 0.15 to 0.5, where two of three CT scans
-# take half to three quarters of their time; with 1 a shaded scan lost 10 dB for nothing. Behind 0.08 instead of 0.04
-# two CT scans lose 1 to 1.5 dB, behind 0.15 3 to 5 more, and gain 2 to 4 % of the time.
-DIFFERENCE_THRESHOLD, MAX_DIFFERENCE_THRESHOLD, TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = (
-    0.35,
-    0.35,
-    0.04,
-    0.025,
-)
+# take half to three quarters of the time; with 1 a shaded scan lost 10 dB for nothing. With a transmittance of 0.08
+# instead of 0.04 two CT scans lose 1 to 1.5 dB, with 0.15 3 to 5 more, and gain 2 to 4 % of the time.
+DIFFERENCE_THRESHOLD, MAX_DIFFERENCE_THRESHOLD = 0.35, 0.35
+TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.04, 0.025
 
-# What float32 leaves of a transmittance is less.
+# float32 does not resolve a smaller transmittance.
 _MIN_TERMINATION_TRANSMITTANCE = 2.0**-22
 
-# By which share of n the numbers of parts of two pixels differ, beside one part. Over five scans, means of 8 x 8 pixels
-# are 0.35 to 0.7 times as far off, at most, as with one number for all, in 3 to 5 % more time, since lanes of a
+# By which share of n the numbers of segments of two pixels differ, besides one. Over five scans, means of 8 x 8 pixels
+# are at most 0.35 to 0.7 times as far off as with one number for all, in 3 to 5 % more time, because lanes of a
 # processor wait for each other; 0.1 leaves more (0.5 to 0.75), 0.3 no less.
 DITHER = 0.15
 # In 2^-32: the plastic number's inverse, and its square.
@@ -77,17 +72,15 @@ JITTER_PER_PX = 3242174889, 2447445414
 
 @dataclass(frozen=True)
 class ScreenSampling:
-    """What a picture need not be exact in.
+    """Which pixels of a picture are drawn, and where rays end.
 
-    strides: falling, from which lattices of pixels the picture is made: on the first, every so manieth pixel along both
-        axes is drawn. On each that follows only those blocks between four nodes of the one before are drawn whose nodes
-        differ; the others are interpolated (bilinear), as are pixels between the nodes of the last lattice. (1,) draws
-        every pixel.
+    strides: falling, of the subsampled pixel grids. The first grid draws one of `stride` pixels along both axes. Each
+        later grid draws only the blocks between four nodes of the grid before whose nodes differ. The other blocks are
+        interpolated (bilinear), as are pixels between the nodes of the last grid. (1,) draws every pixel.
     difference_threshold: four nodes differ where a channel (premultiplied RGBA) differs by more than this among them
-    and a channel
-        bends by more than this at one of them, along rows or columns: by `|a - 2 b + c|`, b the node and a and c its
-        neighbours on the lattice, at the last ones itself.
-    termination_transmittance: what lies behind less than this is not drawn.
+        and a channel bends by more than this at one of them, along rows or columns: by `|a - 2 b + c|`, with b the node
+        and a and c its neighbours on the grid, at the edge the node itself.
+    termination_transmittance: rays end at a smaller transmittance.
     """
 
     strides: tuple[int, ...]
@@ -96,24 +89,22 @@ class ScreenSampling:
 
     @property
     def termination_alpha(self) -> float:
-        """The alpha behind which a ray may end: nothing is drawn there, or float32 would not keep it."""
+        """The alpha at which a ray may end: nothing behind it is drawn, or float32 would lose it."""
         return 1 - max(self.termination_transmittance, _MIN_TERMINATION_TRANSMITTANCE)
 
 
 @dataclass(frozen=True)
 class BrickBatch:
-    """Boxes in the order of their cut.
+    """Bricks to draw, in the order of their cut.
 
-    steps: float64 [n], about how long a step is, in cells of the brick.
-    pieces: as in Bricks.
-    origin: float64 [3], world position of the model's origin, the volume's centre. model_unit: world length of a model
-    unit.
+    steps: float64 [n], the approximate length of a step, in cells of the brick.
+    origin: float64 [3], world position of the model's origin, the volume's centre.
+    model_unit: world length of a model unit.
     """
 
     cut: BrickCut
     bricks: Bricks
     steps: Float64
-    pieces: PiecewiseTransfer
     shading: ShadingSpec | None
     screen_sampling: ScreenSampling
     origin: Float64
@@ -124,14 +115,8 @@ class BrickBatch:
 
     @property
     def spacings_per_model_unit(self) -> float:
-        """The finest spacing's worth in model units: what tau times that spacing is multiplied by for tau per unit."""
+        """The factor from tau times the finest spacing to tau per model unit."""
         return self.model_unit / self.cut.volume.finest_spacing
-
-
-def toward_light(shading: ShadingSpec) -> Float64:
-    """float64 [3], world axes, of unit length."""
-    light = np.array(shading.light, np.float64)
-    return np.asarray(light / np.linalg.norm(light))
 
 
 def make_brick_batch(
@@ -143,47 +128,43 @@ def make_brick_batch(
     voxel_px: float,
     pixel_tolerance: float | None = None,
 ) -> BrickBatch:
-    """What a cut at a tolerance looks like, on a film on which a voxel appears about `voxel_px` pixels wide.
+    """Return the bricks of a cut with the steps and pixels for a tolerance; voxels are about `voxel_px` pixels wide.
 
-    pixel_tolerance: how much of a pixel's channel the tolerance stands for; None where that is the measure's own unit.
+    pixel_tolerance: the change of a pixel's channel that the tolerance stands for; None where it is in that unit.
     """
-    volume = cut.volume
-    length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
+    volume, measure = cut.volume, bricks.pyramid.measure
+    model_unit = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
     thinnest = float((volume.spacing / volume.finest_spacing * volume.shape_xyz).min())
     finest = int(cut.levels.min(initial=len(bricks.levels)))
+    # About the largest optical depth of a cell; where the measure does not tell, of the whole volume.
+    depths = np.full(len(cut), bricks.transfer.max_extinction * volume.finest_spacing)
     return BrickBatch(
         cut,
         bricks,
-        step_sizes(cut.step_errors, tolerance, _depths(cut, bricks)),
-        bricks.pieces,
+        step_sizes(cut.step_errors, tolerance, cut.step_errors if measure == "optical" else depths),
         shading,
         screen_sampling_at(
             tolerance if pixel_tolerance is None else pixel_tolerance, voxel_px * 2.0**finest, voxel_px * thinnest
         ),
         volume.centre,
-        length,
+        model_unit,
     )
 
 
-def _depths(cut: BrickCut, bricks: Bricks) -> Float64:
-    """float64 [n]: of cells of bricks, about the largest; without the measure for it, that of the whole volume."""
-    if bricks.pyramid.measure == "optical":
-        return cut.step_errors
-    return np.full(len(cut), bricks.transfer.max_extinction * cut.volume.finest_spacing)
-
-
-def step_sizes(roughness: Float64, tolerance: float, depths: Float64) -> Float64:
-    """float64 [n]: the step, in cells, in bricks of some roughness, whose cells have these optical depths."""
+def step_sizes(step_errors: Float64, tolerance: float, depths: Float64) -> Float64:
+    """float64 [n]: the step, in cells, in bricks with these step error estimates and optical depths of a cell."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        steps = np.where(roughness > 0, (UNIT_STEP_ERROR * tolerance / roughness) ** STEP_EXPONENT, np.inf)
+        steps = np.where(step_errors > 0, (UNIT_STEP_ERROR * tolerance / step_errors) ** STEP_EXPONENT, np.inf)
     least = np.maximum(ZERO_TOLERANCE_STEP / np.sqrt(np.maximum(depths, 1.0)), MIN_STEP)
     return np.asarray(np.clip(steps, least, MAX_STEP), np.float64)
 
 
 def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = math.inf) -> ScreenSampling:
-    """What is spared at a tolerance where the finest cells appear `cell_px` pixels wide, and the volume's thinnest side
-    `thinnest_px`."""
+    """Return the screen sampling at a tolerance.
+
+    cell_px, thinnest_px: widths in pixels of the finest cells, and of the volume's thinnest side.
+    """
     most = min(MAX_STRIDE_CELLS * cell_px * tolerance / STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS * thinnest_px)
     strides = next((wanted for least, wanted in STRIDES if tolerance >= least and wanted[0] <= most), (1,))
-    spread = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
-    return ScreenSampling(strides, spread, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE))
+    threshold = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
+    return ScreenSampling(strides, threshold, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE))

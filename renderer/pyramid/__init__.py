@@ -1,7 +1,8 @@
 """The pyramid of averages and errors, and the octree that is cut from it.
 
-In: `Volume` and `Classifier`. Out: `Pyramid`; `Cut`, the coarsest nodes whose error is below a tolerance (Laur and
-Hanrahan 1991). Means and variances of children are merged as in Chan, Golub and LeVeque 1979.
+In: `Volume`, `TransferFunction`. Out: `Pyramid`; `Cut`, the coarsest nodes whose error is below a tolerance (Laur and
+Hanrahan 1991); `CutSizes`, from which a budget of cells finds its tolerance. Means and variances of children are merged
+as in Chan, Golub and LeVeque 1979.
 """
 
 import lazy_loader

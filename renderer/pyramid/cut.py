@@ -1,21 +1,20 @@
-"""The cut: the set of octree cells that is drawn at a tolerance, every voxel covered once or transparent.
+"""The cut: the octree cells that are drawn at a tolerance. They cover every visible voxel exactly once.
 
 Top-down, level by level (Laur and Hanrahan 1991, section 4): a node whose error is *below* the tolerance becomes a
-leaf, the others descend, so that a tolerance of 0 reaches every visible voxel. Nodes without extinction are not in the
-pyramid and cost nothing.
+leaf, and the others are split, so that a tolerance of 0 reaches every visible voxel. Nodes without extinction are not
+in the pyramid and cost nothing.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
 from renderer.pyramid.pyramid import Pyramid, cell_extents, error_scale
-from renderer.transfer import Lighting, RawVoxels, TransferSegments, classify_voxel, raw_voxels
+from renderer.transfer import Classifier, RawVoxels, classify_voxel, raw_voxels
 from renderer.volume import Volume
 
 Float32 = npt.NDArray[np.float32]
@@ -26,10 +25,10 @@ Int64 = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Cut:
-    """The cells drawn, coarse levels first, in Morton order within a level: a cell's place is its id.
+    """The cells drawn, coarse levels first, in Morton order within a level. The index of a cell is its id.
 
     levels: uint8 [n]; a cell of level l is 2^l voxels wide, less where the border cuts it.
-    cells: int32 [n, 3], x, y, z in units of the cell's own width.
+    cells: int32 [n, 3], x, y, z in widths of the cell.
     depths: float32 [n, 4], means of (tau c, tau) times the finest spacing.
     volume: the volume that was cut.
     """
@@ -43,22 +42,14 @@ class Cut:
         return len(self.levels)
 
     def without_cells(self) -> Cut:
-        """A cut of the same volume that holds nothing, and no memory."""
+        """Return an empty cut of the same volume, which takes no memory."""
         return Cut(np.empty(0, np.uint8), np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), self.volume)
 
 
-class _Leaves(NamedTuple):
-    """The leaves of one level: cells [n, 3] and depths [n, 4], as in Cut."""
-
-    level: int
-    cells: Int32
-    depths: Float32
-
-
 def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) -> Cut:
-    """The coarsest cells whose error is below `tolerance` (in the measure's unit); none finer than `finest_level`.
+    """Return the coarsest cells whose error is below `tolerance` (in the measure's unit), none below `finest_level`.
 
-    Raises ValueError where either is below what the pyramid was built for.
+    Raises ValueError where the pyramid was not built for this tolerance or level.
     """
     if not tolerance >= pyramid.min_tolerance:
         raise ValueError(f"no pyramid for this tolerance: got {tolerance}, expected at least {pyramid.min_tolerance}")
@@ -66,37 +57,35 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
         raise ValueError(f"no pyramid for this level: got {finest_level}, expected at least {pyramid.finest_level}")
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     nodes = np.arange(len(cells))
-    parts = []
+    leaves = []
     for number in range(pyramid.num_levels, 0, -1):
         level = pyramid.levels[number - 1]
-        is_leaf = (
-            node_errors(pyramid, nodes, cells, number) < tolerance
-            if number > finest_level
-            else np.ones(len(nodes), np.bool_)
-        )
-        means = level.means[nodes[is_leaf]].astype(np.float32) * np.float32(pyramid.mean_unit)
-        parts.append(_Leaves(number, cells[is_leaf], means))
+        is_leaf = np.ones(len(nodes), np.bool_)
+        if number > finest_level:
+            is_leaf = node_errors(pyramid, nodes, cells, number) < tolerance
+        depths = level.means[nodes[is_leaf]].astype(np.float32) * np.float32(pyramid.mean_unit)
+        leaves.append((number, cells[is_leaf], depths))
         nodes, cells = nodes[~is_leaf], cells[~is_leaf]
         if number > 1:
             nodes, cells = visible_children(nodes, cells, level.masks, level.first_children)
-    return _joined(pyramid, parts, cells)
+    return _join_leaves(pyramid, leaves, cells)
 
 
 def root_error(pyramid: Pyramid) -> float:
-    """The error of the whole volume as one cell, in the measure's unit: any tolerance above draws a single splat."""
+    """Return the error of the whole volume as one cell. A cut at any larger tolerance is a single cell."""
     nodes = np.arange(len(pyramid.levels[-1].errors))
     return float(node_errors(pyramid, nodes, np.zeros((len(nodes), 3), np.int32), pyramid.num_levels).max(initial=0.0))
 
 
 def node_errors(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int) -> Float64:
-    """float64 [n]: the errors of some nodes of a level, and of their cells, in the measure's unit."""
+    """float64 [n]: the errors of nodes of a level, whose cells are `cells` [n, 3], in the measure's unit."""
     sizes = cell_voxel_counts(cells, level, pyramid.volume)
     scale = np.asarray(error_scale(pyramid.volume, pyramid.measure, sizes) * pyramid.error_unit)
     return np.asarray(pyramid.levels[level - 1].errors[nodes] * scale)
 
 
 def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
-    """int64 [n]: how many voxels some cells of a level have."""
+    """int64 [n]: the number of voxels in each of the cells of a level."""
     x, y, z = cell_extents(cells, level, volume.shape_xyz).T  # a product along the rows would take ten times as long
     return np.asarray(x * y * z)
 
@@ -104,7 +93,10 @@ def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
 def visible_children(
     nodes: Int64, cells: Int32, masks: npt.NDArray[np.uint8], first_children: Int64
 ) -> tuple[Int64, Int32]:
-    """The visible children of some nodes: their indices in the level below and their cells."""
+    """Return the visible children of nodes at `cells`: their indices in the level below [m] and their cells [m, 3].
+
+    masks, first_children: of the nodes' level.
+    """
     num = int(np.bitwise_count(masks[nodes]).sum(dtype=np.int64))
     child_nodes, child_cells = np.empty(num, np.int64), np.empty((num, 3), np.int32)
     _fill_children(nodes, cells, masks, first_children, child_nodes, child_cells)
@@ -133,75 +125,60 @@ def _fill_children(
                 num += 1
 
 
-def _joined(pyramid: Pyramid, parts: list[_Leaves], parents: Int32) -> Cut:
-    """The leaves of all levels, and the visible voxels in those cells of level 1 that are none."""
-    num_coarse = sum(len(part.cells) for part in parts)
-    room = num_coarse + 8 * len(parents)  # addresses, which cost no memory until they are written
-    cells, depths = np.empty((room, 3), np.int32), np.empty((room, 4), np.float32)
-    np.concatenate([part.cells for part in parts], out=cells[:num_coarse])
-    np.concatenate([part.depths for part in parts], out=depths[:num_coarse])
-    raw = raw_voxels(pyramid.volume)
-    pyramid.volume.require_unchanged()
-    num = num_coarse + _fill_voxels(raw, *pyramid.classifier, parents, cells[num_coarse:], depths[num_coarse:])
-    pyramid.volume.require_unchanged()
+def _join_leaves(pyramid: Pyramid, leaves: list[tuple[int, Int32, Float32]], parents: Int32) -> Cut:
+    """Return the cut of the leaves of all levels (level, cells, depths) and the visible voxels in cells of level 1."""
+    levels, cells_of_level, depths_of_level = zip(*leaves, strict=True)
+    nums = [len(cells) for cells in cells_of_level]
+    num_coarse = sum(nums)
+    capacity = num_coarse + 8 * len(parents)  # addresses, which take no memory until they are written
+    cells, depths = np.empty((capacity, 3), np.int32), np.empty((capacity, 4), np.float32)
+    np.concatenate(cells_of_level, out=cells[:num_coarse])
+    np.concatenate(depths_of_level, out=depths[:num_coarse])
+    num = num_coarse + int(_find_voxels(pyramid, parents, cells[num_coarse:], depths[num_coarse:]).sum(dtype=np.int64))
     cells.resize((num, 3), refcheck=False)
     depths.resize((num, 4), refcheck=False)
-    levels = np.zeros(num, np.uint8)
-    levels[:num_coarse] = np.repeat([part.level for part in parts], [len(part.cells) for part in parts])
-    for array in (levels, cells, depths):
+    all_levels = np.zeros(num, np.uint8)
+    all_levels[:num_coarse] = np.repeat(levels, nums)
+    for array in (all_levels, cells, depths):
         array.flags.writeable = False
-    return Cut(levels, cells, depths, pyramid.volume)
+    return Cut(all_levels, cells, depths, pyramid.volume)
 
 
 def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> npt.NDArray[np.uint8]:
-    """uint8 [n]: how many voxels are visible in cells of level 1."""
-    counts = np.empty(len(cells), np.uint8)
+    """uint8 [n]: the number of visible voxels in each of the cells of level 1."""
+    return _find_voxels(pyramid, cells, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32))
+
+
+def _find_voxels(pyramid: Pyramid, parents: Int32, cells: Int32, depths: Float32) -> npt.NDArray[np.uint8]:
+    """Return the number of visible voxels in each of `parents`; write them to `cells` and `depths` unless empty."""
+    counts = np.empty(len(parents), np.uint8)
     pyramid.volume.require_unchanged()
-    _count_voxels(raw_voxels(pyramid.volume), *pyramid.classifier, cells, counts)
+    _fill_voxels(raw_voxels(pyramid.volume), pyramid.classifier, parents, counts, cells, depths)
     pyramid.volume.require_unchanged()
     return counts
 
 
 @jit
-def _count_voxels(
-    raw: RawVoxels,
-    table: Float32 | None,
-    segments: TransferSegments | None,
-    scalars: Float64 | None,
-    lighting: Lighting | None,
-    parents: Int32,
-    counts: npt.NDArray[np.uint8],
-) -> None:
-    """As many as `_fill_voxels` appends for each of the parents."""
-    for i in range(len(parents)):
-        num = 0
-        for k in range(8):
-            x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
-            if x < raw.shape[2] and y < raw.shape[1] and z < raw.shape[0]:
-                num += classify_voxel(raw, table, segments, scalars, lighting, z, y, x)[3] > 0
-        counts[i] = num
-
-
-@jit
 def _fill_voxels(
     raw: RawVoxels,
-    table: Float32 | None,
-    segments: TransferSegments | None,
-    scalars: Float64 | None,
-    lighting: Lighting | None,
+    classifier: Classifier,
     parents: Int32,
+    counts: npt.NDArray[np.uint8],
     cells: Int32,
     depths: Float32,
-) -> int:
-    """Append the visible voxels in cells of level 1 (x, y, z) and their depths; how many they are."""
-    num = 0
+) -> None:
+    num, is_counted_only = 0, len(cells) == 0
     for i in range(len(parents)):
+        count = 0
         for k in range(8):
             x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
-            if x < raw.shape[2] and y < raw.shape[1] and z < raw.shape[0]:
-                red, green, blue, depth = classify_voxel(raw, table, segments, scalars, lighting, z, y, x)
-                if depth > 0:
+            if x >= raw.shape[2] or y >= raw.shape[1] or z >= raw.shape[0]:
+                continue
+            red, green, blue, depth = classify_voxel(raw, classifier, z, y, x)
+            if depth > 0:
+                count += 1
+                if not is_counted_only:
                     depths[num, 0], depths[num, 1], depths[num, 2], depths[num, 3] = red, green, blue, depth
                     cells[num, 0], cells[num, 1], cells[num, 2] = x, y, z
                     num += 1
-    return num
+        counts[i] = count

@@ -1,20 +1,20 @@
-"""Compiled inner loops of the pyramid.
+"""Build and merge the nodes of the pyramid, in compiled loops.
 
-Two neighbours a and b, of which b holds the share h of the voxels, are merged into
+Two neighbours a and b, where b holds the share h of their voxels, are merged into
 
     mean = a + h (b - a)        variance = va + h (vb - va) + h (1 - h) (b - a)^2
 
 along x, then y, then z. This is the merge of Chan, Golub, LeVeque 1979 ("Updating formulae and a pairwise algorithm for
-computing sample variances") divided by the count: no difference of large squares is taken, so that a variance is never
-negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2; where its border cuts
-a node the shares of real voxels along the three axes differ, and where b has none h is 0.
+computing sample variances") divided by the count. It takes no difference of large squares, so a variance is never
+negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2. Where the border cuts
+a node, the shares of real voxels along the three axes differ; where b has no voxels, h is 0.
 
 Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
 are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on. In each of the three
 arrays of a group, and among the 512 voxels, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of
-nodes: all children are merged as eight contiguous rows, which becomes vector code. The 64 are then in Morton order with
-the two octal digits exchanged (see GROUP_INDEX_OF_MORTON), the 8 in Morton order. Channels of a node lie together, and
-variances are kept by channel.
+nodes: children are merged as eight contiguous rows, which becomes vector code. The 64 are then in Morton order with the
+two octal digits exchanged (see GROUP_INDEX_OF_MORTON), the 8 in Morton order. The channels of a node lie together; each
+has its own variance.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.transfer import Lighting, RawVoxels, TransferSegments, classify_voxel, evaluate, scalar_at
+from renderer.transfer import Classifier, PiecewiseLinear, RawVoxels, classify_scalar, classify_voxel, scalar_at
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -39,17 +39,16 @@ PackedChannels = npt.NDArray[np.complex128]
 
 BLOCK_SIZE = 8
 
-# The side of a voxel in voxels, not as a literal, for which numba would compile a version of its own.
+# The side of a voxel in voxels. For a literal, numba would compile another version.
 VOXEL_SIDE = np.int64(1)
 
 # Where the coordinates of a voxel in its block put it among 8 x 64 children: the lowest bit is that of the child, the
-# highest that of the largest parent. Unsigned indices, here and below, spare numba asking if they count from the end.
+# highest that of the largest parent. Unsigned indices, here and below, spare numba the check for negative ones.
 VOXEL_OFFSET_X = np.array([64 * (i & 1) + 8 * (i >> 1 & 1) + (i >> 2) for i in range(BLOCK_SIZE)], np.uint64)
 VOXEL_OFFSET_Y, VOXEL_OFFSET_Z = 2 * VOXEL_OFFSET_X, 4 * VOXEL_OFFSET_X
 
-# The place in a group of 64 of the node that is n-th in Morton order; its own inverse.
+# The index in a group of 64 of the node that is n-th in Morton order; its own inverse.
 GROUP_INDEX_OF_MORTON = np.array([(n & 7) << 3 | n >> 3 for n in range(64)], np.uint64)
-
 
 # Where one coordinate of a node puts it among the 64 of a group, and among the 8 or the one.
 NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
@@ -58,11 +57,9 @@ NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
 @jit
 def build_channel_level(
     raw: RawVoxels,
-    table: Float32 | None,
-    segments: TransferSegments | None,
-    scalars: Float64 | None,
-    lighting: Lighting | None,
+    classifier: Classifier,
     packed_table: PackedChannels | None,
+    curve: PiecewiseLinear | None,
     starts: UInt64,
     extents: UInt64,
     voxels: Float32,
@@ -70,23 +67,24 @@ def build_channel_level(
     means: Float32,
     variances: Float32,
 ) -> None:
-    """Level 1 of the blocks at voxels `starts` [g, 3], `extents` [g, 3] (x, y, z) of which are real: [g, 64, 4].
+    """Write level 1 [g, 64, 4] of the blocks at voxels `starts` [g, 3]; `extents` [g, 3] (x, y, z) of each are real.
 
-    voxels: [512, 4], scratch. packed_table, packed_voxels: the rows of `table` and `voxels` as items.
+    packed_table, curve: what whole blocks are classified by, of the classifier; None with lighting. voxels: [512, 4],
+    scratch; packed_voxels: the same, packed.
     """
     shares = np.empty((3, 64 * 4), np.float32)
     block_voxels = np.empty((BLOCK_SIZE, BLOCK_SIZE, BLOCK_SIZE), raw.dtype)
     for g in range(len(starts)):
         if g == 0 or not _has_same_extents(extents, g):
             _set_shares(extents, g, VOXEL_SIDE, shares, means.shape[2])
-            voxels[:] = 0  # those outside of the volume stay so
+            voxels[:] = 0  # those outside the volume stay 0
         whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK_SIZE**3
-        if whole and lighting is None and packed_table is not None:
-            _classify_by_table(raw, packed_table, starts, g, packed_voxels)
-        elif whole and lighting is None and segments is not None:
-            _evaluate_channels(raw, segments, starts, g, block_voxels, voxels)
+        if whole and packed_table is not None:
+            _look_up_block(raw, packed_table, starts, g, packed_voxels)
+        elif whole and curve is not None:
+            _evaluate_block(raw, curve, classifier.is_opacity, starts, g, block_voxels, voxels)
         else:
-            _fill_channels(raw, table, segments, scalars, lighting, starts, extents, g, voxels)
+            _classify_block(raw, classifier, starts, extents, g, voxels)
         _merge_voxels(voxels.reshape(8, 256), shares, means.reshape(-1, 256), variances.reshape(-1, 256), g)
 
 
@@ -101,7 +99,7 @@ def build_scalar_level(
     means: Float64,
     variances: Float64,
 ) -> None:
-    """The same of (scalar - offset) * scale: [g, 64, 1]."""
+    """Write level 1 [g, 64, 1] of `(scalar - offset) * scale`, as `build_channel_level` does of channels."""
     voxels, shares = np.empty(BLOCK_SIZE**3), np.empty((3, 64))
     for g in range(len(starts)):
         if g == 0 or not _has_same_extents(extents, g):
@@ -126,9 +124,9 @@ def merge_groups(
     root_means: Array,
     root_variances: Array,
 ) -> None:
-    """Merge groups of nodes [g, 64, c], `side` voxels a side, into their parents [g, 8, c] and roots [g, 1, c].
+    """Merge groups of nodes [g, 64, c], `side` voxels wide, into their parents [g, 8, c] and roots [g, 1, c].
 
-    extents: [g, 3], how many voxels along x, y, z of each group are real.
+    extents: [g, 3], the number of real voxels along x, y, z of each group.
     """
     num, _, num_channels = means.shape
     shares = np.empty((3, 8 * num_channels), means.dtype)
@@ -146,7 +144,7 @@ def merge_groups(
 
 @jit
 def _has_same_extents(extents: UInt64, g: int) -> bool:
-    """Whether a group is cut like the one before it."""
+    """Return whether the border cuts a group like the one before it."""
     return bool(
         extents[g, 0] == extents[g - 1, 0] and extents[g, 1] == extents[g - 1, 1] and extents[g, 2] == extents[g - 1, 2]
     )
@@ -154,7 +152,7 @@ def _has_same_extents(extents: UInt64, g: int) -> bool:
 
 @jit
 def _set_shares(extents: UInt64, g: int, child: int | np.int64, shares: Array, num_channels: int) -> None:
-    """Shares [3, n c] for the n nodes of a group, whose children are `child` voxels a side."""
+    """Write the shares [3, n c] for the n nodes of a group, whose children are `child` voxels wide."""
     num_nodes = shares.shape[1] // num_channels
     for axis in range(3):
         for node in range(num_nodes):
@@ -168,16 +166,8 @@ def _set_shares(extents: UInt64, g: int, child: int | np.int64, shares: Array, n
 
 
 @jit
-def _fill_channels(
-    raw: RawVoxels,
-    table: Float32 | None,
-    segments: TransferSegments | None,
-    scalars: Float64 | None,
-    lighting: Lighting | None,
-    starts: UInt64,
-    extents: UInt64,
-    g: int,
-    out: Float32,
+def _classify_block(
+    raw: RawVoxels, classifier: Classifier, starts: UInt64, extents: UInt64, g: int, out: Float32
 ) -> None:
     """Classify the real voxels of a block into `out` [512, 4]."""
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
@@ -186,51 +176,50 @@ def _fill_channels(
             row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
             for x in range(extents[g, 0]):
                 at = row + VOXEL_OFFSET_X[x]
-                red, green, blue, weight = classify_voxel(
-                    raw, table, segments, scalars, lighting, z0 + z, y0 + y, x0 + x
-                )
-                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = red, green, blue, weight
+                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = classify_voxel(raw, classifier, z0 + z, y0 + y, x0 + x)
 
 
 @jit
-def _classify_by_table(raw: RawVoxels, items: PackedChannels, starts: UInt64, g: int, out: PackedChannels) -> None:
-    """The same for a whole block without light."""
+def _look_up_block(raw: RawVoxels, table: PackedChannels, starts: UInt64, g: int, out: PackedChannels) -> None:
+    """Classify a whole block by a table, without light."""
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
     for z in range(np.uint64(BLOCK_SIZE)):
         for y in range(np.uint64(BLOCK_SIZE)):
             row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
             for x in range(np.uint64(BLOCK_SIZE)):
-                out[row + VOXEL_OFFSET_X[x]] = items[raw[z0 + z, y0 + y, x0 + x]]
+                out[row + VOXEL_OFFSET_X[x]] = table[raw[z0 + z, y0 + y, x0 + x]]
 
 
 @jit
-def _evaluate_channels(
-    raw: RawVoxels, segments: TransferSegments, starts: UInt64, g: int, block_voxels: RawVoxels, out: Float32
+def _evaluate_block(
+    raw: RawVoxels,
+    curve: PiecewiseLinear,
+    is_opacity: bool,
+    starts: UInt64,
+    g: int,
+    block_voxels: RawVoxels,
+    out: Float32,
 ) -> None:
-    """The same where there is no table."""
-    _fetch(raw, starts, g, block_voxels)
-    for z in range(np.uint64(BLOCK_SIZE)):
-        for y in range(np.uint64(BLOCK_SIZE)):
-            row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
-            for x in range(np.uint64(BLOCK_SIZE)):
-                at = row + VOXEL_OFFSET_X[x]
-                red, green, blue, weight = evaluate(float(block_voxels[z, y, x]), segments)
-                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = red, green, blue, weight
+    """Classify a whole block by the transfer function, without light.
 
-
-@jit
-def _fetch(raw: RawVoxels, starts: UInt64, g: int, block_voxels: RawVoxels) -> None:
-    """Copy a whole block [8, 8, 8]: with nothing else to do meanwhile, the waits for memory of its 64 rows overlap."""
+    The block [8, 8, 8] is copied first: with nothing else to do meanwhile, the waits for its 64 rows overlap.
+    """
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
     for z in range(np.uint64(BLOCK_SIZE)):
         for y in range(np.uint64(BLOCK_SIZE)):
             for x in range(np.uint64(BLOCK_SIZE)):
                 block_voxels[z, y, x] = raw[z0 + z, y0 + y, x0 + x]
+    for z in range(np.uint64(BLOCK_SIZE)):
+        for y in range(np.uint64(BLOCK_SIZE)):
+            row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
+            for x in range(np.uint64(BLOCK_SIZE)):
+                at, scalar = row + VOXEL_OFFSET_X[x], float(block_voxels[z, y, x])
+                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = classify_scalar(scalar, curve, is_opacity)
 
 
 @jit
 def _merge_voxels(voxels: Array, shares: Array, mean: Array, variance: Array, g: int) -> None:
-    """Nodes of level 1 from voxels [8, n], which have no variance, to mean[g] and variance[g] [n]."""
+    """Merge voxels [8, n], which have no variance, into mean[g] and variance[g] [n]."""
     for j in range(voxels.shape[1]):
         h = shares[0, j]
         k = h - h * h
@@ -244,7 +233,7 @@ def _merge_voxels(voxels: Array, shares: Array, mean: Array, variance: Array, g:
 
 @jit
 def _merge_nodes(m: Array, v: Array, shares: Array, mean: Array, variance: Array, g: int) -> None:
-    """Nodes from the level below, m[g] and v[g] [8, n], to mean[g] and variance[g] [n]."""
+    """Merge nodes of the level below, m[g] and v[g] [8, n], into mean[g] and variance[g] [n]."""
     for j in range(shares.shape[1]):
         h = shares[0, j]
         m0, v0 = _merge_two(m[g, 0, j], m[g, 1, j], v[g, 0, j], v[g, 1, j], h)
@@ -258,7 +247,7 @@ def _merge_nodes(m: Array, v: Array, shares: Array, mean: Array, variance: Array
 def _merge_planes(
     m0: Any, m1: Any, m2: Any, m3: Any, v0: Any, v1: Any, v2: Any, v3: Any, share_y: Any, share_z: Any
 ) -> tuple[Any, Any]:
-    """Along y and z."""
+    """Merge four nodes along y, then z."""
     low, low_variance = _merge_two(m0, m1, v0, v1, share_y)
     high, high_variance = _merge_two(m2, m3, v2, v3, share_y)
     return _merge_two(low, high, low_variance, high_variance, share_z)
@@ -278,9 +267,9 @@ def mark_permanent_leaves(
     parents: npt.NDArray[np.bool_],
     roots: npt.NDArray[np.bool_],
 ) -> None:
-    """Mark the nodes of groups, variances [g, 8, c] and [g, 1, c], below which no cut will look: [g, 8] and [g, 1].
+    """Mark the nodes of groups, variances [g, 8, c] and [g, 1, c], that are leaves in every cut: [g, 8] and [g, 1].
 
-    They are those whose total variance is below the limit of their level, and what is below a root that is.
+    Their total variance is below the limit of their level, or their root's is.
     """
     for g in range(len(parents)):
         roots[g, 0] = _total_variance(root_variances, g, 0) < limits[1]
@@ -300,16 +289,16 @@ def _total_variance(variances: Array, g: int, node: int) -> Any:
 def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occupied: npt.NDArray[np.bool_]) -> None:
     """Mark the visible nodes [g, n, 4] of groups at `cells` [g, 3] in a grid [z, y, x] of cells 2^shift times as wide.
 
-    cells: x, y, z in units of the group's width.
+    cells: x, y, z in widths of a group.
     """
     side = 4 if means.shape[1] == 64 else 2 if means.shape[1] == 8 else 1
-    place = NODE_OFFSETS[:4] if side == 4 else NODE_OFFSETS[4:]
+    offset = NODE_OFFSETS[:4] if side == 4 else NODE_OFFSETS[4:]
     for g in range(len(means)):
         x0, y0, z0 = cells[g, 0] * side, cells[g, 1] * side, cells[g, 2] * side
         for z in range(side):
             for y in range(side):
                 for x in range(side):
-                    if means[g, place[x] + 2 * place[y] + 4 * place[z], 3] > 0:
+                    if means[g, offset[x] + 2 * offset[y] + 4 * offset[z], 3] > 0:
                         occupied[z0 + z >> shift, y0 + y >> shift, x0 + x >> shift] = True
 
 
@@ -317,10 +306,10 @@ def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occu
 def list_visible_cells(
     means: Float32, groups: Int64, width: int, shape: tuple[int, int, int], cells: Int32, sizes: Int64
 ) -> int:
-    """The cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order, and how
-    many voxels they have, `width` a side where the volume's border does not cut them; return how many they are.
+    """Write the cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order,
+    and their numbers of voxels [.]; return how many they are.
 
-    shape: of the volume, z, y, x.
+    width: of a node, in voxels, where the border does not cut it. shape: of the volume, z, y, x.
     """
     num, num_nodes = 0, np.uint64(means.shape[1])
     digits, side = (2, 4) if num_nodes == 64 else (1, 2)
@@ -353,14 +342,13 @@ def append_visible(
     deviations_out: Float32,
     masks_out: npt.NDArray[np.uint8],
 ) -> int:
-    """Copy the visible ones of groups [g, n, 4] in Morton order, as items [g, n] to [.]; return how many they are.
+    """Append the visible nodes of groups [g, n, 4] in Morton order, packed; return how many they are.
 
-    variances: [g, n, c]; roots of their sums over the channels go into `deviations_out` [.], taken before they are
-    rounded to float32, which squares might not fit.
+    variances: [g, n, c]; the roots of their sums over the channels go to `deviations_out` [.]. The root is taken before
+        rounding to float32, which might not hold the square.
     children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
     is_permanent_leaf: [g, n], nodes whose children are left out. is_below_permanent_leaf: [g, n / 8], parents whose
-    children, these
-        nodes, are. Each [0, 0] where there are none.
+        children are left out. [0, 0] where nothing is.
     """
     num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
     for g in range(len(means)):
@@ -385,11 +373,11 @@ def append_visible(
 
 @jit
 def store_float16(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -> None:
-    """Bits of float16 of `values * factor` (a power of two; products from 0 to 2^15), flat, rounded to nearest.
+    """Write the float16 bits of `values * factor` (a power of two; products from 0 to 2^15), flat, rounded to nearest.
 
     Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for
-    extending the available precision"), then differ only in the bias of the exponent. Below 2^-14 float16 counts in
-    units of 2^-24, which are also those of the mantissa of float32 in [1/2, 1).
+    extending the available precision"); then only the bias of the exponent differs. Below 2^-14 the unit of float16 is
+    2^-24, as is that of the mantissa of float32 in [1/2, 1).
     """
     f = np.float32(factor)
     for i in range(len(values)):

@@ -1,30 +1,30 @@
-"""Pyramid: per octree node the mean of its voxels and the error of replacing them by it.
+"""Build the pyramid: for each octree node, the mean of its voxels and the error of replacing them by it.
 
-Level l has cells of 2^l voxels a side; level 0 are the voxels themselves and is not stored, a table look-up gives it.
-A node's four channels are means of those of `renderer.transfer.classify`: of `(tau c, tau) h0`, or of `(a c, a)`, which
-are then stored as the depths that have these opacities. Its error is the root of the channels' summed variance (Laur
-and Hanrahan 1991, section 3: the RMS error of a node), of one of
+Level l has cells of 2^l voxels a side. Level 0, the voxels, is not stored: classification gives it. A node's four
+channels are means of those of `renderer.transfer.classify`: of `(tau c, tau) h0`, or of `(a c, a)`, which are then
+stored as the depths that have these opacities. Its error is the root of the channels' summed variance (Laur and
+Hanrahan 1991, section 3: the RMS error of a node), of one of
 
     optical           (tau c, tau) h0     times the cell's side in the cut: what the node can put into a pixel
     rms, classified   (a c, a)            opacity over the finest spacing
     rms, scalar       s                   in data units
 
-Only visible nodes are stored: every level is one list in Morton order, so that the children of a node lie together.
-Blocks that show nothing are not even classified. On the levels 1 and 2 nodes are left out, too, that lie below one
-that is a leaf in every cut that will be asked for: a film at one tolerance has no use for them.
+Only visible nodes are stored. Every level is a list in Morton order, so that the children of a node lie together.
+Blocks that show nothing are not even classified. Nodes of levels 1 and 2 below a node that is a leaf in every cut are
+left out, too: a film at one tolerance has no use for them.
 
-Where bricks are drawn these two levels are not stored at all: whoever gathers what bricks must know of them is told
-their nodes as they are made, and makes them again from voxels where they are drawn.
+Where bricks are drawn, these two levels are not stored at all. They are streamed to a callback, which gathers what
+bricks need to know of them, and recomputed from voxels where they are drawn.
 
-Blocks of 8^3 voxels are built many at a time by several threads, which gives levels 1 to 3; then each tier of groups
-of 64 nodes gives two levels more (see `renderer.pyramid.kernels`), the first still with the blocks: what is kept of a
-large volume until all are done is then small.
+Several threads build blocks of 8^3 voxels, which gives levels 1 to 3. Then each tier of groups of 64 nodes gives two
+levels more (see `renderer.pyramid.kernels`). The first tier is built together with its blocks, so that little of a
+large volume has to be kept until all blocks are built.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -56,16 +56,16 @@ Int32 = npt.NDArray[np.int32]
 Int64 = npt.NDArray[np.int64]
 Shape = tuple[int, int, int]
 
-# Told visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their errors [n] in the
-# measure's unit, and their means [n, 4] as they would be stored. Nothing of this stays as it is after the call.
+# Takes visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their errors [n] in the
+# measure's unit, and their means [n, 4] as they would be stored. The arrays are reused after the call.
 NodeCallback = Callable[[int, Int32, Float64, Array], None]
 
-# Means are stored as multiples of the largest possible one, brought to this: then float16 holds 8 decades below it at
+# Means are stored as multiples of the largest possible one, scaled to this: float16 then holds 8 decades below it at
 # its full 11 bits (its normal numbers go down to 2^-14).
 MAX_STORED_MEAN = 2.0**15
 
-# Scalars are normalised by their range, or by this where it is smaller: the inverse of its unit is still a number, and
-# squares of the smallest denormal numbers are then normal ones.
+# Scalars are normalized by their range, or by this where it is smaller: the inverse of the unit is then finite, and
+# squares of the smallest denormal numbers are normal.
 MIN_SCALAR_RANGE = 2.0**-1008
 
 # Levels in each tier above the blocks.
@@ -74,7 +74,7 @@ TIER_LEVELS = 2
 # Levels of which bricks need no nodes in memory.
 STREAMED_LEVELS = 2
 
-# Errors are compared with the tolerance as they are stored; one that is this much below it is so in any precision.
+# Errors are compared with the tolerance as they are stored. One that is this much below it is below in any precision.
 ROUNDING_MARGIN = 1 - 2.0**-9
 MAX_STORED_ROUNDING = 2.0**-24
 
@@ -100,13 +100,12 @@ class Level:
 
 @dataclass(frozen=True)
 class Pyramid:
-    """levels[0] is level 1 and levels[-1] the root (no node, where nothing is visible).
+    """Levels of nodes: levels[0] is level 1, and levels[-1] holds the root, or no node where nothing is visible.
 
-    Multiply stored means by `mean_unit` and errors by `error_unit` to have them in the units above. `classifier` gives
-    level 0, always as (tau c, tau) h0. measure, of: what errors are, as in ErrorSpec.
-
-    mean_classifier: what means are means of; where that is opacities, `max_depth` is the depth of the max_depth voxel.
-
+    mean_unit, error_unit: factors from stored means and errors to the units above.
+    classifier: of level 0, always as (tau c, tau) h0. mean_classifier: of what means are means of.
+    max_depth: the largest optical depth of a voxel, where means are of opacities.
+    measure, of: what errors are, as in ErrorSpec.
     occupied: bool [z, y, x], the cells of level `occupied_level` in which anything is visible.
     min_tolerance, finest_level: cuts at smaller tolerances, or of finer levels, need nodes that were left out.
     """
@@ -127,7 +126,7 @@ class Pyramid:
 
     @property
     def num_levels(self) -> int:
-        """Number of the root's level."""
+        """The root's level."""
         return len(self.levels)
 
     @property
@@ -152,39 +151,34 @@ def build_pyramid(
 ) -> Pyramid:
     """Build all levels in one pass over the voxels; the result does not depend on `num_threads`.
 
-    No cut will be asked for at a tolerance below `min_tolerance`, nor one with cells of a level below `finest_level`.
-    on_nodes: called with all visible nodes of the levels up to STREAMED_LEVELS, which are not stored, by several
-    threads at a time;
-        the nodes in a cube of 2^CUBE_LEVELS voxels a side come together. There are levels above these then.
+    min_tolerance, finest_level: of the cuts that will be made.
+    on_nodes: called with all visible nodes of the levels up to STREAMED_LEVELS, which are then not stored, from several
+        threads at a time. The nodes in a cube of 2^CUBE_LEVELS voxels a side come together.
 
     Raises InputError where the volume's file was changed.
     """
     num_levels = max(1 if on_nodes is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
-    settings = _make_build_settings(volume, transfer, spec, error, shading)
+    settings = _make_settings(volume, transfer, spec, error, shading, on_nodes)
     if on_nodes is None:
-        limits = _leaf_variance_limits(settings, volume, error.measure, num_levels, min_tolerance, finest_level)
+        limits = _leaf_variance_limits(settings, num_levels, min_tolerance, finest_level)
         settings = replace(settings, leaf_variance_limits=limits)
     else:
-        settings, finest_level = replace(settings, on_nodes=on_nodes), STREAMED_LEVELS + 1
+        finest_level = STREAMED_LEVELS + 1
     cubes, first_cubes, first_blocks = _tasks(volume.shape_xyz)
-    buffers = BlockLevelBuffers.empty(
-        first_blocks, volume.shape_xyz, settings.dtype, lowest=0 if on_nodes is None else STREAMED_LEVELS
-    )
+    buffers = BlockLevelBuffers.empty(first_blocks, volume.shape_xyz, settings.dtype, settings.num_streamed)
     tier, above = _build_all_blocks(settings, np.split(cubes, first_cubes), buffers, num_threads)
-    depths = (
-        settings.mean_classifier
-        if spec.average == "extinction"
-        else make_classifier(volume, transfer, shading, opacity=False)
-    )
+    classifier = settings.mean_classifier
+    if classifier.is_opacity:
+        classifier = make_classifier(volume, transfer, shading, opacity=False)
     stored = buffers.compacted(num_threads) + above
     while len(stored) < num_levels:
         tier, levels = _next_tier(settings, tier, len(stored))
         stored += levels
     return Pyramid(
-        levels=_link_children(stored[:num_levels]),
+        levels=tuple(_link_children(nodes) for nodes in stored[:num_levels]),
         mean_unit=settings.mean_unit,
         error_unit=settings.error_unit,
-        classifier=depths,
+        classifier=classifier,
         mean_classifier=settings.mean_classifier,
         max_depth=settings.max_depth,
         volume=volume,
@@ -198,14 +192,14 @@ def build_pyramid(
 
 
 def error_scale(volume: Volume, measure: str, num_voxels: Any) -> Any:
-    """What the root of the variance of nodes of so many voxels is multiplied by.
+    """Return the factor from the root of the variance of nodes of `num_voxels` voxels to their error.
 
-    For `optical` the cell's side, the cube root of its world volume, in units of the finest spacing (which the channels
-    carry); 1 for `rms`.
+    For `optical` it is the cell's side, the cube root of its world volume, in units of the finest spacing (which the
+    channels carry); 1 for `rms`.
     """
     if measure == "rms":
         return np.ones(())
-    in_finest = volume.world_from_index[:3, :3] / volume.finest_spacing  # first: a volume may be too small for a number
+    in_finest = volume.world_from_index[:3, :3] / volume.finest_spacing  # first: the determinant may underflow
     return np.cbrt(num_voxels * abs(float(np.linalg.det(in_finest))))
 
 
@@ -217,14 +211,15 @@ def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
 
 @dataclass(frozen=True)
 class _BuildSettings:
-    """What all tasks are told.
+    """What all tasks share.
 
-    rule: classifies for the means; the variance that comes with them is the error where both of the others are None.
-    error_classifier: classifies for the errors. normal: (offset, scale) of the scalar that errors are of.
-    mean_unit, error_unit: as in Pyramid. error_factor: brings the root of a variance to its stored unit.
-    max_depth: of a voxel, where opacities are averaged; the means are stored as depths all the same.
-    limits: nodes of level 2, and of level 3, with a variance below are leaves in every cut.
-    tell: as of `build_pyramid`.
+    mean_classifier: classifies for the means. error_classifier: classifies for the errors.
+    scalar_normalization: (offset, scale) of the scalar that errors are of.
+        Where both are None, the error is the variance that comes with the means.
+    mean_unit, error_unit: as in Pyramid. error_factor: from the root of a variance to its stored unit.
+    max_depth: as in Pyramid; means of opacities are stored as depths.
+    on_nodes: as in `build_pyramid`.
+    leaf_variance_limits: nodes of level 2, and of level 3, with a smaller variance are leaves in every cut.
     """
 
     volume: Volume
@@ -238,12 +233,13 @@ class _BuildSettings:
     error_factor: float
     dtype: type[np.float16] | type[np.float32]
     max_depth: float | None
+    on_nodes: NodeCallback | None
     leaf_variance_limits: tuple[float, float] = (0.0, 0.0)
-    on_nodes: NodeCallback | None = None
 
     @property
-    def shape_xyz(self) -> Shape:
-        return self.volume.shape_xyz
+    def num_streamed(self) -> int:
+        """Levels that are not stored."""
+        return STREAMED_LEVELS if self.on_nodes else 0
 
     @property
     def error_layout(self) -> tuple[int, type[Any]] | None:
@@ -253,8 +249,13 @@ class _BuildSettings:
         return (4, np.float32) if self.error_classifier else None
 
 
-def _make_build_settings(
-    volume: Volume, transfer: TransferFunction, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
+def _make_settings(
+    volume: Volume,
+    transfer: TransferFunction,
+    spec: PyramidSpec,
+    error: ErrorSpec,
+    shading: ShadingSpec | None,
+    on_nodes: NodeCallback | None,
 ) -> _BuildSettings:
     opacity, of_opacity = spec.average == "opacity", error.measure == "rms"
     depth = volume.finest_spacing * transfer.max_extinction
@@ -263,41 +264,41 @@ def _make_build_settings(
     def unit(of_opacity: bool) -> float:
         return _stored_unit(brightest * max(-math.expm1(-depth) if of_opacity else depth, VISIBILITY_THRESHOLD))
 
-    rule = make_classifier(volume, transfer, shading, opacity=opacity)
-    error_classifier, normal = None, None
+    error_classifier, normalization = None, None
     error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
     if error.of == "scalar":
         low, high = volume.value_range()
         offset = _exact_offset(low, high)
         error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
-        normal = (offset, 1 / error_unit)
+        normalization = (offset, 1 / error_unit)
     elif opacity != of_opacity:
         error_classifier = make_classifier(volume, transfer, shading, opacity=of_opacity)
     return _BuildSettings(
         volume,
         error.measure,
         raw_voxels(volume),
-        rule,
+        make_classifier(volume, transfer, shading, opacity=opacity),
         error_classifier,
-        normal,
+        normalization,
         unit(False),
         error_unit,
         error_factor,
         np.float16 if spec.precision == "half" else np.float32,
         depth if opacity else None,
+        on_nodes,
     )
 
 
 def _leaf_variance_limits(
-    settings: _BuildSettings, volume: Volume, measure: str, num_levels: int, min_tolerance: float, finest_level: int
+    settings: _BuildSettings, num_levels: int, min_tolerance: float, finest_level: int
 ) -> tuple[float, float]:
-    """Total variances of nodes of levels 2 and 3 below which their stored errors are below any tolerance asked for.
+    """Return the total variances of nodes of levels 2 and 3 below which their errors are below any tolerance in use.
 
-    They hold for whole cells, and all the more for those that the border cuts.
+    They hold for whole cells, and all the more for cells that the border cuts.
     """
     limits = []
     for level in (2, 3):
-        unit = float(error_scale(volume, measure, 8.0**level)) * settings.error_unit
+        unit = float(error_scale(settings.volume, settings.measure, 8.0**level)) * settings.error_unit
         root = (min_tolerance * ROUNDING_MARGIN - MAX_STORED_ROUNDING * unit) / (unit * settings.error_factor)
         if level > num_levels or (root <= 0 and level > finest_level):
             limits.append(0.0)
@@ -307,10 +308,10 @@ def _leaf_variance_limits(
 
 
 def _exact_offset(low: float, high: float) -> float:
-    """What takes a volume's scalars to the neighbourhood of 0 without rounding any of them, however different they are.
+    """Return an offset that brings a volume's scalars close to 0 without rounding any of them.
 
-    It is a multiple of the last place of the largest, so that every difference is a multiple of the scalar's own last
-    place, and no larger than the scalar.
+    It is a multiple of the last place of the largest scalar, so that every difference is a multiple of the scalar's own
+    last place, and no larger than the scalar.
     """
     if low <= 0.0 <= high:
         return 0.0
@@ -319,13 +320,13 @@ def _exact_offset(low: float, high: float) -> float:
 
 
 def _stored_unit(largest: float) -> float:
-    """A power of two, so that scaling by it rounds nothing, of which `largest` is at most MAX_STORED_MEAN."""
+    """Return a power of two, so that scaling rounds nothing, of which `largest` is at most MAX_STORED_MEAN."""
     return math.ldexp(1 / MAX_STORED_MEAN, math.frexp(max(largest, MIN_SCALAR_RANGE))[1])
 
 
 def _tasks(shape_xyz: Shape) -> tuple[Int64, Int64, Int64]:
-    """The cubes of a volume, int64 [n, 3] (x, y, z in cubes), in Morton order; and which begin a task, but for the
-    first, int64 [num_tasks - 1]; and the number of blocks before each task, and in all, int64 [num_tasks + 1]."""
+    """Return the cubes of a volume, int64 [n, 3] (x, y, z in cubes), in Morton order; the first cubes of all tasks but
+    the first, int64 [num_tasks - 1]; and the number of blocks before each task, and in all, int64 [num_tasks + 1]."""
     top = max(CUBE_LEVELS, (max(shape_xyz) - 1).bit_length())
     cubes = _subdivide(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
     nums = (-(-cell_extents(cubes, CUBE_LEVELS, shape_xyz) // BLOCK_SIZE)).prod(axis=1)
@@ -339,7 +340,7 @@ def _tasks(shape_xyz: Shape) -> tuple[Int64, Int64, Int64]:
 
 
 def _subdivide(cells: Int64, level: int, finer_level: int, shape_xyz: Shape) -> Int64:
-    """int64 [n, 3]: the cells of a finer level in some cells, each in units of its own width, in Morton order."""
+    """int64 [n, 3]: the cells of a finer level in cells of a level, each in its own widths, in Morton order."""
     for number in range(level - 1, finer_level - 1, -1):
         cells = (2 * cells[:, None] + OCTANTS).reshape(-1, 3)
         inside = cells << number < shape_xyz
@@ -348,8 +349,8 @@ def _subdivide(cells: Int64, level: int, finer_level: int, shape_xyz: Shape) -> 
 
 
 class _Tier(NamedTuple):
-    """Nodes of one level: cells int64 [n, 3] (x, y, z), means [n, 4], and of what errors are measured of means and
-    variances [n, c]."""
+    """Nodes of one level: cells int64 [n, 3] (x, y, z) and means [n, 4]; means and variances [n, c] of what errors are
+    measured of."""
 
     cells: Int64
     means: Array
@@ -362,12 +363,14 @@ def _build_all_blocks(
 ) -> tuple[_Tier, list[NodeArrays]]:
     """Build the levels inside blocks, task by task, into `buffers`; return the tier above and the levels in it."""
     num_blocks = int(np.diff(buffers.first_blocks).max())
-    streamed = (STREAMED_LEVELS if settings.on_nodes else 0), settings.dtype
-    scratches = [Scratch.empty(num_blocks, settings.error_layout, streamed) for _ in range(num_threads)]
+    scratches = [
+        Scratch.empty(num_blocks, settings.error_layout, settings.num_streamed, settings.dtype)
+        for _ in range(num_threads)
+    ]
 
     def work(task: int) -> tuple[_Tier, list[NodeArrays]]:
-        scratch = scratches.pop()  # each thread has one at a time
         settings.volume.require_unchanged()
+        scratch = scratches.pop()  # a thread has one at a time
         roots = _build_blocks(settings, cubes[task], buffers, task, scratch)
         scratches.append(scratch)
         return _next_tier(settings, roots, BLOCK_LEVELS)
@@ -375,83 +378,79 @@ def _build_all_blocks(
     with ThreadPool(num_threads) as pool:
         tiers, levels = zip(*pool.map(work, range(len(cubes))), strict=True)
     settings.volume.require_unchanged()
-    tier = _Tier(*(np.concatenate(parts) for parts in zip(*tiers, strict=True)))
-    return tier, [_concatenated(parts) for parts in zip(*levels, strict=True)]
-
-
-def _concatenated(parts: Sequence[NodeArrays]) -> NodeArrays:
-    means, errors, masks = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return means, errors, masks
+    tier = _Tier(*map(np.concatenate, zip(*tiers, strict=True)))
+    return tier, [NodeArrays(*map(np.concatenate, zip(*parts, strict=True))) for parts in zip(*levels, strict=True)]
 
 
 def _build_blocks(
     settings: _BuildSettings, cubes: Int64, buffers: BlockLevelBuffers, task: int, scratch: Scratch
 ) -> _Tier:
-    """The levels inside the blocks of one task, and their roots."""
-    cells = _subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, settings.shape_xyz)
+    """Build the levels inside the blocks of one task; return their roots."""
+    cells = _subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, settings.volume.shape_xyz)
     starts = (cells * BLOCK_SIZE).astype(np.uint64)
-    extents = cell_extents(cells, BLOCK_LEVELS, settings.shape_xyz).astype(np.uint64)
-    if not settings.scalar_normalization:  # the scalars of what is not visible count for the errors of scalars
-        visible = visible_blocks(settings.raw, settings.mean_classifier, starts, extents)
+    extents = cell_extents(cells, BLOCK_LEVELS, settings.volume.shape_xyz).astype(np.uint64)
+    raw, normalization = settings.raw, settings.scalar_normalization
+    if not normalization:  # scalars count for their errors where they are invisible, too
+        visible = visible_blocks(raw, settings.mean_classifier, starts, extents)
         cells, starts, extents = cells[visible], starts[visible], extents[visible]
-    scratch = scratch.first(len(cells))
+    scratch = scratch.limited_to(len(cells))
     nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
-    classify_blocks(settings.raw, settings.mean_classifier, starts, extents, scratch.voxels, nodes)
-    if settings.scalar_normalization:
-        kernels.build_scalar_level(
-            settings.raw, settings.mean_classifier.scalars, *settings.scalar_normalization, starts, extents, *errors[0]
-        )
+    classify_blocks(raw, settings.mean_classifier, starts, extents, scratch.voxels, nodes)
+    if normalization:
+        scalars = settings.mean_classifier.scalars
+        kernels.build_scalar_level(raw, scalars, *normalization, starts, extents, *errors[0])
         merge(errors, extents, 2)
     elif settings.error_classifier:
-        classify_blocks(settings.raw, settings.error_classifier, starts, extents, scratch.voxels, errors)
+        classify_blocks(raw, settings.error_classifier, starts, extents, scratch.voxels, errors)
     if any(settings.leaf_variance_limits):
-        kernels.mark_permanent_leaves(errors[1][1], errors[2][1], settings.leaf_variance_limits, *scratch.final)
+        limits = settings.leaf_variance_limits
+        kernels.mark_permanent_leaves(errors[1][1], errors[2][1], limits, *scratch.permanent_leaves)
     part = min(buffers.occupied_level, BLOCK_LEVELS) - 1
     kernels.mark_occupied(nodes[part][0], cells, buffers.occupied_level - 1 - part, buffers.occupied)
     for level in range(BLOCK_LEVELS):
-        is_streamed = level < len(scratch.passing)
-        target = scratch.passing[level] if is_streamed else buffers.of_task(task, level)
+        is_streamed = level < settings.num_streamed
+        target = scratch.streamed[level] if is_streamed else buffers.of_task(task, level)
         num = buffers.counts[task, level] = _store_visible(settings, scratch, level, target)
         if is_streamed:
-            _stream_nodes(settings, level + 1, nodes[level][0], cells, target[0][:num], target[1][:num])
+            _stream_nodes(settings, level + 1, nodes[level][0], cells, target.part(0, num))
     return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
 
 
 def _stream_nodes(
-    settings: _BuildSettings, level: int, nodes: npt.NDArray[np.float32], groups: Int64, means: Array, errors: Array
+    settings: _BuildSettings, level: int, nodes: npt.NDArray[np.float32], groups: Int64, stored: NodeArrays
 ) -> None:
-    """Tell the visible nodes [g, n, 4] of groups at `groups` [g, 3], with their stored means and errors."""
+    """Pass the visible nodes [g, n, 4] of groups at `groups` [g, 3], as they are stored, to the callback."""
     assert settings.on_nodes is not None
-    cells, sizes = np.empty((len(means), 3), np.int32), np.empty(len(means), np.int64)
+    cells, sizes = np.empty((len(stored.means), 3), np.int32), np.empty(len(stored.means), np.int64)
     kernels.list_visible_cells(nodes, groups, 1 << level, settings.raw.shape, cells, sizes)
     scales = error_scale(settings.volume, settings.measure, np.arange(8**level + 1)) * settings.error_unit
-    settings.on_nodes(level, cells, errors * (scales[sizes] if scales.ndim else scales), means)
+    settings.on_nodes(level, cells, stored.errors * (scales[sizes] if scales.ndim else scales), stored.means)
 
 
 def _next_tier(settings: _BuildSettings, tier: _Tier, level: int) -> tuple[_Tier, list[NodeArrays]]:
-    """The two levels above `level`, on which the nodes of `tier` lie in Morton order, and the upper one's as a tier."""
+    """Build the two levels above `level`, on which the nodes of `tier` lie in Morton order; return the upper one as a
+    tier, and both as they are stored."""
     cells = tier.cells >> TIER_LEVELS
     steps = np.diff(cells, axis=0)
     is_first = np.ones(len(cells), np.bool_)
     is_first[1:] = (steps[:, 0] | steps[:, 1] | steps[:, 2]) != 0
-    place = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
+    index = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
     cells = cells[is_first]
-    extents = cell_extents(cells, level + TIER_LEVELS, settings.shape_xyz).astype(np.uint64)
+    extents = cell_extents(cells, level + TIER_LEVELS, settings.volume.shape_xyz).astype(np.uint64)
 
     scratch = Scratch.empty(len(cells), settings.error_layout)
     errors = scratch.errors or scratch.nodes
-    scratch.nodes[0][1][:] = 0  # used only where it is the error's, and set then
+    scratch.nodes[0][1][:] = 0  # variances, which are set below where they are the errors'
     for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
         nodes[:] = 0
-        nodes.reshape(-1, values.shape[1])[place] = values
+        nodes.reshape(-1, values.shape[1])[index] = values
     merge(scratch.nodes, extents, 1 << level)
     if scratch.errors:
         merge(scratch.errors, extents, 1 << level)
     stored = []
     for part in (1, 2):
         target = empty_node_arrays(len(cells) * NODES_OF_GROUP[part], settings.dtype, masked=True)
-        num = _store_visible(settings, scratch, part, target)
-        stored.append((target[0][:num], target[1][:num], target[2][:num]))
+        stored.append(target.part(0, _store_visible(settings, scratch, part, target)))
     return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
 
 
@@ -461,11 +460,11 @@ def _octants(cells: Int64) -> Int64:
 
 
 def _store_visible(settings: _BuildSettings, scratch: Scratch, part: int, target: NodeArrays) -> int:
-    """Write the visible nodes of one part of the groups to the beginning of `target`; how many they are."""
+    """Write the visible nodes of one part of the groups to the beginning of `target`; return how many they are."""
     means, _ = scratch.nodes[part]
     _, variances = (scratch.errors or scratch.nodes)[part]
     children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
-    parents, roots = scratch.final
+    parents, roots = scratch.permanent_leaves
     is_permanent_leaf, is_below_permanent_leaf = ((roots[:0], parents), (parents, roots), (roots, roots[:0]))[part]
     num = kernels.append_visible(
         means,
@@ -475,23 +474,20 @@ def _store_visible(settings: _BuildSettings, scratch: Scratch, part: int, target
         is_permanent_leaf,
         is_below_permanent_leaf,
         as_packed_channels(scratch.visible),
-        scratch.spreads,
-        target[2],
+        scratch.deviations,
+        target.masks,
     )
     if settings.max_depth is not None:
         opacities_to_depths(scratch.visible[:num], settings.max_depth)
-    store_scaled(scratch.visible[:num], 1 / settings.mean_unit, target[0][:num])
-    store_scaled(scratch.spreads[:num], settings.error_factor, target[1][:num])
+    store_scaled(scratch.visible[:num], 1 / settings.mean_unit, target.means[:num])
+    store_scaled(scratch.deviations[:num], settings.error_factor, target.errors[:num])
     return num
 
 
-def _link_children(stored: list[NodeArrays]) -> tuple[Level, ...]:
-    """Levels with the place of each node's first child: children are in the order of their parents."""
-    levels = []
-    for means, errors, masks in stored:
-        num_children = np.bitwise_count(masks).astype(np.int64)
-        first_children = np.cumsum(num_children) - num_children
-        for array in (means, errors, masks, first_children):
-            array.flags.writeable = False
-        levels.append(Level(means, errors, masks, first_children))
-    return tuple(levels)
+def _link_children(nodes: NodeArrays) -> Level:
+    """Return a level with the index of each node's first child: children are in the order of their parents."""
+    num_children = np.bitwise_count(nodes.masks).astype(np.int64)
+    level = Level(*nodes, np.cumsum(num_children) - num_children)
+    for array in (level.means, level.errors, level.masks, level.first_children):
+        array.flags.writeable = False
+    return level

@@ -1,7 +1,8 @@
-"""Scalar to colour and extinction.
+"""Scalars to colours and extinctions.
 
-In: control points or a colormap. Out: `TransferFunction`, and `Classifier` for compiled loops. Emission and absorption
-by Max 1995: tau = -log1p(-opacity) / unit; means are of tau c and tau (Wittenbrink et al. 1998).
+In: control points or a colormap. Out: `TransferFunction`; `Classifier`, which compiled loops classify voxels by; the
+table that bricks are drawn by; the min-max test for empty-space skipping; Lambert's law.
+Emission and absorption by Max 1995: tau = -log1p(-opacity) / unit.
 """
 
 import lazy_loader

@@ -1,13 +1,9 @@
 from .classify import (
-    VISIBILITY_THRESHOLD as VISIBILITY_THRESHOLD,
-    Channels as Channels,
     Classifier as Classifier,
-    Float64 as Float64,
-    Lighting as Lighting,
     RawVoxels as RawVoxels,
-    TransferSegments as TransferSegments,
+    VoxelLighting as VoxelLighting,
+    classify_scalar as classify_scalar,
     classify_voxel as classify_voxel,
-    evaluate as evaluate,
     make_classifier as make_classifier,
     raw_voxels as raw_voxels,
     scalar_at as scalar_at,
@@ -15,13 +11,23 @@ from .classify import (
 from .piecewise import (
     GUIDE_SIZE as GUIDE_SIZE,
     MAX_NORMALIZED_SCALAR as MAX_NORMALIZED_SCALAR,
+    Channels as Channels,
+    PiecewiseLinear as PiecewiseLinear,
     PiecewiseTransfer as PiecewiseTransfer,
+    evaluate_segment as evaluate_segment,
+    make_piecewise_linear as make_piecewise_linear,
     make_piecewise_transfer as make_piecewise_transfer,
+    normalize_scalar as normalize_scalar,
     range_width as range_width,
-    relative as relative,
 )
+from .shading import lambert_factor as lambert_factor, toward_light as toward_light
 from .transfer_function import (
     LARGEST_EXPONENT as LARGEST_EXPONENT,
     TransferFunction as TransferFunction,
     make_transfer_function as make_transfer_function,
+)
+from .visibility import (
+    VISIBILITY_THRESHOLD as VISIBILITY_THRESHOLD,
+    count_breakpoints as count_breakpoints,
+    is_range_visible as is_range_visible,
 )

@@ -1,12 +1,11 @@
-"""Voxels to optical channels, compiled: the transfer function (and shading) applied to a block of voxels or to one.
+"""Classification of voxels, compiled: the transfer function, and shading, applied to one voxel.
 
 A voxel's four channels are `(tau c, tau) * h0` with `tau` its extinction, `c` its colour and `h0` the finest spacing:
 optical depths of one voxel, without a unit. Where a pyramid averages opacities they are `(a c, a)` with
 `a = 1 - exp(-tau h0)`. Extinction-weighted colours are what may be averaged (Wittenbrink, Malzbender, Goss 1998).
 
-Values of at most 16 bits are read as unsigned bit patterns and classified by a table over all of them; wider ones by
-the segment of the transfer function that they fall into, exact in float64. A kernel takes the parts of a Classifier as
-arguments of its own, where the compiler drops what is None.
+Values of at most 16 bits are read as unsigned bit patterns and classified by a table over all of them. Wider ones are
+evaluated, exactly, in float64.
 """
 
 from __future__ import annotations
@@ -18,69 +17,49 @@ import numpy.typing as npt
 
 from renderer.jit import jit
 from renderer.scene import ShadingSpec
+from renderer.transfer.piecewise import Channels, PiecewiseLinear, evaluate
+from renderer.transfer.shading import lambert_factor, toward_light
 from renderer.transfer.transfer_function import TransferFunction
+from renderer.transfer.visibility import VISIBILITY_THRESHOLD, visibility_breakpoints
 from renderer.volume import Volume
 
 RawVoxels = npt.NDArray[Any]
+Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
-Channels = tuple[float, float, float, float]
-
-# Depths and opacities below this count as none: a row of 10^10 such voxels would still be invisible, and the mean of
-# 2^36 of them with nothing else is still a normal number of float32.
-VISIBILITY_THRESHOLD = 2.0**-80
-
-# Buckets from which the search for a segment starts; most hold no control point, and 8 KiB stay in cache.
-GUIDE_SIZE = 1024
 
 
-class TransferSegments(NamedTuple):
-    """The transfer function's segments (TransferFunction.segments), with a guide to find them.
+class VoxelLighting(NamedTuple):
+    """How voxels are lit.
 
-    rows: float64 [n + 1, 11], first scalar; start and width times `scale`; values at the start [4], rise [4];
-        extinctions times `h0`.
-    guide: uint64 [GUIDE_SIZE + 3]; of control values <= a scalar in bucket b there are from guide[b] to guide[b + 3].
-    first, last: the range of the control values; scalars are clamped to it.
-    scale: TransferFunction.scale.
-    buckets_per_unit: buckets of the guide per unit of the scaled scalar.
-    opacity: whether the channels are opacities.
+    light: the unit vector towards the light in world axes, ambient, diffuse; as `lambert_factor` takes it.
+    world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
     """
 
-    rows: Float64
-    guide: npt.NDArray[np.uint64]
-    first: float
-    last: float
-    scale: float
-    buckets_per_unit: float
-    opacity: bool
-
-
-class Lighting(NamedTuple):
-    """Lambert shading: `light` float64 [3] is the unit vector towards the light in world axes, `world_from_gradient`
-    float64 [3, 3] takes a gradient along the index axes to the world."""
-
-    ambient: float
-    diffuse: float
-    light: Float64
+    light: tuple[float, float, float, float, float]
     world_from_gradient: Float64
 
 
 class Classifier(NamedTuple):
-    """What the kernels need to classify a voxel.
+    """What compiled loops need to classify a voxel.
 
-    table: float32 [num_patterns, 4], channels by bit pattern; None where segments are evaluated.
-    segments: None where there is a table.
-    scalars: float64 [num_patterns], the scalar of each pattern; None where voxels are scalars themselves.
+    table: float32 [num_patterns, 4], channels by bit pattern; None for wider values.
+    scalars: float64 [num_patterns], the scalar of each bit pattern; None for wider values.
+    curve: the transfer function, extinctions times the finest spacing; None where `table` is used.
+    is_opacity: whether the channels are (a c, a).
     lighting: None without shading.
+    breakpoints: visibility breakpoints (`renderer.transfer.visibility`).
     """
 
-    table: npt.NDArray[np.float32] | None
-    segments: TransferSegments | None
+    table: Float32 | None
     scalars: Float64 | None
-    lighting: Lighting | None
+    curve: PiecewiseLinear | None
+    is_opacity: bool
+    lighting: VoxelLighting | None
+    breakpoints: Float64
 
 
 def raw_voxels(volume: Volume) -> RawVoxels:
-    """The voxels as the kernels read them: unsigned bit patterns for types of at most 16 bits; no copy is made."""
+    """Return the voxels as compiled loops read them: unsigned bit patterns if they have at most 16 bits. A view."""
     size = volume.values.dtype.itemsize
     return volume.values.view({1: np.uint8, 2: np.uint16}[size]) if size <= 2 else volume.values
 
@@ -88,16 +67,15 @@ def raw_voxels(volume: Volume) -> RawVoxels:
 def make_classifier(
     volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None, *, opacity: bool
 ) -> Classifier:
-    """Prepare classification of this volume's voxels, in opacities or in extinctions."""
-    finest_spacing = volume.finest_spacing
-    lighting = None
+    """Prepare classification of this volume's voxels, in opacities or in optical depths."""
+    finest_spacing, dtype = volume.finest_spacing, volume.values.dtype
+    breakpoints, lighting = visibility_breakpoints(transfer, finest_spacing), None
     if shading:
-        light = np.array(shading.light, np.float64)
+        x, y, z = toward_light(shading).tolist()
         to_world = np.ascontiguousarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)
-        lighting = Lighting(float(shading.ambient), float(shading.diffuse), light / np.linalg.norm(light), to_world)
-    dtype = volume.values.dtype
+        lighting = VoxelLighting((x, y, z, float(shading.ambient), float(shading.diffuse)), to_world)
     if dtype.itemsize > 2:
-        return Classifier(None, _make_segments(transfer, finest_spacing, opacity), None, lighting)
+        return Classifier(None, None, transfer.curve(finest_spacing), opacity, lighting, breakpoints)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}").view(dtype)
     scalars = np.nan_to_num(patterns.astype(np.float64), posinf=0.0, neginf=0.0)  # a volume has finite values only
     colors, extinctions = transfer.classify(scalars)
@@ -105,109 +83,79 @@ def make_classifier(
     weights = -np.expm1(-depths) if opacity else depths
     weights[weights < VISIBILITY_THRESHOLD] = 0.0
     table = np.column_stack([colors * weights[:, None], weights]).astype(np.float32)
-    return Classifier(table, None, scalars, lighting)
-
-
-def _make_segments(transfer: TransferFunction, finest_spacing: float, opacity: bool) -> TransferSegments:
-    starts, widths, lows, rises = transfer.segments()
-    first_scalars = np.concatenate([transfer.values[:1], transfer.values])
-    unit_depth = np.array([1, 1, 1, finest_spacing])
-    rows = np.column_stack([first_scalars, starts, widths, lows * unit_depth, rises * unit_depth])
-    origin, extent = float(starts[0]), float(starts[-1] - starts[0])
-    bounds = np.full(GUIDE_SIZE + 3, np.inf)
-    buckets_per_unit = 0.0
-    if extent > GUIDE_SIZE * np.finfo(np.float64).tiny:
-        # A bucket of slack on both sides, against rounding of the bucket's number in the kernel.
-        bounds = origin + extent * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
-        buckets_per_unit = GUIDE_SIZE / extent
-    bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
-    guide = np.searchsorted(starts[1:], bounds, side="right").astype(np.uint64)
-    first, last = float(transfer.values[0]), float(transfer.values[-1])
-    return TransferSegments(rows, guide, first, last, transfer.scale, buckets_per_unit, opacity)
+    return Classifier(table, scalars, None, opacity, lighting, breakpoints)
 
 
 @jit
-def evaluate(scalar: float, segments: TransferSegments) -> Channels:
-    """Channels of a scalar, unlit."""
-    rows, guide = segments.rows, segments.guide
-    inside = min(max(scalar, segments.first), segments.last) * segments.scale
-    # Unsigned indices spare numba asking whether they count from the end.
-    bucket = np.uint64(min(int((inside - rows[0, 1]) * segments.buckets_per_unit), GUIDE_SIZE - 1))
-    k, most = guide[bucket], guide[bucket + np.uint64(3)]
-    while k < most:
-        middle = (k + most) >> np.uint64(1)
-        if rows[middle + np.uint64(1), 0] <= scalar:
-            k = middle + np.uint64(1)
-        else:
-            most = middle
-    t = (inside - rows[k, 1]) / rows[k, 2]
-    weight = rows[k, 6] + t * rows[k, 10]
-    if segments.opacity:
+def classify_voxel(raw: RawVoxels, classifier: Classifier, z: int, y: int, x: int) -> Channels:
+    """Return the four channels of one voxel, lit if the scene has shading."""
+    table, curve = classifier.table, classifier.curve
+    r, g, b, a = _classify_unlit(raw, table, curve, classifier.is_opacity, z, y, x)
+    light = _lighting_factor(raw, classifier.scalars, classifier.lighting, z, y, x) if a > 0 else 1.0
+    return r * light, g * light, b * light, a
+
+
+# numba drops the branch of an argument that is None, not of an attribute.
+@jit
+def _classify_unlit(
+    raw: RawVoxels, table: Float32 | None, curve: PiecewiseLinear | None, is_opacity: bool, z: int, y: int, x: int
+) -> Channels:
+    if table is not None:
+        pattern = raw[z, y, x]
+        r, g, b, a = table[pattern, 0], table[pattern, 1], table[pattern, 2], table[pattern, 3]
+    if curve is not None:
+        r, g, b, a = classify_scalar(float(raw[z, y, x]), curve, is_opacity)
+    return r, g, b, a
+
+
+@jit
+def classify_scalar(scalar: float, curve: PiecewiseLinear, is_opacity: bool) -> Channels:
+    """Return the four channels of a scalar, unlit."""
+    r, g, b, weight = evaluate(curve, scalar)
+    if is_opacity:
         weight = -np.expm1(-weight)
     weight = weight if weight >= VISIBILITY_THRESHOLD else 0.0
-    return (
-        weight * (rows[k, 3] + t * rows[k, 7]),
-        weight * (rows[k, 4] + t * rows[k, 8]),
-        weight * (rows[k, 5] + t * rows[k, 9]),
-        weight,
-    )
+    return weight * r, weight * g, weight * b, weight
 
 
 @jit
-def scalar_at(raw: RawVoxels, scalars: Float64 | None, z: int, y: int, x: int) -> float:
-    """The scalar of a voxel."""
-    if scalars is None:
+def scalar_at(raw: RawVoxels, by_pattern: Any, z: int, y: int, x: int) -> Any:
+    """Return the scalar of a voxel, or another number that `by_pattern` gives for its bit pattern."""
+    if by_pattern is None:
         return float(raw[z, y, x])
-    return float(scalars[raw[z, y, x]])
+    return by_pattern[raw[z, y, x]]
 
 
 @jit
-def _lighting_factor(raw: RawVoxels, scalars: Float64 | None, lighting: Lighting, z: int, y: int, x: int) -> float:
-    """Factor on the colour: ambient + diffuse max(0, n . l), n against the world gradient; ambient where it is 0.
+def _lighting_factor(
+    raw: RawVoxels, scalars: Float64 | None, lighting: VoxelLighting | None, z: int, y: int, x: int
+) -> float:
+    """Return the factor on the colour: by Lambert's law, ambient where the gradient is 0, 1 without lighting.
 
     Derivatives along the index axes are central, one-sided at the border, 0 across one voxel.
     """
+    if lighting is None:
+        return 1.0
     z0, y0, x0 = max(z - 1, 0), max(y - 1, 0), max(x - 1, 0)
     z1, y1, x1 = min(z + 1, raw.shape[0] - 1), min(y + 1, raw.shape[1] - 1), min(x + 1, raw.shape[2] - 1)
     x_low, x_high = scalar_at(raw, scalars, z, y, x0), scalar_at(raw, scalars, z, y, x1)
     y_low, y_high = scalar_at(raw, scalars, z, y0, x), scalar_at(raw, scalars, z, y1, x)
     z_low, z_high = scalar_at(raw, scalars, z0, y, x), scalar_at(raw, scalars, z1, y, x)
-    # Only the direction counts, of which the largest part becomes 1. Halves have differences that do not overflow;
-    # where those are small the numbers themselves have, too, and no halves, which would round denormals.
+    # Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
+    # not overflow either, and halves would round denormals.
     gx, gy, gz = 0.5 * x_high - 0.5 * x_low, 0.5 * y_high - 0.5 * y_low, 0.5 * z_high - 0.5 * z_low
     if max(abs(gx), abs(gy), abs(gz)) < 1.0:
         gx, gy, gz = 2.0 * (x_high - x_low), 2.0 * (y_high - y_low), 2.0 * (z_high - z_low)
     gx, gy, gz = gx / max(x1 - x0, 1), gy / max(y1 - y0, 1), gz / max(z1 - z0, 1)
     largest = max(abs(gx), abs(gy), abs(gz))
     if largest == 0.0:
-        return lighting.ambient
+        return lighting.light[3]
     gx, gy, gz = gx / largest, gy / largest, gz / largest
-    m, light = lighting.world_from_gradient, lighting.light
-    wx = m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz
-    wy = m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz
-    wz = m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz
-    toward_light = -(wx * light[0] + wy * light[1] + wz * light[2]) / np.sqrt(wx * wx + wy * wy + wz * wz)
-    return float(lighting.ambient + lighting.diffuse * max(0.0, toward_light))
-
-
-@jit
-def classify_voxel(
-    raw: RawVoxels,
-    table: npt.NDArray[np.float32] | None,
-    segments: TransferSegments | None,
-    scalars: Float64 | None,
-    lighting: Lighting | None,
-    z: int,
-    y: int,
-    x: int,
-) -> Channels:
-    """The four channels of one voxel, lit if the scene asks for it."""
-    if table is not None:
-        pattern = raw[z, y, x]
-        r, g, b, a = table[pattern, 0], table[pattern, 1], table[pattern, 2], table[pattern, 3]
-    if segments is not None:
-        r, g, b, a = evaluate(float(raw[z, y, x]), segments)
-    if lighting is not None:
-        light = _lighting_factor(raw, scalars, lighting, z, y, x) if a > 0 else 1.0
-        r, g, b = r * light, g * light, b * light
-    return r, g, b, a
+    m = lighting.world_from_gradient
+    factor: float = lambert_factor(
+        m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz,
+        m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz,
+        m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz,
+        lighting.light,
+    )
+    return factor

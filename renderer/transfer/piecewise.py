@@ -1,82 +1,146 @@
-"""The transfer function as a rasteriser of bricks has it: by the scalars of its texels, and exact."""
+"""The one table of a transfer function: four channels, linear in the scalar between control points.
+
+`PiecewiseLinear` is exact, in float64: voxels, nodes and sub-voxel variation are classified by it. `PiecewiseTransfer`
+is the same table in float32, by the normalized scalars of texels: bricks are drawn by it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.transfer.transfer_function import TransferFunction
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
+Channels = tuple[float, float, float, float]
 
-# Scalars are held to this many ranges from the range's start: no interpolation towards a visible one overflows.
-MAX_NORMALIZED_SCALAR = 2.0**20
-# What is so large that MAX_NORMALIZED_SCALAR times it is no number.
-_MAX_UNSCALED_WIDTH = 2.0**1000
-
-# Equal parts of the range, of each of which is known where to begin to look for a piece.
+# Buckets from which the search for a segment starts. Most hold no control point, and 8 KiB stay in cache.
 GUIDE_SIZE = 1024
 
-# Pieces narrower than this are none: their slopes would not be numbers.
-_MIN_PIECE_WIDTH = 2.0**-80
+# Normalized scalars are clamped to this many ranges, so that no interpolation towards a visible one overflows.
+MAX_NORMALIZED_SCALAR = 2.0**20
+# MAX_NORMALIZED_SCALAR times a larger width would overflow.
+_MAX_UNSCALED_WIDTH = 2.0**1000
+
+# Narrower segments have no finite slope in float32. No scalar falls into them.
+_MIN_SEGMENT_WIDTH = 2.0**-80
+
+
+class PiecewiseLinear(NamedTuple):
+    """Four channels as a function of a scalar: linear between control values, constant outside.
+
+    Two control points at one value are a step, whose value belongs to the upper side.
+
+    values: float64 [n], control values, not descending.
+    rows: float64 [n + 1, 10], for each segment its start, its width, the channels [4] at the start, and their rise [4].
+        Segment k holds the scalars from control value k - 1 to control value k; the first and the last are constant.
+        Starts and widths are multiplied by `scale`.
+    scale: a power of two with which differences of scalars are finite.
+    guide: uint64 [GUIDE_SIZE + 3]; from guide[b] to guide[b + 3] control values are at or below a scalar in bucket b.
+    buckets_per_unit: buckets of the guide per unit of the scaled scalar.
+    """
+
+    values: Float64
+    rows: Float64
+    scale: float
+    guide: npt.NDArray[np.uint64]
+    buckets_per_unit: float
+
+
+def make_piecewise_linear(values: Float64, channels: Float64, scale: float = 1.0) -> PiecewiseLinear:
+    """Return the table through `channels` [n, 4] at control values [n]."""
+    scaled = values * scale
+    starts, lows = np.concatenate([scaled[:1], scaled]), np.concatenate([channels[:1], channels])
+    widths, rises = np.ones_like(starts), np.zeros_like(lows)
+    widths[1:-1], rises[1:-1] = np.diff(scaled), np.diff(channels, axis=0)
+    widths[widths == 0] = 1.0  # a step: no scalar falls into its segment, and the division stays defined
+    origin, extent = float(scaled[0]), float(scaled[-1] - scaled[0])
+    bounds, buckets_per_unit = np.full(GUIDE_SIZE + 3, np.inf), 0.0
+    if extent > GUIDE_SIZE * np.finfo(np.float64).tiny:
+        # A bucket of slack on both sides, against rounding of the bucket's number in `evaluate`.
+        bounds = origin + extent * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
+        buckets_per_unit = GUIDE_SIZE / extent
+    bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
+    guide = np.searchsorted(scaled, bounds, side="right").astype(np.uint64)
+    rows = np.column_stack([starts, widths, lows, rises])
+    return PiecewiseLinear(np.ascontiguousarray(values), rows, scale, guide, buckets_per_unit)
+
+
+@jit
+def evaluate(curve: PiecewiseLinear, scalar: float) -> Channels:
+    """Return the four channels of a scalar."""
+    values, guide = curve.values, curve.guide
+    inside = min(max(scalar, values[0]), values[len(values) - 1]) * curve.scale
+    # Unsigned indices spare numba the check for negative ones.
+    bucket = np.uint64(min(int((inside - curve.rows[0, 0]) * curve.buckets_per_unit), GUIDE_SIZE - 1))
+    k, end = guide[bucket], guide[bucket + np.uint64(3)]
+    while k < end:
+        middle = (k + end) >> np.uint64(1)
+        if values[middle] <= scalar:
+            k = middle + np.uint64(1)
+        else:
+            end = middle
+    return evaluate_segment(curve.rows, k, inside)
+
+
+@jit
+def evaluate_segment(rows: Float64, k: int | np.uint64, inside: float) -> Channels:
+    """Return the four channels of a scaled and clamped scalar in segment k."""
+    t = (inside - rows[k, 0]) / rows[k, 1]
+    return (
+        rows[k, 2] + t * rows[k, 6],
+        rows[k, 3] + t * rows[k, 7],
+        rows[k, 4] + t * rows[k, 8],
+        rows[k, 5] + t * rows[k, 9],
+    )
 
 
 @dataclass(frozen=True)
 class PiecewiseTransfer:
-    """Colour and extinction by u, where 0 is the start of a range of scalars and 1 its end; linear in each piece.
+    """Colour and extinction by u, a scalar normalized to a range: 0 is the range's start and 1 its end.
 
-    ends: float32 [n]. Piece k holds u from the end of the piece before on (that of a step belongs to its upper side)
-        to below its own; the last one's end is infinite.
-    origins: float32 [n]. lows, slopes: float32 [n, 4], of (r, g, b, extinction times the finest spacing), at the origin
-        and for each unit of u.
-    guide: int32 [GUIDE_SIZE]: for u from k / GUIDE_SIZE on the piece is no earlier. Below 0 it is the first one's.
+    rows: float32 [n, 10], for each segment its end, its origin, (r, g, b, extinction times the finest spacing) at the
+        origin, and their slopes. Segment k holds u from the end of the one before, included, to its own end, excluded;
+        the last end is infinite.
+    guide: int32 [GUIDE_SIZE]; from u = b / GUIDE_SIZE on the segment is guide[b] or later. For u < 0 it is the first.
     """
 
-    ends: Float32
-    origins: Float32
-    lows: Float32
-    slopes: Float32
+    rows: Float32
     guide: npt.NDArray[np.int32]
 
 
-def make_piecewise_transfer(
-    transfer: TransferFunction, finest_spacing: float, first: float, last: float
-) -> PiecewiseTransfer:
-    """Of a transfer function whose control values are within some ranges of the range from `first` to `last`."""
-    width, halves = range_width(first, last)
-    knots = np.array([relative(float(value), first, width, halves) for value in transfer.values], np.float32)
-    _, _, lows, rises = transfer.segments()
-    lows, rises = (channels * [1.0, 1.0, 1.0, finest_spacing] for channels in (lows, rises))
-    origins = np.concatenate([knots[:1], knots])
-    widths = np.diff(np.append(origins, knots[-1]).astype(np.float64))
-    slopes = np.divide(rises, widths[:, None], out=np.zeros_like(rises), where=widths[:, None] > _MIN_PIECE_WIDTH)
-    buckets = np.searchsorted(knots, np.arange(GUIDE_SIZE) / GUIDE_SIZE, side="right")
-    buckets[0] = np.searchsorted(knots, 0.0, side="left")
-    pieces = PiecewiseTransfer(
-        np.append(knots, np.float32(np.inf)),
-        origins,
-        lows.astype(np.float32),
-        slopes.astype(np.float32),
-        buckets.astype(np.int32),
-    )
-    for array in (pieces.ends, pieces.origins, pieces.lows, pieces.slopes, pieces.guide):
-        array.flags.writeable = False
-    return pieces
+def make_piecewise_transfer(curve: PiecewiseLinear, first: float, last: float) -> PiecewiseTransfer:
+    """Return the table of scalars normalized to the range from `first` to `last`."""
+    width, factor = range_width(first, last)
+    knots = np.array([normalize_scalar(float(value), first, width, factor) for value in curve.values], np.float32)
+    origins, rises = np.concatenate([knots[:1], knots]), curve.rows[:, 6:]
+    widths = np.diff(np.append(origins, knots[-1]).astype(np.float64))[:, None]
+    slopes = np.divide(rises, widths, out=np.zeros_like(rises), where=widths > _MIN_SEGMENT_WIDTH)
+    rows = np.column_stack([np.append(knots, np.inf), origins, curve.rows[:, 2:6], slopes]).astype(np.float32)
+    guide = np.searchsorted(knots, np.arange(GUIDE_SIZE) / GUIDE_SIZE, side="right").astype(np.int32)
+    guide[0] = np.searchsorted(knots, 0.0, side="left")
+    rows.flags.writeable = guide.flags.writeable = False
+    return PiecewiseTransfer(rows, guide)
 
 
 @jit
-def relative(scalar: float, first: float, width: float, halves: float) -> float:
-    """The scalar's place in a range, held."""
-    return min(max((scalar * halves - first * halves) / width, -MAX_NORMALIZED_SCALAR), MAX_NORMALIZED_SCALAR)
+def normalize_scalar(scalar: float, first: float, width: float, factor: float) -> float:
+    """Return where in a range a scalar lies: 0 at its start, 1 at its end, clamped to +-MAX_NORMALIZED_SCALAR.
+
+    width, factor: as `range_width` returns them.
+    """
+    return min(max((scalar * factor - first * factor) / width, -MAX_NORMALIZED_SCALAR), MAX_NORMALIZED_SCALAR)
 
 
 @jit
 def range_width(first: float, last: float) -> tuple[float, float]:
-    """The width of a range times 1, or times 1/2 where it is large, and that factor. Times it, differences of scalars
-    overflow, if at all, where they are more than MAX_NORMALIZED_SCALAR widths."""
-    halves = 1.0 if last - first < _MAX_UNSCALED_WIDTH else 0.5
-    return last * halves - first * halves, halves
+    """Return the width of a range times a factor, and the factor: 1, or 1/2 for a range so wide that it may overflow.
+
+    With the factor, differences of scalars overflow only where they exceed MAX_NORMALIZED_SCALAR widths.
+    """
+    factor = 1.0 if last - first < _MAX_UNSCALED_WIDTH else 0.5
+    return last * factor - first * factor, factor

@@ -27,14 +27,13 @@ from renderer.bricks.subvoxel import (
     DIFFERENCE_ERROR_SHARE,
     MIN_PEAK_WIDTH,
     SIMPLIFICATION_TOLERANCE,
-    Polyline,
-    make_polyline,
-    make_scalar_polyline,
+    make_channel_curve,
+    make_scalar_curve,
     measure_subvoxel_variation,
     squared_difference,
     squared_distance,
 )
-from renderer.transfer import TransferFunction, make_classifier, raw_voxels
+from renderer.transfer import PiecewiseLinear, TransferFunction, make_classifier, raw_voxels
 from renderer.truth import integrate
 from renderer.view import View, visible_bricks
 from renderer.volume import Volume, make_volume
@@ -49,14 +48,19 @@ THINNED = 4 * SIMPLIFICATION_TOLERANCE
 NUM_MIDPOINTS = 20000
 
 
-def polyline_of(transfer: TransferFunction, low: float, high: float, *, opacity: bool = False) -> Polyline:
-    return make_polyline(transfer, 1.0, opacity=opacity, brightest=1.0, volume_range=(low, high))
+def curve_of(transfer: TransferFunction, low: float, high: float, *, opacity: bool = False) -> PiecewiseLinear:
+    return make_channel_curve(transfer, 1.0, opacity, 1.0, (low, high))
 
 
-def found(line: Polyline, low: float, high: float) -> tuple[float, float]:
+def control_points(curve: PiecewiseLinear) -> tuple[Float64, Float64]:
+    """Scaled control values [n] and the channels at them [n, 4]."""
+    return curve.rows[1:, 0].copy(), curve.rows[1:, 2:6]
+
+
+def found(line: PiecewiseLinear, low: float, high: float) -> tuple[float, float]:
     """D^2 and width^2."""
-    first = int(np.searchsorted(line.values, low * line.scale, side="right"))
-    return squared_distance(low * line.scale, high * line.scale, first, line.values, line.points)
+    first = int(np.searchsorted(control_points(line)[0], low * line.scale, side="right"))
+    return squared_distance(low * line.scale, high * line.scale, first, control_points(line)[0], line.rows)
 
 
 def random_steps(rng: np.random.Generator, colors: int) -> TransferFunction:
@@ -93,7 +97,7 @@ def test_the_distance_is_that_of_a_quadrature(opacity: bool) -> None:
         if opacity:
             values, extinctions = np.repeat(transfer.values, 2)[1:], np.repeat(transfer.extinctions, 2)[:-1]
             transfer = TransferFunction(values, np.repeat(transfer.colors, 2, axis=0)[:-1], extinctions, 1.0)
-        line = polyline_of(transfer, -1, 2, opacity=opacity)
+        line = curve_of(transfer, -1, 2, opacity=opacity)
         for low, high in random_ranges(rng):
             want = quadrature(transfer, low, high, opacity=opacity)
             assert found(line, low, high)[0] == pytest.approx(want, rel=1e-4, abs=4 * 0.5 * 16 / NUM_MIDPOINTS)
@@ -104,16 +108,16 @@ def test_distance_and_width_piece_by_piece() -> None:
     for seed in range(50):
         rng = np.random.default_rng(seed)
         transfer = random_steps(rng, 9)
-        line, points = polyline_of(transfer, -1, 2), channels_of(transfer, 1.0)
+        line, points = curve_of(transfer, -1, 2), channels_of(transfer, 1.0)
         for low, high in random_ranges(rng):
             square, _, jump = between_scalars(np.array(low), np.array(high), transfer.values, points)
-            _, width, _ = between_scalars(np.array(low), np.array(high), line.values, line.points)
+            _, width, _ = between_scalars(np.array(low), np.array(high), *control_points(line))
             got = found(line, low, high)
             np.testing.assert_allclose(math.sqrt(got[0]), math.sqrt(square), rtol=1e-9, atol=1e-12)
             assert got[1] == pytest.approx(float(width), rel=1e-9) or square < 1e-20
             assert MIN_PEAK_WIDTH**2 <= got[1] <= 1
-            nums = (int(np.searchsorted(line.values, at * line.scale, side="right")) for at in (low, high))
-            difference = squared_difference(low * line.scale, high * line.scale, *nums, line.values, line.points)
+            nums = (int(np.searchsorted(control_points(line)[0], at * line.scale, side="right")) for at in (low, high))
+            difference = squared_difference(low * line.scale, high * line.scale, *nums, line.rows)
             np.testing.assert_allclose(DIFFERENCE_ERROR_SHARE**2 * difference, jump, rtol=1e-9, atol=1e-12)
 
 
@@ -123,7 +127,7 @@ def test_nothing_is_between_without_a_control_value() -> None:
     rng = np.random.default_rng(1)
     values = np.array([0.1, 0.3, 0.3, 0.7, 0.9])
     transfer = TransferFunction(values, rng.random((5, 3)), rng.random(5), 1.0)
-    line = polyline_of(transfer, 0, 1)
+    line = curve_of(transfer, 0, 1)
     ends = [-3.0, 0.1, 0.3, 0.7, 0.9, 7.0]
     for first, last in pairwise(ends):
         inside = np.sort(rng.uniform(first, last, (50, 2)), axis=1)
@@ -140,7 +144,7 @@ def test_a_colormap_needs_few_control_values() -> None:
     extinctions[np.searchsorted(values, 0.4) :] *= 0.5
     extinctions[values == 0.601] = 2.0
     transfer = TransferFunction(values, colors, extinctions, 1.0)
-    line, points = polyline_of(transfer, 0, 1), channels_of(transfer, 1.0)
+    line, points = curve_of(transfer, 0, 1), channels_of(transfer, 1.0)
     assert len(line.values) < 80
     rng = np.random.default_rng(3)
     for low, high in np.sort(rng.random((50, 2)) ** 3, axis=1):
@@ -149,15 +153,15 @@ def test_a_colormap_needs_few_control_values() -> None:
 
 
 def in_bricks(
-    volume: Volume, transfer: TransferFunction, line: Polyline, parts: int = 1
+    volume: Volume, transfer: TransferFunction, line: PiecewiseLinear, parts: int = 1
 ) -> tuple[Float64, Float64, Float64]:
-    """[z, y, x] each: the largest D or J of each brick, its roughness and its steepness."""
+    """[z, y, x] each: the largest D or J of each brick, its step errors and its differences."""
     shape = tuple(-(-n // BRICK_SIZE) for n in volume.values.shape)
     places = np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
     found = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     scalars = make_classifier(volume, transfer, None, opacity=False).scalars
     for part in np.array_split(places, parts):
-        measure_subvoxel_variation(raw_voxels(volume), scalars, *line, np.ascontiguousarray(part), *found)
+        measure_subvoxel_variation(raw_voxels(volume), scalars, line, np.ascontiguousarray(part), *found)
     return found
 
 
@@ -173,18 +177,18 @@ def test_bricks_of_every_type(dtype: str) -> None:
         values = np.clip(low * (1 - shares) + high * shares, low, np.nextafter(high, 0)).astype(dtype)
         volume = make_volume(values, OBLIQUE, "noise")
         transfer = random_transfer(rng, low, high)
-        line = make_polyline(transfer, 1.0, opacity=False, brightest=1.0, volume_range=(low, high))
+        line = make_channel_curve(transfer, 1.0, False, 1.0, (low, high))
         unscaled = make_volume(values.astype(np.float64) * scale, OBLIQUE, "unscaled")
         squares, widths, jumps = between_scalars(
             *ranges_of_dual_cells(unscaled), transfer.values * scale, channels_of(transfer, 1.0)
         )
-        largest, roughness, steepness = in_bricks(volume, transfer, line)
+        largest, step_errors, differences = in_bricks(volume, transfer, line)
         means, means_of_jumps = means_over_dual_cells(squares / widths**2), means_over_dual_cells(jumps)
         for (x, y, z), mean in means.items():
             part = np.maximum(squares, jumps)[dual_cells((x, y, z), BRICK_SIZE)]
             np.testing.assert_allclose(largest[z, y, x], np.sqrt(part.max()), rtol=1e-6, atol=THINNED)
-            np.testing.assert_allclose(roughness[z, y, x], np.sqrt(mean), rtol=1e-5, atol=THINNED / MIN_PEAK_WIDTH**2)
-            np.testing.assert_allclose(steepness[z, y, x], np.sqrt(means_of_jumps[x, y, z]), rtol=1e-5, atol=THINNED)
+            np.testing.assert_allclose(step_errors[z, y, x], np.sqrt(mean), rtol=1e-5, atol=THINNED / MIN_PEAK_WIDTH**2)
+            np.testing.assert_allclose(differences[z, y, x], np.sqrt(means_of_jumps[x, y, z]), rtol=1e-5, atol=THINNED)
 
 
 def ball(inside: float, outside: float, radius: float = 15.0, rise: float = math.inf) -> Volume:
@@ -270,10 +274,10 @@ def test_what_ends_where_nodes_end_is_as_right_as_elsewhere(volume: Volume) -> N
 def test_scalars_have_lines_of_their_own() -> None:
     """In shares of the range, however far it reaches; nothing is between them."""
     for low, high in ((0.0, 1.0), (-1e308, 1.7e308), (5e-324, 1e-300), (3.0, 3.0)):
-        line = make_scalar_polyline((low, high))
-        assert np.isfinite(line.values).all() and (np.diff(line.values) > 0).all()
+        line = make_scalar_curve((low, high))
+        assert np.isfinite(line.rows).all() and (np.diff(control_points(line)[0]) > 0).all()
         one, other = (low * line.scale, high * line.scale) if low < high else (3.0, 3.0)
-        difference = squared_difference(one, other, 1, 1, line.values, line.points)
+        difference = squared_difference(one, other, 1, 1, line.rows)
         assert difference == pytest.approx(float(low < high), rel=1e-6)
 
 

@@ -136,12 +136,12 @@ def test_order_is_coarse_first_then_morton(shape: Shape) -> None:
         assert keys == sorted(keys) and len(set(keys)) == len(keys)
 
 
-def test_roughness_goes_with_its_brick() -> None:
+def test_step_errors_go_with_its_brick() -> None:
     bricks = soft(SHAPES[-1])
     cut = cut_bricks(bricks, 0.5)
     assert len(np.unique(cut.levels)) > 1
-    for level, (x, y, z), roughness in zip(cut.levels, cut.cells, cut.step_errors, strict=True):
-        assert roughness == bricks.levels[level].step_errors[z, y, x]
+    for level, (x, y, z), step_errors in zip(cut.levels, cut.cells, cut.step_errors, strict=True):
+        assert step_errors == bricks.levels[level].step_errors[z, y, x]
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])

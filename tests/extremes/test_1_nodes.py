@@ -155,10 +155,10 @@ def with_outlier(dtype: Any, outlier: float) -> Callable[[Random, tuple[int, ...
 
 def voxel_channels(of: Volume, transfer: TransferFunction, *, opacity: bool) -> Array:
     """float32 [z, y, x, 4]: each voxel as it is classified."""
-    rule, codes = make_classifier(of, transfer, None, opacity=opacity), raw_voxels(of)
+    classifier, raw = make_classifier(of, transfer, None, opacity=opacity), raw_voxels(of)
     channels = np.empty((*of.values.shape, 4), np.float32)
     for z, y, x in np.ndindex(*of.values.shape):
-        channels[z, y, x] = classify_voxel(codes, *rule, z, y, x)
+        channels[z, y, x] = classify_voxel(raw, classifier, z, y, x)
     return channels
 
 

@@ -248,17 +248,17 @@ def _cell_means(bricks: Bricks, level: int) -> Float64:
     colors, extinctions = bricks.transfer.classify(scalars)
     lighting = pyramid.classifier.lighting
     if lighting is not None:
-        shading = ShadingSpec(lighting.ambient, lighting.diffuse, tuple(lighting.light))
+        shading = ShadingSpec(*lighting.light[3:], lighting.light[:3])
         gradients = _index_gradients(scalars / 2) @ np.linalg.inv(bricks.volume.world_from_index[:3, :3])
         colors = colors * _light(shading, gradients.reshape(-1, 3)).reshape(*scalars.shape, 1)
     weights = extinctions[..., None] * bricks.volume.finest_spacing
-    if pyramid.deepest is not None:  # opacities are averaged
+    if pyramid.max_depth is not None:  # opacities are averaged
         weights = -np.expm1(-weights)
     weights = np.where(weights < VISIBILITY_THRESHOLD, 0.0, weights)
     means = means_over_cells(np.concatenate([colors * weights, weights], axis=-1), level)
-    if pyramid.deepest is not None:
+    if pyramid.max_depth is not None:
         with np.errstate(divide="ignore"):
-            depths = np.minimum(-np.log1p(-means[..., 3:]), pyramid.deepest)
+            depths = np.minimum(-np.log1p(-means[..., 3:]), pyramid.max_depth)
         means *= np.divide(depths, means[..., 3:], out=np.ones_like(depths), where=means[..., 3:] > 0)
     stored = (means / pyramid.mean_unit).astype(np.float32).astype(pyramid.levels[0].means.dtype)
     return np.asarray(stored.astype(np.float64) * pyramid.mean_unit)
@@ -278,10 +278,10 @@ def _trilinear(field: Float64, at: Float64) -> Float64:
 
 def _classified(batch: BrickBatch, texel: Float64) -> Float64:
     """[n, 4]: (tau c, tau) times the finest spacing of interpolated texels, (u) or (u, world gradient)."""
-    pieces = batch.pieces
-    k = np.searchsorted(pieces.ends, texel[:, 0], side="right")
-    offset = (texel[:, 0] - pieces.origins[k])[:, None]
-    channels = pieces.lows[k] + offset * pieces.slopes[k].astype(np.float64)
+    rows = batch.bricks.pieces.rows
+    k = np.searchsorted(rows[:, 0], texel[:, 0], side="right")
+    offset = (texel[:, 0] - rows[k, 1])[:, None]
+    channels = rows[k, 2:6] + offset * rows[k, 6:].astype(np.float64)
     if batch.shading is not None:
         channels[:, :3] *= _light(batch.shading, texel[:, 1:])[:, None]
     return np.hstack([channels[:, :3] * channels[:, 3:], channels[:, 3:]])

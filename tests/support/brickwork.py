@@ -94,13 +94,13 @@ def level_cut(bricks: Bricks, level: int) -> BrickCut:
 
 def cut_of_bricks(bricks: Bricks, levels: npt.NDArray[np.uint8], cells: npt.NDArray[np.int32]) -> BrickCut:
     """The cut of some bricks, less those that show nothing."""
-    boxes, roughness = np.empty((len(levels), 2, 3)), np.empty(len(levels))
+    boxes, step_errors = np.empty((len(levels), 2, 3)), np.empty(len(levels))
     for i, (level, (x, y, z)) in enumerate(zip(levels, cells, strict=True)):
         of_level = bricks.levels[level]
         boxes[i] = 2.0**level * (BRICK_SIZE * cells[i] + of_level.visible_bounds[z, y, x].astype(np.float64)) - 0.5
-        roughness[i] = of_level.step_errors[z, y, x]
+        step_errors[i] = of_level.step_errors[z, y, x]
     is_seen = np.all(boxes[:, 0] < boxes[:, 1], axis=1)
-    return BrickCut(levels[is_seen], cells[is_seen], boxes[is_seen], roughness[is_seen], bricks.volume)
+    return BrickCut(levels[is_seen], cells[is_seen], boxes[is_seen], step_errors[is_seen], bricks.volume)
 
 
 def batch_of(
@@ -115,7 +115,7 @@ def batch_of(
     volume = cut.volume
     steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
     length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * volume.shape_xyz))
-    return BrickBatch(cut, bricks, steps, bricks.pieces, shading, screen_sampling, volume.centre, length)
+    return BrickBatch(cut, bricks, steps, shading, screen_sampling, volume.centre, length)
 
 
 def view_of(

@@ -70,11 +70,11 @@ def errors_of_cells(volume: Volume, values: Float64, level: int) -> Float64:
     return np.asarray(np.sqrt(variance) * np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing)
 
 
-def per_brick(values: Array, side: int, apron: int = 0) -> dict[tuple[int, int, int], Array]:
-    """By brick (x, y, z), the part of an array [z, y, x, ...] that lies in it, or in its apron."""
+def per_brick(values: Array, side: int, halo: int = 0) -> dict[tuple[int, int, int], Array]:
+    """By brick (x, y, z), the part of an array [z, y, x, ...] that lies in it, or in its halo."""
 
     def reach(k: int) -> slice:
-        return slice(max(k * side - apron, 0), (k + 1) * side + apron)
+        return slice(max(k * side - halo, 0), (k + 1) * side + halo)
 
     grid = np.ndindex(*(-(-n // side) for n in values.shape[:3]))
     return {(x, y, z): values[reach(z), reach(y), reach(x)] for z, y, x in grid}
@@ -173,9 +173,9 @@ def means_over_dual_cells(values: Float64) -> dict[tuple[int, int, int], float]:
 
 
 def errors_of_bricks(volume: Volume, transfer: TransferFunction, level: int) -> dict[tuple[int, int, int], float]:
-    """By brick (x, y, z) of a level above 0, the largest error of its nodes and its apron's, of what shows between
+    """By brick (x, y, z) of a level above 0, the largest error of its nodes and its halo's, of what shows between
     its voxels only, and of their differences, as of such a node; times that of a ray."""
-    nodes = per_brick(errors_of_cells(volume, depths_of(volume, transfer), level), 16, apron=1)
+    nodes = per_brick(errors_of_cells(volume, depths_of(volume, transfer), level), 16, halo=1)
     distances, _, jumps = between_scalars(
         *ranges_of_dual_cells(volume), transfer.values, channels_of(transfer, volume.finest_spacing)
     )

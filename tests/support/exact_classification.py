@@ -47,10 +47,10 @@ def exactly(by: TransferFunction) -> Callable[[Any], list[Fraction]]:
 def worst_classified(by: TransferFunction, values: Array) -> float:
     """The largest error of a channel of any voxel, as a share of the largest extinction; the spacing is 1."""
     of = placed(values.reshape(1, 1, -1), np.eye(3))
-    rule, codes = make_classifier(of, by, None, opacity=False), raw_voxels(of)
+    classifier, raw = make_classifier(of, by, None, opacity=False), raw_voxels(of)
     worst, exact = 0.0, exactly(by)
     for x, scalar in enumerate(of.values[0, 0]):
-        got = classify_voxel(codes, *rule, 0, 0, x)
+        got = classify_voxel(raw, classifier, 0, 0, x)
         worst = max(worst, *(abs(float(Fraction(float(a)) - b)) for a, b in zip(got, exact(scalar), strict=True)))
     return worst / by.max_extinction
 

@@ -24,7 +24,7 @@ def volume_of(shape: Shape, dtype: str) -> Volume:
 
 def dense_nodes(pyramid: Pyramid, level: int) -> npt.NDArray[np.floating]:
     """[z, y, x, 4]: the stored means of a level, 0 where nothing is visible, and beyond the volume as far as bricks and
-    their aprons go."""
+    their halos go."""
     shape = [((n - 1 >> (level + BRICK_LEVELS)) + 1) * BRICK_SIZE + 2 * HALO for n in pyramid.volume.values.shape]
     means = np.zeros((*shape, 4), pyramid.levels[0].means.dtype)
     nodes, cells = np.arange(len(pyramid.levels[-1].errors)), np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
@@ -52,7 +52,7 @@ def dense_nodes(pyramid: Pyramid, level: int) -> npt.NDArray[np.floating]:
 def test_means_are_those_of_a_complete_pyramid(
     shape: Shape, dtype: str, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
 ) -> None:
-    """Bit for bit, apron and all; and so is everything that was stored."""
+    """Bit for bit, halo and all; and so is everything that was stored."""
     volume = volume_of(shape, dtype)
     whole = build_pyramid(volume, SOFT, spec=spec, error=error, shading=shading)
     pyramid = make_bricks(volume, SOFT, spec=spec, error=error, shading=shading).pyramid

@@ -17,8 +17,8 @@ MOST_SAMPLES = 3814
 @pytest.mark.parametrize("depth", [0.0, 1.0, 40.0, 1e300])
 @pytest.mark.parametrize("tolerance", [0.0, 5e-324, 1e-6, 0.3, 1e300, math.inf])
 def test_samples_of_a_ray_in_a_brick_are_bounded(tolerance: float, depth: float) -> None:
-    roughness = np.array([0.0, 5e-324, 1e-9, 1.0, 1e9, 1.7e308])
-    steps = step_sizes(roughness, tolerance, np.full(6, depth))
+    step_errors = np.array([0.0, 5e-324, 1e-9, 1.0, 1e9, 1.7e308])
+    steps = step_sizes(step_errors, tolerance, np.full(6, depth))
     assert np.isfinite(steps).all()
     samples = _most_parts(float(steps.min()))
     assert samples <= MOST_SAMPLES == _most_parts(MIN_STEP)

@@ -147,7 +147,7 @@ def test_means_lie_where_their_cells_are(shape: Shape, precision: str) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 def test_errors_of_a_brick(shape: Shape) -> None:
-    """The largest of its nodes and its apron's, of what shows between its voxels, and of their differences; and the
+    """The largest of its nodes and its halo's, of what shows between its voxels, and of their differences; and the
     root mean square, over its volume, of nodes twice as large and of what shows between voxels, or of differences."""
     volume = soft(shape)
     depths = depths_of(volume, SOFT)
@@ -166,7 +166,7 @@ def test_errors_of_a_brick(shape: Shape) -> None:
             want = error if number else 0
             np.testing.assert_allclose(level.errors[z, y, x], want, rtol=HALF_RTOL, atol=4e-7)
             own[z, y, x] = np.sqrt(squares[x, y, z].sum() / sizes[x, y, z].sum())
-        for (x, y, z), around in per_brick(own, 1, apron=1).items():
+        for (x, y, z), around in per_brick(own, 1, halo=1).items():
             want = own[z, y, x] if own[z, y, x] > 1e-7 else around.max()
             if number == 0:
                 want = np.hypot(want, 2 * side * np.sqrt(rough[x, y, z]))
@@ -260,7 +260,7 @@ def test_light_counts_at_its_brightest() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e300])
-def test_roughness_of_the_largest_and_the_smallest_errors(size: float) -> None:
+def test_step_errors_of_the_largest_and_the_smallest_errors(size: float) -> None:
     """Errors of scalars are in data units, whose squares are no numbers."""
     volume = make_volume(patches((20, 20, 20), 3) * size, np.eye(4), "far")
     error = ErrorSpec(measure="rms", of="scalar")

@@ -9,7 +9,6 @@ from brickwork import batch_of, bricks_of, level_cut
 from number_types import random_ranges
 
 from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
-from renderer.draw.cpu.bricks import CPUBrickRenderer
 from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume
 
@@ -55,8 +54,8 @@ def test_texels_are_classified_as_voxels_are() -> None:
 
 def steepest(pieces: PiecewiseTransfer) -> float:
     """What a unit of u changes, at most, in pieces that are wider than the rounding of texels."""
-    wide = np.diff(pieces.ends[:-1], prepend=-1.0) > 1e-5
-    return float(np.abs(pieces.slopes[:-1][wide]).max(initial=0.0))
+    wide = np.diff(pieces.rows[:, 0][:-1], prepend=-1.0) > 1e-5
+    return float(np.abs(pieces.rows[:-1, 6:][wide]).max(initial=0.0))
 
 
 def test_each_label_has_its_own_side_of_a_step() -> None:
@@ -77,34 +76,33 @@ def test_each_label_has_its_own_side_of_a_step() -> None:
 def test_what_is_narrow_is_as_high_as_it_is() -> None:
     """A tent 20 wide in a range of a million, on a ramp; and a window of one among 16 bits."""
     values, extinctions = np.array([0, 290, 300, 310, 1e6]), np.array([0, 0, 1.0, 1e-4, 0.5])
-    pieces = make_piecewise_transfer(TransferFunction(values, np.ones((5, 3)), extinctions, 1.0), 1.0, 0.0, 1e6)
+    pieces = make_piecewise_transfer(TransferFunction(values, np.ones((5, 3)), extinctions, 1.0).curve(), 0.0, 1e6)
     np.testing.assert_allclose(at(pieces, np.array([290, 295, 300, 305, 310]) / 1e6), [0, 0.5, 1, 0.5, 1e-4], atol=1e-3)
     values = np.array([2.5, 2.5, 3.5, 3.5, 65535])
     pieces = make_piecewise_transfer(
-        TransferFunction(values, np.ones((5, 3)), np.array([0, 2.0, 2, 0, 0.1]), 1.0), 1.0, 0, 65535
+        TransferFunction(values, np.ones((5, 3)), np.array([0, 2.0, 2, 0, 0.1]), 1.0).curve(), 0, 65535
     )
     np.testing.assert_allclose(at(pieces, np.array([2, 3, 4]) / 65535), [0, 2, 0], atol=1e-5)
 
 
 def at(pieces: PiecewiseTransfer, u: Float64) -> Float64:
     """Extinctions."""
-    k = np.searchsorted(pieces.ends, u.astype(np.float32), side="right")
-    return np.asarray(pieces.lows[k, 3] + (u - pieces.origins[k]) * pieces.slopes[k, 3].astype(np.float64))
+    k = np.searchsorted(pieces.rows[:, 0], u.astype(np.float32), side="right")
+    return np.asarray(pieces.rows[k, 5] + (u - pieces.rows[k, 1]) * pieces.rows[k, 9].astype(np.float64))
 
 
 def test_the_guide_never_leads_too_far() -> None:
     """And, from 0 on, no further away than its part of the range has pieces."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        pieces = make_piecewise_transfer(random_transfer(rng, -3.0, 5.0, 40), 1.0, 0.0, 2.0)
-        u = np.concatenate([rng.uniform(0, 1, 5000), pieces.ends[:-1]]).astype(np.float32)
+        pieces = make_piecewise_transfer(random_transfer(rng, -3.0, 5.0, 40).curve(), 0.0, 2.0)
+        u = np.concatenate([rng.uniform(0, 1, 5000), pieces.rows[:, 0][:-1]]).astype(np.float32)
         u = u[(u >= 0) & (u < 1)]
         bucket = (u * np.float32(GUIDE_SIZE)).astype(int)
-        piece, begin = np.searchsorted(pieces.ends, u, side="right"), pieces.guide[bucket]
+        piece, begin = np.searchsorted(pieces.rows[:, 0], u, side="right"), pieces.guide[bucket]
         assert np.all(begin <= piece)
-        inside = np.bincount(
-            (pieces.ends[:-1][(pieces.ends[:-1] >= 0) & (pieces.ends[:-1] < 1)] * GUIDE_SIZE).astype(int)
-        )
+        ends = pieces.rows[:-1, 0]
+        inside = np.bincount((ends[(ends >= 0) & (ends < 1)] * GUIDE_SIZE).astype(int))
         inside = np.append(inside, np.zeros(GUIDE_SIZE, int))
         assert np.all(piece - begin <= inside[bucket])
 
@@ -114,18 +112,7 @@ def test_pieces_are_finite(last: float) -> None:
     """Over scalars too small for their inverse, or too large for their difference."""
     values = np.array([-last, -last / 2, 0.0, 0.0, last / 3, last])
     transfer = TransferFunction(values, np.ones((6, 3)), np.array([0, 1.0, 2, 0, 3, 0]), 1.0)
-    pieces = make_piecewise_transfer(transfer, 1.0, -last, last)
-    assert all(np.isfinite(array).all() for array in (pieces.ends[:-1], pieces.origins, pieces.lows, pieces.slopes))
-    assert pieces.ends[-1] == np.inf
+    pieces = make_piecewise_transfer(transfer.curve(), -last, last)
+    assert np.isfinite(pieces.rows[:-1]).all() and np.isfinite(pieces.rows[-1, 1:]).all()
+    assert pieces.rows[:, 0][-1] == np.inf
     np.testing.assert_allclose(at(pieces, np.array([0.25, 0.5, 2 / 3])), [1, 0, 3], atol=0.2)
-
-
-def test_the_loops_are_told_once() -> None:
-    """Of one transfer function in a film."""
-    bricks = bricks_of(
-        make_volume(np.arange(8.0).reshape(2, 2, 2), np.eye(4), "few"),
-        random_transfer(np.random.default_rng(1), 0.0, 7.0),
-    )
-    batch, drawer = batch_of(level_cut(bricks, 0), bricks), CPUBrickRenderer(1)
-    assert drawer._pieces_of(batch) is drawer._pieces_of(batch)
-    drawer.release()

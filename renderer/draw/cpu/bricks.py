@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import BrickBatch, toward_light
+from renderer.bricks import BrickBatch
 from renderer.draw.brick_store import BrickCache
 from renderer.draw.brick_view import BrickView
 from renderer.draw.cpu.atlas import CPUAtlas
@@ -24,7 +24,7 @@ from renderer.draw.cpu.sample import Field, Float32
 from renderer.draw.subsampling import interpolated, num_nodes, refined
 from renderer.scene import ShadingSpec
 from renderer.threads import ThreadPool
-from renderer.transfer import PiecewiseTransfer
+from renderer.transfer import toward_light
 from renderer.view import View, ray_setup
 
 # Nodes along a tile's sides, where every pixel is one, and where few are. Tiles of 16 draw each brick more often, tiles
@@ -42,7 +42,6 @@ class CPUBrickRenderer:
     def __init__(self, num_threads: int) -> None:
         self._threads = ThreadPool(num_threads)
         self._store = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, self._threads)
-        self._pieces: tuple[PiecewiseTransfer, Float32] | None = None
 
     def upload(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Make those bricks of `batch[order]` ready that are not; whether there were any."""
@@ -126,21 +125,13 @@ class CPUBrickRenderer:
             scalars.texels,
             means.texels,
             np.float32(batch.spacings_per_model_unit),
-            self._pieces_of(batch),
-            batch.pieces.guide,
+            batch.bricks.pieces.rows.reshape(-1),
+            batch.bricks.pieces.guide,
             batch.shading is not None,
             (x, y, z),
             np.float32(shading.ambient),
             np.float32(shading.diffuse),
         )
-
-    def _pieces_of(self, batch: BrickBatch) -> Float32:
-        """As in Field; made once, for the transfer function does not change in a film."""
-        if self._pieces is None or self._pieces[0] is not batch.pieces:
-            of = batch.pieces
-            rows = np.column_stack([of.ends, of.origins, of.lows, of.slopes])
-            self._pieces = of, np.ascontiguousarray(rows, np.float32).ravel()
-        return self._pieces[1]
 
 
 def _rays(picture: BrickView) -> Rays:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.jit import fma, jit
-from renderer.transfer import GUIDE_SIZE
+from renderer.transfer import GUIDE_SIZE, lambert_factor
 
 Float32 = npt.NDArray[np.float32]
 Int32 = npt.NDArray[np.int32]
@@ -122,10 +122,8 @@ def light_factor(x: np.float32, y: np.float32, z: np.float32, light: tuple[np.fl
     largest = max(abs(x), abs(y), abs(z))
     if not largest > _0:
         return light[3]
-    x, y, z = x / largest, y / largest, z / largest  # their squares neither overflow nor vanish
-    across = fma(x, light[0], fma(y, light[1], z * light[2]))
-    length = np.float32(math.sqrt(fma(x, x, fma(y, y, z * z))))
-    return fma(light[4], max(_0, -across / length), light[3])
+    factor: np.float32 = lambert_factor(x / largest, y / largest, z / largest, light)
+    return factor
 
 
 @jit

@@ -18,13 +18,13 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import DITHER, HALO, JITTER_PER_PX, BrickBatch, toward_light
+from renderer.bricks import DITHER, HALO, JITTER_PER_PX, BrickBatch
 from renderer.draw.brick_store import BrickCache
 from renderer.draw.brick_view import BrickView
 from renderer.draw.gl.atlas import GLAtlas
 from renderer.draw.subsampling import interpolated, num_nodes
 from renderer.threads import ThreadPool
-from renderer.transfer import PiecewiseTransfer
+from renderer.transfer import PiecewiseTransfer, toward_light
 from renderer.view import View, ray_setup
 
 Image = npt.NDArray[np.float32]
@@ -119,11 +119,12 @@ class GLBrickRenderer:
 
     def _look_at(self, batch: BrickBatch, size: tuple[int, int]) -> None:
         """Bring the transfer function, and let go of what belongs to pictures of another size."""
-        if self._transfer is None or self._transfer[0] is not batch.pieces:
+        if self._transfer is None or self._transfer[0] is not batch.bricks.pieces:
             for texture in self._transfer[1] if self._transfer is not None else ():
                 texture.release()
             self._transfer = None
-            self._transfer = batch.pieces, [self._table(content) for content in _tables(batch.pieces)]
+            pieces = batch.bricks.pieces
+            self._transfer = pieces, [self._table(content) for content in _tables(pieces)]
         if self._image_size != size:
             for lattice in self._pixel_grids.values():
                 lattice.release()
@@ -293,10 +294,10 @@ def _vertices(picture: BrickView) -> npt.NDArray[Any]:
 
 def _tables(pieces: PiecewiseTransfer) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Guide and pieces as brick_pieces.glsl has them, float32 [rows, columns, channels]."""
-    num_rows = -(-len(pieces.ends) // PIECES_IN_ROW)
+    num_rows = -(-len(pieces.rows) // PIECES_IN_ROW)
     rows = np.zeros((num_rows, 3, PIECES_IN_ROW, 4), np.float32)
-    where = np.divmod(np.arange(len(pieces.ends)), PIECES_IN_ROW)
-    rows[where[0], 0, where[1]], rows[where[0], 1, where[1]] = pieces.lows, pieces.slopes
-    rows[where[0], 2, where[1], 0] = np.minimum(pieces.ends - FILTER_ERROR, np.float32(LARGEST))
-    rows[where[0], 2, where[1], 1] = pieces.origins
+    row, column = np.divmod(np.arange(len(pieces.rows)), PIECES_IN_ROW)
+    rows[row, 0, column], rows[row, 1, column] = pieces.rows[:, 2:6], pieces.rows[:, 6:]
+    rows[row, 2, column, 0] = np.minimum(pieces.rows[:, 0] - FILTER_ERROR, np.float32(LARGEST))
+    rows[row, 2, column, 1] = pieces.rows[:, 1]
     return pieces.guide.astype(np.float32)[None, :, None], rows.reshape(3 * num_rows, PIECES_IN_ROW, 4)
