@@ -222,7 +222,7 @@ def _mean_field(bricks: Bricks, level: int) -> Float64:
     """
     field = _cell_means(bricks, level)
     lighting = bricks.pyramid.classifier.lighting
-    brightest = max(1.0, bricks.transfer.colors.max() * (lighting.ambient + lighting.diffuse if lighting else 1))
+    brightest = max(1.0, bricks.transfer.colors.max() * (lighting.light[3] + lighting.light[4] if lighting else 1))
     for axis in (2, 1, 0):
         rows = np.moveaxis(field, axis, 0)
         last, before = rows[-1], rows[max(len(rows) - 2, 0)]
