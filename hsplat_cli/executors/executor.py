@@ -26,13 +26,13 @@ from renderer.study import FilmPlan
 if TYPE_CHECKING:
     from distributed import Client
 
-# A device is shared by the processes; what they do beside drawing is not.
+# Processes share a device, but not the work beside drawing.
 _MAX_WORKERS_PER_DEVICE = 4
-# The memory of a worker beside the stage that they share, and bricks, for the bound by the memory that is free.
+# The memory of a worker besides bricks and the shared stage; free memory bounds the number of workers.
 _WORKER_BYTES = 400 * 2**20
 # Workers take about a second of several cores until they are ready, which must be worth it.
 _MIN_REMAINING_S = 4.0
-_SINGLE_PROCESS_NOTE = "drawn by one process, for others could not be started: {}"
+_SINGLE_PROCESS_NOTE = "drawn by one process, because others could not be started: {}"
 
 
 @contextlib.contextmanager

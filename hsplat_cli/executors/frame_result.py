@@ -1,4 +1,4 @@
-"""A drawn frame, from this process or another; and what draws frames."""
+"""Defines the result of drawing a frame, the protocol of executors, and the executor of this process."""
 
 from __future__ import annotations
 

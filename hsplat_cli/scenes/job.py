@@ -84,7 +84,7 @@ def load_job(
     is_whole = [*picked] == [*sidecar.frames]
     if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
         raise InputError(
-            "another film would take the place of the one that is recorded here",
+            "this would overwrite the recorded film",
             where=str(path),
             hint="--output names another file",
         )
@@ -108,7 +108,7 @@ def _require_no_input(path: Path, scene: Scene, frames: Sequence[int], *sidecar:
 def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:
     """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
     drawn = zip(sidecar.frames, sidecar.tolerances, strict=True)
-    return scene.error.goal is None and all(tolerance_at(scene.error, frame) == told for frame, told in drawn)
+    return scene.error.goal is None and all(tolerance_at(scene.error, frame) == recorded for frame, recorded in drawn)
 
 
 def _has_whole_schedule(sidecar: Sidecar, editor: SceneEditor) -> bool:

@@ -23,9 +23,9 @@ def parse_duration(text: str, *, where: str) -> float:
     match = _DURATION.fullmatch(text.strip()) if len(text) <= 3 * _MOST_DIGITS else None
     expected = "a time such as 90s, 10m or 1h30m"
     if match is None:
-        raise InputError("not a length of time", where=where, got=format_value(text), expected=expected)
+        raise InputError("not a duration", where=where, got=format_value(text), expected=expected)
     hours, minutes, seconds, bare = (float(part or 0) for part in match.groups())
     total = 3600 * hours + 60 * minutes + seconds + bare
     if total == 0:
-        raise InputError("no time at all", where=where, got=format_value(text), expected=f"{expected}, more than 0")
+        raise InputError("a duration of 0", where=where, got=format_value(text), expected=f"{expected}, more than 0")
     return total

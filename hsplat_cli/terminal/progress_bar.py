@@ -41,7 +41,7 @@ def progress(steps: int | Sequence[float], *, label: str, quiet: bool, unit: str
 
         kind: dict[str, Any] = {"total": steps, "desc": label, "unit": f" {unit}"}
         if not isinstance(steps, int):
-            # Without smoothing: the rate of the last steps tells little where each is of another kind.
+            # Without smoothing: steps differ, so the rate of the last ones says little.
             kind = {"total": sum(steps), "bar_format": _WEIGHTED_BAR_FORMAT, "smoothing": 0}
         with tqdm(**kind, file=sys.stderr, dynamic_ncols=True) as bar:
             yield _Bar(bar, steps, label, unit)

@@ -63,7 +63,7 @@ def test_another_server_answers(capsys: pytest.CaptureFixture[str], monkeypatch:
         threading.Thread(target=answer, daemon=True).start()
         address = f"127.0.0.1:{server.getsockname()[1]}"
         assert refused(capsys, address) == (
-            f"--scheduler {address}: what answers at this address is no Dask scheduler\n"
+            f"--scheduler {address}: the server at this address is not a Dask scheduler\n"
             f"  expected: {EXPECTED}\n  hint: {HINT}\n"
         )
 

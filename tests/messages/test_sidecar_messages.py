@@ -146,7 +146,7 @@ film.mp4.json: schedule: too many levels
         lambda data: None,
         ["--set", "error.tolerance=0.2"],
         """\
-film.mp4.json: another film would take the place of the one that is recorded here
+film.mp4.json: this would overwrite the recorded film
   hint: --output names another file
 """,
     ),
@@ -154,7 +154,7 @@ film.mp4.json: another film would take the place of the one that is recorded her
         lambda data: None,
         ["--set", "volume.procedural.shape=[8, 8, 9]"],
         """\
-film.mp4.json: another film would take the place of the one that is recorded here
+film.mp4.json: this would overwrite the recorded film
   hint: --output names another file
 """,
     ),
@@ -162,7 +162,7 @@ film.mp4.json: another film would take the place of the one that is recorded her
         lambda data: None,
         ["--frames", "1:3"],
         """\
-film.mp4.json: another film would take the place of the one that is recorded here
+film.mp4.json: this would overwrite the recorded film
   hint: --output names another file
 """,
     ),

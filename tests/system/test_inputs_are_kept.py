@@ -106,8 +106,7 @@ def test_the_sidecar(capsys) -> None:
     for change in (["--set", "error.tolerance=0.5"], ["--progressive"]):
         assert main.run(["render", "film.mp4.json", "--output", "film.mp4", *change]) == 2
         assert capsys.readouterr().err == (
-            "film.mp4.json: another film would take the place of the one that is recorded here\n"
-            "  hint: --output names another file\n"
+            "film.mp4.json: this would overwrite the recorded film\n  hint: --output names another file\n"
         )
     assert contents() == before
 

@@ -25,7 +25,7 @@ MANY = 200
 LOST = (
     "a worker was lost, 3 times at the same frame\n"
     "  got: no longer there: worker 1, worker 2, worker 3\n"
-    "  hint: their logs may say why; those that take more memory than they may are ended"
+    "  hint: their logs may say why; Dask ends workers that exceed their memory limit"
 )
 
 

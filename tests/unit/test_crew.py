@@ -109,7 +109,7 @@ def test_without_workers_the_film_is_made_all_the_same(fails: str) -> None:
     who_drew, notes = who(1.0, pool)
     assert who_drew == "aaaaaaaaaa"
     what = "no process can be started" if fails == "start" else "no OpenGL"
-    assert notes == [f"drawn by one process, for others could not be started: {what}"]
+    assert notes == [f"drawn by one process, because others could not be started: {what}"]
     assert pool.is_closed == (fails == "ready")  # or there is none
 
 

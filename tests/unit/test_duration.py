@@ -43,7 +43,7 @@ def test_reads(text: str, seconds: float) -> None:
 def test_refuses(text: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_duration(text, where="--time-limit")
-    assert caught.value.what == "not a length of time"
+    assert caught.value.what == "not a duration"
     assert caught.value.where == "--time-limit"
 
 
@@ -52,7 +52,7 @@ def test_no_time_is_none(text: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_duration(text, where="--time-limit")
     assert str(caught.value) == (
-        f"--time-limit: no time at all\n  got: '{text}'\n  expected: a time such as 90s, 10m or 1h30m, more than 0"
+        f"--time-limit: a duration of 0\n  got: '{text}'\n  expected: a time such as 90s, 10m or 1h30m, more than 0"
     )
 
 

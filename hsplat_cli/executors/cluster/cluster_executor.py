@@ -63,7 +63,7 @@ class ClusterExecutor:
         self._worker_versions: list[dict[str, Any]] = []  # each once
         self._num_redrawn = 0
         self._schedule = FrameSchedule[str]()
-        # Workers, their tasks, and the keys of the futures, which a task may have no more.
+        # Workers, their tasks, and the keys of their futures; a task that was taken back has another future, or none.
         self._finished: queue.SimpleQueue[tuple[str, Task, str]] = queue.SimpleQueue()
 
     @property
@@ -172,7 +172,7 @@ class ClusterExecutor:
                     f"a worker was lost, {MAX_LOSSES} times at the same frame",
                     where=f"frame {at.number}",
                     got=f"no longer there: {', '.join(at.losses)}",
-                    hint="their logs may say why; those that take more memory than they may are ended",
+                    hint="their logs may say why; Dask ends workers that exceed their memory limit",
                 )
 
     def _handle_failure(self, worker: str, task: Task, error: BaseException) -> None:

@@ -54,7 +54,7 @@ def _client(target: Any) -> Client:
 
 def _require_scheduler(address: str) -> None:
     """Raise InputError unless a scheduler answers: a Client would wait without end for a server that is silent."""
-    nobody, other = "nobody answers at this address", "what answers at this address is no Dask scheduler"
+    nobody, other = "nobody answers at this address", "the server at this address is not a Dask scheduler"
     hint = "`dask scheduler` starts one, and says its address"
     try:
         kind = asyncio.run(asyncio.wait_for(_kind_of_server(address), _CONNECT_TIMEOUT_S))

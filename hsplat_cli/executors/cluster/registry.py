@@ -116,7 +116,7 @@ class WorkerRegistry:
             self._ask(lambda: self._client.run_on_scheduler(describe_worker))
         except ImportError as error:
             raise RenderError(
-                "the scheduler needs hsplat, too: it passes on what workers are to do",
+                "the scheduler needs hsplat, too, to pass tasks on to workers",
                 where=f"--scheduler {self._address}",
                 got=str(error),
                 hint=f"install hsplat {self._here['hsplat']} in its environment",

@@ -90,7 +90,7 @@ class Pool:
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know."""
+        """As in FrameExecutor."""
         return [
             f"{num} of the processes that draw {how} and {'was' if num == 1 else 'were'} replaced"
             + f", and what {'it' if num == 1 else 'they'} had was drawn again" * had_frames
@@ -99,7 +99,7 @@ class Pool:
 
     @property
     def drivers(self) -> tuple[str, ...]:
-        """The GL renderers of the workers that are or were ready: one, unless devices differ."""
+        """As in FrameExecutor."""
         return tuple(self._renderer_names)
 
     @property
