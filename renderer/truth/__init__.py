@@ -1,7 +1,8 @@
 """The converged ray integral that pictures are measured against.
 
-In: `Scene` and a view. Out: float64 images of the continuous field: trilinear interpolation, then classification (Max
-1995). Steps are halved until nothing changes; verified by its order of convergence (Etiene et al. 2014).
+In: `Volume`, transfer function and `View`. Out: float64 images of the continuous field: trilinear interpolation, then
+classification (Max 1995). `converged_image` halves the steps of `integrate` until nothing changes; verified by its
+order of convergence (Etiene et al. 2014).
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""The cubic polynomials along a ray through a cell of the trilinear field, and where they cross given levels."""
+"""Express the trilinear field along a ray through a cell as a cubic polynomial, and find where it crosses levels."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def _lerp(start: float, end: float, fraction: float) -> float:
 
 @jit
 def cubic_in_cell(corners: Corners, entry: Vector, extent: Vector) -> Cubic:
-    """The trilinear field of 8 corners along `entry + extent * t`, in cell coordinates, in powers of t."""
-    # Edges along x are linear in t, faces quadratic, the cell cubic. Only differences of corners are formed, so that a
-    # constant cell gives its value exactly, which decides on which side of a step it lies.
+    """Return the trilinear field of 8 corners along `entry + extent * t`, in cell coordinates, in powers of t."""
+    # Edges along x are linear in t, faces quadratic, the cell cubic. Differences of corners keep the value of a
+    # constant cell exact, which decides on which side of a step it lies.
     u, v, w = entry[0], entry[1], entry[2]
     du, dv, dw = extent[0], extent[1], extent[2]
     edge_0, edge_1 = _lerp(corners[0], corners[1], u), _lerp(corners[2], corners[3], u)
@@ -47,13 +47,13 @@ def cubic_in_cell(corners: Corners, entry: Vector, extent: Vector) -> Cubic:
 
 @jit
 def value_at(cubic: Cubic, t: float) -> float:
-    """The cubic at t."""
+    """Return the cubic at t."""
     return cubic[0] + t * (cubic[1] + t * (cubic[2] + t * cubic[3]))
 
 
 @jit
 def restrict_cubic(cubic: Cubic, start: float, width: float) -> Cubic:
-    """The same cubic in x, with t = start + width * x."""
+    """Return the same cubic in x, with t = start + width * x."""
     first = cubic[1] + start * (2.0 * cubic[2] + start * 3.0 * cubic[3])
     second = cubic[2] + start * 3.0 * cubic[3]
     return value_at(cubic, start), first * width, second * width * width, cubic[3] * width * width * width
@@ -61,7 +61,7 @@ def restrict_cubic(cubic: Cubic, start: float, width: float) -> Cubic:
 
 @jit
 def _insert(splits: Float64, count: int, t: float) -> int:
-    """Insert t into the ascending splits[:count] when it lies inside the cell; return the new count."""
+    """Insert t into the ascending splits[:count] if it lies inside the cell; return the new count."""
     if not 0.0 < t < 1.0:
         return count
     slot = count
@@ -74,24 +74,24 @@ def _insert(splits: Float64, count: int, t: float) -> int:
 
 @jit
 def _stationary_points(cubic: Cubic) -> tuple[float, float]:
-    """Where the cubic stops rising or falling, ascending; -1 where there is no such place."""
+    """Return where the slope of the cubic changes its sign, ascending; -1 for each missing place."""
     a, b, c = 3.0 * cubic[3], 2.0 * cubic[2], cubic[1]
     largest = max(abs(a), abs(b), abs(c))
     if largest == 0.0:
         return -1.0, -1.0
-    a, b, c = a / largest, b / largest, c / largest  # their squares neither overflow nor vanish
+    a, b, c = a / largest, b / largest, c / largest  # so that squares neither overflow nor vanish
     square = b * b - 4.0 * a * c
     if square <= 0.0:
         return -1.0, -1.0
-    q = -0.5 * (b + math.copysign(math.sqrt(square), b))  # the root without cancellation
-    one = q / a if abs(q) < abs(a) else -1.0  # compared first: only quotients inside (0, 1) matter, none overflows
+    q = -0.5 * (b + math.copysign(math.sqrt(square), b))  # avoids cancellation
+    one = q / a if abs(q) < abs(a) else -1.0  # only quotients inside (-1, 1) matter: none overflows
     two = c / q if abs(c) < abs(q) else -1.0
     return min(one, two), max(one, two)
 
 
 @jit
 def _crossing(cubic: Cubic, level: float, start: float, end: float) -> float:
-    """The t in [start, end], where the cubic is monotone, at which it equals `level`, which it does."""
+    """Return the t in [start, end], where the cubic is monotone and passes through `level`, at which it equals it."""
     rising = value_at(cubic, end) > level
     t = 0.5 * (start + end)
     for _ in range(80):

@@ -1,16 +1,15 @@
-"""The ground truth: the emission-absorption integral of the continuous field, in float64 on the CPU.
+"""Compute the ground truth: the emission-absorption integral of the continuous field, in float64 on the CPU.
 
-The scalar is interpolated trilinearly between voxel centres, then classified; in the outer half voxel it takes the
-nearest value, outside [-1/2, n - 1/2] there is nothing. One ray passes through each pixel's centre (N. Max, "Optical
+The scalar is interpolated trilinearly between voxel centres, then classified. The outer half voxel has the nearest
+value, and outside [-1/2, n - 1/2] is nothing. One ray passes through each pixel's centre (N. Max, "Optical
 Models for Direct Volume Rendering", IEEE TVCG 1995):
 
     C = int c(s) tau(s) exp(-int_0^s tau) ds,    alpha = 1 - exp(-int tau)
 
-with s in world units. `renderer.truth.kernel` tells how a ray is integrated: everything that is not smooth (cell
-faces, control values of the transfer function, grazing light) is met exactly, and between, the error falls with the
-eighth power of the step. Verified in the manner of T. Etiene et al., "Verifying Volume Rendering Using Discretization
-Error Analysis", IEEE TVCG 2014: against closed forms, against an independent Riemann sum and by the order of
-convergence.
+with s in world units. `renderer.truth.kernel` splits a ray exactly wherever the integrand is not smooth (cell faces,
+control values of the transfer function, grazing light); in between, the error falls with the eighth power of the step.
+Verified as in T. Etiene et al., "Verifying Volume Rendering Using Discretization Error Analysis", IEEE TVCG 2014:
+against closed forms, against an independent Riemann sum and by the order of convergence.
 """
 
 from __future__ import annotations
@@ -33,19 +32,19 @@ from renderer.volume import Float64, Volume
 Int64 = npt.NDArray[np.int64]
 Progress = Callable[[float], None]
 
-# Rays of one task: few enough to keep every core busy until the end and to stop soon after an interrupt (they take some
-# milliseconds, half a second where each meets a thousand cells with light), enough to be worth a task.
+# Few enough to keep every core busy until the end and to stop soon after an interrupt (they take some milliseconds, or
+# half a second if each meets a thousand shaded cells), and enough to be worth a task.
 _RAYS_PER_TASK = 256
 _FIRST_STEP = 1.0
-# The largest scalar or control value is brought between these powers of two, which few are not: sums, differences and
-# slopes then neither overflow nor get lost.
+# Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
+# sums, differences and slopes then neither overflow nor vanish.
 _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
 
 
 class PiecewiseLinear(Protocol):
-    """What the integral needs of a transfer function: it is linear between the control values, constant outside.
+    """A transfer function that is linear between its control values and constant outside.
 
-    values: float64 [n], not descending; of two equal ones the second rules at and above the value.
+    values: float64 [n], not descending; of two equal ones, the second applies at and above the value.
     colors: float64 [n, 3]. extinctions: float64 [n], per world unit, finite, >= 0.
     """
 
@@ -59,10 +58,10 @@ class PiecewiseLinear(Protocol):
 
 @dataclass(frozen=True)
 class Convergence:
-    """How an image settled, per halving of the step.
+    """How an image converged, one entry for each halving of the step.
 
-    step_voxels: each step, compared with the one twice as long. change: the largest change of a channel of any pixel.
-    num_pixels: the pixels integrated at this step; those that had settled before are left as they were.
+    step_voxels: the step, compared with one twice as long. change: the largest change of a channel of any pixel.
+    num_pixels: the pixels integrated at this step; the others had converged before.
     """
 
     step_voxels: tuple[float, ...]
@@ -80,20 +79,20 @@ def integrate(
     num_threads: int = 2,
     on_progress: Progress | None = None,
 ) -> Float64:
-    """The image as float64 [height, width, 4], premultiplied RGBA, unclipped, row 0 at the top.
+    """Return the image, float64 [height, width, 4], premultiplied RGBA, unclipped, row 0 at the top.
 
-    step_voxels: the longest quadrature step, in voxels of the index axes and in optical depth; a piece shorter than a
-        voxel and thinner than a depth of 1 is cut into 1 / step_voxels, too, so that halving it refines every piece.
-        Without shading 1 is already accurate to about 1e-7 (CT scans of an engine and a tree).
+    step_voxels: the longest quadrature step, in voxels of the index axes and in optical depth. Pieces shorter than a
+        voxel and thinner than a depth of 1 are also cut into 1 / step_voxels, so that halving it refines every piece.
+        Without shading, 1 is already accurate to about 1e-7 (CT scans of an engine and a tree).
     shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
         differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
         gradient is zero.
     num_threads: the image does not depend on it.
-    on_progress: told, in the thread of the caller, the share in (0, 1] of the rays that are done. What it raises, like
-        an interrupt, ends the work: rays that have not begun are dropped.
+    on_progress: called in the caller's thread with the finished share of the rays, in (0, 1]. What it raises ends the
+        work, as an interrupt does: rays that have not started are dropped.
     """
     width, height = view.size
-    field = _prepare(volume, transfer, shading)
+    field = _make_field(volume, transfer, shading)
     pixels = np.arange(width * height)
     image = _integrate_pixels(field, view, pixels, step_voxels, num_threads, _progress_of_part(on_progress, 0.0, 1.0))
     return image.reshape(height, width, 4)
@@ -110,26 +109,26 @@ def converged_image(
     num_threads: int = 2,
     on_progress: Progress | None = None,
 ) -> tuple[Float64, Convergence]:
-    """`integrate` at ever shorter steps, each pixel until halving the step changed no channel by `tolerance` or more.
+    """Integrate each pixel at ever shorter steps, until halving the step changes no channel by `tolerance` or more.
 
-    Without shading one halving is enough. On every piece the integrand is then a polynomial times the exponential of
-    one, over at most a voxel and an optical depth of 1, and each halving refines every piece, so that the error falls
-    to 1/256: the change is the error of the coarser image, and the finer one, which is returned, is far better. With
-    shading the light factor has a square root, whose singularities may lie near the ray, and one agreement can be an
-    accident, which was seen to leave thirty times the tolerance: two in a row are asked for.
+    Without shading, one such halving is enough. The integrand of a piece is then a polynomial times the exponential of
+    a polynomial, over at most a voxel and an optical depth of 1, and each halving divides the error by 256: the change
+    is the error of the coarser image, and the finer one, which is returned, is far better. With shading, the integrand
+    has a square root, whose singularities may lie near the ray. One agreement can then be an accident, which was seen
+    to leave an error of thirty times the tolerance: two in a row are required.
 
-    max_refinements: halvings at most, from a step of 1. num_threads: as for `integrate`.
-    on_progress: as for `integrate`, of the rays that are known to be needed: the share falls when pixels turn out to
-        need one more halving.
-    Returns the image and the record of its convergence. Raises RenderError when a pixel does not settle.
+    max_refinements: the largest number of halvings, from a step of 1. num_threads: as in `integrate`.
+    on_progress: as in `integrate`, for the rays that are known to be needed: the share falls when pixels need one more
+        halving.
+    Returns the image and its convergence. Raises RenderError if a pixel does not converge.
     """
     assert max_refinements >= 1, max_refinements
     width, height = view.size
-    field = _prepare(volume, transfer, shading)
+    field = _make_field(volume, transfer, shading)
     num_agreements = 1 if shading is None else 2
-    pixels = np.arange(width * height)  # those that have not settled
+    pixels = np.arange(width * height)  # those that have not converged
     agreements = np.zeros(pixels.size, np.int64)  # in a row
-    image = np.full((pixels.size, 4), np.inf)  # with which nothing agrees
+    image = np.full((pixels.size, 4), np.inf)  # agrees with nothing
     steps, changes, counts, num_done = [], [], [], 0
     for num_halvings in range(max_refinements + 1):
         steps.append(_FIRST_STEP / 2**num_halvings)
@@ -142,8 +141,8 @@ def converged_image(
         changes.append(float(change.max()))
         image[pixels] = finer
         agreements = np.where(change < tolerance, agreements + 1, 0)
-        unsettled = agreements < num_agreements
-        pixels, agreements = pixels[unsettled], agreements[unsettled]
+        remaining = agreements < num_agreements
+        pixels, agreements = pixels[remaining], agreements[remaining]
         if pixels.size == 0:
             record = Convergence(tuple(steps[1:]), tuple(changes[1:]), tuple(counts[1:]))
             return image.reshape(height, width, 4), record
@@ -159,10 +158,10 @@ def converged_image(
 
 
 def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
-    """Rays through the centres of pixels, given by their numbers row by row from the top left corner.
+    """Return the rays through the centres of pixels, which are numbered row by row from the top left corner.
 
-    Each begins where it meets the plane through the point that faces the camera, which keeps the digits of rays from a
-    distant eye; in perspective not behind the eye.
+    Each ray begins at the plane through the point that faces the camera, which preserves precision for a distant eye;
+    in perspective not behind the eye.
     Returns origins, relative to the point and in world axes, and unit directions, float64 [n, 3]; and float64 [n]: the
     length along each ray to the plane at depth `view.near`, below 0 if that comes first.
     """
@@ -183,37 +182,37 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
 
 @dataclass(frozen=True)
 class _Field:
-    """What the kernel reads, the same for all rays.
+    """What the kernel reads for all rays.
 
-    values: those of the volume, in a dtype that numba has.
-    groups: uint8, a byte for each MACROCELL_SIZE^3 cells; what a ray found out about one is noted there for all that
-    follow. index_from_world: float64 [3, 3], of directions and of offsets from the volume's centre.
+    values: the volume's values, in a dtype that numba supports.
+    macrocells: uint8, one for each MACROCELL_SIZE^3 cells, in which the first ray notes whether anything is visible.
+    index_from_world: float64 [3, 3], for directions and for offsets from the volume's centre.
     """
 
     volume: Volume
     values: npt.NDArray[Any]
-    groups: npt.NDArray[np.uint8]
+    macrocells: npt.NDArray[np.uint8]
     index_from_world: Float64
     intervals: Intervals
-    lighting: LambertShading
+    lambert: LambertShading
 
 
-def _prepare(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | None) -> _Field:
+def _make_field(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | None) -> _Field:
     values = volume.values
-    if values.dtype == np.float16:  # numba has none; the copy is exact
+    if values.dtype == np.float16:  # numba lacks it; the copy is exact
         values = values.astype(np.float32)
-        values.flags.writeable = False  # as in every Volume; the kernels are compiled for that
-    groups = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
+        values.flags.writeable = False  # as in every Volume, for which kernels are compiled
+    macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     largest = max(*map(abs, volume.value_range()), float(np.abs(transfer.values).max()))
     exponent = math.frexp(largest)[1]
     scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
-    intervals, lighting = _intervals(transfer, scale), _lighting(shading, index_from_world)
-    return _Field(volume, values, groups, index_from_world, intervals, lighting)
+    intervals, lambert = _intervals(transfer, scale), _lambert_shading(shading, index_from_world)
+    return _Field(volume, values, macrocells, index_from_world, intervals, lambert)
 
 
 def _progress_of_part(on_progress: Progress | None, start: float, end: float) -> Progress:
-    """What is told the progress of a part that takes the whole from `start` to `end`."""
+    """Return a callback for a part of the work that takes the whole from `start` to `end`."""
 
     def report(share: float) -> None:
         if on_progress is not None:
@@ -225,7 +224,7 @@ def _progress_of_part(on_progress: Progress | None, start: float, end: float) ->
 def _integrate_pixels(
     field: _Field, view: View, pixels: Int64, step_voxels: float, num_threads: int, on_progress: Progress
 ) -> Float64:
-    """Float64 [n, 4] for the given pixels."""
+    """Return the radiance of the given pixels, float64 [n, 4]."""
     radiance = np.empty((pixels.size, 4))
     index_from_world = field.index_from_world
 
@@ -235,13 +234,13 @@ def _integrate_pixels(
         origins, directions, starts = rays_through_pixels(field.volume.centre, view, pixels[part])
         integrate_rays(
             field.values,
-            field.groups,
+            field.macrocells,
             origins @ index_from_world.T + field.volume.centre_index,
             directions @ index_from_world.T,
             starts,
             step_voxels,
             field.intervals,
-            field.lighting,
+            field.lambert,
             radiance[part],
         )
 
@@ -251,7 +250,7 @@ def _integrate_pixels(
             for number, part in enumerate(parts, 1):
                 part.result()
                 on_progress(number / len(parts))
-        finally:  # interrupted, or failed in one thread: drop what has not begun
+        finally:  # after an interrupt or an error, drop what has not started
             pool.shutdown(wait=False, cancel_futures=True)
     field.volume.require_unchanged()
     return radiance
@@ -262,17 +261,17 @@ def _intervals(transfer: PiecewiseLinear, scale: float) -> Intervals:
     points = np.column_stack([transfer.colors, transfer.extinctions])
     rise, run = np.diff(points, axis=0), np.diff(knots)[:, None]
     slope = np.zeros((knots.size + 1, 4))
-    # An interval without width is a step: no value falls into it, and its slope is never used.
+    # An interval of width 0 is a step. No value falls into it, so that its slope is never used.
     with np.errstate(over="ignore"):
         slope[1:-1] = np.divide(rise, run, out=np.zeros_like(rise), where=run > 0)
-    slope[~np.isfinite(slope)] = 0.0  # 1e-300 of the largest value wide: as good as a step
+    slope[~np.isfinite(slope)] = 0.0  # narrower than 1e-300 of the largest value: a step
     base = np.concatenate([points[:1], points])
     origin = np.concatenate([knots[:1], knots])
     num_opaque_below = np.concatenate([[0], np.cumsum(points[:, 3] > 0)])
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def _lighting(shading: ShadingSpec | None, index_from_world: Float64) -> LambertShading:
+def _lambert_shading(shading: ShadingSpec | None, index_from_world: Float64) -> LambertShading:
     spec = shading or ShadingSpec()
     x, y, z = np.array(spec.light, np.float64) / np.linalg.norm(spec.light)
     # A gradient transforms with the transposed inverse of the map of points.

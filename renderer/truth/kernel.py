@@ -1,15 +1,15 @@
-"""The compiled half of `renderer.truth.integrator`: one ray at a time through the cells of the continuous field.
+"""Integrate one ray at a time through the cells of the continuous field, in compiled loops.
 
 A *cell* is the box between eight voxel centres, or its outward extension over the outer half voxel, where the field
-takes the nearest value. Along a ray inside one cell the trilinear field is a cubic polynomial in the fraction t in
-[0, 1] of the ray's way through it. The cubic is split where it crosses a control value of the transfer function (and
-where the light grazes the surface), which leaves *pieces* on which colour and extinction are polynomials. The optical
-depth of a piece is then exact, and its radiance is a Gauss-Legendre quadrature of a smooth function. No thin shell can
-be missed, because no crossing is looked for by sampling.
+takes the nearest value. Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in
+[0, 1] of the segment. The cubic is split where it crosses a control value of the transfer function (and where the light
+grazes the surface), which leaves *pieces* on which colour and extinction are polynomials. The optical depth of a piece
+is then exact, and its radiance is a Gauss-Legendre quadrature of a smooth function. No thin shell can be missed,
+because crossings are computed and not sampled.
 
-Most cells show nothing, which is found out once per *group* of cells, when the first ray meets it. What is small is
-passed in tuples and not in arrays, because each array handed to a function is counted, atomically, in shared memory:
-with a dozen arrays per cell, two threads took twice as long.
+Most cells show nothing, which is found out once for each macrocell, when the first ray meets it. Small data is passed
+in tuples, because each array passed to a function is reference-counted atomically in shared memory: with a dozen arrays
+for each cell, two threads took twice as long.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ Gradient = tuple[Cubic, Cubic, Cubic]
 # Red, green, blue and optical depth gathered so far.
 Ray = tuple[float, float, float, float]
 
-# A ray ends where less than 1e-12 of what lies behind it could still be seen.
+# A ray ends where its transmittance falls below 1e-12.
 _MAX_OPTICAL_DEPTH = -math.log(1e-12)
 # With four nodes, steps of a voxel and of an optical depth of 1 left errors of 6e-8 and less on two CT scans.
 _MAX_DEPTH_OF_STEP = 1.0
 _NODES = np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263])
 _WEIGHTS = np.array([0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692])
 
-# The depth of a piece is not cut into more steps than this, so that their number can be counted in integers.
+# The optical depth of a piece leads to at most this many steps, which keeps their number an integer.
 _MAX_STEPS_BY_DEPTH = 2.0**30
-# Cells per axis of a group, and what is known of it. Of the cells that rays met in visible groups of two CT scans 0.70
-# and 0.75 were visible, with groups of 8^3 0.51 and 0.60.
+# Cells along each axis of a macrocell, and its states. Of the cells that rays met in visible macrocells of two CT
+# scans, 0.70 and 0.75 were visible; in macrocells of 8^3, 0.51 and 0.60.
 MACROCELL_SIZE = 4
 _UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
 
@@ -50,11 +50,11 @@ _ZERO = np.zeros(1)
 class Intervals(NamedTuple):
     """A transfer function of n control values as n + 1 intervals, the first and last of them unbounded.
 
-    knots: float64 [n], times `scale`, not descending. Interval k holds knots[k - 1] <= value < knots[k]: the search is
-        for the right side, so that the value of a step belongs to its upper side.
+    knots: float64 [n], times `scale`, not descending. Interval k has knots[k - 1] <= value < knots[k]: the value of a
+        step belongs to its upper side.
     rows: float64 [n + 1, 10], base [4], slope [4], origin and the number of the first k control points that have
         extinction: (r, g, b, extinction) of a value is base + slope * (value - origin).
-    scale: of scalars and knots, a power of two, so that sums and differences of a few neither overflow nor get lost.
+    scale: of scalars and knots, a power of two with which sums and differences neither overflow nor vanish.
     """
 
     knots: Float64
@@ -65,7 +65,7 @@ class Intervals(NamedTuple):
 class LambertShading(NamedTuple):
     """Lambert's law on the world gradient.
 
-    enabled: without it every factor is 1 and the rest is not looked at.
+    enabled: if not, every factor is 1 and the rest is unused.
     light: unit vector to the light. world_from_index_gradient: the rows of the matrix.
     """
 
@@ -77,30 +77,30 @@ class LambertShading(NamedTuple):
 
 
 @jit
-def _light_factor(gradient: Gradient, t: float, lighting: LambertShading) -> float:
+def _light_factor(gradient: Gradient, t: float, shading: LambertShading) -> float:
     x, y, z = value_at(gradient[0], t), value_at(gradient[1], t), value_at(gradient[2], t)
     largest = max(abs(x), abs(y), abs(z))
     if largest == 0.0:
-        return lighting.ambient
-    x, y, z = x / largest, y / largest, z / largest  # their squares neither overflow nor vanish
-    light = lighting.light
+        return shading.ambient
+    x, y, z = x / largest, y / largest, z / largest  # so that squares neither overflow nor vanish
+    light = shading.light
     cosine = -(x * light[0] + y * light[1] + z * light[2]) / math.sqrt(x * x + y * y + z * z)
-    return lighting.ambient + lighting.diffuse * max(0.0, cosine)
+    return shading.ambient + shading.diffuse * max(0.0, cosine)
 
 
 @jit
-def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, lighting: LambertShading) -> Vector:
-    """The colour of a value in the interval of `row`, at t along the ray's way through the cell."""
-    lit = _light_factor(gradient, t, lighting) if lighting.enabled else 1.0
+def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, shading: LambertShading) -> Vector:
+    """Return the shaded colour of a value in the interval of `row`, at t along the segment."""
+    lit = _light_factor(gradient, t, shading) if shading.enabled else 1.0
     offset = value - row[8]
     return (row[0] + row[4] * offset) * lit, (row[1] + row[5] * offset) * lit, (row[2] + row[6] * offset) * lit
 
 
 @jit
 def _clamp_cubic(value: Cubic, low: float, high: float) -> Cubic:
-    """The cubic on x in [0, 1] that should lie in [low, high]; constant where it strays too far from there.
+    """Return a cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
 
-    That is where an interval is narrower than the rounding of the cubic, and so is the piece: between such knots
+    It strays if the interval, and so the piece, is narrower than the rounding of the cubic: between such knots,
     extinction would be extrapolated without bounds.
     """
     v0, v1, v2, v3 = value
@@ -121,12 +121,12 @@ def _integrate_piece(
     length_voxels: float,
     max_step: float,
     intervals: Intervals,
-    lighting: LambertShading,
+    shading: LambertShading,
     ray: Ray,
 ) -> Ray:
-    """`ray` with the piece [start, end] of a cell, which lies in one interval.
+    """Return `ray` after the piece [start, end] of a cell, which lies in one interval.
 
-    length, length_voxels: of the ray's way through the whole cell. max_step: in voxels, in optical depth and in pieces.
+    length, length_voxels: of the segment in the whole cell. max_step: in voxels, in optical depth and in pieces.
     """
     k = np.searchsorted(intervals.knots, value_at(cubic, 0.5 * (start + end)), side="right")
     row = intervals.rows[k]
@@ -152,10 +152,10 @@ def _integrate_piece(
         # From the integrand in powers of x to its integral from 0 to x, divided by x.
         d0, d1, d2, d3 = d0 * width, d1 * width / 2.0, d2 * width / 3.0, d3 * width / 4.0
         depth = max(0.0, d0 + d1 + d2 + d3)
-        # The colour of the middle times the exact opacity, plus the quadrature of what differs from that colour: a
-        # constant colour is exact at every opacity.
+        # The colour at the middle times the exact opacity, plus the quadrature of the difference from that colour:
+        # a constant colour is exact at every opacity.
         x = (step + 0.5) * width
-        c0, c1, c2 = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), lighting)
+        c0, c1, c2 = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), shading)
         opacity = -math.expm1(-depth)
         s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
         for node in range(_NODES.size):
@@ -163,19 +163,19 @@ def _integrate_piece(
             tau = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
             weight = _WEIGHTS[node] * tau * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
             x = (step + at) * width
-            r, g, b = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), lighting)
+            r, g, b = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), shading)
             s0 += weight * (r - c0)
             s1 += weight * (g - c1)
             s2 += weight * (b - c2)
-        seen = math.exp(-depth_before)
-        red, green, blue = red + seen * s0, green + seen * s1, blue + seen * s2
+        transmittance = math.exp(-depth_before)
+        red, green, blue = red + transmittance * s0, green + transmittance * s1, blue + transmittance * s2
         depth_before += depth
     return red, green, blue, depth_before
 
 
 @jit
 def _corner_indices(values: Any, cell: Cell) -> tuple[Cell, Cell]:
-    """The lowest and the highest voxel (x, y, z) of a cell, or the nearest ones beyond the outermost centres."""
+    """Return the lowest and the highest voxel (x, y, z) of a cell, clamped to the volume."""
     num_z, num_y, num_x = values.shape
     x, y, z = cell
     return (max(x, 0), max(y, 0), max(z, 0)), (min(x + 1, num_x - 1), min(y + 1, num_y - 1), min(z + 1, num_z - 1))
@@ -198,7 +198,7 @@ def _load_corners(values: Any, cell: Cell, scale: float) -> Corners:
 
 @jit
 def _index_gradient(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
-    """Central difference at a voxel centre, one-sided at the border; 0 along an axis of one voxel."""
+    """Return the central difference at a voxel centre, one-sided at the border; 0 along an axis of one voxel."""
     dx, dy, dz = int(axis == 0), int(axis == 1), int(axis == 2)
     num_z, num_y, num_x = values.shape
     x0, y0, z0 = max(x - dx, 0), max(y - dy, 0), max(z - dz, 0)
@@ -238,15 +238,15 @@ def _linear_combination(weights: Vector, gradient: Gradient) -> Cubic:
 
 @jit
 def _world_gradient(
-    values: Any, cell: Cell, entry: Vector, extent: Vector, lighting: LambertShading, scale: float
+    values: Any, cell: Cell, entry: Vector, extent: Vector, shading: LambertShading, scale: float
 ) -> Gradient:
-    """The gradient per world unit along the ray inside a cell."""
+    """Return the gradient per world unit along the ray inside a cell."""
     in_index = (
         cubic_in_cell(_load_gradient_corners(values, cell, 0, scale), entry, extent),
         cubic_in_cell(_load_gradient_corners(values, cell, 1, scale), entry, extent),
         cubic_in_cell(_load_gradient_corners(values, cell, 2, scale), entry, extent),
     )
-    to_world = lighting.world_from_index_gradient
+    to_world = shading.world_from_index_gradient
     return (
         _linear_combination(to_world[0], in_index),
         _linear_combination(to_world[1], in_index),
@@ -256,7 +256,7 @@ def _world_gradient(
 
 @jit
 def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
-    """Whether any value in [low, high] has extinction."""
+    """Return whether any value in [low, high] has extinction."""
     first = np.searchsorted(intervals.knots, low, side="right")
     last = np.searchsorted(intervals.knots, high, side="right")
     if intervals.rows[last, 9] > intervals.rows[first, 9]:
@@ -288,36 +288,36 @@ def _integrate_cell(
     length: float,
     max_step: float,
     intervals: Intervals,
-    lighting: LambertShading,
+    shading: LambertShading,
     splits: Float64,
     ray: Ray,
 ) -> Ray:
-    """`ray` with one cell, its way through it being entry + extent * t, of world length `length`.
+    """Return `ray` after one cell, through which it goes along entry + extent * t, of world length `length`.
 
-    splits: room for 3 of each knot and 3 more.
+    splits: scratch space for 3 crossings of each knot and 3 more.
     """
     corners = _load_corners(values, cell, intervals.scale)
     if not _is_visible(min(corners), max(corners), intervals):
         return ray
     cubic = cubic_in_cell(corners, entry, extent)
     count = add_crossings(cubic, intervals.knots, splits, 0)
-    gradient = (cubic, cubic, cubic)  # not looked at without light
-    if lighting.enabled:
-        gradient = _world_gradient(values, cell, entry, extent, lighting, intervals.scale)
-        count = add_crossings(_linear_combination(lighting.light, gradient), _ZERO, splits, count)
+    gradient = (cubic, cubic, cubic)  # unused without shading
+    if shading.enabled:
+        gradient = _world_gradient(values, cell, entry, extent, shading, intervals.scale)
+        count = add_crossings(_linear_combination(shading.light, gradient), _ZERO, splits, count)
     voxels = math.sqrt(extent[0] ** 2 + extent[1] ** 2 + extent[2] ** 2)
     start = 0.0
     for piece in range(count + 1):
         end = splits[piece] if piece < count else 1.0
         if end > start:
-            ray = _integrate_piece(cubic, gradient, start, end, length, voxels, max_step, intervals, lighting, ray)
+            ray = _integrate_piece(cubic, gradient, start, end, length, voxels, max_step, intervals, shading, ray)
         start = end
     return ray
 
 
 @jit
 def _clip_to_volume(shape: Cell, origin: Vector, direction: Vector, start: float) -> tuple[float, float]:
-    """The part of the ray from `start` on in [-1/2, n - 1/2] per axis; empty when the first is not the smaller one."""
+    """Clip the ray from `start` on to [-1/2, n - 1/2] on each axis; empty unless the first result is smaller."""
     end = math.inf
     for axis in range(3):
         low, high = -0.5 - origin[axis], shape[2 - axis] - 0.5 - origin[axis]
@@ -337,7 +337,7 @@ def _first_cell(at: float, num_voxels: int) -> int:
 
 @jit
 def _distance_to_plane(cell: int, origin: float, direction: float) -> float:
-    """To where the ray leaves a cell along one axis; from the cell's number, so that no rounding accumulates."""
+    """Return where the ray leaves a cell along one axis, from the cell's number, so that rounding does not add up."""
     if direction == 0.0:
         return math.inf
     return (cell + int(direction > 0.0) - origin) / direction
@@ -346,16 +346,16 @@ def _distance_to_plane(cell: int, origin: float, direction: float) -> float:
 @jit
 def _integrate_ray(
     values: Any,
-    groups: Bytes,
+    macrocells: Bytes,
     origin: Vector,
     direction: Vector,
     start: float,
     max_step: float,
     intervals: Intervals,
-    lighting: LambertShading,
+    shading: LambertShading,
     splits: Float64,
 ) -> Ray:
-    """The colour and the optical depth of one ray, gathered from cell to cell."""
+    """Return the colour and the optical depth of one ray, gathered from cell to cell."""
     ray = (0.0, 0.0, 0.0, 0.0)
     s, end = _clip_to_volume(values.shape, origin, direction, start)
     if not s < end:
@@ -365,19 +365,19 @@ def _integrate_ray(
     x, y, z = _first_cell(ox + s * dx, num_x), _first_cell(oy + s * dy, num_y), _first_cell(oz + s * dz, num_z)
     to_x, to_y, to_z = _distance_to_plane(x, ox, dx), _distance_to_plane(y, oy, dy), _distance_to_plane(z, oz, dz)
     while s < end and ray[3] <= _MAX_OPTICAL_DEPTH:
-        leave = min(max(min(to_x, to_y, to_z), s), end)
-        if leave > s:
+        s_exit = min(max(min(to_x, to_y, to_z), s), end)
+        if s_exit > s:
             i, j, k = (x + 1) // MACROCELL_SIZE, (y + 1) // MACROCELL_SIZE, (z + 1) // MACROCELL_SIZE
-            if groups[k, j, i] == _UNKNOWN:  # several threads may come here at once, and will note the same
-                groups[k, j, i] = _classify_macrocell(values, i, j, k, intervals)
-            if groups[k, j, i] == _VISIBLE:
-                length = leave - s
+            if macrocells[k, j, i] == _UNKNOWN:  # several threads may write here, but the same value
+                macrocells[k, j, i] = _classify_macrocell(values, i, j, k, intervals)
+            if macrocells[k, j, i] == _VISIBLE:
+                length = s_exit - s
                 entry = (ox + s * dx - x, oy + s * dy - y, oz + s * dz - z)
                 extent = (length * dx, length * dy, length * dz)
                 ray = _integrate_cell(
-                    values, (x, y, z), entry, extent, length, max_step, intervals, lighting, splits, ray
+                    values, (x, y, z), entry, extent, length, max_step, intervals, shading, splits, ray
                 )
-        s = leave
+        s = s_exit
         if to_x <= to_y and to_x <= to_z:
             x += 1 if dx > 0.0 else -1
             to_x = _distance_to_plane(x, ox, dx)
@@ -393,28 +393,27 @@ def _integrate_ray(
 @jit
 def integrate_rays(
     values: Any,
-    groups: Bytes,
+    macrocells: Bytes,
     origins: Float64,
     directions: Float64,
     starts: Float64,
     max_step: float,
     intervals: Intervals,
-    lighting: LambertShading,
+    shading: LambertShading,
     radiance: Float64,
 ) -> None:
     """Write premultiplied RGBA of n rays to `radiance` float64 [n, 4].
 
-    values: [z, y, x]. groups: uint8, for each axis n // MACROCELL_SIZE + 1 of them, 0 at first; what was found out is
-    noted in
-        it, for calls with the same values and intervals.
+    values: [z, y, x]. macrocells: uint8, n // MACROCELL_SIZE + 1 along each axis, 0 at first; updated, for calls with
+        the same values and intervals.
     origins, directions: float64 [n, 3] in index space, directions per world unit of length.
-    starts: float64 [n], world length along the ray before which nothing counts.
+    starts: float64 [n], world length along the ray at which it starts.
     """
-    # A cubic passes a level at most three times, and so it is with grazing light.
+    # A cubic passes a level at most three times, and so does the cosine of the light.
     splits = np.empty(3 * intervals.knots.size + 3)
     for i in range(starts.size):
         origin = (origins[i, 0], origins[i, 1], origins[i, 2])
         direction = (directions[i, 0], directions[i, 1], directions[i, 2])
-        ray = _integrate_ray(values, groups, origin, direction, starts[i], max_step, intervals, lighting, splits)
+        ray = _integrate_ray(values, macrocells, origin, direction, starts[i], max_step, intervals, shading, splits)
         radiance[i, 0], radiance[i, 1], radiance[i, 2] = ray[0], ray[1], ray[2]
         radiance[i, 3] = -math.expm1(-ray[3])
