@@ -1,4 +1,4 @@
-"""`hsplat check SCENE`: is this scene right, and what would it make?"""
+"""Run `hsplat check SCENE`: list what is wrong with a scene, or say what it would make."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.commands.options import FILE, frames_option, scene_argument, set_option, volume_option
 from hsplat_cli.scenes import load_job
-from hsplat_cli.terminal import counted
+from hsplat_cli.terminal import Reporter, counted
 from renderer.film import first_output_paths, require_folder_if_exists, require_writable_dry_run, unfinished_folder
 from renderer.readers import require_volume_file
 from renderer.scene import (
@@ -23,26 +24,24 @@ from renderer.scene import (
     TurntablePath,
 )
 
-# Of a schedule, values that are listed.
+# The number of values of a schedule that are listed.
 _MAX_TURNS = 4
 
 
 @click.command()
-@click.argument("scene", type=click.Path(path_type=Path))
-@click.option(
-    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
-)
-@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="As for render.")
-@click.option("--frames", metavar="A:B:STEP", help="As for render.")
-@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
+@scene_argument
+@set_option()
+@click.option("--output", type=FILE, metavar="FILE", help="As for render.")
+@frames_option("As for render.")
+@volume_option()
 def check(
     scene: Path, overrides: tuple[str, ...], output: Path | None, frames: str | None, volume: Path | None
 ) -> None:
     """Check a scene file and list everything that is wrong with it.
 
-    SCENE is a YAML file, or the JSON file beside a film. All that render refuses before it loads a library to read
-    voxels, to draw or to encode: nothing is written, and of the volume no more is read than the first bytes. What only
-    those libraries see remains: a damaged header or voxels, a size that GL does not have, no GL at all, no ffmpeg, a
+    SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
+    read voxels, to draw or to encode. Nothing is written, and only the first bytes of the volume are read. What only
+    those libraries find remains: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg, a
     full disk.
     """
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
@@ -51,9 +50,8 @@ def check(
     require_folder_if_exists(unfinished_folder(job.scene.output))
     if isinstance(job.scene.volume.source, FileSource):
         require_volume_file(job.scene.volume.source.file)
-    click.echo(f"{scene}: ok")
-    for name, text in _summary(job.scene, len(job.frames)):
-        click.echo(f"  {name:<8} {text}")
+    rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
+    Reporter().result("\n".join([f"{scene}: ok", *rows]))
 
 
 def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
@@ -106,8 +104,7 @@ def _schedule(scene: Scene) -> str:
 
 
 def _schedule_text(by_frame: ByFrame) -> str:
-    """`2 to 0.02 to 2`: the first value, those where a schedule turns back, and the last one; of many turns the range
-    alone."""
+    """Return `2 to 0.02 to 2`: the first value, those where a schedule turns, and the last; the range of many turns."""
     turns: list[float] = []
     for _, value in by_frame:
         if len(turns) > 1 and min(turns[-2], value) <= turns[-1] <= max(turns[-2], value):

@@ -1,4 +1,4 @@
-"""`hsplat golden SCENE FOLDER`: frames that a scene is to go on giving, kept for `hsplat compare`."""
+"""Run `hsplat golden SCENE FOLDER`: write reference frames of a scene for `hsplat compare`."""
 
 from __future__ import annotations
 
@@ -8,29 +8,24 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.commands.options import frames_option, quiet_option, scene_argument, set_option, volume_option
 from hsplat_cli.executors import ExecutorSpec, workers_option
-from hsplat_cli.terminal import OutputPath, parse_frames, report_first_run, sigterm_as_interrupt
+from hsplat_cli.terminal import OutputPath, Reporter, parse_frames, sigterm_as_interrupt
 from renderer.errors import InputError
 
 
 @click.command()
-@click.argument("scene", type=click.Path(path_type=Path))
+@scene_argument
 @click.argument("folder", type=OutputPath())
-@click.option(
-    "--frames",
-    metavar="A:B:STEP",
-    help="Only these frames, as Python slices them: ::10, 7, -1. [default: all; in an update those that are golden]",
-)
-@click.option(
-    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
-)
-@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
-@click.option("--date", metavar="TEXT", help="Write this date down for what is drawn, such as 2026-11-21.")
-@click.option("--update", is_flag=True, help="Say what has changed, and write it over the goldens that are there.")
+@frames_option("Only these frames, as a Python slice: ::10, 7, -1. [default: all; in an update the golden frames]")
+@set_option()
+@volume_option()
+@click.option("--date", metavar="TEXT", help="Record this date for the frames that are drawn, such as 2026-11-21.")
+@click.option("--update", is_flag=True, help="List what has changed, and overwrite the goldens.")
 @click.option("--yes", is_flag=True, help="With --update: do not ask.")
-@click.option("--prune", is_flag=True, help="With --update: remove goldens of frames that are not asked for.")
+@click.option("--prune", is_flag=True, help="With --update: remove goldens of frames that are not requested.")
 @workers_option
-@click.option("--quiet", is_flag=True, help="Say nothing but errors, and what a question is about.")
+@quiet_option("Print only errors, and what a question is about.")
 def golden(
     scene: Path,
     folder: Path,
@@ -42,39 +37,41 @@ def golden(
     yes: bool,
     prune: bool,
     workers: int | None,
-    quiet: bool,
+    reporter: Reporter,
 ) -> None:
     """Keep frames of a scene to compare later ones with.
 
-    FOLDER gets frame-0000.png and so on, and golden.json, which says what they were drawn from. `hsplat compare SCENE
-    FOLDER` draws them again and compares. SCENE may be the JSON file beside a film.
+    FOLDER gets frame-0000.png and so on, and golden.json, which records what they were drawn from. `hsplat compare
+    SCENE FOLDER` draws them again and compares. SCENE may be the JSON file beside a film.
     """
     for option, is_given in (("--yes", yes), ("--prune", prune)):
         if is_given and not update:
             raise InputError("of no use without --update", where=option)
     with sigterm_as_interrupt():
-        # Imported here: numpy takes longer to load than --help may take to answer.
+        # Imported here to keep --help fast.
         from hsplat_cli.compare import GoldenOptions, load_reproducible_job, parse_date, update_goldens
 
         recorded_date = parse_date(date)
         job = load_reproducible_job(scene, overrides=overrides, volume=volume)
         numbers = None if frames is None else parse_frames(frames, job.scene.camera.path.frames, job.frames)
-        report_first_run(quiet=quiet)
-        golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes, quiet=quiet)
+        reporter.announce_compilation()
+        golden_options = GoldenOptions(
+            folder, numbers, recorded_date, update=update, prune=prune, yes=yes, quiet=reporter.is_quiet
+        )
         update_goldens(job, golden_options, ExecutorSpec(workers), _confirm_overwrite)
 
 
 def _confirm_overwrite() -> bool:
-    """Whether the user says so. Raises InputError where nobody can be asked."""
+    """Ask the user. Raises InputError where nobody can answer."""
     if os.environ.get("CI", "").lower() not in ("", "0", "false"):
         reason = "CI is set in the environment"
     elif not sys.stdin.isatty():
-        reason = "the standard input is no terminal"
+        reason = "the standard input is not a terminal"
     else:
-        return click.confirm("Write over the goldens?")
+        return click.confirm("Overwrite the goldens?")
     raise InputError(
-        "goldens are not written over without a question, and nobody can be asked",
+        "goldens are not overwritten without a question, and nobody can answer",
         where="--update",
         got=reason,
-        hint="--yes writes over them without one",
+        hint="--yes overwrites them without one",
     )

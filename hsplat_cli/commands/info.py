@@ -1,4 +1,4 @@
-"""`hsplat info VOLUME`: what is in a file, and where a transfer function might begin."""
+"""Run `hsplat info VOLUME`: describe a volume and suggest a transfer function."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import read_with_options, transfer_dict, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, counted
 
@@ -22,7 +23,7 @@ _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
 
 
 @click.command()
-@click.argument("volume", type=click.Path(path_type=Path))
+@click.argument("volume", type=FILE)
 @volume_options(nonfinite="error")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
@@ -33,20 +34,19 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """
     from renderer.suggest import compute_statistics, suggest, suggest_ranges
 
-    read = read_with_options(volume_spec(volume, reading), Reporter())
+    reporter = Reporter()
+    read = read_with_options(volume_spec(volume, reading), reporter)
     statistics = compute_statistics(read.values, read.source)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)
-    if as_json:
-        click.echo(json.dumps(facts, indent=2))
-    else:
-        click.echo("\n".join([_report(facts, _histogram_marks()), *_suggestion_lines(suggestion)]))
+    text = "\n".join([_describe_facts(facts, _histogram_marks()), *_suggestion_lines(suggestion)])
+    reporter.result(json.dumps(facts, indent=2) if as_json else text)
 
 
 def _facts(
     volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...], suggestion: Suggestion
 ) -> dict[str, Any]:
-    """Everything that is printed, as plain data."""
+    """Return everything that is printed, as plain data."""
     from renderer.suggest import rebin
 
     counts, edges = rebin(statistics, _COLUMNS)
@@ -86,10 +86,10 @@ def _facts(
 
 
 def describe_direction(axes: Float64) -> str:
-    """How the index axes, the columns of a float64 [3, 3], lie in the world, in words.
+    """Describe how the index axes, the columns of a float64 [3, 3], lie in the world.
 
-    `axis-aligned`, with the axes that are swapped or run backwards; `oblique` for right angles askew; `sheared`.
-    Angles below a hundredth of a degree are taken for rounding.
+    `axis-aligned`, with the axes that are swapped or flipped; `oblique` if they are orthogonal but rotated; `sheared`.
+    Angles below a hundredth of a degree count as rounding errors.
     """
     import numpy as np
 
@@ -111,11 +111,11 @@ def describe_direction(axes: Float64) -> str:
 
 
 def _number(value: float) -> str:
-    """Six digits, whole numbers in full."""
+    """Return six digits, or all digits of a whole number."""
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else f"{value:.6g}"
 
 
-def _room(num_bytes: int) -> str:
+def _memory_text(num_bytes: int) -> str:
     return f"{num_bytes / 2**20:.1f} MiB" if num_bytes >= 2**20 else counted(num_bytes, "byte")
 
 
@@ -127,11 +127,11 @@ def _replaced_spacing_text(spacing: list[float] | None) -> str:
     return "" if spacing is None else f", in place of {_numbers(spacing, ' x ')}"
 
 
-def _report(facts: dict[str, Any], marks: str) -> str:
+def _describe_facts(facts: dict[str, Any], marks: str) -> str:
     lines = [
         facts["name"],
         f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
-        f"  type         {facts['dtype']}, {_room(facts['bytes'])}"
+        f"  type         {facts['dtype']}, {_memory_text(facts['bytes'])}"
         + (", which stay in the file" if facts["stays_in_file"] else " in memory"),
         f"  spacing      {_numbers(facts['spacing'], ' x ')}{_replaced_spacing_text(facts['replaced_spacing'])}",
         f"  world size   {_numbers(facts['world_size'], ' x ')}",
@@ -169,7 +169,7 @@ def _suggestion_lines(suggestion: Suggestion) -> Iterator[str]:
 
 
 def _histogram_marks() -> str:
-    """Block characters where the terminal's encoding has them."""
+    """Return block characters if the terminal's encoding has them."""
     try:
         _BLOCKS.encode(sys.stdout.encoding or "ascii")
     except (UnicodeEncodeError, LookupError):
@@ -178,7 +178,7 @@ def _histogram_marks() -> str:
 
 
 def _histogram(facts: dict[str, Any], marks: str) -> list[str]:
-    """Bars of `log1p(count)`, the fullest one _ROWS high, with the counts at the left and the values below."""
+    """Return bars of `log1p(count)`, the highest _ROWS high, with the counts at the left and the values below."""
     import numpy as np
 
     counts = np.array(facts["histogram"]["counts"])

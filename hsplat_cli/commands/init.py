@@ -1,4 +1,4 @@
-"""`hsplat init VOLUME`: a scene file to start from."""
+"""Run `hsplat init VOLUME`: write a scene file to start from."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import (
     FILM_OPTION_NAMES,
     FilmOptions,
@@ -23,9 +24,9 @@ from renderer.film import require_no_input, require_writable_dry_run, volume_fil
 
 
 @click.command()
-@click.argument("volume", type=click.Path(path_type=Path))
-@click.option("--output", type=OutputPath(), metavar="FILE", help="Write to this file, not to stdout.")
-@click.option("--force", is_flag=True, help="Write over a file that is there.")
+@click.argument("volume", type=FILE)
+@click.option("--output", type=OutputPath(), metavar="FILE", help="Write to this file, not to the standard output.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @film_options
 @volume_options(nonfinite=None)
 def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None, **options: Any) -> None:
@@ -34,38 +35,33 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     VOLUME is a file, or a folder of slices. The scene is a turntable with a transfer function that suits the values;
     it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
+    reporter = Reporter()
     film = FilmOptions(**{name: options.pop(name) for name in FILM_OPTION_NAMES})
-    if output is not None:
-        _require_yaml_suffix(output)
-    if output is not None and os.path.exists(output) and not force:  # no error for names that cannot be
-        raise InputError(
-            "there is a file of this name", where=str(output), hint="--force writes over it; --output names another one"
-        )
     spec = volume_spec(volume, options)
-    if output is not None:  # before the volume is read, as that may take long
-        _require_folder(output)
+    if output is not None:  # before the volume is read, which may take long
+        _require_output(output, force=force)
         require_no_input([output], volume_files(spec))
     scene = suggest_scene(
         spec,
         film,
-        Reporter(),
+        reporter,
         colormap=colormap,
         hides_nonfinite=options["nonfinite"] is None,
         scene=output or Path("scene.yaml"),
         output=Path(f"{base_name(volume)}.mp4"),
     )
     for line in scene.summary_lines():
-        click.echo(f"{volume}: {line}", err=True)
+        reporter.status(f"{volume}: {line}")
     if output is None:
-        # As bytes: a terminal's encoding does not concern the file that this may become.
+        # As bytes, because the terminal's encoding is not that of the file that this may become.
         click.echo(scene.text.encode(), nl=False)
     else:
         write_staged(output, scene.text.encode())
-        click.echo(f"{output}: written; `hsplat render {output}` makes the film", err=True)
+        reporter.status(f"{output}: written; `hsplat render {output}` makes the film")
 
 
-def _require_yaml_suffix(output: Path) -> None:
-    """Raise InputError for a name such as film.mp4, by which the scene would not be found."""
+def _require_output(output: Path, *, force: bool) -> None:
+    """Raise InputError unless a scene can be written; its folder is not made for a volume that may be unreadable."""
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(
             "the output of init is a scene",
@@ -73,12 +69,12 @@ def _require_yaml_suffix(output: Path) -> None:
             expected="the name of a .yaml or .yml file",
             hint=f"--output {output.with_suffix('.yaml')}; the film gets its name in it",
         )
-
-
-def _require_folder(output: Path) -> None:
-    """Raise what hinders a file of this name: its folder, too, which is not made for a volume that may not be read."""
+    if os.path.exists(output) and not force:  # no error for impossible names
+        raise InputError(
+            "this file exists", where=str(output), hint="--force overwrites it; --output names another one"
+        )
     require_writable_dry_run(output)
     if not output.parent.is_dir():
         raise InputError(
-            "the folder of the output is not there", where=str(output), got=str(output.parent), hint="make it first"
+            "the folder of the output does not exist", where=str(output), got=str(output.parent), hint="make it first"
         )

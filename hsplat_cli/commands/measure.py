@@ -1,4 +1,4 @@
-"""`hsplat measure SCENE`: what each shortcut costs and how near to the truth it stays, on the user's own scene."""
+"""Run `hsplat measure SCENE`: measure cost and accuracy of each setting on the user's scene."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.commands.options import frames_option, quiet_option, scene_argument, set_option, volume_option
 from hsplat_cli.scenes import load_job
 from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
 from renderer.errors import InputError
 from renderer.film import require_no_input, volume_files
 
-# They say what to sweep and where to; a search for one tolerance does neither.
+# Options of a sweep and its report, which a search for one tolerance does not have.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
 
 
 @click.command()
-@click.argument("scene", type=click.Path(path_type=Path))
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
-@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
+@scene_argument
+@set_option("Change a value of the scene.")
+@volume_option()
 @click.option("--output", type=OutputPath(), metavar="FOLDER", help="Write the report there, not to SCENE.measured.")
-@click.option("--frames", metavar="A:B:STEP", help="Measure on these frames; by default on three of the path.")
+@frames_option("Measure on these frames; by default on three of the path.")
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
 @click.option(
     "--footprints",
@@ -39,7 +40,7 @@ _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections
 @click.option("--truth-tolerance", type=float, default=1e-5, show_default=True, help="How well the truth converges.")
 @click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
-@click.option("--quiet", is_flag=True, help="Say nothing but the result.")
+@quiet_option("Print only the result.")
 @click.pass_context
 def measure(
     context: click.Context,
@@ -56,7 +57,7 @@ def measure(
     truth_tolerance: float,
     peer: str | None,
     want: str | None,
-    quiet: bool,
+    reporter: Reporter,
 ) -> None:
     """Measure what a scene costs and how near to the truth it comes.
 
@@ -74,11 +75,11 @@ def measure(
     sweep = parse_sweep(job, tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections)
     with sigterm_as_interrupt():
         if want is not None:
-            # Imported where it is used: numpy takes longer to load than --help may take to answer.
+            # Imported here to keep --help fast.
             from hsplat_cli.studies import print_tolerance
 
             _reject_sweep_options(context)
-            print_tolerance(job, parse_want(want), numbers, truth_tolerance, Reporter(quiet))
+            print_tolerance(job, parse_want(want), numbers, truth_tolerance, reporter)
             return
         from hsplat_cli.reports import REPORT_FILES
         from hsplat_cli.studies import StudyRequest, run_study
@@ -87,11 +88,11 @@ def measure(
         require_no_input([folder / name for name in REPORT_FILES], [scene, *volume_files(job.volume)])
         picked = list(numbers) if frames else None
         request = StudyRequest(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder)
-        run_study(request, Reporter(quiet))
+        run_study(request, reporter)
 
 
 def _reject_sweep_options(context: click.Context) -> None:
-    """An option without effect would be a promise that is not kept."""
+    """Raise InputError for an option that would have no effect."""
     given = [
         name for name in _SWEEP_OPTIONS if context.get_parameter_source(name) == click.core.ParameterSource.COMMANDLINE
     ]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hsplat_cli.commands.options import quiet_option, volume_option
 from hsplat_cli.terminal import OutputPath, Reporter, describe_machine, sigterm_as_interrupt
 from renderer.cores import num_cores
 from renderer.errors import InputError, SceneError
@@ -71,11 +72,11 @@ class _FigureJob:
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
-@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="The engine, for figures 5 and 6.")
+@volume_option("The engine, for figures 5 and 6.")
 @click.option("--output", type=OutputPath(), default=Path("paper"), metavar="DIR", help="Write DIR/index.html.")
 @click.option("--figure", "numbers", type=int, multiple=True, metavar="N", help="Make only this figure; repeatable.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple[int, ...], quiet: bool) -> None:
+@quiet_option()
+def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple[int, ...], reporter: Reporter) -> None:
     """Reproduce the figures of Laur and Hanrahan 1991 on one page.
 
     FOLDER holds a scene file for each figure; by default the scenes that come with hsplat are used. The page states
@@ -83,7 +84,6 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
     """
     from hsplat_cli.reports import require_page_packages, require_writable_files
 
-    reporter = Reporter(quiet)
     require_page_packages()
     jobs = _jobs(folder or SCENES, numbers, volume)
     require_writable_files(output, [PAGE_FILE])

@@ -1,4 +1,4 @@
-"""`hsplat render SCENE`: a film or numbered frames, and a sidecar that says how they were made."""
+"""Run `hsplat render SCENE`: render a film or numbered frames, and a sidecar that records how."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Literal
 
 import click
 
+from hsplat_cli.commands.options import FILE, frames_option, quiet_option, scene_argument, set_option, volume_option
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor, require_executor_for
 from hsplat_cli.scenes import load_job
 from hsplat_cli.terminal import Reporter, parse_duration, sigterm_as_interrupt
@@ -14,24 +15,17 @@ from renderer.errors import InputError
 
 
 @click.command()
-@click.argument("scene", type=click.Path(path_type=Path))
-@click.option(
-    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: --set error.tolerance=0.2"
-)
-@click.option(
-    "--output",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write to this .mp4, .gif, {frame}.png or, for one frame, .png.",
-)
-@click.option("--frames", metavar="A:B:STEP", help="Draw only these frames, as Python slices them: 0:30, ::10, 7, -1.")
-@click.option("--volume", type=click.Path(path_type=Path), metavar="FILE", help="Take the volume from this file.")
-@click.option("--progressive", is_flag=True, help="A coarse film soon, then finer ones in its place.")
+@scene_argument
+@set_option()
+@click.option("--output", type=FILE, metavar="FILE", help="Write to this .mp4, .gif, {frame}.png or, for one, .png.")
+@frames_option("Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
+@volume_option()
+@click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
-@click.option("--best-effort", is_flag=True, help="Exit with 0 even where less than what was asked for can be had.")
+@click.option("--best-effort", is_flag=True, help="Exit with 0 even if less than what was requested is reached.")
 @executor_options
-@click.option("--force", is_flag=True, help="Draw again what is there already.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--force", is_flag=True, help="Draw again what is finished.")
+@quiet_option()
 def render(
     scene: Path,
     overrides: tuple[str, ...],
@@ -44,12 +38,12 @@ def render(
     workers: int | None,
     scheduler: str | None,
     force: bool,
-    quiet: bool,
+    reporter: Reporter,
 ) -> None:
     """Render a scene to a film or to numbered frames.
 
-    SCENE is a YAML file. Beside the output comes a JSON file that says how it was made; in place of SCENE it makes the
-    same again.
+    SCENE is a YAML file. A JSON file beside the output records how it was made; given in place of SCENE, it makes the
+    same film again.
     """
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)
@@ -60,10 +54,9 @@ def render(
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
     require_executor_for(executor, job.scene, progressive=progressive)
     with sigterm_as_interrupt():
-        # Imported here: numpy, numba and GL take longer to load than --help may take to answer.
+        # Imported here to keep --help fast.
         from hsplat_cli.films import Refinement, render_film
 
-        reporter = Reporter(quiet)
         reporter.announce_compilation()
         refinement = Refinement(limit, best_effort) if progressive else None
         shortfall = render_film(job, executor, reporter, refinement=refinement, force=force).shortfall

@@ -1,4 +1,4 @@
-"""`hsplat turntable VOLUME...`: films without a scene file, one for each volume."""
+"""Run `hsplat turntable VOLUME...`: render a film of each volume, without a scene file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import click
 
+from hsplat_cli.commands.options import quiet_option
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
 from hsplat_cli.scenes import (
     FILM_OPTION_NAMES,
@@ -22,11 +23,11 @@ from hsplat_cli.scenes import (
     volume_options,
     volume_spec,
 )
-from hsplat_cli.terminal import OutputPath, sigterm_as_interrupt
+from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
 from hsplat_cli.turntable import (
     INTERRUPTED,
     SHORT_LOCK_TIMEOUT_S,
-    Order,
+    FilmRequest,
     make_film,
     print_film_record,
     run_batch,
@@ -50,9 +51,9 @@ from renderer.errors import HsplatError, InputError
 @film_options
 @volume_options(nonfinite=None)
 @executor_options
-@click.option("--force", is_flag=True, help="Draw again, over scenes that were changed by hand, too.")
-@click.option("--quiet", is_flag=True, help="Say nothing but the table and errors.")
-@click.option("--name", hidden=True, help="Of the one volume's film, which another process has settled.")
+@click.option("--force", is_flag=True, help="Draw again, and overwrite scenes that were edited.")
+@quiet_option("Print only the table and errors.")
+@click.option("--name", hidden=True, help="The name of the only volume's film; set by a batch for its processes.")
 def turntable(
     *,
     volumes: tuple[str, ...],
@@ -62,15 +63,15 @@ def turntable(
     workers: int | None,
     scheduler: str | None,
     force: bool,
-    quiet: bool,
+    reporter: Reporter,
     name: str | None,
     **options: Any,
 ) -> None:
     """Render turntables of volumes without a scene file.
 
     Each VOLUME is a file, a folder of slices, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml, a scene with
-    a transfer function that suits the values, to be changed by hand; NAME.mp4; and turntable.json, which says what
-    became of each. One that fails does not stop the others, and makes the exit code 1.
+    a transfer function that suits the values, to be edited; NAME.mp4; and turntable.json, which lists the result of
+    each. A volume that fails does not stop the others; the exit code is then 1.
     """
     require_colormap(colormap)
     executor = ExecutorSpec(workers, scheduler)
@@ -83,8 +84,8 @@ def turntable(
             hint="only PNG frames can be transparent: --format png",
         )
     film = FilmOptions(**{key: options[key] for key in FILM_OPTION_NAMES})
-    orders = [
-        Order(
+    requests = [
+        FilmRequest(
             volume=volume_spec(one.volume, options),
             film=film,
             colormap=colormap,
@@ -94,49 +95,46 @@ def turntable(
             force=force,
             hides_nonfinite=options["nonfinite"] is None,
         )
-        for one in _films(volumes, name, quiet)
+        for one in _named_volumes(volumes, name, reporter)
     ]
     with sigterm_as_interrupt():
         if name is not None:
-            print_film_record(orders[0], quiet=quiet)
-            return
-        if len(orders) > 1:
-            # All but what names one volume: a child is told that last.
-            passed = options | {"format": kind, "colormap": colormap, "force": force, "quiet": quiet}
-            passed |= {"workers": workers, "scheduler": scheduler}
-            run_batch(orders, passed, folder, quiet=quiet)
-            return
-        _make_single_film(orders[0], quiet=quiet)
+            print_film_record(requests[0], reporter)
+        elif len(requests) > 1:
+            child_options = options | {"format": kind, "colormap": colormap, "force": force}
+            child_options |= {"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler}
+            run_batch(requests, child_options, folder, reporter)
+        else:
+            _make_single_film(requests[0], reporter)
 
 
-def _make_single_film(order: Order, *, quiet: bool) -> None:
-    """The only film of a command, which fails as the film does."""
-    folder = order.scene.parent
-    missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
+def _make_single_film(request: FilmRequest, reporter: Reporter) -> None:
+    """Make the only film of a command, which fails as the film does."""
+    folder = request.scene.parent
+    missing_folders = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
     try:
-        result = make_film(order, quiet=quiet)
+        record = make_film(request, reporter)
     except (HsplatError, KeyboardInterrupt) as error:
-        for each in missing:  # what was made for nothing
-            with suppress(OSError):  # there is something in it
+        for each in missing_folders:
+            with suppress(OSError):  # not empty
                 each.rmdir()
         if not os.path.isdir(folder):
             raise
-        with suppress(HsplatError):  # what went wrong first is what is said
+        with suppress(HsplatError):  # the first error is the one to report
             if isinstance(error, HsplatError):
-                update_manifest(folder, [order.failed(error)], SHORT_LOCK_TIMEOUT_S)
+                update_manifest(folder, [request.failure_record(error)], SHORT_LOCK_TIMEOUT_S)
             else:
-                update_manifest(folder, [order.record(INTERRUPTED)], patience_s=0.0)
+                update_manifest(folder, [request.record(INTERRUPTED)], lock_timeout_s=0.0)
         raise
-    update_manifest(folder, [result])
+    update_manifest(folder, [record])
 
 
-def _films(volumes: tuple[str, ...], name: str | None, quiet: bool) -> list[NamedVolume]:
+def _named_volumes(volumes: tuple[str, ...], name: str | None, reporter: Reporter) -> list[NamedVolume]:
     if name is not None:
         return [NamedVolume(Path(volumes[0]), name)]
     found, notes = expand_volumes(volumes)
     if not found:
         raise InputError("there is nothing to render", where="hsplat turntable", got=", ".join(volumes))
     for note in notes:
-        if not quiet:
-            click.echo(f"note: {note}", err=True)
+        reporter.status(f"note: {note}")
     return name_volumes(found)

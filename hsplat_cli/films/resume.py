@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +31,7 @@ from renderer.film import (
     sidecar_path,
 )
 from renderer.frame import Stage, prepare_stage
-from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, schedule_to_dict, tolerance_at
+from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, read_json_object, schedule_to_dict, tolerance_at
 from renderer.study import FilmPlan
 from renderer.volume import Volume
 
@@ -96,15 +95,15 @@ class RecordedFilm:
 
 def read_recorded_film(sidecar: Path, output: OutputSpec) -> RecordedFilm | None:
     """Return the film that the sidecar of an output describes, or None where there is no usable sidecar."""
+    data = read_json_object(sidecar, MAX_SIDECAR_BYTES)
+    if data is None:
+        return None
     try:
-        if sidecar.stat().st_size > MAX_SIDECAR_BYTES:
-            return None
-        data = json.loads(sidecar.read_bytes())
         fingerprint, records = recorded_fingerprint(data), data["frames"]
         # A film in one file has no frame files, so its records need no digests.
         usable = [record for record in records if is_frame_record(record, has_digest=has_frame_files(output))]
         is_complete = data["schedule"]["met"] is True and len(usable) == len(records)
-    except (OSError, ValueError, RecursionError, KeyError, TypeError):
+    except (KeyError, TypeError):
         return None
     if fingerprint is None:
         return None

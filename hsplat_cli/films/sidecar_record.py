@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.scenes import Job, Original
+from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, pluralize_range
 from renderer.errors import RenderError
 from renderer.film import Record, file_digest, frame_path, has_frame_files, translate_os_errors
@@ -101,15 +101,10 @@ def schedule_record(
     if shortfall is not None:
         record["shortfall"] = str(shortfall)
     if job.original is not None:
-        if not plan.is_unfinished and job.requested_error == _recorded_request(job, job.original):
+        if not plan.is_unfinished and job.requested_error == schedule_to_dict(job.original.requested_error):
             record |= job.original.other_schedule_keys
         record["made_from"] = job.original.path.name
     return record
-
-
-def _recorded_request(job: Job, original: Original) -> Mapping[str, Any]:
-    """Return what the original film was requested to meet, as far as its sidecar says."""
-    return job.requested_error if original.requested_error is None else schedule_to_dict(original.requested_error)
 
 
 # Notes
@@ -122,10 +117,9 @@ def rerender_notes(job: Job, driver: str) -> list[str]:
         return []
     notes = []
     if original.other_schedule_keys.get("met") is False:
-        requested = ", ".join(
-            f"{name} {format_value(value)}" for name, value in _recorded_request(job, original).items()
-        )
-        notes.append(f"the original film did not meet what was requested: {requested}")
+        requested = schedule_to_dict(original.requested_error).items()
+        goals = ", ".join(f"{name} {format_value(value)}" for name, value in requested)
+        notes.append(f"the original film did not meet what was requested: {goals}")
     before, now = original.tool_versions, package_versions() | {"GL": driver, "sources": sources_digest()}
     changed = [
         f"{name} {printable_text(now[name])}, which was {printable_text(before[name])}"

@@ -1,7 +1,7 @@
 """Many volumes to as many films.
 
-In: file names and patterns. Out: a suggested scene and a film for each, a table and turntable.json. A volume that fails
-does not stop the others.
+In: names and patterns of volumes. Out: a suggested scene and a film for each, a table, and turntable.json. A volume
+that fails does not stop the others.
 """
 
 import lazy_loader

@@ -4,4 +4,4 @@ from .manifest import (
     SHORT_LOCK_TIMEOUT_S as SHORT_LOCK_TIMEOUT_S,
     update_manifest as update_manifest,
 )
-from .one_film import Order as Order, make_film as make_film, print_film_record as print_film_record
+from .one_film import FilmRequest as FilmRequest, make_film as make_film, print_film_record as print_film_record

@@ -1,6 +1,6 @@
-"""Several volumes: a process for each, one after the other, so that nothing that happens to one concerns the others.
+"""Several volumes: one process for each, one after the other, so that a failure of one does not affect the others.
 
-Memory that a process had is gone with it, and a reader that crashes takes down its own film only.
+The memory of a process is freed with it, and a reader that crashes ends its own film only.
 """
 
 from __future__ import annotations
@@ -15,115 +15,108 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import click
-
 from hsplat_cli.executors import ChildProcesses
 from hsplat_cli.scenes import as_arguments, volume_file
-from hsplat_cli.terminal import counted
+from hsplat_cli.terminal import Reporter, counted
 from hsplat_cli.turntable.manifest import (
-    DONE,
-    FILE,
+    FINISHED,
     INTERRUPTED,
+    MANIFEST_FILE,
     NOT_STARTED,
     SHORT_LOCK_TIMEOUT_S,
-    Record,
-    table,
+    FilmRecord,
+    manifest_table,
     update_manifest,
 )
-from hsplat_cli.turntable.one_film import Order
+from hsplat_cli.turntable.one_film import FilmRequest
 from renderer.errors import HsplatError, RenderError
 from renderer.film import require_writable
 
-# A process that was interrupted removes what is unfinished. One that does not end within this time is asked again, as
-# an interrupt can get lost in a library that is being loaded, so many times in all; then it is killed.
-_PATIENCE_S, _NUM_TERMINATES = 3.0, 4
+# An interrupted process removes its unfinished work. One that does not end within this time is asked again, because an
+# interrupt can get lost in a library that is being loaded; after this number of times it is killed.
+_TERMINATE_TIMEOUT_S, _NUM_TERMINATES = 3.0, 4
 
 
-def run_batch(orders: Sequence[Order], options: Mapping[str, Any], folder: Path, *, quiet: bool) -> None:
-    """Make the films, add each to the report, print a table. Raises RenderError if one of them failed.
+def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folder: Path, reporter: Reporter) -> None:
+    """Make the films, add each to turntable.json, and print a table. Raises RenderError if one of them failed.
 
-    options: of the command line, for all of them. After an interrupt table and report tell what there is.
+    options: of the command line, for all of them. After an interrupt, table and file have what is finished.
     """
-    require_writable(folder / FILE)
-    records: list[Record] = []
-    pending_records: list[Record] = []  # others are no more this command's to write
-    missing: list[Record] = []  # but those that are forgotten whenever something is: of volumes that are not there
+    require_writable(folder / MANIFEST_FILE)
+    records: list[FilmRecord] = []
+    pending_records: list[FilmRecord] = []  # not yet in the file
+    missing: list[FilmRecord] = []  # of volumes that do not exist; each update would drop them, so each repeats them
     try:
-        for number, order in enumerate(orders, start=1):
-            if not quiet:
-                click.echo(f"[{number}/{len(orders)}] {volume_file(order.volume)}", err=True)
-            record = _made(order, options)
+        for number, request in enumerate(requests, start=1):
+            reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
+            record = _make_in_process(request, options)
             records.append(record)
             pending_records.append(record)
-            if record["status"] != DONE:
-                click.echo(record["error"], err=True)
-                missing += [] if os.path.exists(volume_file(order.volume)) else [record]
-            with suppress(HsplatError):  # the next one may be written, and with it this one
+            if record["status"] != FINISHED:
+                reporter.warning(record["error"])
+                missing += [] if os.path.exists(volume_file(request.volume)) else [record]
+            with suppress(HsplatError):  # the next update writes this record, too
                 update_manifest(folder, [*missing, *pending_records], SHORT_LOCK_TIMEOUT_S)
                 pending_records.clear()
     except KeyboardInterrupt:
-        interrupted = [order.record(INTERRUPTED) for order in orders[len(records) :][:1]]
-        click.echo(
-            table([*records, *interrupted, *(order.record(NOT_STARTED) for order in orders[len(records) + 1 :])])
+        remaining = requests[len(records) :]
+        interrupted = [request.record(INTERRUPTED) for request in remaining[:1]]
+        reporter.result(
+            manifest_table([*records, *interrupted, *(request.record(NOT_STARTED) for request in remaining[1:])])
         )
-        with suppress(HsplatError):  # the interrupt is what is said
-            update_manifest(folder, [*missing, *pending_records, *interrupted], patience_s=0.0)
+        with suppress(HsplatError):  # the interrupt is reported
+            update_manifest(folder, [*missing, *pending_records, *interrupted], lock_timeout_s=0.0)
         raise
-    click.echo(table(records))
+    reporter.result(manifest_table(records))
     if pending_records:
         update_manifest(folder, [*missing, *pending_records])
-    num_failed = sum(record["status"] != DONE for record in records)
+    num_failed = sum(record["status"] != FINISHED for record in records)
     if num_failed:
         raise RenderError(
             f"{num_failed} of {counted(len(records), 'film')} could not be made",
             where=str(folder),
-            hint=f"the same command{' without --force' * orders[0].force} makes only what is missing",
+            hint=f"the same command{' without --force' * requests[0].force} makes only what is missing",
         )
 
 
-def _made(order: Order, options: Mapping[str, Any]) -> Record:
-    """The record of a film that another process has made, or failed to make."""
+def _make_in_process(request: FilmRequest, options: Mapping[str, Any]) -> FilmRecord:
+    """Make a film in another process; return its record, which describes the failure if there was one."""
     start = time.perf_counter()
+    arguments = ["turntable", *as_arguments(dict(options)), f"--output={request.scene.parent}"]
+    arguments += [f"--name={request.scene.stem}", "--", str(volume_file(request.volume))]
     with ChildProcesses() as child_processes:
-        process = _process(order, options, child_processes)
+        process = child_processes.start("hsplat_cli", arguments, stdout=subprocess.PIPE)
         try:
-            said, _ = process.communicate()
+            output, _ = process.communicate()
         except KeyboardInterrupt:
-            _end(process)
+            _terminate(process)
             raise
     with suppress(ValueError):
-        record = json.loads(said.strip().rpartition(b"\n")[2])
+        record = json.loads(output.strip().rpartition(b"\n")[2])
         if isinstance(record, dict):
             return record
-    # It did not come to say what was wrong.
+    # The process ended before it could print a record.
+    error = RenderError(
+        "the process that made this film ended early", where=str(volume_file(request.volume)), got=_exit_text(process)
+    )
     seconds = {"seconds": round(time.perf_counter() - start, 3)}
-    return order.record("failed") | {"exit_code": process.returncode, "error": _exit_error(order, process)} | seconds
+    return request.record("failed") | {"exit_code": process.returncode, "error": str(error)} | seconds
 
 
-def _process(order: Order, options: Mapping[str, Any], child_processes: ChildProcesses) -> subprocess.Popen[bytes]:
-    arguments = ["turntable", *as_arguments(dict(options)), f"--output={order.scene.parent}"]
-    arguments += [f"--name={order.scene.stem}", "--", str(volume_file(order.volume))]
-    return child_processes.start("hsplat_cli", arguments, stdout=subprocess.PIPE)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Let a process put away what is unfinished; no signal to this one has reached it."""
+def _terminate(process: subprocess.Popen[bytes]) -> None:
+    """Let a process remove its unfinished work; no signal to this process has reached it."""
     for _ in range(_NUM_TERMINATES):
         process.terminate()
         with suppress(subprocess.TimeoutExpired):
-            process.wait(_PATIENCE_S)
+            process.wait(_TERMINATE_TIMEOUT_S)
             return
     process.kill()
     process.wait()
 
 
-def _exit_error(order: Order, process: subprocess.Popen[bytes]) -> str:
+def _exit_text(process: subprocess.Popen[bytes]) -> str:
     code = process.returncode
     if code >= 0:
-        got = f"exit code {code}"
-    else:
-        name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
-        got = f"killed by {name}" + (", perhaps for want of memory" if -code == signal.SIGKILL else "")
-    return str(
-        RenderError("the process that made this film ended early", where=str(volume_file(order.volume)), got=got)
-    )
+        return f"exit code {code}"
+    name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
+    return f"killed by {name}" + (", perhaps for want of memory" if -code == signal.SIGKILL else "")

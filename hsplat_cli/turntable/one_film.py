@@ -1,4 +1,4 @@
-"""One volume: its scene, written beside its film, and the film, made from that scene as `hsplat render` does it."""
+"""One volume: write its scene beside its film, and render that scene as `hsplat render` does."""
 
 from __future__ import annotations
 
@@ -10,19 +10,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import FilmOptions, Job, SuggestedScene, expand_pattern, suggest_scene, volume_file
-from hsplat_cli.terminal import Reporter, report_first_run
+from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable.manifest import (
-    DONE,
+    FINISHED,
     NOT_STARTED,
-    OF,
     STARTED,
-    Record,
-    Report,
-    Written,
+    VOLUME_KEY,
+    FilmRecord,
+    Manifest,
+    WrittenScene,
     open_manifest,
     update_manifest,
 )
@@ -46,11 +44,11 @@ _MAX_NUMBER = 2**53  # of splats or seconds; larger ones are mistakes
 
 
 @dataclass(frozen=True)
-class Order:
-    """A film to be made. scene: the file that it is described in.
+class FilmRequest:
+    """A film to make. scene: the file for its scene.
 
-    force: an edited scene there may be lost, and what was drawn is drawn again.
-    hides_nonfinite: as `suggest_scene` takes it.
+    force: an edited scene may be overwritten, and finished frames are drawn again.
+    hides_nonfinite: as for `suggest_scene`.
     """
 
     volume: VolumeSpec
@@ -62,138 +60,133 @@ class Order:
     force: bool
     hides_nonfinite: bool = False
 
-    def record(self, status: str) -> Record:
-        """What the report says about it in any case."""
+    def record(self, status: str) -> FilmRecord:
+        """Return what the record of the film has in any case."""
         return {
             "volume": str(volume_file(self.volume)),
             "scene": str(self.scene),
             "film": str(self.output),
             "status": status,
-            OF: self.of,
+            VOLUME_KEY: self.volume_path,
         }
 
     @property
-    def of(self) -> str:
-        """The volume as a scene is known to be of it: relative to the folder, without links."""
+    def volume_path(self) -> str:
+        """The path of the volume, relative to the folder and without links."""
         return os.path.relpath(os.path.realpath(volume_file(self.volume)), os.path.realpath(self.scene.parent))
 
-    def failed(self, error: HsplatError) -> Record:
-        """The record of a film that could not be made, or that another job is making."""
+    def failure_record(self, error: HsplatError) -> FilmRecord:
+        """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
         status = NOT_STARTED if isinstance(error, OutputLockedError) else "failed"
-        return self.record(status) | {"exit_code": exit_code(error), "error": str(error)}
+        return self.record(status) | {"exit_code": 2 if isinstance(error, InputError) else 1, "error": str(error)}
 
 
-def exit_code(error: HsplatError) -> int:
-    """2 where the input was wrong, else 1."""
-    return 2 if isinstance(error, InputError) else 1
-
-
-def make_film(order: Order, *, quiet: bool) -> Record:
-    """Write the scene, render it, and say what came of it. Raises HsplatError."""
-    expand_pattern(str(volume_file(order.volume)))  # or there is none
-    # Before the volume is read, as that may take long.
-    require_writable(order.scene)
+def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
+    """Write the scene, render it, and return the record of the film. Raises HsplatError."""
+    volume = volume_file(request.volume)
+    expand_pattern(str(volume))  # raises where no file matches
+    # Before the volume is read, which may take long.
+    require_writable(request.scene)
     suggested = suggest_scene(
-        order.volume,
-        order.film,
-        Reporter(quiet),
-        colormap=order.colormap,
-        scene=order.scene,
-        output=order.output,
-        hides_nonfinite=order.hides_nonfinite,
+        request.volume,
+        request.film,
+        reporter,
+        colormap=request.colormap,
+        scene=request.scene,
+        output=request.output,
+        hides_nonfinite=request.hides_nonfinite,
     )
-    if not quiet:
-        for line in suggested.summary_lines():
-            click.echo(f"{volume_file(order.volume)}: {line}", err=True)
-    require_unedited_scene(order, suggested)
-    job = _job(order, suggested)
-    # Held from before the scene is written until the film is there: they belong together.
+    for line in suggested.summary_lines():
+        reporter.status(f"{volume}: {line}")
+    content = suggested.text.encode()
+    _read_existing(request, content, Manifest(request.scene.parent))
+    job = _parse_job(request, content)
     sidecar = sidecar_path(job.scene, job.frames)
-    require_no_input([order.scene, *picture_files(job.scene.output, job.frames), sidecar], volume_files(order.volume))
-    with locked_output(job.scene.output, job.frames, sidecar) as place:
-        write_scene(order, suggested)
-        report_first_run(quiet=quiet)
-        # Imported here: numba and GL take longer to load than --help may take to answer.
+    outputs = [request.scene, *picture_files(job.scene.output, job.frames), sidecar]
+    require_no_input(outputs, volume_files(request.volume))
+    # Locked from before the scene is written until the film is finished, because they belong together.
+    with locked_output(job.scene.output, job.frames, sidecar) as work_folder:
+        write_scene(request, suggested)
+        reporter.announce_compilation()
+        # Imported here to keep --help fast.
         from hsplat_cli.films import render_film
 
-        tell = partial(update_manifest, order.scene.parent, [order.record(STARTED)])
-        film = render_film(job, order.executor, Reporter(quiet), work_folder=place, on_start=tell, force=order.force)
+        on_start = partial(update_manifest, request.scene.parent, [request.record(STARTED)])
+        film = render_film(
+            job, request.executor, reporter, work_folder=work_folder, on_start=on_start, force=request.force
+        )
     if film.shortfall is not None:
         raise film.shortfall
-    return order.record(DONE) | {"kind": suggested.kind, "reason": suggested.reason} | film_statistics(film)
+    return request.record(FINISHED) | {"kind": suggested.kind, "reason": suggested.reason} | film_statistics(film)
 
 
-def _job(order: Order, suggested: SuggestedScene) -> Job:
-    """What the scene's text asks for, whatever becomes of its file meanwhile."""
-    content = suggested.text.encode()
-    scene = parse_scene_content(content, order.scene, overrides=(), volume=None, output=None, is_single_frame=False)
+def _parse_job(request: FilmRequest, content: bytes) -> Job:
+    """Return the job of the scene's text, which no change to its file affects."""
+    scene = parse_scene_content(content, request.scene, overrides=(), volume=None, output=None, is_single_frame=False)
     return Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
 
 
-def write_scene(order: Order, suggested: SuggestedScene) -> None:
-    """Write the scene's file, and into the report that the film is begun, unless that of the same scene is done.
+def write_scene(request: FilmRequest, suggested: SuggestedScene) -> None:
+    """Write the scene's file, and record that the film is started unless the film of the same scene is finished.
 
-    Raises InputError where there is a scene already that this program did not write like that, or of another volume.
+    Raises InputError where the file is a scene that somebody edited, or that of another volume.
     """
     from renderer.film import bytes_digest
 
     content = suggested.text.encode()
-    with open_manifest(order.scene.parent) as report:
-        there = _there(order.scene)
-        digests = [bytes_digest(content)]
-        if there is not None and there != content:
-            if not order.force:
-                _require_unedited(order.scene, bytes_digest(there), order.of, report)
-            written = report.written(order.scene)
-            digests += [bytes_digest(there)] if written is not None and bytes_digest(there) in written.digests else []
-        former = report.told(order.scene) if there == content else None
-        record = former if former is not None and former["status"] == DONE else order.record(STARTED)
-        # First, and with both: when this process is killed, whichever of them is there is known.
-        report.put(record | Written(order.of, digests).as_record())
-        if there != content:
-            write_staged(order.scene, content)
+    with open_manifest(request.scene.parent) as manifest:
+        existing = _read_existing(request, content, manifest)
+        digests, record = [bytes_digest(content)], request.record(STARTED)
+        if existing == content:
+            former = manifest.record_of(request.scene)
+            record = former if former is not None and former["status"] == FINISHED else record
+        elif existing is not None:
+            written = manifest.written_scene(request.scene)
+            digest = bytes_digest(existing)
+            digests += [digest] if written is not None and digest in written.digests else []
+        # Written first, with both digests: if this process is killed, either file is known.
+        manifest.update(record | WrittenScene(request.volume_path, digests).as_record())
+        if existing != content:
+            write_staged(request.scene, content)
 
 
-def require_unedited_scene(order: Order, suggested: SuggestedScene) -> None:
-    """Raise what `write_scene` would about a scene that is there, before anything is made for the film."""
+def _read_existing(request: FilmRequest, content: bytes, manifest: Manifest) -> bytes | None:
+    """Return the scene that exists, or None.
+
+    Raises InputError where it is not `content` and was edited or belongs to another volume, unless with `force`.
+    """
     from renderer.film import bytes_digest
 
-    there = _there(order.scene)
-    if there is not None and there != suggested.text.encode() and not order.force:
-        _require_unedited(order.scene, bytes_digest(there), order.of, Report(order.scene.parent))
-
-
-def _there(scene: Path) -> bytes | None:
+    scene = request.scene
     with translate_os_errors(scene):
-        return scene.read_bytes() if scene.exists() else None
-
-
-def _require_unedited(scene: Path, digest: str, of: str, report: Report) -> None:
-    """Raise InputError unless a scene is as it was written, and for the same volume, or else another film is lost."""
-    written = report.written(scene)
-    if written is None or digest not in written.digests:
+        existing = scene.read_bytes() if scene.exists() else None
+    if existing is None or existing == content or request.force:
+        return existing
+    written = manifest.written_scene(scene)
+    if written is None or bytes_digest(existing) not in written.digests:
         raise InputError(
-            "there is another scene of this name, perhaps one that was changed by hand",
+            "another scene of this name exists, perhaps one that was edited",
             where=str(scene),
-            hint=f"`hsplat render {scene}` renders it as it is; --force writes over it",
+            hint=f"`hsplat render {scene}` renders it; --force overwrites it",
         )
-    if written.of != of:
+    if written.volume != request.volume_path:
         raise InputError(
-            "there is a film of another volume of this name",
+            "a film of another volume has this name",
             where=str(scene),
-            got=f"that of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), written.of))}",
-            hint="give this one another --output, or both to one command, which names them apart; "
-            "--force writes over it",
+            got=f"that of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), written.volume))}",
+            hint="give this one another --output, or both to one command, which gives them different names; "
+            "--force overwrites it",
         )
+    return existing
 
 
-def film_statistics(film: Film) -> Record:
+def film_statistics(film: Film) -> FilmRecord:
     """Return the frames, the mean number of bricks (as `splats`) and the seconds of a film.
 
     The sidecar of a film that was up to date may have been edited: numbers that cannot be are left out.
     """
     mean = Fraction(sum(frame["splats"] for frame in film.frames), len(film.frames))
-    statistics: Record = {"frames": len(film.frames)} | ({"splats": round(mean)} if mean < _MAX_NUMBER else {})
+    statistics: FilmRecord = {"frames": len(film.frames)} | ({"splats": round(mean)} if mean < _MAX_NUMBER else {})
     seconds = film.record.get("seconds")
     total = seconds.get("total") if isinstance(seconds, dict) else None
     if isinstance(total, (int, float)) and 0 <= total < _MAX_NUMBER:
@@ -201,10 +194,10 @@ def film_statistics(film: Film) -> Record:
     return statistics
 
 
-def print_film_record(order: Order, *, quiet: bool) -> None:
-    """Make the film on behalf of a batch, and print its record as a last line of JSON, also where it failed."""
+def print_film_record(request: FilmRequest, reporter: Reporter) -> None:
+    """Make the film on behalf of a batch, and print its record as a last line of JSON, also if it failed."""
     try:
-        record = make_film(order, quiet=quiet)
+        record = make_film(request, reporter)
     except HsplatError as error:
-        record = order.failed(error)
-    click.echo(json.dumps(record))
+        record = request.failure_record(error)
+    reporter.result(json.dumps(record))

@@ -144,12 +144,12 @@ def test_a_life_of_goldens(golden: Command, monkeypatch: pytest.MonkeyPatch) -> 
         code, out, err = golden("--update")
     assert (code, out.startswith(changed)) == (2, True)
     assert err == (
-        "--update: goldens are not written over without a question, and nobody can be asked\n"
-        "  got: the standard input is no terminal\n"
-        "  hint: --yes writes over them without one\n"
+        "--update: goldens are not overwritten without a question, and nobody can answer\n"
+        "  got: the standard input is not a terminal\n"
+        "  hint: --yes overwrites them without one\n"
     )
     monkeypatch.setenv("CI", "true")
-    assert golden("--update")[2] == err.replace("the standard input is no terminal", "CI is set in the environment")
+    assert golden("--update")[2] == err.replace("the standard input is not a terminal", "CI is set in the environment")
     code, out, err = golden("--update", "--yes")
     assert (code, out.startswith(changed), err) == (0, True, "")
     assert out.endswith("\ngoldens: 1 of 2 goldens written\nwhat they were drawn from: goldens/golden.json\n")
@@ -165,7 +165,7 @@ def test_the_question(golden: Command, answer: str, code: int, end: str, monkeyp
         keys.flush()
         found, out, _ = golden("--update", "--set", "transfer_function.points.2.color=red")
     assert found == code
-    assert "\nWrite over the goldens? [y/N]: " in out
+    assert "\nOverwrite the goldens? [y/N]: " in out
     assert out.endswith(end)
 
 

@@ -73,8 +73,8 @@ REFUSED = {
     "a scene of that name": (
         ["other/scan.npy"],
         2,
-        "out/scan.yaml: there is another scene of this name, perhaps one that was changed by hand\n"
-        "  hint: `hsplat render out/scan.yaml` renders it as it is; --force writes over it\n",
+        "out/scan.yaml: another scene of this name exists, perhaps one that was edited\n"
+        "  hint: `hsplat render out/scan.yaml` renders it; --force overwrites it\n",
     ),
     "a byte order beside a header": (
         ["scan.npy", "--byte-order", "little"],
@@ -208,7 +208,7 @@ def test_init_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     Path("old.yaml").touch()
     assert main.run(["init", "scan.npy", "--output", "old.yaml"]) == 2
     assert capsys.readouterr().err == (
-        "old.yaml: there is a file of this name\n  hint: --force writes over it; --output names another one\n"
+        "old.yaml: this file exists\n  hint: --force overwrites it; --output names another one\n"
     )
 
 
@@ -227,7 +227,7 @@ def test_init_into_a_folder_that_is_not_there(volume: str, capsys: pytest.Captur
     """Which is said first, before the volume is read."""
     assert main.run(["init", volume, "--output", "no/such/scene.yaml"]) == 2
     assert capsys.readouterr().err == (
-        "no/such/scene.yaml: the folder of the output is not there\n  got: no/such\n  hint: make it first\n"
+        "no/such/scene.yaml: the folder of the output does not exist\n  got: no/such\n  hint: make it first\n"
     )
     assert not Path("no").exists()
 

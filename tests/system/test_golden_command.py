@@ -176,7 +176,7 @@ def test_nobody_can_be_asked_without_a_terminal(
     monkeypatch.setenv("CI", "false")
     monkeypatch.setattr(sys, "stdin", open(os.devnull, encoding="utf-8"))  # noqa: SIM115
     assert golden("--update", *OTHER) == 2
-    assert "the standard input is no terminal" in capsys.readouterr().err
+    assert "the standard input is not a terminal" in capsys.readouterr().err
 
 
 def test_frames_that_are_the_same_keep_their_file() -> None:

@@ -24,7 +24,8 @@ from kinds_of_data import KINDS
 from hsplat_cli import main
 from hsplat_cli.executors import ChildProcesses
 from hsplat_cli.films import render as render_module
-from hsplat_cli.turntable import batch, one_film as single
+from hsplat_cli.terminal import Reporter
+from hsplat_cli.turntable import batch
 from renderer.scene import load_scene
 
 CODE = Path(main.__file__).parents[1]
@@ -217,7 +218,7 @@ def test_other_options_of_its_own_scene(capfd: pytest.CaptureFixture[str]) -> No
     assert (record["status"], record["frames"]) == ("done", 4)
     Path("out/turntable.json").unlink()
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 2
-    assert "--force writes over it" in capfd.readouterr().err
+    assert "--force overwrites it" in capfd.readouterr().err
 
 
 def test_a_film_of_another_volume_is_not_lost(capfd: pytest.CaptureFixture[str]) -> None:
@@ -231,9 +232,9 @@ def test_a_film_of_another_volume_is_not_lost(capfd: pytest.CaptureFixture[str])
     assert turntable("a/uint8.npy", "-o", "out", *SMALL) == 2
     assert Path("out/uint8.yaml").read_bytes() == scene
     assert capfd.readouterr().err == (
-        "out/uint8.yaml: there is a film of another volume of this name\n  got: that of in/uint8.npy\n"
-        "  hint: give this one another --output, or both to one command, which names them apart; "
-        "--force writes over it\n"
+        "out/uint8.yaml: a film of another volume has this name\n  got: that of in/uint8.npy\n"
+        "  hint: give this one another --output, or both to one command, which gives them different names; "
+        "--force overwrites it\n"
     )
     assert turntable(str(Path("in/uint8.npy").resolve()), "-o", "other/films", *SMALL) == 0
 
@@ -292,11 +293,11 @@ def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) 
 def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not of what the file has become before it is read."""
 
-    def edit(*, quiet: bool) -> None:
+    def edit(reporter: Reporter) -> None:
         scene = Path("out/uint8.yaml")
         scene.write_text(scene.read_text(encoding="utf-8").replace("frames: 3", "frames: 7"), encoding="utf-8")
 
-    monkeypatch.setattr(single, "report_first_run", edit)
+    monkeypatch.setattr(Reporter, "announce_compilation", edit)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert imageio.imread("out/uint8.mp4", plugin="FFMPEG").shape[0] == 3
 

@@ -16,13 +16,14 @@ import pytest
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.films import Film
 from hsplat_cli.scenes import FilmOptions, SuggestedScene
-from hsplat_cli.turntable import Order, batch, manifest as report_module, one_film as single, run_batch, update_manifest
-from hsplat_cli.turntable.manifest import FILE, open_manifest
+from hsplat_cli.terminal import Reporter
+from hsplat_cli.turntable import FilmRequest, batch, manifest as manifest_module, one_film, run_batch, update_manifest
+from hsplat_cli.turntable.manifest import MANIFEST_FILE, open_manifest
 from hsplat_cli.turntable.one_film import write_scene
 from renderer.errors import InputError, RenderError
 from renderer.scene import FileSource, VolumeSpec
 
-CODE = Path(report_module.__file__).parents[2]
+CODE = Path(manifest_module.__file__).parents[2]
 WRITTEN: dict[str, Any] = {"scene_of": "../scan.npy", "scene_digests": ["0" * 32]}
 
 
@@ -31,7 +32,7 @@ def record(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
 
 
 def films(folder: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((folder / FILE).read_bytes())["films"]
+    found: list[dict[str, Any]] = json.loads((folder / MANIFEST_FILE).read_bytes())["films"]
     return found
 
 
@@ -44,7 +45,7 @@ def test_records_of_other_films_stay_while_their_scenes_do(tmp_path: Path) -> No
     assert films(tmp_path) == [first[0], first[2], record("d")]
     update_manifest(tmp_path, [record("a", "failed", error="it did")])
     assert films(tmp_path) == [first[2], record("d"), {**WRITTEN, **record("a", "failed", error="it did")}]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", FILE]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", MANIFEST_FILE]
 
 
 def test_records_without_scenes_stay_while_their_volumes_do(tmp_path: Path) -> None:
@@ -97,7 +98,7 @@ def test_several_processes_lose_nothing(tmp_path: Path) -> None:
     assert [process.wait() for process in processes] == [0] * 4
     expected = {f"{process}-{number}" for process in range(4) for number in range(10)}
     assert {film["volume"] for film in films(tmp_path / "new")} == expected
-    assert [path.name for path in (tmp_path / "new").iterdir()] == [FILE]
+    assert [path.name for path in (tmp_path / "new").iterdir()] == [MANIFEST_FILE]
 
 
 HOLDER = """
@@ -110,25 +111,25 @@ with open_manifest(Path(sys.argv[1])):
 """
 
 
-@pytest.mark.parametrize("patience_s", [0.0, 0.2])
+@pytest.mark.parametrize("lock_timeout_s", [0.0, 0.2])
 def test_nobody_waits_for_ever(
-    patience_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    lock_timeout_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(report_module, "_NOTICE_DELAY_S", 0.1)
+    monkeypatch.setattr(manifest_module, "_NOTICE_DELAY_S", 0.1)
     arguments = [sys.executable, "-c", HOLDER, str(tmp_path)]
     environment = os.environ | {"PYTHONPATH": str(CODE)}
     with subprocess.Popen(arguments, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"\n"
         with pytest.raises(RenderError) as caught:
-            update_manifest(tmp_path, [record("a")], patience_s)
+            update_manifest(tmp_path, [record("a")], lock_timeout_s)
         process.communicate(b"")
-    holder, file = f"process {process.pid} on {os.uname().nodename}", tmp_path / FILE
+    holder, file = f"process {process.pid} on {os.uname().nodename}", tmp_path / MANIFEST_FILE
     assert str(caught.value) == (
         f"{file}: another process is changing this file\n  got: {holder}\n"
-        "  hint: end that process, or let it go on; the same command makes only what is missing"
+        "  hint: end that process, or let it finish; the same command makes only what is missing"
     )
-    assert capsys.readouterr().err == (f"{file}: waiting for {holder}\n" if patience_s else "")
+    assert capsys.readouterr().err == (f"{file}: waiting for {holder}\n" if lock_timeout_s else "")
     update_manifest(tmp_path, [record("a")], 0.0)
     assert films(tmp_path) == [record("a")]
 
@@ -160,9 +161,9 @@ FORGED = {
 @pytest.mark.parametrize("case", FORGED)
 def test_what_is_damaged_counts_for_nothing(case: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
-    (tmp_path / FILE).write_bytes(FORGED[case])
-    with open_manifest(tmp_path) as report:
-        assert report.written(Path("a.yaml")) is None
+    (tmp_path / MANIFEST_FILE).write_bytes(FORGED[case])
+    with open_manifest(tmp_path) as manifest:
+        assert manifest.written_scene(Path("a.yaml")) is None
     update_manifest(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
 
@@ -180,41 +181,43 @@ def test_what_is_damaged_takes_nothing_else_with_it(tmp_path: Path) -> None:
         [[]],
     ]
     content = {"title": "scans", "films": [good[0], *broken, good[1]], "deep": json.loads(50 * "[" + 50 * "]")}
-    (tmp_path / FILE).write_text(json.dumps(content | {"odd": float("inf")}), encoding="utf-8")
+    (tmp_path / MANIFEST_FILE).write_text(json.dumps(content | {"odd": float("inf")}), encoding="utf-8")
     update_manifest(tmp_path, [record("f")])
-    assert json.loads((tmp_path / FILE).read_bytes()) == {"films": [*good, record("f")], "title": "scans"}
+    assert json.loads((tmp_path / MANIFEST_FILE).read_bytes()) == {"films": [*good, record("f")], "title": "scans"}
 
 
 def test_names_of_any_kind(tmp_path: Path) -> None:
     forged = [GOOD | {"scene": scene} for scene in ("\ud800.yaml", "a\0.yaml", "..", "", "/", "a" * 300)]
-    (tmp_path / FILE).write_text(json.dumps({"films": forged}), encoding="utf-8")
+    (tmp_path / MANIFEST_FILE).write_text(json.dumps({"films": forged}), encoding="utf-8")
     update_manifest(tmp_path, [record("b")])
     assert films(tmp_path)[-1] == record("b")
 
 
 def test_what_is_too_large_counts_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     update_manifest(tmp_path, [record("a")])
-    monkeypatch.setattr(report_module, "_MOST_BYTES", 50)
+    monkeypatch.setattr(manifest_module, "_MAX_BYTES", 50)
     update_manifest(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
 
 
 def test_something_else_of_that_name(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / FILE)
+    os.mkfifo(tmp_path / MANIFEST_FILE)
     update_manifest(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
-    (tmp_path / "folder" / FILE).mkdir(parents=True)
+    (tmp_path / "folder" / MANIFEST_FILE).mkdir(parents=True)
     with pytest.raises(InputError, match="the output is a folder"):
         update_manifest(tmp_path / "folder", [record("b")])
 
 
-def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> Order:
+def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> FilmRequest:
     (folder / volume).touch()
     spec, executor = VolumeSpec(FileSource(folder / volume)), ExecutorSpec(None, None)
-    return Order(spec, FilmOptions(), None, folder / "out" / "scan.yaml", folder / "out" / "scan.mp4", executor, force)
+    return FilmRequest(
+        spec, FilmOptions(), None, folder / "out" / "scan.yaml", folder / "out" / "scan.mp4", executor, force
+    )
 
 
-def orders(folder: Path, *names: str) -> list[Order]:
+def orders(folder: Path, *names: str) -> list[FilmRequest]:
     one = order(folder.parent)
     return [replace(one, scene=folder / f"{name}.yaml", output=folder / f"{name}.mp4") for name in names]
 
@@ -227,9 +230,9 @@ def test_a_batch_that_is_interrupted_keeps_what_is_told(
 
     films_there = [record(name, frames=3) for name in "abc"]
     update_manifest(tmp_path, films_there)
-    monkeypatch.setattr(batch, "_made", interrupt)
+    monkeypatch.setattr(batch, "_make_in_process", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, quiet=True)
+        run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, Reporter(is_quiet=True))
     assert films(tmp_path) == films_there
     assert [line.split()[1:3] for line in capsys.readouterr().out.splitlines()[1:]] == [
         ["interrupted", "-"],
@@ -242,20 +245,20 @@ def test_a_batch_writes_what_it_has_to_tell_once(tmp_path: Path, monkeypatch: py
     """What could not be written is with the next film; then the record may be one of another command."""
     fails = [True, False, False]
 
-    def made(order: Order, options: object) -> dict[str, Any]:
+    def made(order: FilmRequest, options: object) -> dict[str, Any]:
         if order.scene.name == "c.yaml":
             assert [film["status"] for film in films(tmp_path)] == ["done", "done"]
             update_manifest(tmp_path, [record("a", "failed", error="another command's")])
         return order.record("done")
 
-    def write(folder: Path, records: list[dict[str, Any]], patience_s: float) -> None:
+    def write(folder: Path, records: list[dict[str, Any]], lock_timeout_s: float) -> None:
         if fails.pop(0):
             raise RenderError("the disk is full")
-        update_manifest(folder, records, patience_s)
+        update_manifest(folder, records, lock_timeout_s)
 
-    monkeypatch.setattr(batch, "_made", made)
+    monkeypatch.setattr(batch, "_make_in_process", made)
     monkeypatch.setattr(batch, "update_manifest", write)
-    run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, quiet=True)
+    run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, Reporter(is_quiet=True))
     assert {Path(film["scene"]).stem: film["status"] for film in films(tmp_path)} == {
         "a": "failed",
         "b": "done",
@@ -285,7 +288,7 @@ COSTS: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
 def test_statistics_of_a_film_that_was_up_to_date(case: str) -> None:
     """Anybody may have edited its sidecar."""
     record, expected = COSTS[case]
-    assert single.film_statistics(Film(Path("scan.mp4"), Path("scan.mp4.json"), record)) == expected
+    assert one_film.film_statistics(Film(Path("scan.mp4"), Path("scan.mp4.json"), record)) == expected
 
 
 def scene(text: str) -> SuggestedScene:
@@ -300,7 +303,7 @@ def test_a_scene_is_known_whenever_its_writer_is_killed(tmp_path: Path, monkeypa
         raise RenderError("the disk is full")
 
     with monkeypatch.context() as patch:  # between the report and the scene
-        patch.setattr(single, "write_staged", full)
+        patch.setattr(one_film, "write_staged", full)
         with pytest.raises(RenderError):
             write_scene(order(tmp_path), scene("two"))
     assert file.read_text() == "one"
@@ -316,7 +319,7 @@ def test_a_forced_writer_that_is_killed_leaves_its_own_scene_known(
 
     write_scene(order(tmp_path), scene("one"))
     with monkeypatch.context() as patch:
-        patch.setattr(single, "write_staged", full)
+        patch.setattr(one_film, "write_staged", full)
         with pytest.raises(RenderError):
             write_scene(order(tmp_path, force=True), scene("two"))
     write_scene(order(tmp_path), scene("three"))
@@ -333,10 +336,10 @@ def test_an_edited_scene_is_never_known(tmp_path: Path, monkeypatch: pytest.Monk
         raise RenderError("the disk is full")
 
     with monkeypatch.context() as patch:
-        patch.setattr(single, "write_staged", full)
+        patch.setattr(one_film, "write_staged", full)
         with pytest.raises(RenderError):
             write_scene(order(tmp_path, force=True), scene("two"))
-    with pytest.raises(InputError, match="perhaps one that was changed by hand"):
+    with pytest.raises(InputError, match="perhaps one that was edited"):
         write_scene(order(tmp_path), scene("two"))
     assert file.read_text() == "mine"
     write_scene(order(tmp_path, force=True), scene("two"))
@@ -346,7 +349,7 @@ def test_an_edited_scene_is_never_known(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_scene_that_would_be_written_the_same_is_known_again(tmp_path: Path) -> None:
     write_scene(order(tmp_path), scene("one"))
-    (tmp_path / "out" / FILE).unlink()
+    (tmp_path / "out" / MANIFEST_FILE).unlink()
     write_scene(order(tmp_path), scene("one"))
     write_scene(order(tmp_path), scene("two"))
     assert (tmp_path / "out" / "scan.yaml").read_text() == "two"

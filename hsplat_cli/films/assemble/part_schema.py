@@ -75,7 +75,6 @@ def _list_of(item: FieldType[Any]) -> FieldType[Any]:
 
 
 _SCHEDULE: FieldTable = {
-    "asked": _mapping({}),  # `parse_sidecar` checks the rest
     "met": BOOLEAN_FIELD,
     "reproducible": BOOLEAN_FIELD,
     "measured": _mapping({"metric": TEXT_FIELD, "worst": _WORST, "probes": _list_of(_AMOUNT)}),

@@ -120,7 +120,6 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     if wrong:
         problems.extend(replace(problem, location=str(path)) for problem in wrong)
         return
-    assert sidecar.original.requested_error is not None, "the schema requires it"
     yield Part(path, data, sidecar.original.requested_error, film_path_of_sidecar(path, file))
 
 
