@@ -25,6 +25,7 @@ from renderer.draw import RecoveringRasterizer, open_rasterizer
 from renderer.errors import InputError, SceneError
 from renderer.film import (
     encode_png,
+    frame_path,
     locked_output,
     open_film,
     picture_files,
@@ -90,7 +91,7 @@ class FrameImage(npt.NDArray[np.uint8]):
     """
 
     def _repr_png_(self) -> bytes | None:
-        """Return the picture as a PNG file; None for what is no picture, such as one channel."""
+        """Return the picture as a PNG file; None for an array that is not a picture, such as one channel."""
         is_picture = self.dtype == np.uint8 and self.ndim == 3 and self.shape[2] in (3, 4) and self.size > 0
         return encode_png(np.ascontiguousarray(self)) if is_picture else None
 
@@ -114,7 +115,7 @@ class Film:
 
     def _repr_html_(self) -> str:
         """Return the film, or its first picture, with a caption."""
-        first = Path(str(self.path).format(frame=self.frames[0])) if self.path.suffix == ".png" else self.path
+        first = frame_path(self.path, self.frames[0])
         kind = {".mp4": "video/mp4", ".gif": "image/gif", ".png": "image/png"}[first.suffix.lower()]
         data = f"data:{kind};base64,{base64.b64encode(first.read_bytes()).decode()}"
         shown = f'<img src="{data}">' if kind != "video/mp4" else f'<video controls loop muted src="{data}"></video>'
@@ -228,8 +229,8 @@ def render(
 ) -> Film:
     """Draw a film and write it, with its sidecar; like `hsplat render`, to the same bytes.
 
-    The file is written whole or not at all, and it never replaces one of the scene's own files. A film that is there is
-    drawn again. The command resumes films, shows their progress and uses several processes; this function does not.
+    The file is written whole or not at all, and it never replaces one of the scene's inputs. An existing film is drawn
+    again. The command resumes films, shows their progress and uses several processes; this function does not.
 
     Parameters
     ----------
@@ -237,11 +238,12 @@ def render(
     output: the file to write, in place of the scene's: an .mp4, a .gif, a template such as `frames/{frame:04}.png` or,
         for one frame, a .png.
     frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
-    best_effort: accept a film that is less accurate than the scene asks for.
+    best_effort: accept a film that is less accurate than the scene asks for. A budget of seconds is kept as well as
+        this machine can; frames that take longer are no error.
 
     Returns the Film, which notebooks play.
-    Raises InputError, SceneError, OutputLockedError where another job writes the same output, and RenderError where the
-    film cannot be written or is less accurate than the scene asks for: it is there then, as accurate as can be.
+    Raises InputError, SceneError, OutputLockedError if another job is writing the same output, and RenderError if the
+    film cannot be written or is less accurate than the scene asks for; the film is written in the latter case, too.
 
     Example
     -------
@@ -282,7 +284,7 @@ def render(
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     """Compute the exact picture of a frame: the converged ray integral, without pyramid, cells or tolerance.
 
-    It takes far longer than drawing. Use small pictures: a second or so for 200 x 200 pixels.
+    It takes far longer than drawing: use small pictures.
 
     Parameters
     ----------

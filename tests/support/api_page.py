@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,9 +17,12 @@ _HEAD = """\
 `import renderer` is hsplat as a library. From a numpy array to a picture:
 
 ```python
-import numpy as np, renderer
-array = np.load("scan.npy")                 # [z, y, x]
-renderer.render_frame(array, spacing=(1, 1, 2))     # a notebook displays it
+import numpy as np
+
+import renderer
+
+array = np.load("scan.npy")  # [z, y, x]
+renderer.render_frame(array, spacing=(1, 1, 2))  # a notebook displays it
 ```
 
 [api.ipynb](api.ipynb) is a notebook with more. Everything is drawn in this process, on all cores, to the same bytes as
@@ -43,8 +47,8 @@ def _entry(name: str) -> Iterator[str]:
     if inspect.isfunction(thing):
         signature = inspect.signature(thing)
         bare = [each.replace(annotation=inspect.Parameter.empty) for each in signature.parameters.values()]
-        call = str(inspect.Signature(bare))
-        yield from ("```python", f"renderer.{name}{call}", "```", "")
+        yield from textwrap.wrap(f"    renderer.{name}{inspect.Signature(bare)}", 118, subsequent_indent=" " * 8)
+        yield ""
     yield from _markdown(inspect.getdoc(thing) or "")
 
 

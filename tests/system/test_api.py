@@ -208,7 +208,7 @@ def test_a_film_is_whole_or_not_at_all(output: str, monkeypatch: pytest.MonkeyPa
 
 def test_an_accuracy_that_cannot_be_had() -> None:
     write_scene(error="psnr: 150")
-    with pytest.raises(renderer.RenderError, match="the accuracy that is wanted is beyond full resolution"):
+    with pytest.raises(renderer.RenderError, match="beyond full resolution"):
         renderer.render("scene.yaml")
     assert Path("film.mp4").exists()
     film = renderer.render("scene.yaml", best_effort=True)
