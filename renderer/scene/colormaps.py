@@ -1,7 +1,6 @@
 """Named colormaps, from the catalogue of the package `cmap`.
 
-Names are checked without importing that package, because it imports numpy: its catalogue is a `record.json` in each of
-its data folders, and those are read here.
+Importing `cmap` imports numpy, so names are checked without it: each of its data folders has a `record.json`.
 """
 
 from __future__ import annotations
@@ -16,17 +15,18 @@ from renderer.errors import RenderError, closest_match
 
 
 def colormap_names() -> tuple[str, ...]:
-    """Every name, short (`viridis`) and with its collection (`bids:viridis`), sorted; `_r` after one reverses it."""
+    """Return every name, sorted: short (`viridis`) and with its collection (`bids:viridis`). A suffix `_r` reverses
+    a colormap."""
     return tuple(sorted(set(_names())))
 
 
 def is_colormap(name: str) -> bool:
-    """Whether `colormap_points` knows this name; case does not matter, and blank, dash and underscore are the same."""
+    """Return whether `colormap_points` knows this name, in any case and with blanks, dashes or underscores."""
     return any(_normal(known) == _base(name) for known in _names())
 
 
 def nearest_colormap(name: str) -> str | None:
-    """The colormap that was probably meant, or None; `_r` is kept."""
+    """Return the colormap with the most similar name, or None; `_r` is kept."""
     base = _base(name)
     short = ":" not in base
     found = closest_match(base, (known for known in colormap_names() if (":" not in known) == short))
@@ -34,14 +34,14 @@ def nearest_colormap(name: str) -> str | None:
 
 
 def colormap_points(name: str, count: int) -> list[tuple[float, float, float]]:
-    """`count` >= 2 colours, evenly spaced from the colormap's first to its last; each (r, g, b) in [0, 1].
+    """Return `count` >= 2 colours (r, g, b) in [0, 1], evenly spaced from the colormap's first to its last.
 
-    `name` must be one that `is_colormap` accepts. Imports cmap, and with it numpy.
+    name: one that `is_colormap` accepts. Imports cmap, and with it numpy.
     """
     import cmap
 
     base = _base(name)
-    # The full name: a short one that several collections share is reported on stderr.
+    # A full name avoids cmap's warning about short names that several collections share.
     full = cmap.Colormap.catalog().resolve(base)
     colors = cmap.Colormap(full if base == _normal(name) else f"{full}_r").lut(count)
     return [(float(r), float(g), float(b)) for r, g, b, _ in colors]
@@ -56,7 +56,7 @@ def _base(name: str) -> str:
 
 
 def _names() -> Iterator[str]:
-    """Legal names, as the catalogue spells them; lazily, since a common one is in the first few files."""
+    """Yield the names in the catalogue's spelling, lazily: common ones are in the first files."""
     for record in _records():
         content = json.loads(record.read_text(encoding="utf-8"))
         collection = content["namespace"]

@@ -1,4 +1,4 @@
-"""Plain data of a scene, what the command line changes in it, and where everything in it was written."""
+"""Apply the options of the command line to a scene's tree, and locate the problems of both."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _Origin = TextPosition | _Option | None
 
 
 class SceneEditor:
-    """Changes a tree as the options of the command line say, and remembers which of them wrote what.
+    """Changes a tree by command-line options, and remembers which option wrote what.
 
     Parameters
     ----------
     tree: a mapping, which is changed.
-    path: the file that it was read from; lines: those of the file, to be shown with complaints.
-    path_prefix: where the scene is in the file, if that is known by keys and not by lines.
-    hints: for complaints about the file's own values, by path.
+    path: the file that it was read from. lines: its lines, to show with problems.
+    path_prefix: where the scene is in the file, for files that are located by keys instead of lines.
+    hints: for problems with the file's own values, by path.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class SceneEditor:
         self._num_options = 0
 
     def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | None) -> None:
-        """Change what `--set`, `--volume` and `--output` say, in this order."""
+        """Apply `--set`, `--volume` and `--output`, in this order."""
         for override in overrides:
             self._override(override)
         if volume is not None:
@@ -70,9 +70,10 @@ class SceneEditor:
         return list(self._options)
 
     def parse(self, *, is_single_frame: bool = False, extra_problems: Sequence[Problem] = ()) -> Scene:
-        """The scene, its files relative to that of the tree; `extra_problems` is what else is wrong in this file.
+        """Return the scene; its files are relative to the folder of the tree's file.
 
-        Raises SceneError with all complaints, in their order in the file, those about the command line last.
+        extra_problems: other problems of this file. Raises SceneError with all problems, in the order of the file,
+            those of the command line last.
         """
         problems = [*self._problems, *((None, problem) for problem in extra_problems)]
         try:
@@ -84,7 +85,7 @@ class SceneEditor:
         return scene
 
     def _option(self, text: str) -> _Option:
-        """The next option."""
+        """Return the next option."""
         self._num_options += 1
         return _Option(self._num_options, text)
 
@@ -113,7 +114,7 @@ class SceneEditor:
         self._set(parts, value.data, option)
 
     def _replace_volume(self, volume: Path) -> None:
-        """Let the volume come from a file, with the other keys of the section as they are."""
+        """Take the volume from a file, and keep the other keys of the section."""
         option = self._option(f"--volume {volume}")
         section = self.tree.data.get("volume")
         rest = (
@@ -123,7 +124,7 @@ class SceneEditor:
         self._set(["volume", "file"], str(volume.absolute()), option)
 
     def _set(self, parts: Sequence[str], value: Any, option: _Option) -> None:
-        """Put `value` at the path `parts` and remember that `option` did it; None takes the key away."""
+        """Set `value` at the path `parts`, written by `option`; None removes the key."""
         parent, path = self.tree.data, ""
         for part in parts[:-1]:
             key = self._key(parent, part, path, option)
@@ -144,7 +145,7 @@ class SceneEditor:
             parent[key] = value
 
     def _key(self, parent: Any, part: str, path: str, option: _Option) -> Any:
-        """What `part` names in `parent`: a key, which need not be there, or an index, which must."""
+        """Return the key or the list index that `part` names in `parent`; a new key is allowed, a new index is not."""
         if isinstance(parent, dict):
             return next((key for key in parent if join_keys("", key) == part), part)
         if isinstance(parent, list):
@@ -157,7 +158,7 @@ class SceneEditor:
         return None
 
     def _remember(self, path: str, option: _Option) -> None:
-        """From now on, `path` and all below it come from `option`."""
+        """Record that `option` wrote `path` and all below it."""
         for known in [known for known in (*self.tree.locations, *self._options) if known.startswith(f"{path}.")]:
             self.tree.locations.pop(known, None)
             self._options.pop(known, None)

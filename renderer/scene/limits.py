@@ -1,12 +1,11 @@
-"""Numbers of a scene that are right by themselves, and out of all proportion together.
+"""Check that the numbers of a scene fit each other.
 
-Every number of a scene has bounds of its own (`renderer.scene.parse`). What remains is relative: a camera so far from
-its volume that nothing is left of it, a pixel that shows less of a voxel than float32 can place. Where the scene says
-how large the volume is, `hsplat check` finds out; otherwise the start of `renderer.frame.pipeline.prepare` does, before
-any work. Nothing here imports numpy.
+`renderer.scene.parse` checks every number by itself. The checks here are relative: a camera so far away that the volume
+vanishes, a pixel that shows less of a voxel than float32 can resolve. `hsplat check` runs them if the scene gives the
+volume's size; otherwise `renderer.frame.pipeline.prepare` does, before any work. Nothing here imports numpy.
 
-The bounds are far outside of what can be meant, and well inside of what is computed right: drawing is relative to the
-volume's centre and to half its diagonal, its *radius*, in float32, from there on with eyes up to MAX_DISTANCE away.
+The bounds are far outside any sensible value, and well inside what is computed exactly. Drawing is relative to the
+volume's centre and to half its diagonal, its *radius*, in float32, with eyes up to MAX_DISTANCE away.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ from renderer.scene.spec import CameraSpec, FileSource, KeyframePath, RawSource,
 if TYPE_CHECKING:
     from renderer.volume import Volume
 
-# Longest side of a voxel by its shortest.
+# Longest side of a voxel divided by its shortest.
 MAX_SPACING_RATIO = 1e5
-# From the world's origin to the volume's centre, in sides of a voxel: float64 places voxels to 1e-4 of their side.
+# Distance of the volume's centre from the world's origin, in sides of a voxel: float64 places voxels to 1e-4 of a side.
 MAX_OFFSET = 1e12
-# Of the target from the volume's centre, of the eye from its target and of the near plane, in radii.
+# Distances of the target from the volume's centre, of the eye from the target, and of the near plane, in radii.
 MAX_DISTANCE = 1e12
 # Width of a pixel: at least this many voxels' shortest sides, at most this many radii.
 MIN_PIXEL_VOXELS, MAX_PIXEL_RADII = 1e-6, 1e12
@@ -34,9 +33,10 @@ MIN_PIXEL_VOXELS, MAX_PIXEL_RADII = 1e-6, 1e12
 
 @dataclass(frozen=True)
 class Extent:
-    """Where a volume is and how large; world units.
+    """The place and the size of a volume, in world units.
 
-    centre: its middle. radius: half its diagonal, were its axes at right angles. finest, coarsest: sides of a voxel.
+    centre: its middle. radius: half its diagonal, as if its axes were at right angles. finest, coarsest: sides of a
+        voxel.
     """
 
     centre: Vector
@@ -46,21 +46,21 @@ class Extent:
 
     @classmethod
     def of(cls, shape: tuple[int, int, int], spacing: Vector, centre: Vector) -> Extent:
-        """That of voxels: numbers of them and sides along the index axes x, y, z."""
+        """Return the extent of voxels: their numbers and sides along the index axes x, y, z."""
         diagonal = math.hypot(*(num * side for num, side in zip(shape, spacing, strict=True)))
         return cls(centre, diagonal / 2, min(spacing), max(spacing))
 
 
 def volume_extent(volume: Volume) -> Extent:
-    """That of a volume that has been read."""
+    """Return the extent of a volume."""
     x, y, z = volume.spacing.tolist()
     centre_x, centre_y, centre_z = volume.centre.tolist()
     return Extent.of(volume.shape_xyz, (x, y, z), (centre_x, centre_y, centre_z))
 
 
 def proportion_problems(scene: Scene) -> Iterator[Problem]:
-    """What is out of proportion in a scene, as far as it says how large its volume is: of files with a header, no more
-    than the voxels' spacing, where it gives that."""
+    """Yield the problems that a scene alone shows: of files with a header, only those of a spacing that the scene
+    gives."""
     source = scene.volume.source
     if isinstance(source, FileSource):
         if source.spacing is not None:
@@ -76,7 +76,7 @@ def proportion_problems(scene: Scene) -> Iterator[Problem]:
 
 
 def volume_problems(extent: Extent, path: str) -> Iterator[Problem]:
-    """What no scene can do with a volume; `path` is what the complaints are about."""
+    """Yield the problems that a volume has in any scene; `path` is the key that they concern."""
     yield from _ratio_problems(extent.coarsest / extent.finest, path)
     offset = max(map(abs, extent.centre)) / extent.finest
     if offset > MAX_OFFSET:
@@ -92,7 +92,7 @@ def _ratio_problems(ratio: float, path: str) -> Iterator[Problem]:
 
 
 def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -> Iterator[Problem]:
-    """What a camera cannot do before a volume: each length that is given against the volume's size."""
+    """Yield the lengths of a camera that do not fit the volume's size."""
     away = math.dist(camera.target, extent.centre) if isinstance(camera.target, tuple) else 0.0
     limit = MAX_DISTANCE * extent.radius
     expected = f"at most {limit:.4g}, {MAX_DISTANCE:g} times half the volume's diagonal"
@@ -112,7 +112,7 @@ def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -
 def _pixel_problems(
     camera: CameraSpec, distance: float, away: float, size: tuple[int, int], extent: Extent
 ) -> Iterator[Problem]:
-    """What is wrong with the width of a pixel; `away` is the target's distance from the volume's centre."""
+    """Yield the problems with the width of a pixel; `away` is the target's distance from the volume's centre."""
     # In perspective the far side of the volume is at most this far from any eye of the path.
     depth = distance if camera.projection == "orthographic" else distance + away + extent.radius
     per_unit = 2 * math.tan(math.radians(camera.field_of_view) / 2) / size[1]
@@ -128,6 +128,6 @@ def _pixel_problems(
 
 
 def raise_problems(problems: Iterable[Problem]) -> None:
-    """Raise SceneError with the problems if there are any."""
+    """Raise SceneError if there are problems."""
     if found := list(problems):
         raise SceneError(found)

@@ -19,6 +19,7 @@ def format_value(value: object) -> str:
 
 
 def _flow(value: object, depth: int) -> str:
+    """Return a value in YAML's flow style, at most three levels deep."""
     if not isinstance(value, (list, tuple, Mapping)):
         return _scalar(value)
     if depth == 3:

@@ -1,4 +1,4 @@
-"""An accuracy that is wanted, and how near to it a value comes."""
+"""The accuracy that a search has to reach."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class MetricTarget:
-    """A metric of `renderer.study.metrics.METRICS`, over all pixels of each frame, and the value to be reached."""
+    """A metric of `renderer.study.metrics.METRICS`, over all pixels of each frame, and the value to reach."""
 
     metric: Literal["psnr", "rmse", "ssim", "flip"]
     value: float
@@ -18,10 +18,10 @@ class MetricTarget:
         return self.format(self.value)
 
     def format(self, value: float) -> str:
-        """A value of this metric with its name and unit."""
+        """Return a value of this metric as text, with name and unit."""
         return f"{self.metric} {value:.2f} dB" if self.metric == "psnr" else f"{self.metric} {value:.4g}"
 
     def margin(self, value: float) -> float:
-        """How much better than wanted a value is; negative where it is worse, or no number."""
+        """Return how much better than the target a value is; negative if it is worse, -inf for NaN."""
         margin = value - self.value if self.metric in ("psnr", "ssim") else self.value - value
         return -math.inf if math.isnan(margin) else margin

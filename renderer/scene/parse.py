@@ -1,8 +1,8 @@
-"""Plain data to a checked Scene, and back.
+"""Convert plain data to a checked Scene, and back.
 
-The tree is what a YAML or JSON reader gives: nested mappings, lists and scalars. The large sections of a scene have a
-module each (`schema_volume`, `schema_transfer`, `schema_camera`, `schema_error`, `schema_output`), the others are here.
-Defaults are those of the dataclasses in `renderer.scene.spec`. Nothing here imports numpy or GL.
+The tree comes from a YAML or JSON reader: nested mappings, lists and scalars. Each large section of a scene has its own
+    module (`parse_volume`, `parse_transfer`, `parse_camera`, `parse_error_schedule`, `parse_output`). Defaults are
+    those of the dataclasses in `renderer.scene.spec`. Nothing here imports numpy or OpenGL.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ VERSION = 1
 
 
 def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> Scene:
-    """The scene that `tree` describes.
+    """Return the scene that `tree` describes.
 
-    Volume files are looked for relative to `base` and kept as `base / file`; the output file is kept as given. It may
-    be a PNG without a number in its name where the path has one frame or, one is drawn.
-    Raises SceneError with every problem that there is.
+    base: the folder that volume files are relative to; they are kept as `base / file`, the output file as given.
+    is_single_frame: one frame is drawn, so the output may be a PNG without a number in its name.
+    Raises SceneError with every problem.
     """
     problems: list[Problem] = []
     scene = _scene_field_type(base, is_single_frame).read(TreeNode(tree, "", problems))
@@ -62,7 +62,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     return scene
 
 
-# Keys that are looked for at the top, and where they are.
+# Keys that users put at the top level, and where they belong.
 _MISPLACED_KEY_HINTS = {
     key: f"did you mean {place}.{key}?"
     for place, keys in {
@@ -142,7 +142,7 @@ _HINTS_INTEGRATED = _HINTS_GOURAUD | {
 }
 _ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
 _WEIGHT = schema.number_field(minimum=0, maximum=1)
-# Weights are divided by the largest ones.
+# Weights are divided by the largest one.
 MIN_PROFILE_WEIGHT = 1e-6
 _PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
 _PROFILE = schema.sequence_field(
@@ -151,7 +151,7 @@ _PROFILE = schema.sequence_field(
 
 
 def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
-    """A section that only says how splats are to be asks for splats; an empty one is none."""
+    """Build the section. A section with any key asks for splats, so an empty one has no effect."""
     if not given:
         return Scene.splat
     footprint = given.get("footprint", SplatSpec.footprint)
@@ -169,7 +169,7 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
 
 
 def _unused_splat_keys(footprint: str) -> dict[str, str]:
-    """Keys that would mean nothing beside a footprint, and a hint for each."""
+    """Return the keys that mean nothing for a footprint, with a hint for each."""
     return {"gaussian": _HINTS_GOURAUD, "integrated": _HINTS_INTEGRATED}.get(footprint, {})
 
 
@@ -189,7 +189,7 @@ def _check_profile(node: TreeNode, profile: tuple[tuple[float, float], ...], num
 
 
 def _profile_at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Iterator[float]:
-    """The profile, linear between its points, at the radii k / num_rings from 0 to 1."""
+    """Yield the profile, linear between its points, at the radii k / num_rings from 0 to 1."""
     for ring in range(num_rings + 1):
         radius = ring / num_rings
         (first, before), (end, after) = next(pair for pair in pairwise(profile) if radius <= pair[1][0])
@@ -217,11 +217,10 @@ _PATH_TYPES = {TurntablePath: "turntable", RockerPath: "rocker", KeyframePath: "
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
-    """The scene as plain data with every default written out; JSON and YAML can hold it.
+    """Return the scene as plain data for JSON or YAML, with every default written out.
 
-    `parse_scene` makes the same scene from it, with any `base` if the volume's file is an absolute path and with the
-    current folder otherwise; `still` as for the scene. Only an array in memory, of which it has the shape, cannot be
-    parsed.
+    `parse_scene` makes the same scene from it: with any `base` if the volume's file is an absolute path, else in the
+        same folder.
     """
     tree: dict[str, Any] = _plain(scene)
     return {key: tree[key] for key in ("version", *tree) if key in tree}
@@ -267,14 +266,13 @@ def _plain_fields(value: Any) -> dict[str, Any]:
 
 
 def splat_section_without_defaults(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """A section `splat` of `scene_to_dict` without defaults, which nobody asked for and which another footprint may
-    not have."""
+    """Return a `splat` section of `scene_to_dict` without defaults, which another footprint may not have."""
     defaults = _plain_fields(SplatSpec())
     return {key: value for key, value in plain.items() if key == "footprint" or repr(defaults.get(key)) != repr(value)}
 
 
 def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
-    """The one key of a section `error` that says how exact, and its value."""
+    """Return the key of the `error` section that sets the accuracy, with its value."""
     goal = error.goal
     if isinstance(goal, AccuracyGoal):
         return {goal.metric: goal.value}

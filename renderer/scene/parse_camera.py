@@ -1,4 +1,4 @@
-"""The scene's `camera` and its paths."""
+"""Parse the scene's `camera` and its paths."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from renderer.scene.spec import (
 MAX_FRAMES = 10**6
 FRAME_NUMBER_FIELD = schema.integer_field(minimum=0, maximum=MAX_FRAMES - 1)
 
-# Degrees: thousands of turns, of which float64 keeps the direction to 1e-10 degrees.
+# Degrees: float64 keeps the direction after thousands of turns to 1e-10 degrees.
 MAX_ANGLE = 1e6
-# A film at 180 degrees, or at 0, shows nothing; at these the tangent of the half angle is 9e-6 and 1146.
+# A view of 0 or 180 degrees shows nothing; the tangents of these half angles are 9e-6 and 1146.
 MIN_FIELD_OF_VIEW, MAX_FIELD_OF_VIEW = 0.001, 179.9
 MIN_ZOOM, MAX_ZOOM = 1e-6, 1e6
 
@@ -40,7 +40,7 @@ AXES: dict[str, Vector] = {
 
 
 def direction_field(expected: str) -> schema.FieldType[Vector]:
-    """Three coordinates that are not all 0, nor as good as that."""
+    """Return the type of three coordinates that are not all (nearly) 0."""
 
     def parse(node: TreeNode) -> Vector:
         vector = numbers.read(node)
@@ -101,7 +101,7 @@ _PATH_FIELDS: dict[str, dict[str, schema.FieldType[Any]]] = {
         "easing": schema.choice_field("smooth", "linear"),
     },
 }
-# What to say about a key of another type of path.
+# Hints for keys of other path types.
 _OWNERS = {
     key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"
     for key in set().union(*_PATH_FIELDS.values())
@@ -124,7 +124,7 @@ def _parse_path(node: TreeNode) -> Any:
 
 
 def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
-    """Keyframes must ascend and lie in the path."""
+    """Check that keyframes ascend and lie in the path."""
     frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
     for index, frame in enumerate(frames):
         if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:

@@ -1,4 +1,4 @@
-"""The scene's `error`: how exact, as a tolerance or as what a tolerance is to be found for."""
+"""Parse the scene's `error`: a tolerance, or a goal that determines it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from renderer.scene.parse_camera import FRAME_NUMBER_FIELD
 from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.spec import MIN_TOLERANCE, AccuracyGoal, ByFrame, ErrorSpec, SplatBudget, TimeBudget
 
-# Cells of this level would be wider than any volume is long: indices of voxels along an axis are int32.
+# Cells of this level are wider than any volume: voxel indices along an axis are int32.
 MAX_LEVEL = 30
 
 # More cells than any volume has voxels.
 MAX_SPLATS = 10**12
 
-# A frame takes longer than the one and should not take longer than the other, a day.
+# A frame takes longer than the first; the second is a day.
 MIN_SECONDS, LONGEST_S = 1e-4, 86400.0
 
 MAX_PSNR_DB = 200.0
@@ -28,7 +28,7 @@ MAX_PSNR_DB = 200.0
 def _by_frame(
     value: schema.FieldType[Any], example: str, at_frame: schema.FieldType[Any] | None = None
 ) -> schema.FieldType[ByFrame]:
-    """A constant, or values by frame in ascending order."""
+    """Return the type of a constant, or of values by frame in ascending order."""
     item = at_frame or value
 
     def parse(node: TreeNode) -> ByFrame:
@@ -58,7 +58,7 @@ def _require_ascending(key: TreeNode, frame: int, found: list[tuple[int, float]]
 
 
 def _not_zero(kind: schema.FieldType[Any], what: str, hint: str) -> schema.FieldType[Any]:
-    """The same kind, none of which is 0, with a hint to who writes it nevertheless."""
+    """Return the same type without 0, with a hint for 0."""
 
     def parse(node: TreeNode) -> Any:
         if node.value == 0 and node.value is not False:
@@ -104,7 +104,7 @@ _SECONDS = _not_zero(
     "it is the time for each frame; the quickest is splats: 1",
 )
 
-# What an `error` may have one of.
+# An `error` has one of these keys.
 _SCHEDULES: dict[str, schema.FieldType[Any]] = {
     "tolerance": replace(_TOLERANCES, parse=_parse_tolerance),
     "splats": _by_frame(_NUM_SPLATS, "{0: 1000, 60: 100000}"),
@@ -143,7 +143,7 @@ def _build_error(node: TreeNode, given: dict[str, Any]) -> ErrorSpec:
 
 
 def _schedule(given: dict[str, Any], name: str = "") -> dict[str, Any]:
-    """What ErrorSpec holds of the schedule of that name."""
+    """Return the fields of ErrorSpec for the schedule of that name."""
     if name in ("", "tolerance"):
         return {"tolerance": given[name]} if name else {}
     value = given[name]
@@ -164,7 +164,7 @@ ERROR_SECTION = schema.section_field(
 
 
 def check_scheduled_frames(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Complain about scheduled frames that the camera's path does not have; `given` is of the whole scene."""
+    """Check that the camera's path has all scheduled frames; `given` holds the sections of the whole scene."""
     num_frames = getattr(getattr(given["camera"], "path", None), "frames", None)
     error = given.get("error")
     if not isinstance(num_frames, int) or not isinstance(error, ErrorSpec):

@@ -1,4 +1,4 @@
-"""The scene's `output`: which file, how large, and what goes with which format."""
+"""Parse the scene's `output`: the file, its size, and what each format allows."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from renderer.scene.spec import FRAME_FIELD, OutputSpec
 
 MAX_SIDE = 16384
 
-# A GIF's delay is a whole number of centiseconds, and browsers take a delay of 1 for 10.
+# A GIF's delay is a whole number of centiseconds, and browsers show a delay of 1 as 10.
 MAX_GIF_RATE = 50
 
 _FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png"
@@ -91,7 +91,7 @@ OUTPUT_SECTION = schema.section_field(_FIELDS, _build_output, required=("file",)
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Complain about one name for the pictures of several frames; `given` is of the whole scene."""
+    """Check that the name of several frames has a number; `given` holds the sections of the whole scene."""
     num_frames = getattr(getattr(given["camera"], "path", None), "frames", INVALID)
     file = getattr(given["output"], "file", INVALID)
     if INVALID in (num_frames, file) or num_frames == 1:

@@ -1,4 +1,4 @@
-"""The scene's `transfer_function`: colours, control points and colormaps."""
+"""Parse the scene's `transfer_function`: colours, control points and colormaps."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def _check_colormap(node: TreeNode, given: dict[str, Any]) -> None:
 
 
 def _check_order(node: TreeNode, values: list[Any], key: object) -> None:
-    """Values must not descend; two equal ones are a step, and three have a middle that nothing can reach."""
+    """Check that values do not descend: two equal values are a step, and a third between them has no effect."""
     for index, (before, value) in enumerate(pairwise(values), start=1):
         if INVALID in (before, value):
             continue

@@ -1,4 +1,4 @@
-"""The scene's `volume`: where the voxels come from, checked as far as that is possible without reading them."""
+"""Parse the scene's `volume`: the source of the voxels, checked as far as possible without reading them."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ _ALIASES = {
     "double": "float64",
 }
 
-# 2**16 voxels along an axis and 2**36 (4096 cubed) in total keep every index and every byte count of a volume within
-# 64 bits, with room for node numbers; nothing that fits in memory is refused.
+# 2**16 voxels along an axis and 2**36 (4096 cubed) in total keep all indices and byte counts within 64 bits, with room
+# for node numbers. Any volume that fits in memory is accepted.
 MAX_AXIS = 2**16
 MAX_VOXELS = 2**36
 
@@ -76,7 +76,7 @@ _CROP = schema.sequence_field(
 
 
 def volume_field_type(base: Path) -> schema.FieldType[VolumeSpec]:
-    """The kind of `volume`; its files are relative to the folder `base`."""
+    """Return the type of `volume`; its files are relative to the folder `base`."""
     raw: schema.FieldTable = {
         "file": _file_field_type(base, folder=False),
         "shape": _SHAPE,
@@ -153,7 +153,7 @@ def _build_raw(node: TreeNode, given: dict[str, Any]) -> RawSource:
 
 
 def _check_total(node: TreeNode, shape: tuple[Any, ...]) -> bool:
-    """Whether these are three axis lengths that make a volume of legal size."""
+    """Return whether these are three axis lengths of a volume of legal size."""
     if not all(isinstance(length, int) for length in shape):
         return False
     total: int = math.prod(shape)
@@ -163,7 +163,7 @@ def _check_total(node: TreeNode, shape: tuple[Any, ...]) -> bool:
 
 
 def _check_crop(node: TreeNode, crop: Any, shape: Any) -> None:
-    """Ranges must hold a voxel and, where the volume's shape is known, lie in it."""
+    """Check that ranges hold a voxel and lie in the volume, if its shape is known."""
     for index, pair in enumerate(crop if isinstance(crop, tuple) else ()):
         if not (isinstance(pair, tuple) and all(isinstance(end, int) for end in pair)):
             continue
@@ -180,7 +180,7 @@ def _check_crop(node: TreeNode, crop: Any, shape: Any) -> None:
 
 
 def _file_field_type(base: Path, *, folder: bool) -> schema.FieldType[Path]:
-    """An existing file (or folder), relative to `base`."""
+    """Return the type of an existing file (or folder), relative to `base`."""
 
     def parse(node: TreeNode) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
@@ -210,7 +210,7 @@ _VOLUME_FILE_WORDS = "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder 
 
 
 def _missing_file_hint(path: Path) -> str | None:
-    """A hint for a file that is not there."""
+    """Return a hint for a missing file."""
     try:
         others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
     except (OSError, ValueError):

@@ -1,6 +1,6 @@
-"""A scene file, with what the command line changes in it, to a checked Scene.
+"""Read a scene file, apply the options of the command line, and check the result.
 
-Every complaint names its place: `scene.yaml:14:13`, or the option that brought the value in.
+Every problem has its location: `scene.yaml:14:13`, or the option that gave the value.
 """
 
 from __future__ import annotations
@@ -24,19 +24,18 @@ def load_scene(
     output: Path | None = None,
     is_single_frame: bool = False,
 ) -> Scene:
-    """The scene in the YAML file `path`.
+    """Return the scene in the YAML file `path`.
 
     Parameters
     ----------
-    overrides: `path.to.key=value`, value being YAML; missing mappings are made, list items are named by their number
-        from 0, and the value null takes a key away. They apply in their order, before the two below.
-    volume: takes the place of the volume's source, and output that of the output file; both are relative to the
-        current folder. Volume files in the scene are relative to the scene file, and its output file to the current
-        folder.
-    is_single_frame: one frame of the path is drawn.
+    overrides: `path.to.key=value`, the value in YAML. Missing mappings are created, list items are counted from 0, and
+        the value null removes a key. They are applied in order, before `volume` and `output`.
+    volume: replaces the volume's source, and `output` the output file; both are relative to the current folder. Volume
+        files in the scene are relative to the scene file, its output file to the current folder.
+    is_single_frame: only one frame of the path is drawn.
 
-    Raises InputError where the file cannot be read, and SceneError with all the complaints about what is in it, in
-    their order in the file, those about the command line last.
+    Raises InputError if the file cannot be read, and SceneError with all problems in it, in the order of the file,
+    those of the command line last.
     """
     return parse_scene_content(
         read_content(path), path, overrides=overrides, volume=volume, output=output, is_single_frame=is_single_frame
@@ -52,7 +51,7 @@ def parse_scene_content(
     output: Path | None,
     is_single_frame: bool,
 ) -> Scene:
-    """The scene in the content of the file `path`; as `load_scene`."""
+    """Return the scene in the content of the file `path`; parameters as in `load_scene`."""
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
     reject_volume_header(content, path)

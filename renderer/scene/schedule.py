@@ -1,4 +1,4 @@
-"""The error schedule: which tolerance, or which budget, each frame has."""
+"""Evaluate and change the error schedule: the tolerance or the budget of each frame."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from renderer.scene.spec import AccuracyGoal, ByFrame, ErrorSpec, Scene, TimeBud
 
 
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
-    """The tolerance of a frame, of a schedule whose goal, if it had one, has been resolved."""
+    """Return the tolerance of a frame, for a schedule whose goal, if any, has been resolved."""
     assert error.goal is None, f"to be resolved first: {error.goal}"
     return scheduled_value(error.tolerance, frame)
 
 
 def scheduled_value(by_frame: ByFrame, frame: int) -> float:
-    """The value at a frame: linear in its logarithm between the scheduled frames, constant before and after them.
+    """Return the value at a frame: its logarithm is linear between the scheduled frames and constant outside them.
 
-    At a scheduled frame it is the scheduled number, bit for bit, and between two of them it never turns back.
-    Values that are interpolated are at least 1e-300; between equal ones, which may be 0, it is constant.
+    The value at a scheduled frame is exact, and values between two scheduled frames are monotone. Interpolated values
+    are at least 1e-300; between equal values, which may be 0, the schedule is constant.
     """
     following = bisect_right(by_frame, frame, key=itemgetter(0))
     if following == 0:
@@ -32,8 +32,8 @@ def scheduled_value(by_frame: ByFrame, frame: int) -> float:
     (start, before), (end, after) = by_frame[following - 1 : following + 1]
     if frame == start or before == after:
         return before
-    # Every step is monotone in the frame, the rounding included, and half the logarithm's rise at a time is finite.
-    # Two values that are almost equal differ by a number that is exact, and their logarithms by digits too few.
+    # Every step is monotone in the frame, rounding included; halving the logarithm's rise keeps it finite. The
+    # difference of almost equal values is exact, while that of their logarithms loses digits.
     close = 0.5 * before < after < 2.0 * before
     rise = math.log1p((after - before) / before) if close else math.log(after) - math.log(before)
     root = math.exp(0.5 * rise * ((frame - start) / (end - start)))
@@ -41,14 +41,14 @@ def scheduled_value(by_frame: ByFrame, frame: int) -> float:
 
 
 def is_film_wide_goal(error: ErrorSpec) -> bool:
-    """Whether the goal is one of the frames together: whether some of them alone would meet it is not known."""
+    """Return whether the goal concerns all frames together, so that a part of them cannot tell whether it is met."""
     return isinstance(error.goal, (AccuracyGoal, TimeBudget))
 
 
 def with_draw_order(scene: Scene) -> Scene:
-    """The scene in the order in which it is drawn: a single one, `unmixed`, on a budget of time.
+    """Return the scene with the order in which splats are drawn: `unmixed`, a single order, for a time budget.
 
-    A second drawing of some frames would take twice their time, or a far coarser cut, which flickers.
+    Drawing some frames in a second order would double their time, or need a far coarser cut, which flickers.
     """
     if isinstance(scene.error.goal, TimeBudget) and scene.splat.order == "depth":
         return replace(scene, splat=replace(scene.splat, order="unmixed"))
@@ -56,22 +56,22 @@ def with_draw_order(scene: Scene) -> Scene:
 
 
 def min_tolerance(error: ErrorSpec) -> float:
-    """No frame has a smaller tolerance: `tolerance_at` stays between those that it interpolates; 0 with a goal."""
+    """Return the smallest tolerance of any frame; 0 with a goal."""
     return 0.0 if error.goal else min(tolerance for _, tolerance in error.tolerance)
 
 
 def with_tolerance(scene: Scene, tolerance: float) -> Scene:
-    """The same film at a constant tolerance."""
+    """Return the scene at a constant tolerance."""
     return replace(scene, error=replace(scene.error, tolerance=((0, tolerance),), goal=None))
 
 
 def with_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
-    """The same film with these frames, in ascending order, at these tolerances, which need not be interpolated."""
+    """Return the scene with a tolerance for each of these frames, in ascending order."""
     return replace(scene, error=replace(scene.error, tolerance=schedule_from_tolerances(tolerances), goal=None))
 
 
 def schedule_from_tolerances(tolerances: Mapping[int, float]) -> ByFrame:
-    """A schedule that has, at these frames, in ascending order, these tolerances, bit for bit."""
+    """Return a schedule with exactly these tolerances at these frames, which are in ascending order."""
     frames = list(tolerances)
     starts = frames[:1]
     starts += [frame for before, frame in pairwise(frames) if tolerances[frame] != tolerances[before]]

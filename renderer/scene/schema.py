@@ -1,10 +1,9 @@
-"""A small toolkit that turns plain data (mappings, lists, scalars) into checked values and finds every mistake at once.
+"""Field types that turn plain data (mappings, lists, scalars) into checked values and find every mistake at once.
 
-A `Kind` says what is expected and reads it from a `Node`, which is a value together with its place in the tree. A kind
-that meets a mistake notes it in the node's list of problems and returns INVALID, which stands in for the value so that
-reading goes on; whoever started the reading throws the result away if there is any problem. INVALID compares unequal to
-every legal value and is an instance of none of their types, so a check of several values together stays quiet about
-those that are already known to be wrong.
+A `FieldType` says what is expected and reads it from a `TreeNode`, a value with its path. For a mistake it adds a
+problem to the node's list and returns INVALID, so that reading continues; the caller discards the result if there is
+any problem. INVALID equals no legal value and is an instance of none of their types, so checks of several values skip
+values that are already wrong.
 """
 
 from __future__ import annotations
@@ -35,9 +34,9 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
 
 @dataclass(frozen=True)
 class TreeNode:
-    """A value, its dotted path, and the list that collects the problems of the whole tree.
+    """A value, its dotted path, and the list of the problems in the whole tree.
 
-    With `is_key`, the value is the key itself that the path ends in, and so are the problems' causes.
+    is_key: the value is the last key of the path itself, and problems concern that key.
     """
 
     value: object
@@ -46,11 +45,11 @@ class TreeNode:
     is_key: bool = False
 
     def child(self, key: object, value: object = None) -> TreeNode:
-        """The value at `key` below this one."""
+        """Return the node of the value at `key` below this one."""
         return TreeNode(value, join_keys(self.path, key), self.problems)
 
     def key(self, key: object) -> TreeNode:
-        """The key `key` below this one, for complaints that it is there."""
+        """Return the node of the key `key` itself, for problems with its presence."""
         return TreeNode(key, join_keys(self.path, key), self.problems, is_key=True)
 
     def add_problem(
@@ -61,20 +60,23 @@ class TreeNode:
         expected: str | None = None,
         hint: str | None = None,
     ) -> None:
-        """Note a problem with this value or key."""
+        """Add a problem with this value or key."""
         self.problems.append(Problem(self.path, what, got=got, expected=expected, hint=hint, at_key=self.is_key))
 
 
 @dataclass(frozen=True)
 class FieldType(Generic[T]):
-    """What is expected, in words that follow "expected:", and how it is read; `empty_hint` is a hint for no value."""
+    """A type of value: what is expected, in words that follow "expected:", and a function that reads it.
+
+    empty_hint: a hint for a key without a value.
+    """
 
     expected: str
     parse: Callable[[TreeNode], T]
     empty_hint: str | None = None
 
     def read(self, node: TreeNode) -> T:
-        """The checked value, or INVALID."""
+        """Return the checked value, or INVALID."""
         if node.value is None:
             return self.reject(node, "no value", hint=self.empty_hint)
         return self.parse(node)
@@ -106,7 +108,7 @@ TILDE_HINT = "~ is not expanded: write the whole path"
 
 
 def has_unexpanded_tilde(name: str) -> bool:
-    """Whether a name means a file in somebody's home, and would be one in a folder `~` of the current one."""
+    """Return whether a name begins with a `~` that only a shell expands to a home folder."""
     return name == "~" or name.startswith("~/")
 
 
@@ -180,14 +182,14 @@ def integer_field(*, minimum: int, maximum: int) -> FieldType[int]:
 
 
 def _decimal_point_hint(value: object) -> str | None:
-    """A hint for text that is a number but for its decimal comma."""
+    """Return a hint for a number with a decimal comma."""
     if not isinstance(value, str) or not _DECIMAL_COMMA.fullmatch(value):
         return None
     return f"decimals come after a point: {value.replace(',', '.')}"
 
 
 def underflows(text: str) -> bool:
-    """Whether text that spells a number spells one that is not 0, and that float64 has only as 0."""
+    """Return whether text spells a number that is not 0 but that float64 rounds to 0."""
     mantissa, _, _ = text.lower().partition("e")
     return float(text) == 0 and any(digit in mantissa for digit in "123456789")
 
@@ -204,7 +206,7 @@ def _as_float(value: object) -> float | None:
 
 
 def parse_whole_number(value: object) -> int | None:
-    """The whole number that a value is or, as text, spells; None for others."""
+    """Return the whole number that a value is or, as text, spells; None for others."""
     if isinstance(value, int) and not isinstance(value, bool):
         return value
     as_float = _as_float(value)
@@ -231,7 +233,7 @@ MAPPING_FIELD: FieldType[dict[str, Any]] = _instance_field(dict, "a mapping", "n
 
 
 def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> FieldType[Any]:
-    """One of `names`; `aliases` maps other programs' words to ours for the hint."""
+    """Return the type of one of `names`; `aliases` maps other programs' words to ours, for hints."""
 
     def parse(node: TreeNode) -> str:
         if isinstance(node.value, str) and node.value in names:
@@ -248,7 +250,7 @@ def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> Field
 
 
 def sequence_field(item: FieldType[T], expected: str, *, count: int | None = None) -> FieldType[tuple[T, ...]]:
-    """A list of `count` items, or of one or more; items that are wrong are INVALID."""
+    """Return the type of a list of `count` items, or of one or more; wrong items are INVALID."""
 
     def parse(node: TreeNode) -> tuple[T, ...]:
         if not isinstance(node.value, (list, tuple)):
@@ -268,9 +270,10 @@ def section_field(
     required: Collection[str] = (),
     misplaced_hints: Mapping[str, str] | None = None,
 ) -> FieldType[T]:
-    """A mapping with the keys of `table`; `build` makes the value from those that are given, checking them together.
+    """Return the type of a mapping with the keys of `table`; `build` checks the given values together and makes the
+    result.
 
-    misplaced_hints: as `fields` takes it.
+    misplaced_hints: as in `read_fields`.
     """
 
     def read(node: TreeNode) -> T:
@@ -290,10 +293,10 @@ def read_fields(
     required: Collection[str] = (),
     misplaced_hints: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """The values of a mapping's known keys, complaining about unknown and missing ones.
+    """Return the values of a mapping's known keys, and add problems for unknown and missing ones.
 
-    Optional keys that are not there are not in the result, so that defaults stay with the dataclass that has them.
-    `misplaced_hints` gives hints for keys that would be right in another place.
+    Optional keys that are not given are not in the result, so that the dataclass supplies their defaults.
+    misplaced_hints: hints for keys that belong in another place.
     """
     if not isinstance(node.value, Mapping):
         node.add_problem("not a mapping", got=format_value(node.value), expected=_mapping_with(table, required))
@@ -319,5 +322,5 @@ def read_fields(
 
 
 def valid_keys(given: Mapping[str, Any], *keys: str) -> list[str]:
-    """Those of `keys` that were given and read without a complaint."""
+    """Return those of `keys` that were given and read without a problem."""
     return [key for key in keys if given.get(key, INVALID) is not INVALID]

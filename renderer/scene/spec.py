@@ -1,9 +1,8 @@
-"""The frozen description of a job: what `scene.yaml` says, with every default filled in.
+"""The frozen description of a job: the content of `scene.yaml` with every default filled in.
 
-Nothing here imports numpy or GL, so that `hsplat check` answers at once. `renderer.scene.parse.parse_scene` makes a
-Scene from plain Python data and holds every check of a single value or of several together. Lengths are in world
-units (those of the volume's spacing), angles in degrees, colours in [0, 1] as given (display-referred), shapes,
-points and sizes in (x, y, z) and (width, height) order.
+`renderer.scene.parse.parse_scene` makes a Scene from plain data and holds all checks. Nothing here imports numpy or
+OpenGL, so that `hsplat check` answers at once. Lengths are in world units (those of the volume's spacing), angles in
+degrees, colours in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and (width, height) order.
 """
 
 from __future__ import annotations
@@ -16,17 +15,17 @@ from typing import Any, Literal
 Vector = tuple[float, float, float]
 Color = tuple[float, float, float]
 
-# Of spacings, and of all that is a length in a scene: an atom in light years is longer, and the universe in picometres
-# shorter. Squares and cubes of such lengths, and products of a few, are far from float64's limits.
+# Bounds of spacings and of all lengths in a scene: an atom in light years is longer, the universe in picometres
+# shorter. Squares, cubes and products of such lengths are far from float64's limits.
 MIN_WORLD_LENGTH, MAX_WORLD_LENGTH = 1e-30, 1e30
 
-# Of tolerances other than 0: smaller numbers have fewer digits, and are lost where they are interpolated.
+# The smallest tolerance besides 0: smaller numbers have fewer digits, which interpolation would lose.
 MIN_TOLERANCE = 1e-300
 
-# What `renderer.readers.procedural` can make; here because the schema checks names without importing numpy.
+# The volumes of `renderer.readers.procedural`; here, so that names are checked without numpy.
 PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb")
 
-# The number in the names of frames: padded with zeros, to nine digits at most, so that names sort in their order.
+# The frame number in file names, padded with zeros to at most nine digits, so that names sort in frame order.
 FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
 
@@ -34,7 +33,7 @@ FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 class FileSource:
     """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack).
 
-    `spacing` takes the place of the lengths that the file says or leaves open; directions and origin stay the file's.
+    `spacing` replaces the lengths in the file; directions and origin are kept.
     """
 
     file: Path
@@ -83,7 +82,8 @@ class ArraySource:
 
 @dataclass(frozen=True)
 class VolumeSpec:
-    """Which voxels: `crop` holds half-open voxel ranges (first, one past the last) for x, y, z."""
+    """The source of the voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
+    for x, y, z."""
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
     time: int | None = None
@@ -153,7 +153,7 @@ class RockerPath:
 
 @dataclass(frozen=True)
 class Keyframe:
-    """The camera at one frame; `zoom` magnifies the picture against the path's distance (perspective or not)."""
+    """The camera at one frame; `zoom` magnifies the picture relative to the path's distance."""
 
     frame: int
     azimuth: float
@@ -174,9 +174,12 @@ class KeyframePath:
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """`target` None is the centre of the volume, "visible" the centre of what is visible; `distance` None fits the
-    whole path in the frame. An orthographic camera shows `2 distance tan(field_of_view / 2)` world units of height, as
-    a perspective one does at the target. Nothing nearer than `near` to the eye plane is drawn."""
+    """The camera and its path.
+
+    target: None is the centre of the volume, "visible" the centre of what is visible. distance: None fits the whole
+        path in the frame. field_of_view: an orthographic camera shows `2 distance tan(field_of_view / 2)` world units
+        of height, as a perspective one does at the target. near: nothing nearer to the eye plane is drawn.
+    """
 
     path: TurntablePath | RockerPath | KeyframePath
     projection: Literal["perspective", "orthographic"] = "perspective"
@@ -186,27 +189,28 @@ class CameraSpec:
     near: float = 0.0
 
 
-# (frame, value) in ascending frame order; one entry is constant, between two the value's logarithm is linear.
+# (frame, value) in ascending frame order. One entry is constant; between two entries the value's logarithm is linear.
 ByFrame = tuple[tuple[int, float], ...]
 
 
 @dataclass(frozen=True)
 class SplatBudget:
-    """The finest cut of at most so many cells, or bricks."""
+    """The finest cut of at most this many cells, or bricks."""
 
     by_frame: ByFrame
 
 
 @dataclass(frozen=True)
 class TimeBudget:
-    """The finest cut that this machine draws, rounds and encodes in so many seconds a frame."""
+    """The finest cut that this machine draws, rounds and encodes in this many seconds a frame."""
 
     by_frame: ByFrame
 
 
 @dataclass(frozen=True)
 class AccuracyGoal:
-    """The coarsest tolerance whose frames are so near to the truth, over all pixels; the same for the whole film."""
+    """The coarsest tolerance whose frames are this near to the truth, over all pixels; one tolerance for the whole
+    film."""
 
     metric: Literal["psnr", "rmse"]
     value: float
@@ -214,8 +218,10 @@ class AccuracyGoal:
 
 @dataclass(frozen=True)
 class ErrorSpec:
-    """The error schedule: a tolerance by frame or, with a `goal`, the one that has to be found for it. No cell smaller
-    than `2^finest_level` voxels is drawn, whatever its error."""
+    """The error schedule: a tolerance by frame or, with a `goal`, one that is found for it.
+
+    Cells smaller than `2^finest_level` voxels are not drawn, whatever their error.
+    """
 
     tolerance: ByFrame = ((0, 0.1),)
     measure: Literal["optical", "rms"] = "optical"
@@ -234,10 +240,13 @@ class PyramidSpec:
 
 @dataclass(frozen=True)
 class SplatSpec:
-    """`sigma` is the standard deviation of the footprint in cells; `angular`, `radial` and `profile` (pairs of radius
-    and weight, both in [0, 1], radius from 0 to 1) shape the `gouraud` footprint. `integrated` has nothing to choose:
-    the field is integrated through bricks of cells, in their exact order. It is what a scene without a SplatSpec draws;
-    one that says how splats are to be asks for them."""
+    """What is drawn, and how.
+
+    footprint: `integrated`, the default of a scene, integrates the field through bricks of cells in their exact order
+        and has no other settings; a section that sets anything asks for splats. sigma: the standard deviation of the
+        footprint in cells. angular, radial, profile: the shape of the `gouraud` footprint; `profile` holds pairs of
+        radius and weight, both in [0, 1], with the radius from 0 to 1.
+    """
 
     footprint: Literal["gaussian", "gouraud", "integrated"] = "gaussian"
     sigma: float = 0.425
@@ -249,15 +258,17 @@ class SplatSpec:
 
     @property
     def primitive_name(self) -> str:
-        """What is drawn, in the singular, for messages: a frame's `num_splats` and a cut's `num_cells` count them."""
+        """What is drawn, in the singular, for messages."""
         return "brick" if self.footprint == "integrated" else "splat"
 
 
 @dataclass(frozen=True)
 class OutputSpec:
-    """`file` ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png` or, where one frame
-    is drawn, a PNG; `background` None is transparent (PNG, straight alpha); `quality` is 0 (smallest) to 10 (best),
-    for MP4."""
+    """The file, its size and its encoding.
+
+    file: ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png` or, for one frame, a PNG.
+        background: None is transparent (PNG, straight alpha). quality: 0 (smallest) to 10 (best), for MP4.
+    """
 
     file: Path
     size: tuple[int, int] = (512, 512)
@@ -268,7 +279,7 @@ class OutputSpec:
 
 @dataclass(frozen=True)
 class Scene:
-    """One job, complete. With `overlay`, lines along the edges of the cells that are drawn lie over the picture."""
+    """One job, complete. With `overlay`, the edges of the drawn cells are drawn over the picture."""
 
     volume: VolumeSpec
     transfer_function: TransferSpec
@@ -283,11 +294,11 @@ class Scene:
 
     @property
     def needs_opengl(self) -> bool:
-        """Whether it has splats or lines; bricks are drawn without it, too."""
+        """Whether it has splats or lines; bricks are drawn without OpenGL, too."""
         return self.splat.footprint != "integrated" or self.overlay != "none"
 
 
-# Everything that a scene is made of, for those who send scenes to other processes.
+# All types that a scene is made of, for sending scenes to other processes.
 SPEC_TYPES: tuple[type[Any], ...] = tuple(
     kind for kind in list(vars().values()) if isinstance(kind, type) and is_dataclass(kind)
 )

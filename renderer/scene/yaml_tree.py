@@ -1,7 +1,7 @@
-"""YAML text to plain data, with the line and column of every key and value.
+"""Parse YAML text to plain data, with the line and column of every key and value.
 
-Only what a scene needs: mappings, lists, text, numbers, true, false and null, and anchors within bounds. Numbers are
-those of YAML 1.2: PyYAML's own rules (YAML 1.1) read 1e-3 as text, 010 as 8 and 1:30 as 90.
+Scenes need mappings, lists, text, numbers, true, false, null, and anchors within bounds. Numbers follow YAML 1.2: by
+YAML 1.1, PyYAML reads 1e-3 as text, 010 as 8 and 1:30 as 90.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from renderer.scene.input_file import decode_utf8
 from renderer.scene.message_text import format_value, join_keys
 from renderer.scene.schema import underflows
 
-# A scene has a few hundred values in three or four levels; what is far beyond that is a mistake or an attack.
+# A scene has a few hundred values in three or four levels; far more is a mistake or an attack.
 MAX_NODES = 20_000
 MAX_DEPTH = 50
 
@@ -30,7 +30,7 @@ _TAG = "tag:yaml.org,2002:"
 
 @dataclass(frozen=True, order=True)
 class TextPosition:
-    """A place in the text; line and column count from 1."""
+    """A position in the text; line and column count from 1."""
 
     line: int
     column: int
@@ -38,9 +38,10 @@ class TextPosition:
 
 @dataclass(frozen=True)
 class SourceLocation:
-    """Where a key and its value begin.
+    """The positions where a key and its value begin.
 
-    The item of a list has no key: both are where it begins. A mapping or list on lines of its own is found at its key.
+    A list item has no key, so both are the position of the item. A mapping or list in block style is located at its
+    key.
     """
 
     key: TextPosition
@@ -49,7 +50,7 @@ class SourceLocation:
 
 @dataclass
 class YamlTree:
-    """Plain data, the places of its dotted paths, and the mistakes that did not keep it from being read."""
+    """Plain data, the locations of its dotted paths, and the problems that did not prevent reading."""
 
     data: Any = None
     locations: dict[str, SourceLocation] = field(default_factory=dict)
@@ -57,7 +58,7 @@ class YamlTree:
 
 
 class NotYamlError(Exception):
-    """The text cannot be read at all: what is wrong, where if that is known, and what to do about it."""
+    """Text that cannot be parsed at all: what is wrong, where if known, and a hint."""
 
     def __init__(self, what: str, mark: TextPosition | None = None, hint: str | None = None) -> None:
         self.what, self.mark, self.hint = what, mark, hint
@@ -65,7 +66,7 @@ class NotYamlError(Exception):
 
 
 def parse_yaml_file(content: bytes, path: Path) -> tuple[YamlTree, list[str]]:
-    """The data in the content of a file, and its lines, for `excerpt`. Raises InputError."""
+    """Return the data in the content of a file, and its lines for `source_excerpt`. Raises InputError."""
     text = decode_utf8(content, path)
     lines = LINE_BREAK.split(text)
     try:
@@ -76,12 +77,12 @@ def parse_yaml_file(content: bytes, path: Path) -> tuple[YamlTree, list[str]]:
 
 
 def format_location(path: Path, mark: TextPosition | None) -> str:
-    """`scene.yaml:14:13`; the file alone where no more is known."""
+    """Return `scene.yaml:14:13`, or the file alone if the position is unknown."""
     return str(path) if mark is None else f"{path}:{mark.line}:{mark.column}"
 
 
 def source_excerpt(lines: Sequence[str], mark: TextPosition | None) -> str:
-    """A line of the file with a caret below the column, to be appended to a message."""
+    """Return a line of the file with a caret below the column, to append to a message."""
     if mark is None:
         return ""
     line = lines[mark.line - 1].replace("\t", " ").rstrip()
@@ -95,7 +96,7 @@ _MAX_LINE = 120
 
 
 def parse_yaml(text: str) -> YamlTree:
-    """The data in `text`; None where there is nothing but comments. Raises NotYamlError."""
+    """Return the data in `text`; None if it has nothing but comments. Raises NotYamlError."""
     tree = YamlTree()
     try:
         node = yaml.compose(text, Loader=_Loader)
@@ -122,7 +123,7 @@ class _Loader(yaml.SafeLoader):
         self._depth = self._num_values = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        # Counted here, too: the nodes of a large text take seconds and hundreds of megabytes before any is built.
+        # Checked here as well: composing a large text takes seconds and hundreds of megabytes before anything is built.
         if parent is None or index is not None:  # the others are keys
             self._num_values += 1
         if self._num_values > MAX_NODES:
@@ -147,7 +148,7 @@ for _name, _pattern, _first in (
 
 
 class _Builder:
-    """Turns nodes into data, following anchors as often as they are used but not without end."""
+    """Turns nodes into data, and follows anchors within the limits."""
 
     def __init__(self, tree: YamlTree) -> None:
         self.tree = tree
@@ -230,7 +231,7 @@ def _limit_error(limit: str, mark: yaml.Mark | None = None) -> yaml.MarkedYAMLEr
     return yaml.MarkedYAMLError(problem=f"more than {limit}", problem_mark=mark)
 
 
-# What PyYAML says (a beginning of it), the same for somebody who has not read its source, and what to do.
+# The beginnings of PyYAML's messages, plain words for each, and a hint.
 _PYYAML_MESSAGES = (
     ("found character '\\t'", "a tab", "indent with spaces"),
     (
@@ -252,7 +253,7 @@ _PYYAML_MESSAGES = (
 )
 
 
-# What is often written without the quotes that it needs.
+# Text that is often written without its quotes.
 _COLOR = re.compile(r"\s#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})\b")
 _UNQUOTED = (
     (_COLOR, 'put colors in quotes, for # begins a comment: "#ff8800"'),
@@ -273,7 +274,7 @@ def _plain_error(error: yaml.MarkedYAMLError, text: str) -> NotYamlError:
 
 
 def _missing_quotes_hint(text: str, mark: TextPosition | None) -> str | None:
-    """A hint for what lacks its quotes on the line of a mistake or, for it may show late, on the one before."""
+    """Return a hint for text without quotes on the line of a mistake or the line before, where it may begin."""
     lines = [] if mark is None else [line for line in LINE_BREAK.split(text)[: mark.line] if line.strip()]
     found = (hint for line in lines[:-3:-1] for pattern, hint in _UNQUOTED if pattern.search(line))
     return next(found, None)

@@ -1,10 +1,9 @@
-"""Files that voxels stay in: mapped into memory, and read page by page when they are looked at.
+"""Map the voxels of large files into memory, where they are read page by page when they are used.
 
-The system takes such pages back when memory is short, so that a volume may be larger than it. The price is that the
-file must stay as it is: a page beyond the end of one that became shorter cannot be read, and the process that tries is
-killed (SIGBUS), unless whoever owns the process has it read zeros there (`hsplat_cli/scenes/truncation_guard.py`). So
-who is about to read looks at the file first, and who has read looks again before anything comes of it:
-`MappedFile.require_unchanged`.
+The system drops such pages when memory is short, so a volume may be larger than memory. In return the file must not
+change: reading a page beyond the end of a shortened file kills the process (SIGBUS), unless the process reads zeros
+there (`hsplat_cli/scenes/truncation_guard.py`). So readers call `MappedFile.require_unchanged` before they read, and
+again before they use what they read.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from renderer.errors import InputError
 
 Array = npt.NDArray[Any]
 
-# Passes over a whole volume look at so much of it at a time, at planes in the whole.
+# Passes over a whole volume read this many bytes at a time, in whole planes.
 _SLAB_BYTES = 16 << 20
 
 _HINT = "large volumes are read from their files while they are drawn: start again, and let nothing write to this one"
@@ -29,11 +28,11 @@ _HINT = "large volumes are read from their files while they are drawn: start aga
 
 @dataclass(frozen=True)
 class MappedFile:
-    """Where the voxels [z, y, x] of a volume are in a file, and what the file was when it was opened.
+    """The voxels [z, y, x] of a volume in a file, and the state of the file when it was opened.
 
-    path: absolute. offset: bytes before the first voxel. dtype: as numpy writes it, with the byte order.
-    num_bytes: of the whole file. modified_ns: when it was last written to.
-    device, inode: which file it is, whatever its name.
+    path: absolute. offset: bytes before the first voxel. dtype: numpy's name, with the byte order.
+    num_bytes: size of the whole file. modified_ns: time of its last change.
+    device, inode: identify the file, whatever its name.
     """
 
     path: Path
@@ -46,12 +45,12 @@ class MappedFile:
     inode: int
 
     def open_array(self) -> Array:
-        """The voxels, read-only. Raises InputError where the file is not what it was."""
+        """Return the voxels, read-only. Raises InputError if the file has changed."""
         self.require_unchanged()
         return np.asarray(np.memmap(self.path, np.dtype(self.dtype), "r", self.offset, self.shape))
 
     def require_unchanged(self) -> None:
-        """Raise InputError if the file is gone, is another one, has another length, or was written to."""
+        """Raise InputError if the file is missing, was replaced, has another length, or was written to."""
         try:
             status = self.path.stat()
         except OSError as error:
@@ -78,14 +77,14 @@ class MappedFile:
             raise InputError("the volume's file was written to while it was in use", where=str(self.path), hint=_HINT)
 
 
-# What is told of an array that was mapped, of any strides, before it is read.
+# Called with the file and the mapped array, of any strides, before it is read.
 MappedCallback = Callable[[MappedFile, Array], None]
 
 
 def backing_file(values: Array) -> MappedFile | None:
-    """The file that an array [z, y, x], or the one that it is a part of, is mapped from; None for one in memory.
+    """Return the file that an array [z, y, x], or its base array, is mapped from; None for an array in memory.
 
-    values: C-contiguous, or else the file is only to be looked at. Raises OSError where the file is gone.
+    values: C-contiguous, if the result is used to open the array again. Raises OSError if the file is missing.
     """
     base: Any = values
     root: Any = None
@@ -111,8 +110,8 @@ def backing_file(values: Array) -> MappedFile | None:
 
 
 def iter_slabs(values: Array, source: MappedFile | None, num_bytes: int = _SLAB_BYTES) -> Iterator[Array]:
-    """The values [z, y, x], some planes at a time; the file that they are mapped from is looked at before each, and at
-    the end."""
+    """Yield the values [z, y, x] a few planes at a time, and check before each slab and at the end that their file
+    is unchanged."""
     num = max(1, num_bytes // values[0].nbytes)
     for first in range(0, len(values), num):
         if source is not None:

@@ -1,4 +1,4 @@
-"""A scalar volume in its own dtype, and where it lies in the world."""
+"""A scalar volume in its own dtype, and its place in the world."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Volume:
-    """Voxels and their place.
+    """Voxels and their place in the world.
 
     values: [z, y, x], any integer or float dtype in native byte order, read-only, C-contiguous, finite.
     world_from_index: float64 [4, 4], affine: (x, y, z) voxel index to world; voxel centres sit at integer indices and
         the volume covers [-1/2, n - 1/2] per axis.
-    name: what to call it in messages.
-    fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes, whatever file they came from.
-    source: the file that the values are mapped from; None where they are in memory. Whoever is about to read some of
-        them calls `require_unchanged` first, and again before anything comes of what was read.
-    num_nonfinite: voxels that the file has as NaN or infinite, which have the value `nonfinite_fill_value` here.
-    file_spacing: that of the file, where the scene gives another; else None.
-    note: what to say of how they were read, in words.
+    name: its name in messages.
+    fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes from different files.
+    source: the file that the values are mapped from; None for values in memory. Call `require_unchanged` before reading
+        values, and again before using what was read.
+    num_nonfinite: voxels that are NaN or infinite in the file, and have `nonfinite_fill_value` here.
+    file_spacing: the spacing in the file, if the scene gives another; else None.
+    note: a remark on how the volume was read.
     """
 
     values: Array
@@ -42,12 +42,12 @@ class Volume:
     note: str | None = None
 
     def require_unchanged(self) -> None:
-        """Raise InputError where the file that the values are mapped from is not what it was."""
+        """Raise InputError if the values are mapped from a file that has changed."""
         if self.source is not None:
             self.source.require_unchanged()
 
     def value_range(self) -> tuple[float, float]:
-        """The smallest and the largest value, from one pass over all of them."""
+        """Return the smallest and the largest value, from one pass over all values."""
         lows, highs = zip(
             *((float(slab.min()), float(slab.max())) for slab in iter_slabs(self.values, self.source)), strict=True
         )
@@ -66,7 +66,7 @@ class Volume:
 
     @property
     def finest_spacing(self) -> float:
-        """The smallest of the spacings, the length that optical depths inside are over."""
+        """The smallest spacing: the unit length of optical depths."""
         return float(self.spacing.min())
 
     @property
@@ -93,12 +93,12 @@ def make_volume(
     num_nonfinite: int = 0,
     nonfinite_fill_value: float = 0.0,
 ) -> Volume:
-    """A Volume around `values`, which become read-only, with its fingerprint; nothing is copied.
+    """Make a Volume around `values`, which become read-only and are not copied.
 
     values: [z, y, x], finite, native byte order, C-contiguous, an integer or float dtype.
     world_from_index: float64 [4, 4].
-    source: the file that they are mapped from, if any; raises InputError where it is not what it was.
-    num_nonfinite, nonfinite_fill_value: how many have been replaced, and by what.
+    source: the file that they are mapped from, if any; raises InputError if it has changed.
+    num_nonfinite, nonfinite_fill_value: how many values were replaced, and by what.
     """
     assert values.ndim == 3, values.shape
     assert values.flags.c_contiguous, values.strides
