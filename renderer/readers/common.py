@@ -81,7 +81,7 @@ def check_axes(world_from_index: Float64, where: str) -> None:
             where=where,
             got=_in_words(world_from_index),
             expected="finite numbers, positive spacings and three independent axes",
-            hint="correct them in the file's header, or save it anew from what it was made of",
+            hint="correct them in the file's header, or export it again from its source",
         )
 
 
@@ -155,7 +155,7 @@ def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:
     hints = {
         "b": "save it as uint8",
         "c": "save its magnitude or its real part",
-        "V": "save one of its fields as an array of its own",
+        "V": "save one of its fields as a separate array",
         "O": "save it as an array of numbers; Python objects are never loaded",
     }
     raise InputError(

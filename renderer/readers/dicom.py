@@ -107,7 +107,7 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
             f"this folder holds {len(series)} DICOM series, and one is rendered",
             where=str(folder),
             got="; ".join(_name_series(sitk, uid, files[uid]) for uid in sorted(series)),
-            hint="put each series into a folder of its own",
+            hint="put each series into its own folder",
         )
     found = [path_from_itk_name(name) for name in files[series[0]]]
     _check_none_left_out(folder, {path.name for path in found})
@@ -149,7 +149,7 @@ def _require_header(sitk: Any, path: Path) -> None:
             "this DICOM slice cannot be read",
             where=str(path),
             got=error.got,
-            hint="a field of it is damaged: copy it again, or save it anew",
+            hint="a field of it is damaged: copy it again, or save it again",
         ) from error
 
 
@@ -214,7 +214,7 @@ def _check_alike(slices: list[_Slice], folder: Path) -> None:
                     where=str(folder),
                     got=f"{got} in {part.file.name}",
                     expected=f"{expected} as in {first.file.name}",
-                    hint="a localiser or a second scan among them? put it into a folder of its own",
+                    hint="a localiser or a second scan among them? put it into its own folder",
                 )
 
 
@@ -235,7 +235,7 @@ def _even_step(slices: list[_Slice], folder: Path) -> Float64:
             where=str(folder),
             got=f"{slices[i].file.name} and {slices[i + 1].file.name}",
             expected="one slice at each position",
-            hint="a time series or several echoes? put each volume into a folder of its own",
+            hint="a time series or several echoes? put each volume into its own folder",
         )
     wide = np.flatnonzero(gaps >= (2 - _UNEVEN) * usual)
     if wide.size:

@@ -47,11 +47,11 @@ def dicom_spacing(reader: Any, path: Path, *, has_spacing_override: bool) -> tup
     if has_spacing_override:
         return (1.0,) * len(spacing)
     raise InputError(
-        "this DICOM file does not say how large its voxels are",
+        "this DICOM file does not give its voxel size",
         where=str(path),
         got=found,
         expected="PixelSpacing of two positive numbers, and of several frames how far apart they are",
-        hint="`spacing: [x, y, z]` takes the place of what the file says",
+        hint="`spacing: [x, y, z]` replaces the spacing in the file",
     )
 
 
@@ -106,7 +106,7 @@ def without_photometric_inversion(reader: Any, path: Path) -> Iterator[None]:
             where=str(path),
             got=_LIGHT_IS_LOW,
             expected="MONOCHROME2, or a file that is not deflated",
-            hint="save it anew as Explicit VR Little Endian",
+            hint="save it again as Explicit VR Little Endian",
         )
     name = reader.GetFileName()
     with tempfile.NamedTemporaryFile(suffix=".dcm") as copy:

@@ -100,7 +100,7 @@ def _check_nrrd_line(line: str, where: str) -> None:
             where=where,
             got=printable_text(dimension),
             expected=f"a whole number from 1 to {_MOST_DIMENSIONS}",
-            hint="correct that line, or save the file anew",
+            hint="correct that line, or save the file again",
         )
 
 
@@ -120,7 +120,7 @@ def nrrd_voxels(path: Path) -> Stored | None:
             where=str(path),
             got=f"encoding: {encoding}",
             expected="encoding: raw or gzip",
-            hint="save it anew with gzip",
+            hint="save it again with gzip",
         )
     is_packed, is_text = encoding in ("gzip", "gz"), encoding not in ("raw", "gzip", "gz")
     name = fields.get("data file") or fields.get("datafile")
@@ -159,7 +159,7 @@ def missing_spacing_note(path: Path) -> str | None:
         is_said = _META_LENGTHS.search(_head(path)) is not None
     else:
         return None
-    return None if is_said else "the file does not say how large its voxels are; they are taken for 1 x 1 x 1"
+    return None if is_said else "the file does not give its voxel size; 1 x 1 x 1 is assumed"
 
 
 def metaimage_voxels(path: Path) -> Stored:
@@ -210,7 +210,7 @@ def _check_place(path: Path, start: int | None, skipped: int, is_open: bool, com
     """
     if start is not None and skipped not in (0, start, -1):
         raise InputError(
-            "this MetaImage header says that the voxels are elsewhere than behind it",
+            "this MetaImage header places the voxels elsewhere than behind it",
             where=str(path),
             got=f"HeaderSize = {skipped} with ElementDataFile = LOCAL",
             expected=f"HeaderSize = {start}, the bytes of the header, or none",
@@ -267,7 +267,7 @@ def _check_numbers(header: bytes, path: Path) -> None:
                 where=str(path),
                 got=f"{key} = {printable_text(text)}",
                 expected=f"{key} = {expected}",
-                hint="correct that line, or save the file anew",
+                hint="correct that line, or save the file again",
             )
 
     def is_finite(found: list[float]) -> bool:
@@ -282,7 +282,7 @@ def _check_numbers(header: bytes, path: Path) -> None:
     require("ElementSpacing ElementSize", n, expected, lambda found: is_finite(found) and all(found))
     require("Offset Position Origin", n, f"{n} numbers", is_finite)
     require("CenterOfRotation", n, f"{n} numbers", is_finite)
-    expected = f"{n * n} numbers, {n} rows of which none follows from the others"
+    expected = f"{n * n} numbers, {n} linearly independent rows"
     require("TransformMatrix Rotation Orientation", n * n, expected, _are_independent)
 
 
@@ -401,7 +401,7 @@ def _detached(
         where=str(header),
         got=name,
         expected="one file, LIST, or a pattern with first number, last and step, such as slice%03d.raw 1 60 1",
-        hint="write LIST, and below it the name of the file of each slice on a line of its own",
+        hint="write LIST, and below it the name of the file of each slice on its own line",
     )
 
 

@@ -147,7 +147,7 @@ def _misplaced(path: Path, offset: float, least: int) -> InputError:
         where=str(path),
         got=f"vox_offset = {offset:g}",
         expected=f"{least} or more, behind the header",
-        hint="save it anew, or correct the header",
+        hint="save it again, or correct the header",
     )
 
 

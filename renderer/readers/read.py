@@ -135,7 +135,7 @@ def _load_folder(folder: Path, time: int | None, component: int | None, has_spac
                 where=str(folder),
                 got=f"{min(tiffs).name} and {others[0].name}",
                 expected="the slices of one volume",
-                hint="put each volume into a folder of its own",
+                hint="put each volume into its own folder",
             )
         select_index("time", time, 1, str(folder))
         return read_tiff_folder(folder, tiffs, component, has_spacing_override=has_spacing_override)
@@ -219,7 +219,7 @@ def _replace_nonfinite(
     largest = float(np.finfo(values.dtype).max)
     if abs(number) > largest:
         raise InputError(
-            "what takes the place of NaN and infinities is out of the range of the voxels",
+            "the value that replaces NaN and infinities is out of the range of the voxels",
             where=where,
             got=f"`nonfinite: {number:g}`",
             expected=f"a number from {-largest:g} to {largest:g}, for {values.dtype.name}",

@@ -26,7 +26,7 @@ def sort_slices(folder: Path, files: list[Path]) -> list[Path]:
                 where=str(folder),
                 got=f"{files[0].name} and {file.name}",
                 expected="names that differ in one number, such as slice001.tif and slice002.tif",
-                hint="put each stack into a folder of its own, or rename its files",
+                hint="put each stack into its own folder, or rename its files",
             )
     numbers = [[int(run) for run in re.findall("[0-9]+", file.name)] for file in files]
     running = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
@@ -50,11 +50,11 @@ def _uneven(folder: Path, files: list[Path], running: list[tuple[int, ...]]) -> 
     where = str(folder)
     if len(running) > 1:
         return InputError(
-            "the names of these slices have several numbers that go on",
+            "the names of these slices have several increasing numbers",
             where=where,
             got=f"{files[0].name}, ..., {files[-1].name}",
             expected="one number, in even steps, such as slice001.tif and slice002.tif",
-            hint="channels or time steps? put each stack into a folder of its own",
+            hint="channels or time steps? put each stack into its own folder",
         )
     gaps = [after - before for before, after in pairwise(running[0])] if running else [0]
     if min(gaps) == 0:
@@ -72,5 +72,5 @@ def _uneven(folder: Path, files: list[Path], running: list[tuple[int, ...]]) -> 
         where=where,
         got=f"{files[k + 1].name} after {files[k].name}",
         expected=f"numbers in steps of {usual}",
-        hint="put the missing files back, or number those that are there anew",
+        hint="put the missing files back, or renumber the existing ones",
     )

@@ -219,11 +219,11 @@ def _unknown_compression(where: str, page: Page, reason: str | None) -> InputErr
     number = page.number(COMPRESSION, 1)
     name = _COMPRESSIONS.get(number)
     return InputError(
-        "the compression of this TIFF file cannot be undone here",
+        "this TIFF file's compression is not supported",
         where=where,
         got=f"compression {number}" + f", {name}" * (name is not None) + f": {reason}" * (reason is not None),
         expected="no compression, LZW, Deflate, PackBits or JPEG",
-        hint="save it anew without compression or with Deflate, or as NRRD or .npy",
+        hint="save it again without compression or with Deflate, or as NRRD or .npy",
     )
 
 

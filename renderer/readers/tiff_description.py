@@ -116,7 +116,7 @@ def imagej_spacing(description: str, sizes: list[float | None], tag: int | None,
             got=f"pixels per {per}; " * bool(per)
             + ", ".join(f"{axis} in {_shown(units[axis]) or unit}" for axis in units),
             expected="one unit for all, or pixels per cm and unit=um",
-            hint="`spacing: [x, y, z]` takes the place of what the file says",
+            hint="`spacing: [x, y, z]` replaces the spacing in the file",
         )
     factor = MM_PER_UNIT[tag] if tag and per else 1.0
     return [size and size * factor for size in (x, y, z)]
@@ -157,7 +157,7 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
             where=where,
             got=", ".join(f"PhysicalSize{axis}={sizes[axis]:g} {_shown(units[axis])}" for axis in sizes),
             expected="one unit for all, or units of length such as nm, µm and mm",
-            hint="`spacing: [x, y, z]` takes the place of what the file says",
+            hint="`spacing: [x, y, z]` replaces the spacing in the file",
         )
     return [_converted(sizes[axis], units[axis], first) if axis in sizes else None for axis in "XYZ"]
 

@@ -122,7 +122,7 @@ def read_pages(path: Path) -> tuple[str, list[Page]]:
             while offset:
                 if offset in seen:
                     raise InputError(
-                        "the pages of this TIFF file go round in a circle",
+                        "the pages of this TIFF file form a loop",
                         where=str(path),
                         got=f"a page after page {len(pages)} that came before",
                         hint="the file is damaged",
@@ -242,7 +242,7 @@ class _Directories:
         self._num_read += num_bytes
         if self._num_read > _MOST_READ * self._num_file_bytes:
             raise InputError(
-                "the directories of this TIFF file lie one over the other",
+                "the directories of this TIFF file overlap",
                 where=str(self._path),
                 got=f"more than {self._num_read - num_bytes} bytes of directories",
                 expected=f"less than the file has: {self._num_file_bytes} bytes",

@@ -121,7 +121,9 @@ def _pixel_problems(
     hint = "see camera.distance, camera.field_of_view and the zoom of keyframes"
     if smallest < MIN_PIXEL_VOXELS:
         expected = f"at least {MIN_PIXEL_VOXELS:g} of a voxel"
-        yield Problem("camera", "too little is in the picture", f"pixels of {smallest:.4g} voxels", expected, hint)
+        yield Problem(
+            "camera", "the picture shows too little of the volume", f"pixels of {smallest:.4g} voxels", expected, hint
+        )
     if largest > MAX_PIXEL_RADII:
         got, expected = f"pixels of {largest:.4g} times half its diagonal", f"at most {MAX_PIXEL_RADII:g} times that"
         yield Problem("camera", "the volume is too small in the picture", got, expected, hint)

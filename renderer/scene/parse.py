@@ -137,8 +137,8 @@ _GOURAUD_KEYS = ("angular", "radial", "profile")
 _HINTS_GOURAUD = dict.fromkeys(_GOURAUD_KEYS, "only footprint: gouraud has it")
 _HINTS_INTEGRATED = _HINTS_GOURAUD | {
     "sigma": "it draws the field itself, which no footprint blurs",
-    "opacity_correction": "it integrates opacity along the way through a cell, which is the correction",
-    "order": "what it draws does not overlap, so that there is one order, which is exact",
+    "opacity_correction": "it integrates opacity along each ray, which includes the correction",
+    "order": "bricks do not overlap, so their only order is exact",
 }
 _ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
 _WEIGHT = schema.number_field(minimum=0, maximum=1)
@@ -160,7 +160,7 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
         if "footprint" in given:
             node.key(key).add_problem(f"contradicts footprint: {footprint}", hint=hints[key])
         else:  # nobody has written what it contradicts
-            hint = f"this section names no footprint, and so asks for {footprint}, which has no {key}"
+            hint = f"this section gives no footprint, so it is {footprint}, which has no {key}"
             node.key(key).add_problem("needs footprint: gouraud", hint=hint)
     profile = given.get("profile", INVALID)
     if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):

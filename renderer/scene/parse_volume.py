@@ -115,7 +115,7 @@ def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
     rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
     if isinstance(source, (RawSource, ProceduralSource)):
         if "spacing" in given:
-            what, place = f"a {sources[0]} volume says its spacing itself", f"{node.path}.{sources[0]}.spacing"
+            what, place = f"a {sources[0]} volume has its own spacing", f"{node.path}.{sources[0]}.spacing"
             node.key("spacing").add_problem(what, hint=f"give {place} instead")
         for key in schema.valid_keys(given, "time", "component"):
             node.key(key).add_problem(

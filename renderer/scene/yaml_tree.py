@@ -249,7 +249,7 @@ _PYYAML_MESSAGES = (
     ("expected the node content", "a value that is missing or not finished", None),
     ("but found another document", "a second document", "one document a file: remove everything from this --- on"),
     ("found undefined alias", "an alias without an anchor", "put text that begins with * in quotes"),
-    ("second occurrence", "an anchor whose name is taken", "the other one is in line {begin}"),
+    ("second occurrence", "a second anchor of this name", "the other one is in line {begin}"),
 )
 
 

@@ -23,7 +23,7 @@ Array = npt.NDArray[Any]
 # Passes over a whole volume read this many bytes at a time, in whole planes.
 _SLAB_BYTES = 16 << 20
 
-_HINT = "large volumes are read from their files while they are drawn: start again, and let nothing write to this one"
+_HINT = "large volumes are read from their files while they are drawn: start again, and do not change this file"
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class MappedFile:
             status = self.path.stat()
         except OSError as error:
             raise InputError(
-                "the volume's file was taken away while it was in use",
+                "the volume's file was removed while it was in use",
                 where=str(self.path),
                 got=error.strerror,
                 hint=_HINT,

@@ -51,7 +51,7 @@ scene.yaml:12:13: camera.distance: the eye is too far from the target for this v
         "projection: perspective\n  distance: 300",
         "projection: orthographic\n  distance: 1e-5",
         """\
-scene.yaml:10:1: camera: too little is in the picture
+scene.yaml:10:1: camera: the picture shows too little of the volume
     | camera:
     | ^
   got: pixels of 1.047e-08 voxels

@@ -74,7 +74,7 @@ def test_nrrd_without_lengths(folder, lines):
     Path("a.nrrd").write_bytes(header.encode() + VALUES.tobytes())
     volume = read_volume(VolumeSpec(FileSource(Path("a.nrrd"))))
     assert volume.spacing.tolist() == [1, 1, 1]
-    assert volume.note == "the file does not say how large its voxels are; they are taken for 1 x 1 x 1"
+    assert volume.note == "the file does not give its voxel size; 1 x 1 x 1 is assumed"
     assert read_volume(VolumeSpec(FileSource(Path("a.nrrd"), (1.0, 1.0, 2.0)))).note is None
 
 
@@ -83,7 +83,7 @@ def test_metaimage_without_lengths(folder):
         Path("a.mha").write_bytes(META.replace("DimSize", f"{line}DimSize").encode() + VALUES.tobytes())
         volume = read_volume(VolumeSpec(FileSource(Path("a.mha"))))
         assert volume.spacing.tolist() == [1, 1, 1]
-        assert volume.note == "the file does not say how large its voxels are; they are taken for 1 x 1 x 1"
+        assert volume.note == "the file does not give its voxel size; 1 x 1 x 1 is assumed"
     Path("a.mha").write_bytes(META.replace("DimSize", "ElementSize = 1 1 1\nDimSize").encode() + VALUES.tobytes())
     assert read_volume(VolumeSpec(FileSource(Path("a.mha")))).note is None
 

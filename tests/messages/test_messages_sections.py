@@ -176,7 +176,7 @@ scene.yaml:19:3: splat.angular: contradicts footprint: gaussian
 scene.yaml:18:3: splat.angular: needs footprint: gouraud
     | angular: 8
     | ^
-  hint: this section names no footprint, and so asks for gaussian, which has no angular
+  hint: this section gives no footprint, so it is gaussian, which has no angular
 """,
     ),
     "profile_without_weight": (
@@ -212,11 +212,11 @@ scene.yaml:20:3: splat.radial: contradicts footprint: integrated
 scene.yaml:21:3: splat.opacity_correction: contradicts footprint: integrated
     | opacity_correction: true
     | ^
-  hint: it integrates opacity along the way through a cell, which is the correction
+  hint: it integrates opacity along each ray, which includes the correction
 scene.yaml:22:3: splat.order: contradicts footprint: integrated
     | order: boxes
     | ^
-  hint: what it draws does not overlap, so that there is one order, which is exact
+  hint: bricks do not overlap, so their only order is exact
 """,
     ),
     "unknown_footprint": (

@@ -38,7 +38,7 @@ scene.yaml:2:1: volume: no voxels
   procedural:\
 """,
         """\
-scene.yaml:3:3: volume.spacing: a procedural volume says its spacing itself
+scene.yaml:3:3: volume.spacing: a procedural volume has its own spacing
     | spacing: [1, 1, 2]
     | ^
   hint: give volume.procedural.spacing instead

@@ -76,7 +76,7 @@ def test_dimension_that_cannot_be_read(line, dimension):
             f"a.nrrd:{4 if before else 3}: this NRRD header has a dimension that cannot be read\n"
             f"  got: {dimension}\n"
             "  expected: a whole number from 1 to 10\n"
-            "  hint: correct that line, or save the file anew"
+            "  hint: correct that line, or save the file again"
         )
 
 

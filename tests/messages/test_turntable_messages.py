@@ -120,7 +120,7 @@ REFUSED = {
         "ome.tif: the voxel sizes in this TIFF file are in units that cannot be compared\n"
         "  got: PhysicalSizeX=1 pixel, PhysicalSizeZ=2 \u03bcm\n"
         "  expected: one unit for all, or units of length such as nm, µm and mm\n"
-        "  hint: `--spacing X,Y,Z` takes the place of what the file says\n",
+        "  hint: `--spacing X,Y,Z` replaces the spacing in the file\n",
     ),
     "values that are no numbers": (
         ["nan.npy", "--nonfinite", "error"],

@@ -185,7 +185,7 @@ def test_bzip2(folder):
         "a.nrrd: voxels that are compressed by bzip2 cannot be read\n"
         "  got: encoding: bzip2\n"
         "  expected: encoding: raw or gzip\n"
-        "  hint: save it anew with gzip"
+        "  hint: save it again with gzip"
     )
 
 
@@ -250,7 +250,7 @@ def test_no_volume_in_the_affine(folder):
     )
 
 
-ROWS = "9 numbers, 3 rows of which none follows from the others"
+ROWS = "9 numbers, 3 linearly independent rows"
 # A key of a MetaImage header, a value that it cannot have, and what is expected instead.
 NOT_NUMBERS = {
     "no length": ("ElementSpacing", "0 1 1", "3 numbers, none of them 0"),
@@ -283,7 +283,7 @@ def test_metaimage_lines_without_their_numbers(folder, case, capfd):
         "a.mhd: a line of this MetaImage header does not have the numbers that belong there\n"
         f"  got: {key} = {value}\n"
         f"  expected: {key} = {expected}\n"
-        "  hint: correct that line, or save the file anew"
+        "  hint: correct that line, or save the file again"
     )
     assert capfd.readouterr().err == ""  # of the library, which writes there by itself
 
@@ -303,7 +303,7 @@ def test_axes_that_other_headers_leave_flat(folder):
         "a.nrrd: the spacing, origin and direction give the voxels no volume\n"
         "  got: [1 1 0 0], [0 0 0 0], [0 0 1 0] (world from voxel index)\n"
         "  expected: finite numbers, positive spacings and three independent axes\n"
-        "  hint: correct them in the file's header, or save it anew from what it was made of"
+        "  hint: correct them in the file's header, or export it again from its source"
     )
 
 
@@ -311,11 +311,11 @@ def test_axes_that_other_headers_leave_flat(folder):
 def test_tiff_compressions_that_are_not_there(folder, number, name):
     Path("a.tif").write_bytes(tiff({COMPRESSION: (SHORT, 1, number)}))
     first, got, *rest = message("a.tif").splitlines()
-    assert first == "a.tif: the compression of this TIFF file cannot be undone here"
+    assert first == "a.tif: this TIFF file's compression is not supported"
     assert got.startswith(f"  got: compression {number}{name}: ")
     assert rest == [
         "  expected: no compression, LZW, Deflate, PackBits or JPEG",
-        "  hint: save it anew without compression or with Deflate, or as NRRD or .npy",
+        "  hint: save it again without compression or with Deflate, or as NRRD or .npy",
     ]
 
 
@@ -382,7 +382,7 @@ def test_npy_axes(folder):
     [
         (bool, "bool", "save it as uint8"),
         (complex, "complex128", "save its magnitude or its real part"),
-        ([("a", "u1"), ("b", "f4")], "records with the fields a, b", "save one of its fields as an array of its own"),
+        ([("a", "u1"), ("b", "f4")], "records with the fields a, b", "save one of its fields as a separate array"),
         (object, "object", "save it as an array of numbers; Python objects are never loaded"),
     ],
 )
@@ -464,7 +464,7 @@ def test_nonfinite(folder):
     assert message("a.npy", nonfinite="lowest") == "a.npy: no voxel is finite: all are NaN or infinite"
     save(values.astype(np.float16))
     assert message("a.npy", nonfinite=-1e6) == (
-        "a.npy: what takes the place of NaN and infinities is out of the range of the voxels\n"
+        "a.npy: the value that replaces NaN and infinities is out of the range of the voxels\n"
         "  got: `nonfinite: -1e+06`\n"
         "  expected: a number from -65504 to 65504, for float16"
     )

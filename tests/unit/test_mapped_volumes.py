@@ -30,7 +30,7 @@ Array = npt.NDArray[Any]
 
 SOFT = TransferFunction(np.array([60.0, 250.0]), np.ones((2, 3)), np.array([0.0, 1.0]), 1.0)
 
-HINT = "large volumes are read from their files while they are drawn: start again, and let nothing write to this one"
+HINT = "large volumes are read from their files while they are drawn: start again, and do not change this file"
 
 
 @pytest.fixture
@@ -193,8 +193,7 @@ def write(path: Path) -> str:
 def remove(path: Path) -> str:
     path.unlink()
     return (
-        f"{path}: the volume's file was taken away while it was in use\n"
-        f"  got: No such file or directory\n  hint: {HINT}"
+        f"{path}: the volume's file was removed while it was in use\n  got: No such file or directory\n  hint: {HINT}"
     )
 
 

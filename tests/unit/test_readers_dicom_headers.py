@@ -79,10 +79,10 @@ def test_lengths_that_are_not_said(tmp_path: Path, field: bytes, got: str) -> No
         with pytest.raises(InputError) as error:
             read(name)
         assert str(error.value) == (
-            f"{tmp_path / '0.dcm'}: this DICOM file does not say how large its voxels are\n"
+            f"{tmp_path / '0.dcm'}: this DICOM file does not give its voxel size\n"
             f"  got: {got}\n"
             "  expected: PixelSpacing of two positive numbers, and of several frames how far apart they are\n"
-            "  hint: `spacing: [x, y, z]` takes the place of what the file says"
+            "  hint: `spacing: [x, y, z]` replaces the spacing in the file"
         )
         volume = read(name, (0.5, 0.25, 2))
         np.testing.assert_array_equal(volume.spacing, [0.5, 0.25, 2])
@@ -189,7 +189,7 @@ def test_a_field_at_which_the_search_for_series_fails(tmp_path: Path, monkeypatc
         read(tmp_path)
     assert str(error.value) == (
         f"{tmp_path / '1.dcm'}: this DICOM slice cannot be read\n"
-        "  hint: a field of it is damaged: copy it again, or save it anew"
+        "  hint: a field of it is damaged: copy it again, or save it again"
     )
     write(tmp_path)
     with pytest.raises(InputError) as error:

@@ -87,7 +87,7 @@ def test_header_size_of_local_voxels() -> None:
     for skipped in ("0", "-1", f"{num_bytes:03}"):
         np.testing.assert_array_equal(read(write(f"HeaderSize = {skipped:>3}\n", RAW)), VALUES)
     assert refusal(write("HeaderSize = 100\n", RAW)) == (
-        "a.mha: this MetaImage header says that the voxels are elsewhere than behind it\n"
+        "a.mha: this MetaImage header places the voxels elsewhere than behind it\n"
         "  got: HeaderSize = 100 with ElementDataFile = LOCAL\n"
         f"  expected: HeaderSize = {num_bytes}, the bytes of the header, or none\n"
         "  hint: remove the line HeaderSize"

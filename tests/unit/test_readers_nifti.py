@@ -87,7 +87,7 @@ def test_voxels_within_the_header(tmp_path, kind, place, code, least, name, orde
             f"{path}: the voxels of this NIfTI file cannot be where its header says\n"
             f"  got: vox_offset = {offset:g}\n"
             f"  expected: {least} or more, behind the header\n"
-            "  hint: save it anew, or correct the header"
+            "  hint: save it again, or correct the header"
         )
     struct.pack_into(order + code, data, place, least + 16)
     longer = data[:least] + bytes(16) + data[least:]

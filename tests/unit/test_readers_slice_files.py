@@ -161,7 +161,7 @@ def test_other_ways_to_name_files(header: str, named: str) -> None:
         f"{header}: data files cannot be named in this way\n"
         f"  got: {named}\n"
         "  expected: one file, LIST, or a pattern with first number, last and step, such as slice%03d.raw 1 60 1\n"
-        "  hint: write LIST, and below it the name of the file of each slice on a line of its own"
+        "  hint: write LIST, and below it the name of the file of each slice on its own line"
     )
 
 

@@ -49,17 +49,17 @@ def test_slices_that_are_missing(tmp_path: Path) -> None:
         "slices of this folder are missing\n"
         "  got: s008.tif after s004.tif\n"
         "  expected: numbers in steps of 1\n"
-        "  hint: put the missing files back, or number those that are there anew"
+        "  hint: put the missing files back, or renumber the existing ones"
     )
 
 
 def test_several_numbers_that_go_on(tmp_path: Path) -> None:
     write(tmp_path, [f"scan_ch{c}_z{z:02}.tif" for c in range(2) for z in range(4)])
     assert refusal(tmp_path) == (
-        "the names of these slices have several numbers that go on\n"
+        "the names of these slices have several increasing numbers\n"
         "  got: scan_ch0_z00.tif, ..., scan_ch1_z03.tif\n"
         "  expected: one number, in even steps, such as slice001.tif and slice002.tif\n"
-        "  hint: channels or time steps? put each stack into a folder of its own"
+        "  hint: channels or time steps? put each stack into its own folder"
     )
 
 
@@ -69,7 +69,7 @@ def test_several_prefixes(tmp_path: Path) -> None:
         "the slices of this folder are named in several ways\n"
         "  got: dapi_0.tif and gfp_0.tif\n"
         "  expected: names that differ in one number, such as slice001.tif and slice002.tif\n"
-        "  hint: put each stack into a folder of its own, or rename its files"
+        "  hint: put each stack into its own folder, or rename its files"
     )
 
 
@@ -89,5 +89,5 @@ def test_dicom_among_slices(tmp_path: Path) -> None:
         "this folder holds both TIFF slices and DICOM files\n"
         "  got: s0.tif and a.dcm\n"
         "  expected: the slices of one volume\n"
-        "  hint: put each volume into a folder of its own"
+        "  hint: put each volume into its own folder"
     )

@@ -191,7 +191,7 @@ def test_units_of_imagej_that_disagree(tmp_path, tag, lines, got):
         f"{tmp_path / 'a.tif'}: the voxel sizes in this TIFF file are in units that cannot be compared\n"
         f"  got: {got}\n"
         "  expected: one unit for all, or pixels per cm and unit=um\n"
-        "  hint: `spacing: [x, y, z]` takes the place of what the file says"
+        "  hint: `spacing: [x, y, z]` replaces the spacing in the file"
     )
     told = read_volume(VolumeSpec(FileSource(tmp_path / "a.tif", (1.0, 2.0, 3.0))))
     np.testing.assert_array_equal(told.spacing, [1, 2, 3])
@@ -244,7 +244,7 @@ def test_ome_units_that_cannot_be_compared(tmp_path, unit):
         f"{tmp_path / 'a.tif'}: the voxel sizes in this TIFF file are in units that cannot be compared\n"
         f"  got: PhysicalSizeX=0.1 \u03bcm, PhysicalSizeY=0.2 \u03bcm, PhysicalSizeZ=3 {unit}\n"
         "  expected: one unit for all, or units of length such as nm, µm and mm\n"
-        "  hint: `spacing: [x, y, z]` takes the place of what the file says"
+        "  hint: `spacing: [x, y, z]` replaces the spacing in the file"
     )
     told = read_volume(VolumeSpec(FileSource(tmp_path / "a.tif", (1.0, 2.0, 3.0))))
     np.testing.assert_array_equal(told.spacing, [1, 2, 3])
